@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Captures, views and sessions: the data that flow from room to room."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core import se3
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Bytes, Float, Image, Ints, Mask
+    from tof_core.camera import Camera
+
+
+@dataclass(frozen=True, slots=True)
+class RobotPose:
+    """Where the robot believes its camera is, from TF at the image's stamp.
+
+    `T_cell_body` is the identity where the chain has no body frame (one station), and then
+    `T_body_camera` is the whole chain from the cell to the camera.
+    """
+
+    T_cell_body: Float
+    T_body_camera: Float
+
+    @property
+    def T_cell_camera(self) -> Float:
+        """The robot's own pose of the camera in the cell, before any correction."""
+        return np.asarray(self.T_cell_body @ self.T_body_camera)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Colour:
+    """A colour image (H, W, 3) uint8 RGB with its own camera; `T_camera_colour` from TF."""
+
+    image: Bytes
+    camera: Camera | None = None
+    T_camera_colour: Float | None = None
+    stamp_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Capture:
+    """One frame as the camera gave it, in metres along z.
+
+    depth (H, W) float32, NaN invalid; reason (H, W) uint8 says why; amplitude (H, W) float32 in
+    the camera's own unit or None; temperature in degrees Celsius, NaN where the bag has none.
+    `robot` is None where TF has no answer at this stamp.
+    """
+
+    stamp_ns: int
+    camera: Camera
+    depth: Image
+    reason: Bytes
+    robot: RobotPose | None = None
+    amplitude: Image | None = None
+    colour: Colour | None = None
+    temperature: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """What a dwell accumulates to; a capture without a dwell is a view of one.
+
+    depth (H, W) metres; sigma (H, W) standard error of `depth` in metres, as far as the captures
+    tell (NaN where fewer than two); count (H, W) uint16 captures used; reason (H, W).
+    `stamp_ns` is the last capture's stamp, `dwell_ns` the first one's: it names the dwell.
+    """
+
+    stamp_ns: int
+    dwell_ns: int
+    camera: Camera
+    depth: Image
+    sigma: Image
+    count: Ints
+    reason: Bytes
+    robot: RobotPose | None
+    station: int = 0
+    captures: int = 1
+    amplitude: Image | None = None
+    colour: Colour | None = None
+    temperature: float = float("nan")
+    noise: Image | None = None
+    """(H, W) standard deviation of one capture in metres over the dwell, where known."""
+
+    @property
+    def valid(self) -> Mask:
+        """(H, W) pixels that have a depth."""
+        return np.isfinite(self.depth)
+
+    @classmethod
+    def of_capture(cls, capture: Capture, station: int = 0) -> View:
+        """A view of one capture: nothing accumulated, nothing filtered."""
+        valid = np.isfinite(capture.depth)
+        return cls(
+            stamp_ns=capture.stamp_ns, dwell_ns=capture.stamp_ns, camera=capture.camera, depth=capture.depth,
+            sigma=np.full(capture.depth.shape, np.nan, np.float32), count=valid.astype(np.uint16),
+            reason=capture.reason, robot=capture.robot, station=station, amplitude=capture.amplitude,
+            colour=capture.colour, temperature=capture.temperature,
+        )
+
+    def with_station(self, station: int) -> View:
+        """The same view, said to belong to `station`."""
+        return replace(self, station=station)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posed:
+    """A camera pose with its uncertainty.
+
+    `cov` (6, 6) is of (x, y, z, rotX, rotY, rotZ) with fixed axes of the cell, as
+    `PoseWithCovariance` has it; `null` (k, 6) are unit directions (same axes, 1 m against 1 rad
+    scaled by `lever_m`) that the data do not determine and in which the robot's pose was kept.
+    """
+
+    T_cell_camera: Float
+    cov: Float
+    null: Float = field(default_factory=lambda: np.zeros((0, 6)))
+    accepted: bool = True
+    verdict: str = "ok"
+
+    @property
+    def cov_right(self) -> Float:
+        """The covariance for `T_cell_camera @ exp(xi)`."""
+        return se3.cov_right(self.T_cell_camera, self.cov)

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one tree of errors: each says in one line what is wrong, where, and what to do."""
+
+from __future__ import annotations
+
+
+class ToftwinError(Exception):
+    """Something a user can mend. Exit code 1: the data says no.
+
+    Args:
+        what: what is wrong.
+        where: the file, topic, frame or key it concerns.
+        todo: what to do about it.
+    """
+
+    exit_code = 1
+
+    def __init__(self, what: str, *, where: object = "", todo: str = "") -> None:
+        """Join the three parts into one line."""
+        self.what, self.where, self.todo = what, str(where), todo
+        parts = [f"{self.where}: {what}" if self.where else what, todo]
+        super().__init__(" ".join("; ".join(p for p in parts if p).split()))
+
+
+class UsageError(ToftwinError):
+    """The call was wrong (flags, paths, names). Exit code 2."""
+
+    exit_code = 2
+
+
+class ConfigError(UsageError):
+    """A configuration key or value is unknown or out of bounds."""
+
+
+class BagError(ToftwinError):
+    """A bag is missing, truncated, or lacks what is needed."""
+
+
+class TopicError(BagError):
+    """A topic is missing or ambiguous; the message lists the candidates and the flag."""
+
+
+class DecodeError(ToftwinError):
+    """A message's bytes do not mean what its header says."""
+
+
+class CameraError(ToftwinError):
+    """A CameraInfo is uncalibrated, unknown, or disagrees with its image."""
+
+
+class TransformError(ToftwinError):
+    """A transform is missing, has a gap, or is no rigid motion."""
+
+
+class SceneError(ToftwinError):
+    """A scene file or mesh cannot be used."""
+
+
+class RefusedError(ToftwinError):
+    """The data do not support an answer; the reason is the message."""
+
+
+class DatasetError(ToftwinError):
+    """A dataset is damaged, of another schema, or cannot be written."""
+
+
+class ModelError(ToftwinError):
+    """A network file is damaged, foreign, or made for another camera."""

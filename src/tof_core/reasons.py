@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Why a pixel has no depth: one byte a pixel, kept from the sensor to the label."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Reason(IntEnum):
+    """Codes of the uint8 reason map; 0 is a valid pixel. Published as they stand."""
+
+    VALID = 0
+    NO_RETURN = 1
+    """The sensor gave 0 or NaN."""
+    SATURATED = 2
+    """The sensor gave its largest code (65535) or +inf."""
+    OUT_OF_RANGE = 3
+    """Outside the configured range, or -inf (too close)."""
+    IQR = 4
+    THREE_SIGMA = 5
+    SOR = 6
+    FLYING = 7
+    """Between two surfaces at a depth edge."""
+    GRAZING = 8
+    """Seen at too flat an angle."""
+    SELF = 9
+    """The robot's own gripper."""
+    MOVED = 10
+    """The capture was taken in motion and kept out of the accumulation."""
+    MASKED_AMPLITUDE = 11
+    """Amplitude below or above the configured bounds."""
