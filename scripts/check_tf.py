@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Publish one /tf message and receive it back over DDS, on this host only: the proof that tf2_msgs works."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+
+
+def main() -> int:
+    """Return 0 when the message came back within 20 seconds."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    import rclpy  # noqa: PLC0415  (reads the environment when it is imported)
+    from geometry_msgs.msg import TransformStamped  # noqa: PLC0415
+    from tf2_msgs.msg import TFMessage  # noqa: PLC0415
+
+    received: list[str] = []
+    rclpy.init()
+    node = rclpy.create_node("toftwin_setup_check")
+    node.create_subscription(TFMessage, "toftwin_setup_check", lambda m: received.append(m.transforms[0].child_frame_id), 1)
+    publisher = node.create_publisher(TFMessage, "toftwin_setup_check", 1)
+    deadline = time.monotonic() + 20.0
+    while not received and time.monotonic() < deadline:
+        publisher.publish(TFMessage(transforms=[TransformStamped(child_frame_id="camera")]))
+        rclpy.spin_once(node, timeout_sec=0.1)
+    node.destroy_node()
+    rclpy.shutdown()
+    if received == ["camera"]:
+        return 0
+    sys.stderr.write("no /tf message came back over DDS in 20 s: is UDP on the loopback device blocked?\n")
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps of a set-up: what runs now, for how long, and one line when it fails."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+NO_NETWORK = re.compile(
+    r"name resolution|resolve host|Failed to establish|Network is unreachable|NewConnectionError|ProxyError|ReadTimeout|Connection (refused|timed out|reset)",
+    re.IGNORECASE,
+)
+NOT_FOUND = re.compile(r"No matching distribution found for (\S+)")
+PACKAGE = re.compile(r"[\w.-]*")
+DISK_FULL = re.compile(r"No space left on device")
+HEARTBEAT_S = 15.0
+
+
+class SetUpError(Exception):
+    """A set-up step that cannot go on; the message is the one line the user reads."""
+
+
+class Steps:
+    """Runs the commands of each step, shows where they are and keeps their output in a log."""
+
+    def __init__(self, total: int, log: Path, cwd: Path) -> None:
+        self.total = total
+        self.cwd = cwd
+        self.log = log
+        self.number = 0
+        self.name = ""
+        self.remark = ""
+        self.latest = ""
+        self.started = time.monotonic()
+        self.is_terminal = sys.stdout.isatty()
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.write_text("", encoding="utf-8")
+
+    @contextlib.contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """Announce a step, keep saying that it lives, and close its line with the time it took."""
+        self.number, self.name, self.remark, self.latest = self.number + 1, name, "", ""
+        self.started = time.monotonic()
+        over = threading.Event()
+        ticker = threading.Thread(target=self._tick, args=(over,), daemon=True)
+        self._show("...")
+        ticker.start()
+        try:
+            yield
+        finally:
+            over.set()
+            ticker.join()
+        self._show(f"{time.monotonic() - self.started:.0f} s{'  ' + self.remark if self.remark else ''}", last=True)
+
+    def note(self, remark: str) -> None:
+        """Say something beside the finished step."""
+        self.remark = remark
+
+    def run(self, command: Sequence[str], *, quiet_failure: bool = False) -> bool:
+        """Run one command of the step; its failure is a SetUpError unless `quiet_failure`."""
+        tail: deque[str] = deque(maxlen=200)
+        with (
+            self.log.open("a", encoding="utf-8") as log,
+            subprocess.Popen(
+                command, cwd=self.cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
+                text=True, errors="replace", env=child_environment(),
+            ) as process,
+        ):  # fmt: skip
+            self._follow(process.stdout, log, tail)
+        if process.returncode == 0:
+            return True
+        if quiet_failure:
+            return False
+        raise SetUpError(explain("\n".join(tail), self.name, self.log))
+
+    def _follow(self, lines: TextIO | None, log: TextIO, tail: deque[str]) -> None:
+        collected = 0
+        for line in lines or ():
+            log.write(line)
+            tail.append(line.rstrip())
+            words = line.split()
+            if words[:1] == ["Collecting"]:
+                collected += 1
+                self.latest = f"{collected} collected, {PACKAGE.findall(words[1])[0]}"
+            elif words[:2] == ["Installing", "collected"]:
+                self.latest = f"unpacking {line.count(',') + 1} packages"
+
+    def _tick(self, over: threading.Event) -> None:
+        while not over.wait(1.0 if self.is_terminal else HEARTBEAT_S):
+            self._show(f"{time.monotonic() - self.started:.0f} s  {self.latest}")
+
+    def _show(self, state: str, *, last: bool = False) -> None:
+        line = f"[{self.number}/{self.total}] {self.name}: {state}"
+        end = "\n" if last or not self.is_terminal else ""
+        sys.stdout.write(f"\r\033[K{line if last else line[:100]}{end}" if self.is_terminal else line + end)
+        sys.stdout.flush()
+
+
+def child_environment() -> dict[str, str]:
+    """The environment without what a user's pip settings would turn against a virtual environment."""
+    unwanted = {"PIP_USER", "PIP_TARGET", "PIP_PREFIX", "PIP_REQUIRE_VIRTUALENV", "PYTHONHOME", "VIRTUAL_ENV"}
+    kept = {key: value for key, value in os.environ.items() if key not in unwanted}
+    return kept | {"DEBIAN_FRONTEND": "noninteractive", "PYTHONUNBUFFERED": "1"}
+
+
+def explain(output: str, name: str, log: Path) -> str:
+    """One line from a failed command's output: what, where, what to do."""
+    again = "what is installed is kept, run the same make again"
+    if NO_NETWORK.search(output):
+        return f"{name}: no network: pip or apt could not reach its index; check the connection or https_proxy, {again}"
+    if DISK_FULL.search(output):
+        return f"{name}: the disk is full; make room, {again}"
+    if missing := NOT_FOUND.search(output):
+        return f"{name}: {missing[1]} is not on pip's index for this Python and machine (PIP_INDEX_URL set to a partial mirror?); see {log}"
+    errors = [line for line in output.splitlines() if re.search(r"error", line, re.IGNORECASE)] or output.splitlines()[-1:]
+    return f"{name}: {errors[-1].strip() if errors else 'failed without a word'}; see {log}"

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Make .venv once, with everything pinned: `run` for the commands, `dev` for tests, benchmarks and training too."""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import ros
+import system
+import torch_cpu
+from progress import SetUpError, Steps
+
+ROOT = Path(__file__).resolve().parent.parent
+VENV = ROOT / ".venv"
+PYTHON = VENV / "bin" / "python"
+STATE = VENV / "toftwin-set-up.json"
+NEEDED_GB = 5.0
+LEVELS = {"run": ["open3d"], "dev": ["open3d", "view", "dev"]}
+
+
+def identity(ros_source: str) -> str:
+    """What a virtual environment cannot survive a change of."""
+    return f"{sys.version_info.major}.{sys.version_info.minor} {sys.base_prefix} {ROOT} ros={ros_source}"
+
+
+def content() -> str:
+    """Hash of everything that decides what is installed."""
+    digest = hashlib.sha256()
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8").split("\n[tool.", 1)[0]
+    digest.update(project.encode())
+    files = [ROOT / "constraints.txt", *(ROOT / "scripts").rglob("*.py"), *(ROOT / "scripts" / "tf2_msgs").rglob("*.*")]
+    for path in sorted(path for path in files if path.is_file()):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def read_state() -> dict[str, str]:
+    """What the last set-up finished; empty when there was none."""
+    try:
+        state = json.loads(STATE.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return state if isinstance(state, dict) else {}
+
+
+def is_done(state: dict[str, str], wanted: dict[str, str]) -> bool:
+    """Whether an earlier set-up already gives what is wanted; `dev` holds `run`."""
+    same = all(state.get(key) == wanted[key] for key in ("identity", "content"))
+    return same and state.get("level") in {wanted["level"], "dev"} and (VENV / "bin" / "toftwin").exists()
+
+
+def make_venv(steps: Steps, ros_source: str) -> None:
+    """Create .venv, or keep the one that fits."""
+    if read_state().get("identity") == identity(ros_source) and PYTHON.exists():
+        steps.note("kept")
+        return
+    options = ["--system-site-packages"] if ros_source == "sourced" else []
+    base = getattr(sys, "_base_executable", None) or sys.executable
+    steps.run([base, "-m", "venv", "--clear", *options, str(VENV)])
+    STATE.write_text(json.dumps({"identity": identity(ros_source)}), encoding="utf-8")
+
+
+def install_packages(steps: Steps, level: str, ros_source: str) -> None:
+    """Install toftwin editable, with the extras of the level, as pinned."""
+    free = shutil.disk_usage(ROOT).free / 1e9
+    installed = (VENV / "bin" / "toftwin").exists()
+    if free < NEEDED_GB and not installed:
+        raise SetUpError(f"{ROOT} has {free:.1f} GB free and set-up needs {NEEDED_GB:.0f}: make room, or clone elsewhere")
+    extras = LEVELS[level] + (["ros", "ros-build"] if ros_source == "pip" else [])
+    steps.run(pip_install("-e", f".[{','.join(extras)}]"))
+
+
+def pip_install(*what: str) -> list[str]:
+    """A pip command line held to constraints.txt."""
+    return [str(PYTHON), "-m", "pip", "install", "--disable-pip-version-check", "-c", "constraints.txt", *what]
+
+
+def set_up(wanted: dict[str, str], ros_source: str) -> None:
+    """All steps in order; each is skipped inside when already done."""
+    level = wanted["level"]
+    log = ROOT / "out" / "set-up.log"
+    steps = Steps(total=6 if level == "dev" else 4, log=log, cwd=ROOT)
+    with steps.step("system libraries"):
+        system.ensure(steps, build_tools=ros_source == "pip")
+    with steps.step("virtual environment"):
+        make_venv(steps, ros_source)
+    with steps.step("packages, 2 GB unpacked" if level == "run" else "packages, 3 GB unpacked"):
+        install_packages(steps, level, ros_source)
+    if level == "dev":
+        with steps.step("PyTorch for training, CPU build"):
+            torch_cpu.ensure(steps, PYTHON, pip_install)
+        with steps.step("browser for the report test"):
+            system.ensure_browser(steps)
+    with steps.step("tf2_msgs and a message over DDS"):
+        ros.ensure_tf2(steps, PYTHON, ros_source)
+    STATE.write_text(json.dumps(wanted), encoding="utf-8")
+
+
+def main() -> int:
+    """Set up unless done; 0 when .venv is ready, 1 with one line when it is not."""
+    level = sys.argv[1] if len(sys.argv) > 1 else "run"
+    if level not in LEVELS:
+        sys.stderr.write(f"set-up: unknown level {level!r}; choose from {', '.join(LEVELS)}\n")
+        return 2
+    os.environ.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
+    started = time.monotonic()
+    with Path(__file__).open("rb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # two makes at once: the second waits, then finds it done
+        try:
+            ros_source = ros.source()
+            wanted = {"identity": identity(ros_source), "content": content(), "level": level}
+            if is_done(read_state(), wanted):
+                return 0
+            set_up(wanted, ros_source)
+        except (SetUpError, subprocess.SubprocessError, OSError) as error:
+            sys.stderr.write(f"set-up: {error}\n")
+            return 1
+    print(f"set up in {time.monotonic() - started:.0f} s: .venv/bin/toftwin", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Accumulation and filters; every removed pixel keeps its reason."""
