@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dropout: no return where too little light comes back, and at random."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from tof_core.config import param
+from tof_sensor.effect import Effect, Evidence
+
+if TYPE_CHECKING:
+    from tof_sensor.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Dropout(Effect):
+    """P(missing) = random + (1 - random) / (1 + (A / threshold)^steepness) (TOF_EFFECTS A.10)."""
+
+    NAME: ClassVar[str] = "dropout"
+    EVIDENCE: ClassVar[Evidence] = Evidence.MISSING
+
+    threshold: float = param(0.0, "amplitude at which half of the pixels are lost, camera's unit", low=0.0)
+    steepness: float = param(6.0, "how sharply loss sets in", low=0.5, high=50.0)
+    random: float = param(0.0, "share lost whatever the amplitude", low=0.0, high=1.0)
+
+    def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
+        """Lose pixels; the probability is kept in `missing`."""
+        light = np.maximum(frame.amplitude, 1e-12) / max(self.threshold, 1e-12)
+        p = self.random + (1 - self.random) / (1 + np.minimum(light, 1e3) ** self.steepness)
+        p = np.where(self.threshold > 0, p, self.random)
+        lost = rng.random(p.shape) < p
+        return replace(frame, depth=np.where(lost, np.nan, frame.depth), missing=1 - (1 - frame.missing) * (1 - p))

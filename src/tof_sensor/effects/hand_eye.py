@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hand-eye: the camera sits in the hand otherwise than TF says, the same in every view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from tof_core.config import param
+from tof_sensor.effect import Effect
+from tof_sensor.geometry import pose_columns
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_sensor.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class HandEye(Effect):
+    """X of the chain (DESIGN section 3): a right perturbation of the camera's pose."""
+
+    NAME: ClassVar[str] = "hand_eye"
+    LINEAR: ClassVar[tuple[str, ...]] = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
+
+    x_m: float = param(0.0, "camera axis x", unit="m", low=-0.1, high=0.1)
+    y_m: float = param(0.0, "camera axis y", unit="m", low=-0.1, high=0.1)
+    z_m: float = param(0.0, "camera axis z", unit="m", low=-0.1, high=0.1)
+    rx_rad: float = param(0.0, "about camera x", unit="rad", low=-0.2, high=0.2)
+    ry_rad: float = param(0.0, "about camera y", unit="rad", low=-0.2, high=0.2)
+    rz_rad: float = param(0.0, "about camera z", unit="rad", low=-0.2, high=0.2)
+
+    def columns(self, frame: Frame) -> Float:
+        """z by each component of the twist."""
+        return pose_columns(frame)

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Interference: a second emitter beats with this one in bursts of rows and frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from tof_core.config import param
+from tof_sensor.effect import Effect, Evidence
+from tof_sensor.effects.noise import scattered
+
+if TYPE_CHECKING:
+    from tof_sensor.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Interference(Effect):
+    """Scatter that comes and goes between frames (TOF_EFFECTS A.18), larger where own light is weak."""
+
+    NAME: ClassVar[str] = "interference"
+    EVIDENCE: ClassVar[Evidence] = Evidence.SCATTER
+
+    burst_m: float = param(0.0, "scatter in a hit frame at the reference amplitude", unit="m", low=0.0, high=0.2)
+    duty: float = param(0.3, "share of frames that are hit", low=0.0, high=1.0)
+    reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
+
+    def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
+        """A frame is hit or not; a beat leaves one common offset and scatter of the same size."""
+        if rng.random() >= self.duty:
+            return frame
+        size = self.burst_m * self.reference / np.maximum(frame.amplitude, 1e-12) / frame.camera.ray_length()
+        size = np.minimum(size, 20 * self.burst_m)
+        beat = replace(frame, depth=frame.depth + size * np.sin(rng.uniform(0, 2 * np.pi)))
+        return scattered(beat, size, rng)

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Intrinsics: the lens is not the one that CameraInfo describes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from tof_core.config import param
+from tof_sensor.effect import Effect
+from tof_sensor.geometry import ray_columns
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_sensor.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Intrinsics(Effect):
+    """True minus stated intrinsics: the pixel looks along another ray (TOF_EFFECTS A.13)."""
+
+    NAME: ClassVar[str] = "intrinsics"
+    LINEAR: ClassVar[tuple[str, ...]] = ("fx_rel", "fy_rel", "cx_px", "cy_px", "k1", "k2", "p1", "p2")
+
+    fx_rel: float = param(0.0, "relative focal length in x", low=-0.1, high=0.1)
+    fy_rel: float = param(0.0, "relative focal length in y", low=-0.1, high=0.1)
+    cx_px: float = param(0.0, "principal point in x", unit="px", low=-30.0, high=30.0)
+    cy_px: float = param(0.0, "principal point in y", unit="px", low=-30.0, high=30.0)
+    k1: float = param(0.0, "radial distortion", low=-0.5, high=0.5)
+    k2: float = param(0.0, "radial distortion, 4th order", low=-0.5, high=0.5)
+    p1: float = param(0.0, "tangential distortion", low=-0.05, high=0.05)
+    p2: float = param(0.0, "tangential distortion", low=-0.05, high=0.05)
+
+    def columns(self, frame: Frame) -> Float:
+        """z by each parameter: the ray turns against the change of the projection."""
+        x, y = np.moveaxis(frame.camera.rays()[..., :2], -1, 0)
+        r2, zero = x * x + y * y, np.zeros_like(x)
+        shift_x = [-x, zero, zero - 1 / frame.camera.fx, zero, -x * r2, -x * r2 * r2, -2 * x * y, -(r2 + 2 * x * x)]
+        shift_y = [zero, -y, zero, zero - 1 / frame.camera.fy, -y * r2, -y * r2 * r2, -(r2 + 2 * y * y), -2 * x * y]
+        return ray_columns(frame, np.nan_to_num(np.stack([np.stack(shift_x, -1), np.stack(shift_y, -1)], axis=-2)))

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Multipath: light that bounces twice arrives late and pulls concave corners away."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from tof_core.config import param
+from tof_sensor.effect import Effect, stack
+from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.interreflection import indirect_phasor
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_sensor.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Multipath(Effect):
+    """dr = c0 / (4 pi f) arg(1 + sum r_k e^{j dphi_k}), r_k from the CAD (TOF_EFFECTS A.7).
+
+    `strength` 1 takes the scene's albedos as they stand; the camera may correct a part (below 1)
+    or the parts may be brighter than stated (above 1).
+    """
+
+    NAME: ClassVar[str] = "multipath"
+    LINEAR: ClassVar[tuple[str, ...]] = ("strength",)
+
+    strength: float = param(0.0, "against one bounce at the scene's albedos", low=0.0, high=5.0)
+    modulation_mhz: float = param(60.0, "modulation frequency (weak influence)", unit="MHz", low=5.0, high=400.0)
+
+    def columns(self, frame: Frame) -> Float:
+        """The bias at strength 1, along z."""
+        per_m = 2e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
+        bias = np.angle(1 + indirect_phasor(frame, per_m)) / (2 * per_m)
+        return stack([bias / frame.camera.ray_length()], frame)

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Phase wrap: range beyond the unambiguous one comes back short by whole turns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from tof_core.config import param
+from tof_sensor.effect import Effect
+from tof_sensor.frame import LIGHT_M_PER_S
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_sensor.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseWrap(Effect):
+    """d' = d - k c0 / 2f (TOF_EFFECTS A.9), from `start_m` on; `share` of those pixels wrap."""
+
+    NAME: ClassVar[str] = "phase_wrap"
+
+    modulation_mhz: float = param(100.0, "frequency whose turns are miscounted", unit="MHz", low=1.0, high=400.0)
+    start_m: float = param(1.5, "range from which turns are lost (negative: up to it, too far)", unit="m")
+    share: float = param(0.0, "share of those pixels that wrap", low=0.0, high=1.0)
+
+    @property
+    def turn_m(self) -> float:
+        """Metres of one whole turn."""
+        return LIGHT_M_PER_S / (2e6 * self.modulation_mhz)
+
+    def bias(self, frame: Frame) -> Float:
+        """Mean shift: share of a turn."""
+        beyond = frame.radial > self.start_m if self.start_m > 0 else frame.radial < -self.start_m
+        sign = -1.0 if self.start_m > 0 else 1.0
+        return np.where(beyond & frame.valid, sign * self.share * self.turn_m / frame.camera.ray_length(), 0.0)
+
+    def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
+        """Each pixel wraps or not."""
+        whole = replace(self, share=1.0).bias(frame)
+        return replace(frame, depth=frame.depth + whole * (rng.random(frame.depth.shape) < self.share))

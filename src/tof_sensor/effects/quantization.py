@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quantization: depth comes in steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from tof_core.config import param
+from tof_sensor.effect import Effect, Evidence
+
+if TYPE_CHECKING:
+    from tof_sensor.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Quantization(Effect):
+    """Rounding to multiples of `step_m` (1 mm: Azure Kinect; TOF_EFFECTS A.16)."""
+
+    NAME: ClassVar[str] = "quantization"
+    EVIDENCE: ClassVar[Evidence] = Evidence.SCATTER
+
+    step_m: float = param(0.0, "step of the depth code", unit="m", low=0.0, high=0.1)
+
+    def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
+        """Round."""
+        del rng
+        if self.step_m <= 0:
+            return frame
+        depth = np.round(frame.depth / self.step_m) * self.step_m
+        return replace(frame, depth=depth, sigma=np.hypot(frame.sigma, self.step_m / np.sqrt(12)))

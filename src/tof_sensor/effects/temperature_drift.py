@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Temperature drift: driver and demodulation delay change while the camera warms up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from tof_core.config import param
+from tof_sensor.effect import Effect, stack
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_sensor.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class TemperatureDrift(Effect):
+    """dr = k (T - T0), or w exp(-t / tau) where no thermometer tells (TOF_EFFECTS A.3)."""
+
+    NAME: ClassVar[str] = "temperature_drift"
+    LINEAR: ClassVar[tuple[str, ...]] = ("drift_m",)
+
+    drift_m: float = param(0.0, "per kelvin; without a thermometer at power-on", unit="m", low=-0.1, high=0.1)
+    reference_c: float = param(25.0, "temperature without drift", unit="degC", low=-40.0, high=120.0)
+    tau_s: float = param(600.0, "time constant used where temperature is unknown", unit="s", low=1.0, high=1e5)
+
+    def columns(self, frame: Frame) -> Float:
+        """One constant per view, along z."""
+        context = frame.context
+        warm = context.temperature - self.reference_c
+        level = warm if np.isfinite(warm) else float(np.exp(-context.time_s / self.tau_s))
+        return stack([np.where(frame.valid, level, 0.0) / frame.camera.ray_length()], frame)

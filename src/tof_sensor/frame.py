@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A rendered view on its way through the sensor: what each effect reads and changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Mask
+    from tof_core.camera import Camera
+    from tof_scene.raycast import Raycaster
+    from tof_scene.render import Rendering
+
+LIGHT_M_PER_S = 299_792_458.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Context:
+    """What surrounded the view besides its geometry.
+
+    temperature in degrees Celsius, NaN where unknown; time_s since the session's first capture;
+    twist (6,) is the camera's velocity (m/s, rad/s) in its own axes; `caster` lets effects look
+    beyond the image (interreflection), None where only the raster is known.
+    """
+
+    temperature: float = float("nan")
+    time_s: float = 0.0
+    twist: Float = field(default_factory=lambda: np.zeros(6))
+    caster: Raycaster | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One view: its geometry, and the depth, amplitude, scatter and loss so far.
+
+    depth (H, W) metres along z, NaN off the CAD; amplitude (H, W) in the camera's unit;
+    sigma (H, W) metres of scatter of one capture; missing (H, W) probability of no return.
+    """
+
+    rendering: Rendering
+    depth: Float
+    amplitude: Float
+    sigma: Float
+    missing: Float
+    context: Context = field(default_factory=Context)
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of the rendering."""
+        return self.rendering.camera
+
+    @property
+    def valid(self) -> Mask:
+        """(H, W) pixels that see the CAD."""
+        return np.isfinite(self.depth)
+
+    @property
+    def radial(self) -> Float:
+        """(H, W) metres along the pixel's ray."""
+        return self.depth * self.camera.ray_length()
+
+    @property
+    def points(self) -> Float:
+        """(H, W, 3) surface points in the camera frame, metres."""
+        return self.camera.rays() * self.depth[..., None]
+
+
+def ideal_frame(rendering: Rendering, context: Context | None = None, amplitude: Float | None = None) -> Frame:
+    """What a perfect sensor would give for a rendering.
+
+    Without a measured `amplitude` (H, W) the Lambertian one is used: albedo cos(incidence) / r^2.
+    """
+    depth = rendering.depth.astype(np.float64)
+    lambert = lambert_amplitude(rendering)
+    if amplitude is None:
+        amplitude = lambert
+    else:
+        amplitude = np.where(np.isfinite(amplitude) & (amplitude > 0), amplitude, lambert * _gain(amplitude, lambert))
+    return Frame(rendering, depth, amplitude, np.zeros_like(depth), np.zeros_like(depth), context or Context())
+
+
+def lambert_amplitude(rendering: Rendering) -> Float:
+    """(H, W) albedo cos(incidence) / r^2 in 1/m^2; 0 off the CAD."""
+    radial = rendering.depth.astype(np.float64) * rendering.camera.ray_length()
+    amplitude = rendering.albedo * np.cos(rendering.incidence) / (radial * radial)
+    return np.where(np.isfinite(amplitude), amplitude, 0.0)
+
+
+def _gain(measured: Float, lambert: Float) -> float:
+    both = np.isfinite(measured) & (measured > 0) & (lambert > 0)
+    return float(np.median(measured[both] / lambert[both])) if both.any() else 1.0

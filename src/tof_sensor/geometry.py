@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the depth of a pixel answers to small motions of camera, ray and surface.
+
+For a surface point p = z r with normal n (both in the camera frame) the pixel's ray stays and
+the surface moves: n . (z' r) = n . p', so dz = n . dp / (n . r), first order in the motion.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_sensor.frame import Frame
+
+MIN_COSINE = 0.05
+"""Below this cosine between ray and normal a column is cut: the first order ends there."""
+
+
+def slope(frame: Frame) -> Float:
+    """(H, W, 3) n / (n . r): metres of z per metre by which the surface point moves."""
+    rays = frame.camera.rays()
+    n = frame.rendering.normal.astype(np.float64)
+    along = np.einsum("hwi,hwi->hw", n, rays)
+    limit = MIN_COSINE * frame.camera.ray_length()
+    steep = ~(np.abs(along) > limit)
+    return np.where(steep[..., None], 0.0, n / np.where(steep, 1.0, along)[..., None])
+
+
+def pose_columns(frame: Frame) -> Float:
+    """(H, W, 6) metres of z per unit of a right perturbation `T_cell_camera @ exp(xi)`."""
+    g = slope(frame)
+    points = np.nan_to_num(frame.points)
+    return np.concatenate([-g, -np.cross(points, g)], axis=-1)
+
+
+def ray_columns(frame: Frame, shift: Float) -> Float:
+    """(H, W, k) metres of z when the true ray differs by `shift` (H, W, 2, k) in normalised x, y."""
+    g = slope(frame)[..., :2]
+    z = np.nan_to_num(frame.depth)
+    return -z[..., None] * np.einsum("hwi,hwik->hwk", g, shift)
+
+
+def object_columns(frame: Frame, motion: Float) -> Float:
+    """(H, W, k) metres of z when surface points move by `motion` (H, W, 3, k) in the cell frame."""
+    R_camera_cell = frame.rendering.T_cell_camera[:3, :3].T
+    in_camera = np.einsum("ij,hwjk->hwik", R_camera_cell, motion)
+    return np.asarray(np.einsum("hwi,hwik->hwk", slope(frame), in_camera))
+
+
+def cell_points(frame: Frame) -> Float:
+    """(H, W, 3) surface points in the cell frame, metres; NaN off the CAD."""
+    T = frame.rendering.T_cell_camera
+    return np.asarray(frame.points @ T[:3, :3].T + T[:3, 3])

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor model: a list of effects in physical order, kept as `sensor.yaml`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+from tof_core.config import from_mapping, to_mapping
+from tof_core.errors import ConfigError
+from tof_sensor.frame import Context, ideal_frame
+from tof_sensor.registry import PHYSICAL_ORDER, effect_class
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tof_core.arrays import Float
+    from tof_scene.render import Rendering
+    from tof_sensor.effect import Effect
+    from tof_sensor.frame import Frame
+
+SCHEMA = "toftwin.sensor/1"
+
+
+@dataclass(frozen=True, slots=True)
+class SensorModel:
+    """Effects, sorted into physical order. Several of one kind are allowed (one per part)."""
+
+    effects: tuple[Effect, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Sort."""
+        rank = {kind: i for i, kind in enumerate(PHYSICAL_ORDER)}
+        object.__setattr__(self, "effects", tuple(sorted(self.effects, key=lambda e: rank[type(e)])))
+
+    def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
+        """Send one view through the sensor."""
+        for effect in self.effects:
+            frame = effect.apply(frame, rng)
+        return replace(frame, depth=np.where(frame.depth > 0, frame.depth, np.nan))
+
+    def bias(self, frame: Frame) -> Float:
+        """(H, W) sum of the biases in metres of z, to first order."""
+        return np.asarray(sum((e.bias(frame) for e in self.effects), np.zeros(frame.depth.shape)))
+
+    def without(self, name: str) -> SensorModel:
+        """The model less every effect of that name."""
+        return SensorModel(tuple(e for e in self.effects if name != e.NAME))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its effects, sorted, once each."""
+        return tuple(sorted({e.NAME for e in self.effects}))
+
+
+def simulate(
+    rendering: Rendering, model: SensorModel, rng: np.random.Generator, *, context: Context | None = None,
+    amplitude: Float | None = None,
+) -> Frame:
+    """One capture of a rendered view by the modelled sensor."""
+    return model.apply(ideal_frame(rendering, context, amplitude), rng)
+
+
+def save_model(model: SensorModel, path: Path) -> None:
+    """Write `sensor.yaml`: schema, then one block per effect."""
+    blocks = [{"effect": e.NAME} | _plain(to_mapping(e)) for e in model.effects]
+    path.write_text(yaml.safe_dump({"schema": SCHEMA, "effects": blocks}, sort_keys=False, default_flow_style=None))
+
+
+def load_model(path: Path) -> SensorModel:
+    """Read `sensor.yaml`; unknown effects, keys and values out of bounds are refused."""
+    try:
+        data = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigError(str(error).splitlines()[0], where=path, todo="give a sensor.yaml") from error
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+        msg = f"is no sensor model (schema must be {SCHEMA})"
+        raise ConfigError(msg, where=path)
+    blocks = data.get("effects")
+    if set(data) != {"schema", "effects"} or not isinstance(blocks, list):
+        msg = "must hold the keys schema and effects, nothing else"
+        raise ConfigError(msg, where=path)
+    return SensorModel(tuple(_effect(b, f"{path}: effects[{i}]") for i, b in enumerate(blocks)))
+
+
+def _effect(block: Any, where: str) -> Effect:
+    if not isinstance(block, dict) or not isinstance(block.get("effect"), str):
+        msg = "must name its effect"
+        raise ConfigError(msg, where=where)
+    values = {k: tuple(v) if isinstance(v, list) else v for k, v in block.items() if k != "effect"}
+    for key, value in values.items():
+        if isinstance(value, tuple) and not all(isinstance(x, int | float) and np.isfinite(x) for x in value):
+            msg = f"{key} must be a list of numbers"
+            raise ConfigError(msg, where=where)
+    return from_mapping(effect_class(block["effect"]), values, where=where)
+
+
+def _plain(values: dict[str, Any]) -> dict[str, Any]:
+    return {k: [float(x) for x in v] if isinstance(v, tuple) else v for k, v in values.items()}
