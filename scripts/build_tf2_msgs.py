@@ -11,7 +11,7 @@ import sysconfig
 import tempfile
 from pathlib import Path
 
-SOURCE = Path(__file__).resolve().parent / "tf2_msgs"
+SOURCE = Path(__file__).resolve().parent / "interfaces" / "tf2_msgs"
 PREFIX = Path(sys.prefix)
 
 # The ROS wheels' CMake files name folders that exist only where the wheels were built.
@@ -21,7 +21,7 @@ BUILD_MACHINE_PYTHON = re.compile(r"/opt/python/cp\d+-cp\d+/include/python3\.\d+
 
 def relocate_cmake_files() -> int:
     """Point the wheels' CMake files at this interpreter's headers; return how many files changed."""
-    import numpy as np  # noqa: PLC0415  (installed in the environment this script builds into, not where it is linted)
+    import numpy as np
 
     headers, numpy_headers = sysconfig.get_path("include"), np.get_include()
     changed = 0

@@ -11,9 +11,9 @@ import time
 def main() -> int:
     """Return 0 when the message came back within 20 seconds."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    import rclpy  # noqa: PLC0415  (reads the environment when it is imported)
-    from geometry_msgs.msg import TransformStamped  # noqa: PLC0415
-    from tf2_msgs.msg import TFMessage  # noqa: PLC0415
+    import rclpy
+    from geometry_msgs.msg import TransformStamped
+    from tf2_msgs.msg import TFMessage
 
     received: list[str] = []
     rclpy.init()

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections import deque
-from typing import TYPE_CHECKING, TextIO
+from typing import IO, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -84,7 +84,7 @@ class Steps:
             return False
         raise SetUpError(explain("\n".join(tail), self.name, self.log))
 
-    def _follow(self, lines: TextIO | None, log: TextIO, tail: deque[str]) -> None:
+    def _follow(self, lines: IO[str] | None, log: IO[str], tail: deque[str]) -> None:
         collected = 0
         for line in lines or ():
             log.write(line)

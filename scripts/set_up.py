@@ -36,7 +36,7 @@ def content() -> str:
     digest = hashlib.sha256()
     project = (ROOT / "pyproject.toml").read_text(encoding="utf-8").split("\n[tool.", 1)[0]
     digest.update(project.encode())
-    files = [ROOT / "constraints.txt", *(ROOT / "scripts").rglob("*.py"), *(ROOT / "scripts" / "tf2_msgs").rglob("*.*")]
+    files = [ROOT / "constraints.txt", *(ROOT / "scripts").rglob("*.py"), *(ROOT / "scripts" / "interfaces").rglob("*.*")]
     for path in sorted(path for path in files if path.is_file()):
         digest.update(path.read_bytes())
     return digest.hexdigest()
