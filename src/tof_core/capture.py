@@ -25,6 +25,8 @@ class RobotPose:
 
     T_cell_body: Float
     T_body_camera: Float
+    twist: Float | None = None
+    """(6,) velocity of the camera in its own axes (m/s, rad/s) at the stamp, from TF; None unknown."""
 
     @property
     def T_cell_camera(self) -> Float:

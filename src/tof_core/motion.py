@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Does it stand still: the base (stations) and the camera (the motion gate), both from TF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tof_core import se3
+from tof_core.config import param
+from tof_core.errors import TransformError
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_core.tf import TransformBuffer
+
+
+@dataclass(frozen=True, slots=True)
+class StationConfig:
+    """How far the base may seem to move and still stand in one station."""
+
+    tolerance_mm: float = param(8.0, "the base has moved when its origin went further than this", unit="mm", low=0.1, high=1000.0)
+    tolerance_deg: float = param(0.5, "the base has moved when it turned further than this", unit="deg", low=0.01, high=90.0)
+
+
+class StationTracker:
+    """Numbers the stations: stretches in which the base stands still in the cell.
+
+    The reference is the station's first pose, so a slow drift cannot carry a station away.
+    """
+
+    def __init__(self, config: StationConfig | None = None) -> None:
+        """No station yet."""
+        self._config = config or StationConfig()
+        self._first: Float | None = None
+        self._station = -1
+
+    def push(self, stamp_ns: int, T_cell_body: Float) -> int:
+        """The station (0, 1, ...) of a capture at `stamp_ns` with the body at `T_cell_body`."""
+        if self._first is None or self._moved(T_cell_body):
+            self._first = T_cell_body
+            self._station += 1
+        return self._station
+
+    def _moved(self, T_cell_body: Float) -> bool:
+        metres, degrees = se3.distance(self._first if self._first is not None else T_cell_body, T_cell_body)
+        return metres * 1e3 > self._config.tolerance_mm or degrees > self._config.tolerance_deg
+
+    def reset(self) -> None:
+        """Begin at station 0 again."""
+        self._first, self._station = None, -1
+
+
+@dataclass(frozen=True, slots=True)
+class MotionConfig:
+    """The motion gate: how fast the camera may move while a capture counts as still."""
+
+    window_s: float = param(0.04, "TF is looked at this long before and after the capture's stamp", unit="s", low=0.005, high=1.0)
+    speed_mm_s: float = param(10.0, "faster than this is moving", unit="mm/s", low=0.01, high=10000.0)
+    turn_deg_s: float = param(1.0, "turning faster than this is moving", unit="deg/s", low=0.001, high=1000.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """How fast the camera moves: metres and degrees per second."""
+
+    speed: float
+    turn: float
+
+
+def camera_twist(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, window_s: float) -> Twist | None:
+    """Mean speed of the camera in the cell over stamp ± window, or None where TF does not tell.
+
+    Where TF covers only one side of the stamp (live, the future is not here yet), that side counts.
+    """
+    half = round(window_s * 1e9)
+    ends = [T for s in (stamp_ns - half, stamp_ns, stamp_ns + half) if (T := _pose(transforms, cell, camera, s)) is not None]
+    if len(ends) < 2:
+        return None
+    metres, degrees = se3.distance(ends[0], ends[-1])
+    seconds = window_s * (len(ends) - 1)
+    return Twist(metres / seconds, degrees / seconds)
+
+
+def _pose(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int) -> Float | None:
+    try:
+        return transforms.lookup(cell, camera, stamp_ns)
+    except TransformError:
+        return None
+
+
+def is_still(
+    transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, config: MotionConfig | None = None,
+) -> bool:
+    """Whether the camera stands still in the cell around a stamp; False where TF does not tell."""
+    config = config or MotionConfig()
+    twist = camera_twist(transforms, cell, camera, stamp_ns, config.window_s)
+    return twist is not None and twist.speed * 1e3 <= config.speed_mm_s and twist.turn <= config.turn_deg_s
