@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a label may be from the truth: pose, CAD, silhouettes and the offset nobody can see.
+
+A label is the CAD seen along a ray, so its error is that of the pose and of the CAD, never the
+sensor's. Four independent terms, all along z:
+
+- pose: `J cov J'` with the point-to-plane Jacobian of depth along a fixed ray;
+- CAD: the surface's own deviation along its normal;
+- edge: near a silhouette the pose decides which of two surfaces the pixel sees; the step between
+  them times the standard deviation of that decision;
+- offset: a constant range offset moves the solved pose with it (5 mm in, 4.9 mm label error), so
+  its prior stays in the label whatever the session says.
+"""
+
+from __future__ import annotations
+
+from math import erfc, sqrt
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Image
+    from tof_scene.render import Rendering
+    from tof_sim_label.config import LabelConfig
+
+REACH = 2
+"""Pixels around a silhouette in which its term is worked out; beyond, it takes 1.5 px of pose error."""
+
+
+def label_sigma(rendering: Rendering, cov_right: Float, config: LabelConfig) -> Image:
+    """Standard deviation of the label (H, W), metres of z; NaN where the ray misses.
+
+    Args:
+        rendering: the label's own rendering.
+        cov_right: (6, 6) covariance of `T_cell_camera @ exp(xi)`.
+        config: the terms that are not the pose's.
+    """
+    camera = rendering.camera
+    root = np.linalg.cholesky(np.asarray(cov_right, float) + 1e-18 * np.eye(6))
+    sigma: Image = _sigma(
+        rendering.depth, rendering.normal, rendering.mixed, rendering.second, camera.rays(), root,
+        np.array([camera.fx, camera.fy]), config.cad_sigma_mm * 1e-3, config.unseen_offset_mm * 1e-3, config.edge_px,
+    )
+    return sigma
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _sigma(
+    depth: Image, normal: Image, mixed: Image, second: Image, rays: Float, root: Float, focal: Float,
+    cad: float, offset: float, edge_px: float,
+) -> Image:
+    h, w = depth.shape
+    out = np.full((h, w), np.nan, np.float32)
+    for v in range(h):
+        for u in range(w):
+            z = float(depth[v, u])
+            if not z > 0.0:
+                continue
+            n, r = normal[v, u], rays[v, u]
+            slope = n[0] * r[0] + n[1] * r[1] + n[2]
+            surface = _pose_variance(n, r, z, root) + cad * cad
+            step2 = _silhouette(depth, mixed, second, rays, n, z, v, u, _image_sigma(r, z, root, focal, edge_px))
+            range2 = offset * offset / (r[0] * r[0] + r[1] * r[1] + 1.0)
+            out[v, u] = sqrt(surface / (slope * slope) + step2 + range2)
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _pose_variance(n: Image, r: Float, z: float, root: Float) -> float:
+    """Variance along the normal of a surface point when the camera moves: |root' (n, p x n)|^2."""
+    x, y = r[0] * z, r[1] * z
+    turn = (y * n[2] - z * n[1], z * n[0] - x * n[2], x * n[1] - y * n[0])
+    total = 0.0
+    for k in range(6):
+        t = n[0] * root[0, k] + n[1] * root[1, k] + n[2] * root[2, k]
+        t += turn[0] * root[3, k] + turn[1] * root[4, k] + turn[2] * root[5, k]
+        total += t * t
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _image_sigma(r: Float, z: float, root: Float, focal: Float, floor: float) -> float:
+    """Standard deviation in pixels, mean of both axes, of where a point appears when the camera moves."""
+    total = 0.0
+    for k in range(6):
+        # -(t + w x p), column by column of the root; p = z (r0, r1, 1)
+        dx = root[0, k] + z * (root[4, k] - root[5, k] * r[1])
+        dy = root[1, k] + z * (root[5, k] * r[0] - root[3, k])
+        dz = root[2, k] + z * (root[3, k] * r[1] - root[4, k] * r[0])
+        du = focal[0] * (dx - r[0] * dz) / z
+        dv = focal[1] * (dy - r[1] * dz) / z
+        total += du * du + dv * dv
+    return sqrt(0.5 * total + floor * floor)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _silhouette(
+    depth: Image, mixed: Image, second: Image, rays: Float, n: Image, z: float, v: int, u: int, sigma_px: float,
+) -> float:
+    """Variance from the nearest edges: step^2 P (1 - P), P the chance that the other surface wins."""
+    h, w = depth.shape
+    r = rays[v, u]
+    worst = 0.0
+    if mixed[v, u] > 0.0 and second[v, u] > 0.0:
+        worst = _decision(second[v, u] - z, 0.5 - mixed[v, u], sigma_px)
+    plane = z * (n[0] * r[0] + n[1] * r[1] + n[2])
+    for dv in range(-REACH, REACH + 1):
+        for du in range(-REACH, REACH + 1):
+            a, b = v + dv, u + du
+            if a < 0 or a >= h or b < 0 or b >= w or not depth[a, b] > 0.0:
+                continue
+            q = rays[a, b]
+            slope = n[0] * q[0] + n[1] * q[1] + n[2]
+            if abs(slope) < 0.02:
+                continue
+            share = max(0.0, mixed[a, b])
+            away = sqrt(float(dv * dv + du * du)) - 0.5 + share
+            worst = max(worst, _decision(depth[a, b] - plane / slope, away, sigma_px))
+    return worst
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _decision(step: float, pixels: float, sigma_px: float) -> float:
+    if not abs(step) < 1e3 or pixels > 4.0 * sigma_px:
+        return 0.0
+    p = 0.5 * erfc(pixels / (sigma_px * 1.4142135623730951))
+    return step * step * p * (1.0 - p)
