@@ -39,6 +39,8 @@ class Effect(ABC):
     NAME: ClassVar[str]
     EVIDENCE: ClassVar[Evidence] = Evidence.BIAS
     LINEAR: ClassVar[tuple[str, ...]] = ()
+    LOCAL: ClassVar[bool] = True
+    """Whether a pixel's bias depends on that pixel alone, so that `Frame.take` may thin the view."""
 
     @property
     def coefficients(self) -> Float:

@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float, Mask
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+    from tof_core.arrays import Float, Ints, Mask
     from tof_core.camera import Camera
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
@@ -36,16 +40,38 @@ class Context:
 class Frame:
     """One view: its geometry, and the depth, amplitude, scatter and loss so far.
 
-    depth (H, W) metres along z, NaN off the CAD; amplitude (H, W) in the camera's unit;
+    rays (H, W, 3) with z = 1 through the pixels; depth (H, W) metres along z, NaN off the CAD; amplitude (H, W) in the camera's unit;
     sigma (H, W) metres of scatter of one capture; missing (H, W) probability of no return.
     """
 
     rendering: Rendering
+    rays: Float
     depth: Float
     amplitude: Float
     sigma: Float
     missing: Float
     context: Context = field(default_factory=Context)
+
+    @property
+    def length(self) -> Float:
+        """(H, W) radial distance per metre of z."""
+        return np.asarray(np.sqrt(np.einsum("...i,...i->...", self.rays, self.rays)))
+
+    def take(self, pixels: Ints) -> Frame:
+        """The same view on chosen pixels (flat indices (n,)), as a raster of one row (1, n).
+
+        For effects that look at each pixel by itself (`Effect.LOCAL`).
+        """
+        def at(a: NDArray[Any]) -> NDArray[Any]:
+            return a.reshape(-1, *a.shape[2:])[pixels][None]
+
+        r = self.rendering
+        rendering = replace(
+            r, depth=at(r.depth), part=at(r.part), face=at(r.face), normal=at(r.normal), incidence=at(r.incidence),
+            albedo=at(r.albedo), mixed=at(r.mixed), second=at(r.second),
+        )
+        return Frame(rendering, at(self.rays), at(self.depth), at(self.amplitude), at(self.sigma), at(self.missing),
+                     self.context)
 
     @property
     def camera(self) -> Camera:
@@ -60,12 +86,12 @@ class Frame:
     @property
     def radial(self) -> Float:
         """(H, W) metres along the pixel's ray."""
-        return self.depth * self.camera.ray_length()
+        return self.depth * self.length
 
     @property
     def points(self) -> Float:
         """(H, W, 3) surface points in the camera frame, metres."""
-        return self.camera.rays() * self.depth[..., None]
+        return self.rays * self.depth[..., None]
 
 
 def ideal_frame(rendering: Rendering, context: Context | None = None, amplitude: Float | None = None) -> Frame:
@@ -79,7 +105,7 @@ def ideal_frame(rendering: Rendering, context: Context | None = None, amplitude:
         amplitude = lambert
     else:
         amplitude = np.where(np.isfinite(amplitude) & (amplitude > 0), amplitude, lambert * _gain(amplitude, lambert))
-    return Frame(rendering, depth, amplitude, np.zeros_like(depth), np.zeros_like(depth), context or Context())
+    return Frame(rendering, rendering.camera.rays(), depth, amplitude, np.zeros_like(depth), np.zeros_like(depth), context or Context())
 
 
 def lambert_amplitude(rendering: Rendering) -> Float:

@@ -21,10 +21,10 @@ MIN_COSINE = 0.05
 
 def slope(frame: Frame) -> Float:
     """(H, W, 3) n / (n . r): metres of z per metre by which the surface point moves."""
-    rays = frame.camera.rays()
+    rays = frame.rays
     n = frame.rendering.normal.astype(np.float64)
     along = np.einsum("hwi,hwi->hw", n, rays)
-    limit = MIN_COSINE * frame.camera.ray_length()
+    limit = MIN_COSINE * frame.length
     steep = ~(np.abs(along) > limit)
     return np.where(steep[..., None], 0.0, n / np.where(steep, 1.0, along)[..., None])
 

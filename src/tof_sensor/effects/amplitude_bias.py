@@ -30,6 +30,6 @@ class AmplitudeBias(Effect):
     def columns(self, frame: Frame) -> Float:
         """Log amplitude and its square, along z."""
         log = np.log(np.maximum(frame.amplitude, 1e-12) / self.reference)
-        length = frame.camera.ray_length()
+        length = frame.length
         seen = frame.valid & (frame.amplitude > 0)
         return stack([np.where(seen, log, 0) / length, np.where(seen, log * log, 0) / length], frame)

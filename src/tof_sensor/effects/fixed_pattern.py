@@ -26,6 +26,7 @@ class FixedPattern(FieldEffect):
     """
 
     NAME: ClassVar[str] = "fixed_pattern"
+    LOCAL: ClassVar[bool] = False
 
     values: tuple[float, ...] = ()
     order: int = param(4, "smooth field: cosines per axis", low=1, high=16)
@@ -36,7 +37,7 @@ class FixedPattern(FieldEffect):
         by_column = np.broadcast_to(np.eye(w)[None], (h, w, w))
         by_row = np.broadcast_to(np.eye(h)[:, None], (h, w, h))
         all_ = np.concatenate([by_column, by_row, cosines(h, w, self.order)], axis=-1)
-        return all_ * np.where(frame.valid, 1 / frame.camera.ray_length(), 0)[..., None]
+        return all_ * np.where(frame.valid, 1 / frame.length, 0)[..., None]
 
     def bias(self, frame: Frame) -> Float:
         """The pattern along z, without building the dense columns."""
@@ -45,7 +46,7 @@ class FixedPattern(FieldEffect):
         h, w = frame.depth.shape
         v = np.asarray(self.values)
         field = v[:w][None, :] + v[w : w + h][:, None] + cosines(h, w, self.order) @ v[w + h :]
-        return stack([np.where(frame.valid, field / frame.camera.ray_length(), 0)], frame)[..., 0]
+        return stack([np.where(frame.valid, field / frame.length, 0)], frame)[..., 0]
 
 
 @lru_cache(maxsize=8)

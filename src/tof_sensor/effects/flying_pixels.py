@@ -32,7 +32,7 @@ class FlyingPixels(Effect):
 
     def columns(self, frame: Frame) -> Float:
         """The mixture's depth minus the larger surface's, on mixed pixels."""
-        length = frame.camera.ray_length()
+        length = frame.length
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         m = np.nan_to_num(frame.rendering.mixed).astype(np.float64)
         near, second = frame.radial, frame.rendering.second.astype(np.float64) * length

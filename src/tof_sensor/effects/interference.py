@@ -31,7 +31,7 @@ class Interference(Effect):
         """A frame is hit or not; a beat leaves one common offset and scatter of the same size."""
         if rng.random() >= self.duty:
             return frame
-        size = self.burst_m * self.reference / np.maximum(frame.amplitude, 1e-12) / frame.camera.ray_length()
+        size = self.burst_m * self.reference / np.maximum(frame.amplitude, 1e-12) / frame.length
         size = np.minimum(size, 20 * self.burst_m)
         beat = replace(frame, depth=frame.depth + size * np.sin(rng.uniform(0, 2 * np.pi)))
         return scattered(beat, size, rng)

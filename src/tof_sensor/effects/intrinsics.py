@@ -35,7 +35,7 @@ class Intrinsics(Effect):
 
     def columns(self, frame: Frame) -> Float:
         """z by each parameter: the ray turns against the change of the projection."""
-        x, y = np.moveaxis(frame.camera.rays()[..., :2], -1, 0)
+        x, y = np.moveaxis(frame.rays[..., :2], -1, 0)
         r2, zero = x * x + y * y, np.zeros_like(x)
         shift_x = [-x, zero, zero - 1 / frame.camera.fx, zero, -x * r2, -x * r2 * r2, -2 * x * y, -(r2 + 2 * x * x)]
         shift_y = [zero, -y, zero, zero - 1 / frame.camera.fy, -y * r2, -y * r2 * r2, -(r2 + 2 * y * y), -2 * x * y]

@@ -26,6 +26,7 @@ class LensScatter(Effect):
     """
 
     NAME: ClassVar[str] = "lens_scatter"
+    LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("share",)
 
     share: float = param(0.0, "share of the light that is scattered", low=0.0, high=0.5)
@@ -41,4 +42,4 @@ class LensScatter(Effect):
         veil = gaussian_filter(own.real, sigma, mode="constant") + 1j * gaussian_filter(own.imag, sigma, mode="constant")
         dark = np.maximum(light, 1e-3 * np.max(light, initial=1e-12))
         turn = np.imag(veil * np.exp(-1j * wave * np.nan_to_num(frame.radial))) / dark
-        return stack([np.where(frame.valid, turn / wave, 0.0) / frame.camera.ray_length()], frame)
+        return stack([np.where(frame.valid, turn / wave, 0.0) / frame.length], frame)

@@ -27,6 +27,7 @@ class Motion(Effect):
     """
 
     NAME: ClassVar[str] = "motion"
+    LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("axial_s", "edge_s")
 
     axial_s: float = param(0.0, "time by which the depth is late", unit="s", low=-0.5, high=0.5)
@@ -39,7 +40,7 @@ class Motion(Effect):
         rate = pose_columns(frame) @ twist
         phase = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         brightness = _log_rate(frame) / phase * np.cos(2 * phase * np.nan_to_num(frame.radial))
-        return stack([rate, brightness / frame.camera.ray_length()], frame)
+        return stack([rate, brightness / frame.length], frame)
 
 
 def _log_rate(frame: Frame) -> Float:

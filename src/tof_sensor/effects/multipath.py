@@ -27,6 +27,7 @@ class Multipath(Effect):
     """
 
     NAME: ClassVar[str] = "multipath"
+    LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("strength",)
 
     strength: float = param(0.0, "against one bounce at the scene's albedos", low=0.0, high=5.0)
@@ -36,4 +37,4 @@ class Multipath(Effect):
         """The bias at strength 1, along z."""
         per_m = 2e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         bias = np.angle(1 + indirect_phasor(frame, per_m)) / (2 * per_m)
-        return stack([bias / frame.camera.ray_length()], frame)
+        return stack([bias / frame.length], frame)

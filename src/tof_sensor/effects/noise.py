@@ -31,7 +31,7 @@ class PhotonLaw(Effect):
         """Scatter by amplitude."""
         ratio = self.reference / np.maximum(frame.amplitude, 1e-12)
         variance = self.floor_m**2 + self.shot_m**2 * ratio + (self.ambient_m * ratio) ** 2
-        return scattered(frame, np.sqrt(variance) / frame.camera.ray_length(), rng)
+        return scattered(frame, np.sqrt(variance) / frame.length, rng)
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ class PhaseWrap(Effect):
         """Mean shift: share of a turn."""
         beyond = frame.radial > self.start_m if self.start_m > 0 else frame.radial < -self.start_m
         sign = -1.0 if self.start_m > 0 else 1.0
-        return np.where(beyond & frame.valid, sign * self.share * self.turn_m / frame.camera.ray_length(), 0.0)
+        return np.where(beyond & frame.valid, sign * self.share * self.turn_m / frame.length, 0.0)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Each pixel wraps or not."""

@@ -25,4 +25,4 @@ class RangeOffset(Effect):
 
     def columns(self, frame: Frame) -> Float:
         """One over the ray's length: the constant, along z."""
-        return stack([frame.valid / frame.camera.ray_length()], frame)
+        return stack([frame.valid / frame.length], frame)

@@ -33,4 +33,4 @@ class Specular(Effect):
         """The lobe, along z."""
         lobe = np.exp(-((np.degrees(frame.rendering.incidence) / self.lobe_deg) ** 2))
         here = frame.valid & ((frame.rendering.part == self.part) | (self.part < 0))
-        return stack([np.where(here, lobe, 0.0) / frame.camera.ray_length()], frame)
+        return stack([np.where(here, lobe, 0.0) / frame.length], frame)

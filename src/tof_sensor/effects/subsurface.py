@@ -33,4 +33,4 @@ class Subsurface(Effect):
         sine = np.sin(np.nan_to_num(frame.rendering.incidence)) / 1.5
         inside = 1 / np.sqrt(1 - sine * sine)
         here = frame.rendering.part == self.part
-        return stack([np.where(here, inside, 0.0) / frame.camera.ray_length()], frame)
+        return stack([np.where(here, inside, 0.0) / frame.length], frame)

@@ -32,4 +32,4 @@ class TemperatureDrift(Effect):
         context = frame.context
         warm = context.temperature - self.reference_c
         level = warm if np.isfinite(warm) else float(np.exp(-context.time_s / self.tau_s))
-        return stack([np.where(frame.valid, level, 0.0) / frame.camera.ray_length()], frame)
+        return stack([np.where(frame.valid, level, 0.0) / frame.length], frame)

@@ -40,5 +40,5 @@ class Wiggling(Effect):
     def columns(self, frame: Frame) -> Float:
         """Sine and cosine of the aliased phase, along z."""
         phase = 2 * np.pi * frame.radial / self.period_m
-        length = frame.camera.ray_length()
+        length = frame.length
         return stack([np.sin(phase) / length, np.cos(phase) / length], frame)

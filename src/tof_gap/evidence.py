@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a session shows: residuals at the solved poses, their floor, and the pixels to fit on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from tof_core.config import param
+from tof_sensor.frame import Context, Frame, ideal_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Ints, Mask
+    from tof_core.capture import View
+    from tof_scene.raycast import Raycaster
+    from tof_scene.render import Rendering
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceConfig:
+    """Which pixels speak."""
+
+    pixels: int = param(3000, "pixels of a view used in fits, drawn evenly", low=200, high=200_000)
+    gross_mm: float = param(60.0, "residuals beyond this are counted apart, never fitted", unit="mm", low=5.0, high=1e4)
+    edge_px: int = param(2, "pixels this near a depth edge are counted apart", unit="px", low=0, high=10)
+    grazing_deg: float = param(80.0, "flatter than this is left out", unit="deg", low=30.0, high=90.0)
+    seed: int = param(0, "seed of the draw", low=0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewEvidence:
+    """One view at its reference pose.
+
+    residual (H, W) metres of z, NaN where either side is missing; sigma (H, W) metres, scatter of
+    the view's depth that neighbours agree on; smooth, edge, gross (H, W) masks; pixels (n,) flat
+    indices for fits.
+    """
+
+    view: View
+    frame: Frame
+    residual: Float
+    sigma: Float
+    smooth: Mask
+    edge: Mask
+    gross: Mask
+    pixels: Ints
+
+    @property
+    def rendering(self) -> Rendering:
+        """The CAD at the reference pose."""
+        return self.frame.rendering
+
+
+def gather(
+    views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster, config: EvidenceConfig,
+) -> tuple[ViewEvidence, ...]:
+    """Residuals of all views against the CAD rendered at their reference poses."""
+    start = min(v.stamp_ns for v in views)
+    rng = np.random.default_rng(config.seed)
+    out = []
+    for view, rendering in zip(views, renderings, strict=True):
+        context = Context(
+            temperature=view.temperature, time_s=(view.stamp_ns - start) * 1e-9,
+            twist=np.zeros(6) if view.robot is None or view.robot.twist is None else view.robot.twist, caster=caster,
+        )
+        amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
+        out.append(_of_view(view, ideal_frame(rendering, context, amplitude), config, rng))
+    return tuple(out)
+
+
+def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Generator) -> ViewEvidence:
+    residual = view.depth.astype(np.float64) - frame.depth
+    edge = edge_band(frame, config.edge_px)
+    gross = np.abs(residual) > config.gross_mm * 1e-3
+    flat = frame.rendering.incidence > np.radians(config.grazing_deg)
+    smooth = np.isfinite(residual) & ~edge & ~gross & ~flat
+    sigma = scatter(residual, smooth, frame.amplitude)
+    index = np.flatnonzero(smooth)
+    pixels = np.sort(rng.choice(index, min(config.pixels, len(index)), replace=False))
+    return ViewEvidence(view, frame, residual, sigma, smooth, edge, gross, pixels)
+
+
+def edge_band(frame: Frame, width: int) -> Mask:
+    """(H, W) pixels within `width` of a depth edge or of the end of the CAD."""
+    z = frame.depth
+    seam = frame.rendering.mixed > 0
+    for axis in (0, 1):
+        step = np.abs(np.diff(z, axis=axis))
+        tilt = np.tan(np.minimum(np.nan_to_num(frame.rendering.incidence, nan=1.4), 1.4)) * frame.camera.pixel_angle
+        expected = z * (2.0 * tilt + 2.0 * frame.camera.pixel_angle)
+        limit = np.minimum(np.delete(expected, -1, axis), np.delete(expected, 0, axis))
+        jump = ~(step < limit)
+        pad = [(0, 0), (0, 0)]
+        pad[axis] = (0, 1)
+        seam = seam | np.pad(jump, pad)
+        pad[axis] = (1, 0)
+        seam = seam | np.pad(jump, pad)
+    seam = seam | ~frame.valid
+    return binary_dilation(seam, iterations=width) if width else seam
+
+
+def scatter(residual: Float, smooth: Mask, amplitude: Float, bins: int = 24) -> Float:
+    """(H, W) metres: white scatter of the residual, by amplitude.
+
+    Second differences along rows and columns remove anything smooth; their robust size in bins
+    of amplitude is the scatter (TOF_EFFECTS A.5). A pixel outside the bins takes the nearest.
+    """
+    r = np.where(smooth, residual, np.nan)
+    samples, light = [], []
+    for axis in (0, 1):
+        d2 = np.diff(r, n=2, axis=axis) / np.sqrt(6.0)
+        middle = np.delete(np.delete(amplitude, 0, axis), -1, axis)
+        seen = np.isfinite(d2) & (middle > 0)
+        samples.append(d2[seen])
+        light.append(np.log(middle[seen]))
+    d2_all, log = np.concatenate(samples), np.concatenate(light)
+    if len(d2_all) < 50:
+        return np.full(residual.shape, 2e-3)
+    edges = np.unique(np.quantile(log, np.linspace(0, 1, bins + 1)))
+    which = np.clip(np.searchsorted(edges, log, side="right") - 1, 0, max(len(edges) - 2, 0))
+    centres, sizes = [], []
+    for b in range(max(len(edges) - 1, 1)):
+        here = which == b
+        if here.sum() >= 30:
+            centres.append(float(log[here].mean()))
+            sizes.append(robust_std(d2_all[here]))
+    if not centres:
+        return np.full(residual.shape, robust_std(d2_all))
+    logs = np.log(np.maximum(amplitude, 1e-12))
+    return np.interp(logs, centres, np.maximum(sizes, 1e-5))
+
+
+def robust_std(values: Float) -> float:
+    """Standard deviation of a normal core: tails beyond 3.5 of the MAD's scale are cut, and the
+    cut's loss is given back."""
+    mad = 1.4826 * float(np.median(np.abs(values - np.median(values))))
+    if mad <= 0:
+        return float(values.std())
+    core = values[np.abs(values) < 3.5 * mad]
+    return float(np.sqrt((core * core).mean()) * 1.0025)

@@ -1,0 +1,251 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which effects: added one by one, each by what it explains on views it was not fitted to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.config import param
+from tof_gap.candidates import HAND_EYE
+from tof_gap.system import energy_left, fit, held_out_energy, reduce_view, solve
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from tof_core.arrays import Float, Ints
+    from tof_gap.columns import Design
+    from tof_gap.system import Fit
+
+
+@dataclass(frozen=True, slots=True)
+class SelectConfig:
+    """When an effect is believed."""
+
+    gain: float = param(25.0, "held-out chi-square an effect must win (discrepancy taken out)", low=1.0)
+    share: float = param(0.04, "of the visible gap that an effect must explain, left out of all", low=0.0, high=1.0)
+    tie_left: float = param(0.25, "share of a map's visible energy below which another effect hides it",
+                            low=0.0, high=1.0)
+    tie_gain: float = param(20.0, "held-out chi-square by which tied effects may differ", low=0.0)
+    most: int = param(5, "effects named at most", low=1, high=12)
+    folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """A set of candidates with its held-out chi-square per view (V,) and its fit to all views."""
+
+    members: tuple[int, ...]
+    held_out: Float
+    fit: Fit
+    inflate: float
+
+    @property
+    def score(self) -> float:
+        """Held-out chi-square of all views; smaller explains more."""
+        return float(self.held_out.sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Selection:
+    """The chosen hypothesis, the empty one, and for each member those that could stand in for it."""
+
+    chosen: Hypothesis
+    empty: Hypothesis
+    ties: tuple[tuple[int, ...], ...]
+    visible: Float
+    """(members,) metres RMS of each member's map that pose and the others leave."""
+    left_out: Float
+    """(members,) held-out chi-square lost without the member."""
+
+
+class Selector:
+    """Held-out scores of hypotheses over one design."""
+
+    def __init__(self, design: Design, config: SelectConfig) -> None:
+        """Deal the views into folds, every station in every fold as evenly as it goes."""
+        self.design, self.config = design, config
+        self.folds = deal([g.station for g in design.grams], config.folds)
+
+    def columns(self, members: Iterable[int]) -> Ints:
+        """Columns of a set of candidates."""
+        groups = [self.design.groups[m] for m in members]
+        return np.concatenate([np.zeros(0, np.int64), *groups]).astype(np.int64)
+
+    def frees_hand(self, members: Iterable[int]) -> bool:
+        """Whether hand-eye is among them."""
+        return any(self.design.candidates[m].name == HAND_EYE for m in members)
+
+    def score(self, members: Sequence[int], inflate: float) -> Hypothesis:
+        """Fit on all folds but one, judge on that one, for every fold."""
+        d, active = self.design, self.columns(members)
+        free = self.frees_hand(members)
+        reduced = [reduce_view(g, active, d.chain, inflate) for g in d.grams]
+        held_out = np.zeros(len(reduced))
+        for fold in np.unique(self.folds):
+            train = [r for r, f in zip(reduced, self.folds, strict=True) if f != fold]
+            solution = solve(train, d.chain, active, d.theta_sd, free_hand=free)
+            for i in np.flatnonzero(self.folds == fold):
+                held_out[i] = held_out_energy(reduced[i], solution)
+        whole = solve(reduced, d.chain, active, d.theta_sd, free_hand=free)
+        return Hypothesis(tuple(members), held_out, whole, inflate)
+
+    def inflation(self, members: Sequence[int]) -> float:
+        """How much larger than white noise's the residual's energy still is, per effective pixel.
+
+        With E the chi-square of all n pixels after the fit, white noise leaves E = n. What is left
+        above is shared by neighbours; a pixel then weighs E / n squared less than it claims.
+        """
+        d = self.design
+        n = sum(g.n for g in d.grams)
+        active = self.columns(members)
+        energy = fit(d.grams, d.chain, active, d.theta_sd, free_hand=self.frees_hand(members)).energy
+        excess = max(energy / n - 1.0, 0.0)
+        return 1.0 + excess * NEIGHBOURS
+
+
+NEIGHBOURS = 30.0
+"""Drawn pixels that share one error where the residual is structured."""
+
+
+def deal(stations: Sequence[int], folds: int) -> Ints:
+    """(V,) fold of each view: dealt in turn within each station; every fold leaves every station some views."""
+    out = np.zeros(len(stations), np.int64)
+    offset = 0
+    for s in sorted(set(stations)):
+        index = np.flatnonzero(np.asarray(stations) == s)
+        out[index] = (np.arange(len(index)) + offset) % min(folds, len(stations))
+        offset += len(index)
+    return out
+
+
+def select(design: Design, config: SelectConfig) -> Selection:
+    """Add, exchange and drop effects until nothing is won; then say which could be exchanged."""
+    judge = Selector(design, config)
+    current = judge.score((), judge.inflation(()))
+    while len(current.members) < config.most:
+        better = _best_addition(judge, current)
+        if better is None:
+            break
+        current = _exchange(judge, better)
+    current = _prune(judge, current)
+    return _described(judge, current)
+
+
+def _rescored(judge: Selector, members: Sequence[int]) -> Hypothesis:
+    return judge.score(members, judge.inflation(members))
+
+
+def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
+    names = {judge.design.candidates[m].name for m in current.members}
+    best: Hypothesis | None = None
+    for i, candidate in enumerate(judge.design.candidates):
+        if i in current.members or (candidate.name in names and candidate.name != "cad_deviation"):
+            continue
+        trial = judge.score((*current.members, i), current.inflate)
+        if best is None or trial.score < best.score:
+            best = trial
+    if best is None or current.score - best.score < judge.config.gain or not _steady(current, best):
+        return None
+    return _rescored(judge, best.members)
+
+
+def _steady(before: Hypothesis, after: Hypothesis) -> bool:
+    """Whether the win is no single view's: it stands with the best view taken away."""
+    won = before.held_out - after.held_out
+    return bool(won.sum() - won.max() > 0.25 * won.sum() or len(won) < 4)
+
+
+def _exchange(judge: Selector, current: Hypothesis) -> Hypothesis:
+    """Replace members one at a time while another candidate does better in their place."""
+    improved = True
+    while improved:
+        improved = False
+        for place in range(len(current.members)):
+            rest = [m for i, m in enumerate(current.members) if i != place]
+            names = {judge.design.candidates[m].name for m in rest}
+            for i, candidate in enumerate(judge.design.candidates):
+                if i in current.members or (candidate.name in names and candidate.name != "cad_deviation"):
+                    continue
+                trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
+                if trial.score < current.score - 1.0:
+                    current = trial
+                    improved = True
+    return _rescored(judge, current.members)
+
+
+def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
+    """Drop members whose absence costs little."""
+    while current.members:
+        lost, visible = _worth(judge, current)
+        total = float((visible**2).sum())
+        weak = [(v, i) for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
+                if gain < judge.config.gain or v * v < judge.config.share * total]
+        if not weak:
+            break
+        drop = min(weak)[1]
+        current = _rescored(judge, [m for i, m in enumerate(current.members) if i != drop])
+    return current
+
+
+def _worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:
+    """Per member: held-out chi-square lost without it, and metres RMS of it that pose leaves."""
+    d = judge.design
+    n = sum(g.n for g in d.grams)
+    sigma2 = n / sum(g.weight for g in d.grams)
+    lost, visible = [], []
+    for place, member in enumerate(current.members):
+        rest = [m for i, m in enumerate(current.members) if i != place]
+        lost.append(judge.score(rest, current.inflate).score - current.score)
+        target = d.groups[member]
+        if len(target) == 0:
+            visible.append(float(np.linalg.norm(current.fit.hand[:3])))
+            continue
+        theta = _theta_of(judge, current, place)
+        _, after_pose, _ = energy_left(d.grams, d.chain, target, theta, np.zeros(0, np.int64), d.theta_sd)
+        visible.append(float(np.sqrt(max(after_pose, 0.0) / n * sigma2)))
+    return np.array(lost), np.array(visible)
+
+
+def _theta_of(judge: Selector, hypothesis: Hypothesis, place: int) -> Float:
+    ends = np.cumsum([0, *(len(judge.design.groups[m]) for m in hypothesis.members)])
+    return hypothesis.fit.theta[ends[place] : ends[place + 1]]
+
+
+def _described(judge: Selector, current: Hypothesis) -> Selection:
+    lost, visible = _worth(judge, current) if current.members else (np.zeros(0), np.zeros(0))
+    ties = tuple(_stand_ins(judge, current, place) for place in range(len(current.members)))
+    return Selection(current, judge.score((), current.inflate), ties, visible, lost)
+
+
+def _stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ...]:
+    """Candidates of other names that the data cannot tell from the member at `place`."""
+    d, config = judge.design, judge.config
+    member = current.members[place]
+    rest = [m for i, m in enumerate(current.members) if i != place]
+    taken = {d.candidates[m].name for m in current.members}
+    found: dict[str, tuple[float, int]] = {}
+    for i, candidate in enumerate(d.candidates):
+        if candidate.name in taken:
+            continue
+        trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
+        if trial.score - current.score > config.tie_gain or not _hides(judge, current, place, member, i, rest):
+            continue
+        if candidate.name not in found or trial.score < found[candidate.name][0]:
+            found[candidate.name] = (trial.score, i)
+    return tuple(i for _, i in sorted(found.values()))
+
+
+def _hides(judge: Selector, current: Hypothesis, place: int, member: int, other: int, rest: Sequence[int]) -> bool:
+    d = judge.design
+    if len(d.groups[member]) == 0 or len(d.groups[other]) == 0:
+        return True  # A free X is judged by its held-out score alone.
+    theta = _theta_of(judge, current, place)
+    base = judge.columns(rest)
+    _, _, before = energy_left(d.grams, d.chain, d.groups[member], theta, base, d.theta_sd)
+    both = judge.columns([*rest, other])
+    _, _, after = energy_left(d.grams, d.chain, d.groups[member], theta, both, d.theta_sd)
+    return after < judge.config.tie_left * max(before, 1e-12)
+
