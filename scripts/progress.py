@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 NO_NETWORK = re.compile(
-    r"name resolution|resolve host|Failed to establish|Network is unreachable|NewConnectionError|ProxyError|ReadTimeout|Connection (refused|timed out|reset)",
+    r"name resolution|failure resolving|resolve host|Could not connect|Failed to establish|Network is unreachable|NewConnectionError|ProxyError|ReadTimeout|Connection (refused|timed out|reset)",
     re.IGNORECASE,
 )
 NOT_FOUND = re.compile(r"No matching distribution found for (\S+)")
@@ -42,6 +42,7 @@ class Steps:
         self.name = ""
         self.remark = ""
         self.latest = ""
+        self.tail: deque[str] = deque(maxlen=200)
         self.started = time.monotonic()
         self.is_terminal = sys.stdout.isatty()
         log.parent.mkdir(parents=True, exist_ok=True)
@@ -52,15 +53,22 @@ class Steps:
         """Announce a step, keep saying that it lives, and close its line with the time it took."""
         self.number, self.name, self.remark, self.latest = self.number + 1, name, "", ""
         self.started = time.monotonic()
+        self.tail.clear()
         over = threading.Event()
         ticker = threading.Thread(target=self._tick, args=(over,), daemon=True)
         self._show("...")
         ticker.start()
         try:
             yield
+        except BaseException:
+            self.remark = "stopped"
+            raise
         finally:
             over.set()
             ticker.join()
+            self._close()
+
+    def _close(self) -> None:
         self._show(f"{time.monotonic() - self.started:.0f} s{'  ' + self.remark if self.remark else ''}", last=True)
 
     def note(self, remark: str) -> None:
@@ -69,7 +77,6 @@ class Steps:
 
     def run(self, command: Sequence[str], *, quiet_failure: bool = False) -> bool:
         """Run one command of the step; its failure is a SetUpError unless `quiet_failure`."""
-        tail: deque[str] = deque(maxlen=200)
         with (
             self.log.open("a", encoding="utf-8") as log,
             subprocess.Popen(
@@ -77,18 +84,18 @@ class Steps:
                 text=True, errors="replace", env=child_environment(),
             ) as process,
         ):  # fmt: skip
-            self._follow(process.stdout, log, tail)
+            self._follow(process.stdout, log)
         if process.returncode == 0:
             return True
         if quiet_failure:
             return False
-        raise SetUpError(explain("\n".join(tail), self.name, self.log))
+        raise SetUpError(explain("\n".join(self.tail), self.name, self.log))
 
-    def _follow(self, lines: IO[str] | None, log: IO[str], tail: deque[str]) -> None:
+    def _follow(self, lines: IO[str] | None, log: IO[str]) -> None:
         collected = 0
         for line in lines or ():
             log.write(line)
-            tail.append(line.rstrip())
+            self.tail.append(line.rstrip())
             words = line.split()
             if words[:1] == ["Collecting"]:
                 collected += 1

@@ -120,6 +120,9 @@ def main() -> int:
             if is_done(read_state(), wanted):
                 return 0
             set_up(wanted, ros_source)
+        except KeyboardInterrupt:
+            sys.stderr.write("\nset-up: stopped; what is installed is kept, run the same make again\n")
+            return 130
         except (SetUpError, subprocess.SubprocessError, OSError) as error:
             sys.stderr.write(f"set-up: {error}\n")
             return 1

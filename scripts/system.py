@@ -79,7 +79,7 @@ def ensure(steps: Steps, *, build_tools: bool) -> None:
 def apt_install(steps: Steps, before: list[str], packages: list[str], *, quiet_failure: bool = False) -> bool:
     """Refresh apt's lists and install; True when it worked."""
     steps.run([*before, "apt-get", "update", "-q"], quiet_failure=True)
-    command = [*before, "apt-get", "install", "-y", "-q", "--no-install-recommends", *packages]
+    command = [*before, "apt-get", "-o", "DPkg::Lock::Timeout=120", "install", "-y", "-q", "--no-install-recommends", *packages]
     return steps.run(command, quiet_failure=quiet_failure)
 
 
