@@ -92,7 +92,7 @@ def set_up(wanted: dict[str, str], ros_source: str) -> None:
         system.ensure(steps, build_tools=ros_source == "pip")
     with steps.step("virtual environment"):
         make_venv(steps, ros_source)
-    with steps.step("packages, 2 GB unpacked" if level == "run" else "packages, 3 GB unpacked"):
+    with steps.step("packages (2 GB)" if level == "run" else "packages (3 GB)"):
         install_packages(steps, level, ros_source)
     if level == "dev":
         with steps.step("PyTorch for training, CPU build"):
