@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Helpers for ROS 2 nodes: messages, TF, parameters, QoS and diagnostics."""
+"""What the nodes share: messages, transforms, parameters, QoS, diagnostics. Imports tof_core alone."""

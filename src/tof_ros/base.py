@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every node of the graph is made of: parameters, a tally, diagnostics, services, a clock that may jump back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from rclpy.clock import Clock, ClockType, JumpThreshold
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sensor_msgs.msg import TimeReference
+from std_srvs.srv import Trigger
+
+from tof_core.errors import ToftwinError
+from tof_ros import messages, qos
+from tof_ros.diagnostics import Diagnostics, Tally
+from tof_ros.parameters import Parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from rclpy.publisher import Publisher
+    from rclpy.qos import QoSProfile
+
+C = TypeVar("C")
+
+
+class RoomNode(Node, Generic[C]):
+    """A node whose parameters are a typed configuration.
+
+    Each input frame ends as one message on `<room>/done`: its stamp, and `kept` or the reason why
+    it was skipped. That is what replay waits for, and what a user reads to know a frame's fate.
+    """
+
+    def __init__(self, name: str, room: str, config: type[C], *, fixed: tuple[str, ...] = (), **options: Any) -> None:
+        """`room` prefixes the topics; parameters whose names begin with one of `fixed` are set at the start only."""
+        super().__init__(name, **options)
+        self.room = room
+        self.tally = Tally()
+        self._parameters = Parameters(self, config, fixed=("use_sim_time", *fixed), on_change=self.on_config)
+        self._done = self.output("done", TimeReference)
+        self._diagnostics = Diagnostics(self, self.tally, self.figures, self.warnings)
+        threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False)
+        self._jump = self.get_clock().create_jump_callback(threshold, post_callback=lambda _: self._jumped())
+        self.service("reset", self.reset)
+
+    @property
+    def config(self) -> C:
+        """The parameters, whole and valid."""
+        return self._parameters.config
+
+    def on_config(self, config: C) -> None:
+        """Act on changed parameters."""
+
+    def reset(self) -> str:
+        """Forget what was accumulated; returns what to tell the caller."""
+        return "forgotten"
+
+    def figures(self) -> Mapping[str, str]:
+        """More values for the diagnostics."""
+        return {}
+
+    def warnings(self) -> list[str]:
+        """What is wrong right now."""
+        return []
+
+    def output(self, topic: str, kind: type[Any], profile: QoSProfile = qos.OUTPUT) -> Publisher:
+        """A publisher of `<room>/<topic>` whose QoS a user may override."""
+        options = QoSOverridingOptions.with_default_policies()
+        return self.create_publisher(kind, f"{self.room}/{topic}", profile, qos_overriding_options=options)
+
+    def input(self, topic: str, kind: type[Any], callback: Callable[[Any], None], profile: QoSProfile) -> None:
+        """A subscription whose QoS a user may override; an error in a message is said and the message skipped."""
+        options = QoSOverridingOptions.with_default_policies()
+
+        def guarded(message: Any) -> None:
+            try:
+                callback(message)
+            except ToftwinError as error:
+                self.skip(message, type(error).__name__.removesuffix("Error").lower(), str(error))
+
+        self.create_subscription(kind, topic, guarded, profile, qos_overriding_options=options)
+
+    def service(self, name: str, action: Callable[[], str]) -> None:
+        """A `~/name` Trigger: its message is what `action` returns, or the one line of its error."""
+
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.success, response.message = True, action()
+            except (ToftwinError, OSError) as error:
+                response.success, response.message = False, str(error)
+            return response
+
+        self.create_service(Trigger, f"~/{name}", answer)
+
+    def timer(self, seconds: float, action: Callable[[], None]) -> None:
+        """Call `action` on the wall clock, whatever the data's clock does."""
+        self.create_timer(seconds, action, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def done(self, stamp_ns: int, arrived: float, fate: str = "kept") -> None:
+        """A frame's outputs are all published."""
+        self.tally.done(arrived)
+        self._done.publish(messages.time_reference(stamp_ns, stamp_ns, fate))
+
+    def skip_frame(self, stamp_ns: int, reason: str, why: str = "") -> None:
+        """A frame has no outputs: count it, say why (a reason at most once in five seconds), go on."""
+        self.tally.skip(reason)
+        self._done.publish(messages.time_reference(stamp_ns, stamp_ns, reason))
+        if why:
+            self.get_logger().warning(f"frame {stamp_ns} skipped, {reason}: {why}", throttle_duration_sec=5.0)
+
+    def skip(self, message: Any, reason: str, why: str) -> None:
+        """The same for a message that cannot be read."""
+        self.skip_frame(messages.to_ns(message.header.stamp), reason, why)
+
+    def _jumped(self) -> None:
+        self.get_logger().warning("the clock jumped back: starting afresh")
+        self.reset()

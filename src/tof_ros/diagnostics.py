@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a node tells about itself once a second: rate, latency, frames seen, kept and skipped by reason."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+
+from tof_ros import qos
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from rclpy.node import Node
+
+
+class Tally:
+    """Counts and times of the frames that pass a node; times in seconds of a monotonic clock."""
+
+    def __init__(self, window: int = 256) -> None:
+        """Keep the last `window` arrivals and latencies."""
+        self.seen = self.kept = 0
+        self.skipped: Counter[str] = Counter()
+        self._arrivals: deque[float] = deque(maxlen=window)
+        self._latencies: deque[float] = deque(maxlen=window)
+
+    def arrived(self) -> float:
+        """Count a frame; returns its time of arrival."""
+        now = time.monotonic()
+        self.seen += 1
+        self._arrivals.append(now)
+        return now
+
+    def done(self, arrived: float) -> None:
+        """Count a frame whose outputs are published."""
+        self.kept += 1
+        self._latencies.append(time.monotonic() - arrived)
+
+    def skip(self, reason: str) -> None:
+        """Count a frame without outputs."""
+        self.skipped[reason] += 1
+
+    def rate(self) -> float:
+        """Arrivals per second over the last ten seconds, 0 when none came."""
+        recent = [t for t in self._arrivals if t > time.monotonic() - 10.0]
+        span = recent[-1] - recent[0] if len(recent) > 1 else 0.0
+        return (len(recent) - 1) / span if span > 0 else 0.0
+
+    def silence(self) -> float:
+        """Seconds since the last arrival, infinite before the first."""
+        return time.monotonic() - self._arrivals[-1] if self._arrivals else float("inf")
+
+    def latency(self, percentile: float) -> float:
+        """A percentile of the times from arrival to the last output, NaN before the first."""
+        return float(np.percentile(self._latencies, percentile)) if self._latencies else float("nan")
+
+    def values(self) -> dict[str, str]:
+        """The figures as text."""
+        out = {
+            "rate_hz": f"{self.rate():.2f}", "latency_p50_ms": f"{1e3 * self.latency(50):.1f}",
+            "latency_p95_ms": f"{1e3 * self.latency(95):.1f}", "seen": str(self.seen), "kept": str(self.kept),
+            "skipped": str(self.skipped.total()),
+        }
+        return out | {f"skipped.{reason}": str(count) for reason, count in sorted(self.skipped.items())}
+
+
+class Diagnostics:
+    """Publishes a node's tally on `/diagnostics`, on the wall clock whatever the data's clock does."""
+
+    def __init__(self, node: Node, tally: Tally, more: Callable[[], Mapping[str, str]], warnings: Callable[[], list[str]]) -> None:
+        """`more` gives further values, `warnings` what is wrong right now, one short phrase each."""
+        self._node, self._tally, self._more, self._warnings = node, tally, more, warnings
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", qos.OUTPUT)
+        self._last_skipped = 0
+        self._said: list[str] = []
+        node.create_timer(1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def publish(self) -> None:
+        """Send the status now; a warning that is new is logged once."""
+        warnings = self._warnings() + self._new_skips()
+        for warning in warnings:
+            if warning.split(":")[0] not in self._said:
+                self._node.get_logger().warning(warning)
+        self._said = [w.split(":")[0] for w in warnings]
+        message = DiagnosticArray(status=[self._status(warnings)])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+    def _new_skips(self) -> list[str]:
+        total = self._tally.skipped.total()
+        new, self._last_skipped = total - self._last_skipped, total
+        if new <= 0:
+            return []
+        reasons = ", ".join(f"{reason} {count}" for reason, count in self._tally.skipped.most_common(4))
+        return [f"frames skipped: {new} in the last second (in all: {reasons})"]
+
+    def _status(self, warnings: list[str]) -> DiagnosticStatus:
+        level = DiagnosticStatus.OK
+        message = "frames flow"
+        if warnings:
+            level, message = DiagnosticStatus.WARN, "; ".join(warnings)
+        elif self._tally.silence() > 5.0:
+            level, message = DiagnosticStatus.STALE, "no frames"
+        values = {**self._tally.values(), **self._more()}
+        return DiagnosticStatus(
+            level=level, name=self._node.get_fully_qualified_name().lstrip("/"), message=message, hardware_id="",
+            values=[KeyValue(key=k, value=v) for k, v in values.items()],
+        )

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arrays to ROS messages; the way back is `tof_core.decode`, which reads rclpy's messages as it reads a bag's."""
+
+from __future__ import annotations
+
+from array import array
+from typing import TYPE_CHECKING, Any
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField, RegionOfInterest, TimeReference
+from std_msgs.msg import Header
+
+from tof_core import encode, se3
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tof_core.arrays import Float
+    from tof_core.camera import Camera
+    from tof_core.capture import Posed
+
+
+def to_stamp(stamp_ns: int) -> Time:
+    """A stamp of nanoseconds."""
+    return Time(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
+
+
+def to_ns(stamp: Time) -> int:
+    """Nanoseconds of a stamp."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def header(stamp_ns: int, frame_id: str) -> Header:
+    """A header."""
+    return Header(stamp=to_stamp(stamp_ns), frame_id=frame_id)
+
+
+def buffer(data: bytes | NDArray[Any]) -> array[int]:
+    """Bytes in the one form that rclpy takes without looking at each."""
+    out = array("B")
+    out.frombytes(memoryview(data).cast("B"))
+    return out
+
+
+def image(values: NDArray[Any], encoding: str, head: Header) -> Image:
+    """An array (H, W) as a `sensor_msgs/Image`."""
+    fields = encode.image_fields(values, encoding)
+    return Image(header=head, **{**fields, "data": buffer(fields["data"])})
+
+
+def camera_info(camera: Camera, head: Header) -> CameraInfo:
+    """A camera as a `sensor_msgs/CameraInfo`."""
+    fields = encode.camera_info_fields(camera)
+    return CameraInfo(header=head, roi=RegionOfInterest(), **{**fields, "d": fields["d"].tolist()})
+
+
+def points(xyz: NDArray[Any], head: Header) -> PointCloud2:
+    """Points (H, W, 3) in metres as an organised `sensor_msgs/PointCloud2`."""
+    fields = encode.points_fields(xyz)
+    named = [PointField(name=f.name, offset=f.offset, datatype=f.datatype, count=f.count) for f in fields["fields"]]
+    return PointCloud2(header=head, **{**fields, "fields": named, "data": buffer(fields["data"])})
+
+
+def pose(posed: Posed, head: Header) -> PoseWithCovarianceStamped:
+    """The camera's pose in the frame of the header, with its covariance (x, y, z, rotX, rotY, rotZ; fixed axes)."""
+    out = PoseWithCovarianceStamped(header=head)
+    set_pose(out.pose.pose, posed.T_cell_camera)
+    out.pose.covariance = posed.cov.reshape(-1)
+    return out
+
+
+def set_pose(message: Any, T: Float) -> None:
+    """Write a transform (4, 4) into a `geometry_msgs/Pose`."""
+    x, y, z, w = (float(v) for v in se3.quat_from_matrix(T[:3, :3]))
+    message.position.x, message.position.y, message.position.z = (float(v) for v in T[:3, 3])
+    message.orientation.x, message.orientation.y, message.orientation.z, message.orientation.w = x, y, z, w
+
+
+def time_reference(stamp_ns: int, reference_ns: int, source: str, frame_id: str = "") -> TimeReference:
+    """A `sensor_msgs/TimeReference`: a stamp that refers to another one, with a word about it."""
+    return TimeReference(header=header(stamp_ns, frame_id), time_ref=to_stamp(reference_ns), source=source)

@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays a bag into the running graph over DDS, on the bag's clock, no faster than the graph can take it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import TimeReference
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
+
+from tof_core.errors import ToftwinError
+from tof_ros import messages, qos
+from tof_ros.recorder import message_class
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from rclpy.context import Context
+    from rclpy.publisher import Publisher
+    from rclpy.qos import QoSProfile
+
+    from tof_core.bag import RawMessage
+
+TF_TOPICS = ("/tf", "/tf_static")
+MERGED = 200
+"""So many /tf messages between two frames travel as one: a burst cannot overrun a listener's queue."""
+
+
+class ReplayError(ToftwinError):
+    """The graph does not listen or does not answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlayOptions:
+    """How a bag is played.
+
+    Args:
+        realtime: keep the bag's pace and wait for nobody; frames may be lost.
+        rate: speed in real time, as a multiple of the bag's.
+        in_flight: frames sent ahead of the graph's answers; below every queue's depth.
+        patience_s: how long the graph may be silent before one more frame is sent (it may wait for later transforms).
+        give_up_s: how long it may be silent before the replay ends with an error.
+    """
+
+    realtime: bool = False
+    rate: float = 1.0
+    in_flight: int = 6
+    patience_s: float = 2.0
+    give_up_s: float = 60.0
+
+
+@dataclass(slots=True)
+class PlayReport:
+    """What became of the frames: sent, and by first node's answer; `lost` were sent and never answered."""
+
+    sent: int = 0
+    fates: Counter[str] = field(default_factory=Counter)
+    lost: int = 0
+    seconds: float = 0.0
+
+
+class Player(Node):
+    """The node that publishes a bag. `frames` are the topics whose messages the graph answers on `done` topics."""
+
+    def __init__(self, context: Context, frames: Sequence[str], done: Sequence[str], options: PlayOptions) -> None:
+        """`done[0]` is the first node's answer; those after it come for each frame that it kept."""
+        super().__init__("toftwin_player", context=context)
+        self._frames, self._options = set(frames), options
+        self._first, self._after = self.resolve_topic_name(done[0]), [self.resolve_topic_name(t) for t in done[1:]]
+        self._open: dict[int, set[str]] = {}
+        self._changed = threading.Condition()
+        self._publishers: dict[str, Publisher] = {}
+        self._transforms: list[Any] = []
+        self._clock_ns = 0
+        self._clock = self.create_publisher(Clock, "/clock", qos.OUTPUT)
+        self.report = PlayReport()
+        for topic in (self._first, *self._after):
+            self.create_subscription(TimeReference, topic, lambda m, t=topic: self._answered(t, m), qos.RECORD)
+
+    def _answered(self, topic: str, message: TimeReference) -> None:
+        stamp = messages.to_ns(message.header.stamp)
+        with self._changed:
+            waiting = self._open.get(stamp)
+            if topic == self._first:
+                self.report.fates[message.source] += 1
+                if waiting is not None and message.source == "kept":
+                    waiting.update(self._after)
+            if waiting is not None:
+                waiting.discard(topic)
+                if not waiting:
+                    del self._open[stamp]
+            self._changed.notify_all()
+
+    def wait_for_graph(self, topics: Iterable[str], alive: Callable[[], bool], timeout_s: float = 30.0) -> None:
+        """Until somebody listens to each of `topics` and to the clock, and answers on each `done` topic."""
+        deadline = time.monotonic() + timeout_s
+        wanted = [*topics, "/clock"]
+        while True:
+            deaf = [t for t in wanted if not self.count_subscribers(t)]
+            mute = [t for t in (self._first, *self._after) if not self.count_publishers(t)]
+            if not deaf and not mute:
+                return
+            if not alive():
+                raise ReplayError("the graph stopped while it started", todo="its messages are above")
+            if time.monotonic() > deadline:
+                missing = f"nobody listens to {deaf[0]}" if deaf else f"nobody publishes {mute[0]}"
+                raise ReplayError(f"{missing} after {timeout_s:.0f} s", todo="is the graph running in this ROS_DOMAIN_ID?")
+            time.sleep(0.05)
+
+    def play(self, bag: Iterable[RawMessage], alive: Callable[[], bool]) -> Iterator[int]:
+        """Publish all messages, in their order; yields the stamp of each frame once sent."""
+        begin, start_ns = time.monotonic(), None
+        for message in bag:
+            start_ns = message.stamp_ns if start_ns is None else start_ns
+            if self._options.realtime:
+                pause = (message.stamp_ns - start_ns) * 1e-9 / self._options.rate - (time.monotonic() - begin)
+                time.sleep(max(pause, 0.0))
+            if message.topic in TF_TOPICS and not self._options.realtime:
+                self._merge(message)
+                continue
+            self._send_transforms()
+            self._tick(message.stamp_ns)
+            is_frame = message.topic in self._frames
+            if is_frame:
+                self._wait_for_room(message.stamp_ns, alive)
+            self._publish(message)
+            if is_frame:
+                self.report.sent += 1
+                yield message.stamp_ns
+        self._send_transforms()
+        self.report.seconds = time.monotonic() - begin
+
+    def _wait_for_room(self, stamp_ns: int, alive: Callable[[], bool]) -> None:
+        with self._changed:
+            if not self._options.realtime:
+                self._wait(lambda: len(self._open) < self._options.in_flight, self._options.patience_s, alive)
+            self._open[stamp_ns] = {self._first}
+
+    def _wait(self, done: Callable[[], bool], timeout_s: float, alive: Callable[[], bool]) -> bool:
+        """With the lock held: until `done`, or nothing was answered for `timeout_s`."""
+        silent_since, before = time.monotonic(), len(self._open)
+        while not done():
+            self._changed.wait(0.2)
+            if len(self._open) != before:
+                silent_since, before = time.monotonic(), len(self._open)
+            if not alive():
+                raise ReplayError("the graph stopped during the replay", todo="its messages are above")
+            if time.monotonic() - silent_since > timeout_s:
+                return False
+        return True
+
+    def finish(self, flush: Sequence[str], alive: Callable[[], bool]) -> None:
+        """Wait for the last answers; `flush` services, in order, make nodes give out what they still hold."""
+        for service in flush:
+            self._call(service)
+            with self._changed:
+                self._wait(lambda: not self._open, self._options.patience_s, alive)
+        with self._changed:
+            self.report.lost = len(self._open)
+
+    def _call(self, service: str) -> None:
+        client = self.create_client(Trigger, service)
+        try:
+            if not client.wait_for_service(timeout_sec=self._options.give_up_s):
+                raise ReplayError("no such service", where=service, todo="is the node running?")
+            answer = client.call(Trigger.Request(), timeout_sec=self._options.give_up_s)
+            if answer is None or not answer.success:
+                raise ReplayError(answer.message if answer else "no answer", where=service)
+        finally:
+            self.destroy_client(client)
+
+    def _merge(self, message: RawMessage) -> None:
+        if message.topic == "/tf_static":
+            self._publish(message)
+            return
+        self._transforms.append(deserialize_message(message.data, TFMessage))
+        if len(self._transforms) >= MERGED:
+            self._send_transforms()
+
+    def _send_transforms(self) -> None:
+        if not self._transforms:
+            return
+        merged = TFMessage(transforms=[t for m in self._transforms for t in m.transforms])
+        self._transforms.clear()
+        self._publisher("/tf", TFMessage).publish(merged)
+        self._tick(messages.to_ns(merged.transforms[-1].header.stamp))
+
+    def _tick(self, stamp_ns: int) -> None:
+        """Move the bag's clock on; it never goes back."""
+        if stamp_ns > self._clock_ns:
+            self._clock_ns = stamp_ns
+            self._clock.publish(Clock(clock=messages.to_stamp(stamp_ns)))
+
+    def _publish(self, message: RawMessage) -> None:
+        kind = message_class(message.type)
+        if kind is not None:
+            self._publisher(message.topic, kind).publish(message.data)
+
+    def advertise(self, topics: Iterable[tuple[str, str]]) -> None:
+        """Make the publishers of (topic, type) before anything is sent, so that listeners find them."""
+        for topic, type_name in topics:
+            kind = message_class(type_name)
+            if kind is None:
+                self.get_logger().warning(f"{topic} is not played: this host has no {type_name}")
+            else:
+                self._publisher(topic, kind)
+
+    def _publisher(self, topic: str, kind: type[Any]) -> Publisher:
+        if topic not in self._publishers:
+            self._publishers[topic] = self.create_publisher(kind, topic, _profile(topic))
+        return self._publishers[topic]
+
+
+def _profile(topic: str) -> QoSProfile:
+    return {"/tf": qos.TF, "/tf_static": qos.TF_STATIC}.get(topic, qos.sensor(reliable=True))

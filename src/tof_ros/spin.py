@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several nodes in one process, each with an executor and a thread of its own: a slow one delays no other."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from rclpy.node import Node
+
+
+class Spinner:
+    """One node's thread. An exception that leaves a callback is kept in `error` and stops the node."""
+
+    def __init__(self, node: Node) -> None:
+        """Start spinning."""
+        self.node = node
+        self.error: BaseException | None = None
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+        self._thread = threading.Thread(target=self._spin, name=node.get_name(), daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except (ExternalShutdownException, ShutdownException):
+            pass
+        except BaseException as error:  # noqa: BLE001  (handed to whoever waits)
+            self.error = error
+
+    @property
+    def alive(self) -> bool:
+        """Whether the node still spins."""
+        return self._thread.is_alive()
+
+    def stop(self) -> None:
+        """Stop spinning and destroy the node."""
+        self._executor.shutdown(timeout_sec=5.0)
+        self._thread.join(timeout=5.0)
+        self.node.destroy_node()
+
+
+@contextmanager
+def spinning(nodes: Sequence[Node]) -> Iterator[list[Spinner]]:
+    """Spin nodes while the block runs."""
+    spinners = [Spinner(node) for node in nodes]
+    try:
+        yield spinners
+    finally:
+        for spinner in reversed(spinners):
+            spinner.stop()

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command `toftwin`: finds the commands, runs one, turns errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import os
+import sys
+import tempfile
+import traceback
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, cast
+
+from tof_core.errors import ToftwinError
+from tof_core.progress import set_quiet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+ABOUT = "A time-of-flight camera and its digital twin: true depth, true pose, missing parts, and why simulation and camera differ."
+EXIT_BUG = 70
+EXIT_INTERRUPTED = 130
+
+
+class Command(Protocol):
+    """What a module of `toftwin.commands` offers; nothing heavy is imported before `run`."""
+
+    NAME: str
+    HELP: str
+    EXAMPLE: str
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the flags."""
+
+    def run(self, args: argparse.Namespace) -> int:
+        """Do the work; 0 done, 1 the data says no."""
+
+
+def command_names() -> list[str]:
+    """Names of the commands, one module each."""
+    folder = Path(__file__).parent / "commands"
+    return sorted(path.stem for path in folder.glob("*.py") if not path.stem.startswith("_"))
+
+
+def load_command(name: str) -> Command:
+    """The module of a command."""
+    return cast("Command", import_module(f"toftwin.commands.{name}"))
+
+
+def build_parser(chosen: str = "") -> argparse.ArgumentParser:
+    """The parser; only the chosen command is asked for its flags, so that help is instant."""
+    parser = argparse.ArgumentParser(prog="toftwin", description=ABOUT, epilog="toftwin COMMAND --help shows an example.")
+    parser.add_argument("--version", action="store_true", help="print the version and stop")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    for name in [chosen] if chosen else command_names():
+        module = load_command(name)
+        sub = commands.add_parser(
+            module.NAME, help=module.HELP, description=module.HELP, epilog=f"example:\n  {module.EXAMPLE}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        sub.add_argument("--debug", action="store_true", help="show the traceback of an error")
+        sub.add_argument("--quiet", action="store_true", help="no progress bars")
+        if chosen:
+            module.add_arguments(sub)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code."""
+    argv = list(sys.argv[1:] if argv is None else argv)
+    names = command_names()
+    chosen = argv[0] if argv and argv[0] in names else ""
+    try:
+        parser = build_parser(chosen)
+        args = parser.parse_args(argv)
+        if args.version:
+            print(f"toftwin {version()}")
+            return 0
+        if not chosen:
+            parser.print_help()
+            return 2
+        if args.quiet:
+            set_quiet()
+        return load_command(chosen).run(args)
+    except SystemExit as stop:  # argparse has spoken already
+        return stop.code if isinstance(stop.code, int) else 2
+    except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001
+        return report(error, debug="--debug" in argv)
+
+
+def version() -> str:
+    """The installed version."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("toftwin")
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def report(error: BaseException, *, debug: bool = False) -> int:
+    """Say an error in one line on stderr; unknown ones leave a traceback file. Returns the exit code."""
+    if debug:
+        traceback.print_exception(error)
+    if isinstance(error, ToftwinError):
+        return _say(str(error), error.exit_code)
+    if isinstance(error, KeyboardInterrupt):
+        return _say("stopped; what was finished is kept", EXIT_INTERRUPTED)
+    if isinstance(error, BrokenPipeError):
+        sys.stderr.close()
+        return 1
+    if isinstance(error, OSError) and error.errno is not None:
+        return _say(_os_error(error), 1)
+    path = _write_traceback(error)
+    return _say(f"a fault in toftwin itself ({type(error).__name__}: {error}); the traceback is in {path}", EXIT_BUG)
+
+
+def _say(line: str, code: int) -> int:
+    print(f"toftwin: {' '.join(line.split())}", file=sys.stderr)
+    return code
+
+
+def _os_error(error: OSError) -> str:
+    where = error.filename or "a file"
+    if error.errno == errno.ENOSPC:
+        return f"{where}: the disk is full; make room and run the same command again, what was finished is kept"
+    return f"{where}: {error.strerror}"
+
+
+def _write_traceback(error: BaseException) -> str:
+    try:
+        handle, path = tempfile.mkstemp(prefix="toftwin-", suffix=".log")
+        with os.fdopen(handle, "w", encoding="utf-8") as log:
+            log.write("".join(traceback.format_exception(error)))
+    except OSError:
+        return "nowhere (no temporary folder); run again with --debug"
+    return path
+
+
+if __name__ == "__main__":
+    sys.exit(main())

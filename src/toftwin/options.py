@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Flags that several commands share: bag, scene, configuration; all made from the typed tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from tof_core import config
+from tof_core.errors import ConfigError, UsageError
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable, Mapping
+
+C = TypeVar("C")
+
+
+def add_config_arguments(parser: argparse.ArgumentParser) -> None:
+    """`--config FILE.yaml`, `--set key=value` and `--settings`."""
+    group = parser.add_argument_group("configuration")
+    group.add_argument("--config", type=Path, metavar="FILE", help="YAML file with settings; --set wins over it")
+    group.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="one setting, for instance preproc.iqr.enable=false")
+    group.add_argument("--settings", action="store_true", help="print every setting with its default, unit and bounds, and stop")
+
+
+def load_config(cls: type[C], args: argparse.Namespace) -> C:
+    """Defaults, overlaid by `--config`, overlaid by `--set`; unknown keys and bad values are refused."""
+    from tof_core.yamlio import load_yaml
+
+    values: dict[str, Any] = {}
+    if args.config is not None:
+        values.update(_flat(load_yaml(args.config)))
+    values.update(parse_settings(cls, args.set))
+    return config.from_mapping(cls, values, where=str(args.config or "--set"))
+
+
+def parse_settings(cls: type[Any], pairs: Iterable[str]) -> dict[str, bool | int | float | str]:
+    """`key=value` texts to values of the kinds that the table gives them."""
+    known = {info.name: info for info in config.table(cls)}
+    out: dict[str, bool | int | float | str] = {}
+    for pair in pairs:
+        key, equals, text = pair.partition("=")
+        if not equals:
+            raise UsageError(f"'{pair}' is not KEY=VALUE", where="--set")
+        if key not in known:
+            raise ConfigError(f"unknown key '{key}'", where="--set", todo=f"did you mean {_nearest(key, known)}? --settings lists them")
+        out[key] = _parse(known[key].kind, text, key)
+    return out
+
+
+def _nearest(key: str, known: Iterable[str]) -> str:
+    from difflib import get_close_matches
+
+    names = list(known)
+    near = get_close_matches(key, names, n=3, cutoff=0.4) or [n for n in names if n.rpartition(".")[2] == key.rpartition(".")[2]]
+    return " or ".join(near or names[:3])
+
+
+def _parse(kind: type, text: str, key: str) -> bool | int | float | str:
+    if kind is bool:
+        truth = {"true": True, "yes": True, "on": True, "1": True, "false": False, "no": False, "off": False, "0": False}
+        if text.lower() not in truth:
+            raise ConfigError(f"'{text}' is neither true nor false", where=f"--set {key}")
+        return truth[text.lower()]
+    if kind is str:
+        return text
+    try:
+        return int(text) if kind is int else float(text)
+    except ValueError:
+        raise ConfigError(f"'{text}' is no {kind.__name__}", where=f"--set {key}") from None
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for key, value in values.items():
+        out.update(_flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value})
+    return out
+
+
+def settings_text(cls: type[Any]) -> str:
+    """Every setting of a configuration class, one line each."""
+    return "\n".join(f"{info.name} = {_value(info.default)}{_bounds(info)}  {info.text}" for info in config.table(cls))
+
+
+def _value(value: float | str) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value) if isinstance(value, str) else f"{value:g}"
+
+
+def _bounds(info: config.ParamInfo) -> str:
+    unit = f" {info.unit}" if info.unit else ""
+    if info.choices:
+        return f"{unit} [{' | '.join(info.choices)}]"
+    if info.low is None and info.high is None:
+        return unit
+    low = "" if info.low is None else f"{info.low:g}"
+    high = "" if info.high is None else f"{info.high:g}"
+    return f"{unit} [{low} .. {high}]"
