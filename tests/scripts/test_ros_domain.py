@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Test processes never share a ROS domain, and tf2_msgs is what every ROS peer has."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from tests.conftest import ROS_DOMAINS, reserved_ros_domain
+
+
+def test_two_reservations_never_share_a_domain() -> None:
+    with reserved_ros_domain() as first, reserved_ros_domain() as second:
+        assert first != second
+        assert {first, second} <= set(ROS_DOMAINS)
+    with reserved_ros_domain() as again:
+        assert again in ROS_DOMAINS
+
+
+@pytest.mark.dds
+def test_a_tf_message_comes_back_over_dds(ros_domain: int, repository: Path) -> None:
+    assert os.environ["ROS_DOMAIN_ID"] == str(ros_domain)
+    check = [sys.executable, str(repository / "scripts" / "check_tf.py")]
+    answer = subprocess.run(check, check=False, capture_output=True, text=True, timeout=60)
+    assert answer.returncode == 0, answer.stderr
+
+
+def test_tf_message_has_the_type_hash_of_jazzys_tf2_msgs() -> None:
+    prefixes = [*filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)), sys.prefix]
+    descriptions = [Path(prefix) / "share" / "tf2_msgs" / "msg" / "TFMessage.json" for prefix in prefixes]
+    description = next(path for path in descriptions if path.exists())
+    hashes = {entry["type_name"]: entry["hash_string"] for entry in json.loads(description.read_text())["type_hashes"]}
+    assert hashes["tf2_msgs/msg/TFMessage"] == get_typestore(Stores.ROS2_JAZZY).hash_rihs01("tf2_msgs/msg/TFMessage")
