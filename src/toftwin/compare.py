@@ -91,12 +91,19 @@ def compare_runs(new: Path, old: Path, tolerances: Mapping[str, Tolerance] = TOL
 
 def read_run(path: Path) -> dict[tuple[int, str], Any]:
     """Messages of a bag by (header stamp in ns, topic); what the graph does not compute is left out."""
-    from tof_core.bag import read_messages
+    from rosbags.highlevel import AnyReader, AnyReaderError
+
+    from tof_core.typestores import typestore_of
 
     out: dict[tuple[int, str], Any] = {}
-    for topic, message in read_messages(path):
-        if hasattr(message, "header") and not any(fnmatch(topic, pattern) for pattern in IGNORED):
-            out[stamp_ns(message), topic] = message
+    try:
+        with AnyReader([path], default_typestore=typestore_of("jazzy")) as reader:
+            kept = [c for c in reader.connections if not any(fnmatch(c.topic, pattern) for pattern in IGNORED)]
+            for connection, _, raw in reader.messages(kept) if kept else ():
+                message = reader.deserialize(raw, connection.msgtype)
+                out[stamp_ns(message), connection.topic] = message
+    except (AnyReaderError, OSError) as error:
+        raise BagError(f"cannot be read: {error}", where=path, todo="make it with toftwin replay --record") from error
     return out
 
 

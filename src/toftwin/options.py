@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -10,18 +11,29 @@ from tof_core import config
 from tof_core.errors import ConfigError, UsageError
 
 if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
 C = TypeVar("C")
 
 
-def add_config_arguments(parser: argparse.ArgumentParser) -> None:
-    """`--config FILE.yaml`, `--set key=value` and `--settings`."""
+class _ShowSettings(argparse.Action):
+    """Print every setting of the command and stop, as --help does."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(settings_text(self.const()))
+        parser.exit()
+
+
+def add_config_arguments(parser: argparse.ArgumentParser, settings: Callable[[], type[Any]] | None = None) -> None:
+    """`--config FILE.yaml`, `--set key=value` and `--settings`, which shows the class that `settings` loads."""
     group = parser.add_argument_group("configuration")
     group.add_argument("--config", type=Path, metavar="FILE", help="YAML file with settings; --set wins over it")
     group.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="one setting, for instance preproc.iqr.enable=false")
-    group.add_argument("--settings", action="store_true", help="print every setting with its default, unit and bounds, and stop")
+    shown = "print every setting with its default, unit and bounds, and stop"
+    if settings is None:
+        group.add_argument("--settings", action="store_true", help=shown)
+    else:
+        group.add_argument("--settings", action=_ShowSettings, nargs=0, const=settings, help=shown)
 
 
 def load_config(cls: type[C], args: argparse.Namespace) -> C:
