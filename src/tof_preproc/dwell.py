@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The captures taken while nothing moves, and the view that they make."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core import se3
+from tof_core.capture import View
+from tof_preproc import stages
+from tof_preproc.accumulate import accumulate
+from tof_preproc.frame import Frame, Report
+from tof_preproc.noise import law_of_capture, law_of_dwell
+from tof_preproc.quantum import quantum_of
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Image
+    from tof_core.capture import Capture
+    from tof_preproc.config import MotionConfig, PreprocConfig
+
+
+class Dwell:
+    """Captures of one dwell with what was found wrong in each; at most `accumulate.max_captures`."""
+
+    def __init__(self, first: Capture, station: int, config: PreprocConfig) -> None:
+        """A dwell that begins with `first`; it still has to be added."""
+        self.first = self.last = first
+        self.station = station
+        self.captures = 0
+        self._config = config
+        self._before, self._over, self._after = stages.split(config)
+        shape = (config.accumulate.max_captures, *first.depth.shape)
+        self._depth = np.empty(shape, np.float32)  # memory is taken page by page, as captures come
+        self._reason = np.empty(shape, np.uint8)
+        self._removed: dict[str, int] = {}
+        self._light: Image | None = None
+        self._lit: Image | None = None
+        self._quantum = quantum_of(first.depth)
+
+    def takes(self, capture: Capture) -> bool:
+        """Whether the capture belongs to this dwell: same camera and place, soon after, and room for it."""
+        gap = (capture.stamp_ns - self.last.stamp_ns) * 1e-9
+        return (
+            self.captures < self._config.accumulate.max_captures
+            and 0 < gap <= self._config.motion.max_gap_s
+            and capture.camera == self.first.camera
+            and not (self._config.motion.enable and moved(self.first, capture, self._config.motion))
+        )
+
+    def add(self, capture: Capture) -> None:
+        """Filter one capture by itself and keep it."""
+        frame = Frame(capture.camera, capture.depth.copy(), capture.reason.copy(), np.zeros_like(capture.depth), capture.amplitude)
+        if any(s not in ("range", "amplitude", "self") for s in self._before):
+            frame.sigma = law_of_capture(capture.depth, capture.amplitude, self._quantum).sigma(capture.depth, capture.amplitude)
+        report = Report(self._removed)
+        stages.apply(self._before, frame, self._config, report)
+        self._depth[self.captures], self._reason[self.captures] = frame.depth, frame.reason
+        self._add_light(capture.amplitude)
+        self.captures += 1
+        self.last = capture
+
+    def _add_light(self, amplitude: Image | None) -> None:
+        if amplitude is None:
+            return
+        known = np.isfinite(amplitude)
+        if self._light is None or self._lit is None:
+            self._light, self._lit = np.zeros(amplitude.shape, np.float32), np.zeros(amplitude.shape, np.float32)
+        np.add(self._light, amplitude, out=self._light, where=known)
+        self._lit += known
+
+    def view(self) -> tuple[View, Report]:
+        """What the captures so far accumulate to, filtered, and what became of it."""
+        n, last = self.captures, self.last
+        stack = self._depth[:n]
+        amplitude = self._amplitude()
+        law = law_of_capture(stack[0], amplitude, self._quantum) if n == 1 else law_of_dwell(stack, amplitude, self._quantum)
+        result = accumulate(stack, self._reason[:n], law.sigma(stack[-1], amplitude), self._quantum, self._config, self._over)
+        report = Report({**self._removed, **result.rejected}, dict(result.passed))
+        frame = Frame(last.camera, result.depth, result.reason, result.sigma, amplitude)
+        stages.apply(self._after, frame, self._config, report)
+        valid = np.isfinite(frame.depth)
+        view = View(
+            stamp_ns=last.stamp_ns, dwell_ns=self.first.stamp_ns, camera=last.camera, depth=frame.depth, sigma=frame.sigma,
+            count=np.where(valid, result.count, 0).astype(np.uint16), reason=frame.reason, robot=last.robot, station=self.station,
+            captures=n, amplitude=amplitude, colour=last.colour, temperature=last.temperature,
+            noise=np.where(valid, result.noise, np.nan).astype(np.float32),
+        )
+        return view, report
+
+    def _amplitude(self) -> Image | None:
+        if self._light is None or self._lit is None:
+            return None
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self._light / self._lit, np.float32)
+
+
+def moved(one: Capture, other: Capture, config: MotionConfig) -> bool:
+    """Whether TF says that the camera stood elsewhere; unknown poses are not known to differ."""
+    if one.robot is None or other.robot is None:
+        return False
+    metres, degrees = se3.distance(one.robot.T_cell_camera, other.robot.T_cell_camera)
+    return metres * 1e3 > config.tolerance_mm or degrees > config.tolerance_deg

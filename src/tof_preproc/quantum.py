@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The step of a sensor's depth code, and what averaging can and cannot do about it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Image
+
+FINEST, COARSEST = 2e-5, 2e-2
+"""Steps looked for, metres: finer ones drown in any noise."""
+
+
+def quantum_of(depth: Image, samples: int = 20000) -> float:
+    """Step of the code in a depth image (H, W), metres; 0 where the values follow no code.
+
+    The smallest gap between values is a candidate; it is the step if every value is a whole number of them.
+    """
+    values = depth.ravel()[:: max(1, depth.size // samples)]
+    values = np.unique(values[np.isfinite(values)].astype(float))
+    gaps = np.diff(values)
+    gaps = gaps[gaps > FINEST / 2]
+    if gaps.size < 2:
+        return 0.0
+    step = float(gaps.min())
+    span = values[-1] - values[0]
+    step = span / round(span / step)
+    steps = values / step
+    rounding = np.spacing(np.float32(values[-1])) / step
+    on_code = np.abs(steps - np.round(steps)).max() < 0.02 + 2 * rounding
+    return step if on_code and FINEST <= step <= COARSEST else 0.0
+
+
+@njit(cache=True)
+def mean_error2(variance: float, factor: float, quantum: float) -> float:
+    """Squared standard error of a mean of quantised values.
+
+    `variance` is one value's, its quantisation included; `factor` the sum of the squared weights. Noise well above the
+    step dithers it away; what is left is a bias that no number of captures averages out, whose mean square over all
+    places between two codes is q^2 / (2 pi^2) sum_k exp(-4 pi^2 k^2 s^2 / q^2) / k^2 with s the noise before
+    quantisation (Fourier series of the rounding error); it becomes q^2 / 12 without noise.
+    """
+    if quantum <= 0.0:
+        return variance * factor
+    q2 = quantum * quantum
+    ratio = max(variance - q2 / 12, 0.0) / q2
+    bias2 = q2 / 12
+    if ratio > 1e-3:
+        bias2 = 0.0
+        for k in range(1, 12):
+            bias2 += np.exp(-4 * np.pi**2 * k * k * ratio) / (k * k)
+        bias2 *= q2 / (2 * np.pi**2)
+    return max(variance - bias2, 0.0) * factor + bias2
