@@ -137,14 +137,14 @@ class TransformBuffer:
                 motion = _compose(motion, self._at(child, stamp_ns))
         return se3.from_quat(motion[:3], motion[3:])
 
-    def can_wait(self, target: str, source: str, stamp_ns: int) -> bool:
-        """Whether a lookup that fails now may succeed once newer transforms have come.
+    def settled(self, stamp_ns: int) -> bool:
+        """Whether TF has gone so far past a stamp that a lookup failing now will not succeed later."""
+        return self._newest_ns > stamp_ns + self._max_gap_ns
 
-        True while every edge between the frames is unknown or ends before the stamp, by no more
-        than the allowed gap of newer data elsewhere.
-        """
+    def root(self, frame: str) -> str:
+        """The topmost frame above `frame`."""
         with self._lock:
-            return self._newest_ns <= stamp_ns + self._max_gap_ns
+            return self._ancestors(frame.lstrip("/"))[-1]
 
     def frames(self) -> tuple[str, ...]:
         """All known frames, sorted."""

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags in: rosbag2 in MCAP or sqlite3, ordered by header stamp, TF known from the start.
+
+Two passes: the first indexes stamps and reads all of TF; the second streams messages and holds
+back only those that were recorded out of order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Self
+
+from tof_core.bag_files import open_files
+from tof_core.bag_index import BagIndex, RawMessage
+from tof_core.builder import CaptureBuilder
+from tof_core.errors import BagError, TransformError
+from tof_core.options import BagOptions
+from tof_core.placement import Placement
+from tof_core.robot import RobotChain
+from tof_core.tf import TransformBuffer
+from tof_core.topics import Topics, find_topics
+
+if TYPE_CHECKING:
+    from collections import Counter
+    from collections.abc import Iterator
+    from pathlib import Path
+    from types import TracebackType
+
+    from tof_core.bag_files import BagFiles
+    from tof_core.camera import Camera
+    from tof_core.capture import Capture
+
+__all__ = ["BagOptions", "BagReader", "CaptureBuilder", "Placement", "RawMessage", "open_bag"]
+
+
+def open_bag(
+    path: Path | str, options: BagOptions | None = None, *, cell_frame: str = "", placed: Placement | None = None,
+) -> BagReader:
+    """Open a recording of one depth camera; use the reader as a context manager.
+
+    Args:
+        path: a bag's folder, or its .mcap or .db3 file.
+        options: what the user said of topics, frames and units.
+        cell_frame: TF frame of the cell (the scene's), unless the options name another.
+        placed: where the cell is, for a robot whose TF does not know it.
+
+    Raises:
+        BagError: no bag, or damaged.
+        TopicError: no depth, no CameraInfo, or several that fit.
+    """
+    options = options or BagOptions()
+    files = open_files(path, recover=options.recover)
+    try:
+        return BagReader(files, options, cell_frame=options.cell_frame or cell_frame, placed=placed)
+    except BaseException:
+        files.close()
+        raise
+
+
+class BagReader:
+    """A recording of one depth camera. Made by `open_bag`."""
+
+    def __init__(self, files: BagFiles, options: BagOptions, *, cell_frame: str, placed: Placement | None) -> None:
+        """Index the bag: stamps of all messages, all transforms, topics."""
+        self.options, self._files = options, files
+        self.transforms = TransformBuffer(options.max_gap_s)
+        self.chain = RobotChain(self.transforms, cell_frame, options.body_frame, placed)
+        self._index = BagIndex(files, self.transforms)
+        types = {t.name: t.type for t in files.topics.values() if t.count}
+        self.topics: Topics = find_topics(types, options, encodings=self._index.encodings, where=str(files.path))
+        self._builder = self._new_builder(need_tf=True)
+        self.camera: Camera = self._first_camera()
+
+    def __enter__(self) -> Self:
+        """The reader itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """Close the files."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the files."""
+        self._files.close()
+
+    @property
+    def note(self) -> str:
+        """What a user should know of the bag's state; empty for a finished one."""
+        return self._files.note
+
+    @property
+    def frame_count(self) -> int:
+        """Depth messages in the bag, frozen ones included."""
+        return self._files.topics[self.topics.depth or self.topics.points].count
+
+    @property
+    def skipped(self) -> Counter[str]:
+        """Frames left out by the last `captures()`, by reason."""
+        return self._builder.skipped
+
+    @property
+    def last_error(self) -> str:
+        """Why the last frame was left out, in one line."""
+        return self._builder.last_error
+
+    def captures(self, *, need_tf: bool = True) -> Iterator[Capture]:
+        """Captures by header stamp; frozen frames are one, frames without TF are counted in `skipped`.
+
+        Args:
+            need_tf: False yields frames that TF has no answer for with `robot=None`.
+
+        Raises:
+            TransformError: TF lacks the cell or the camera frame altogether.
+        """
+        builder = self._builder = self._new_builder(need_tf=need_tf)
+        if need_tf:
+            self._check_frames()
+        takes = {
+            self.topics.info: builder.info, self.topics.depth: builder.depth, self.topics.points: builder.points,
+            self.topics.amplitude: builder.amplitude, self.topics.colour: builder.colour,
+            self.topics.colour_info: builder.colour_info, self.topics.temperature: builder.temperature,
+        }
+        for m in self.messages(self.topics.named()):
+            takes[m.topic](self._files.types.deserialize_cdr(m.cdr, m.type))
+            yield from builder.ready()
+        yield from builder.ready(final=True)
+
+    def messages(self, topics: tuple[str, ...] = ()) -> Iterator[RawMessage]:
+        """Messages of the named topics (all where none is), by header stamp, static transforms first."""
+        yield from self._index.ordered(topics)
+
+    def deserialize(self, message: RawMessage) -> Any:
+        """The message's fields."""
+        return self._files.types.deserialize_cdr(message.cdr, message.type)
+
+    def _new_builder(self, *, need_tf: bool) -> CaptureBuilder:
+        return CaptureBuilder(self.options, self.chain, self.topics, need_tf=need_tf)
+
+    def _first_camera(self) -> Camera:
+        first = next(iter(self.messages((self.topics.info,))), None)
+        if first is None:
+            raise BagError(f"has no message on {self.topics.info}", where=self._files.path)
+        self._builder.info(self.deserialize(first))
+        frame_id = self._index.frame_ids.get(self.topics.depth, "")
+        camera = self._builder.camera
+        assert camera is not None
+        return replace(camera, frame_id=frame_id) if frame_id else camera
+
+    def _check_frames(self) -> None:
+        """Fail at once, naming the flags, where no frame can have a pose."""
+        try:
+            self.chain.resolve(self.camera.frame_id)
+        except TransformError as error:
+            raise TransformError(error.what, where=self._files.path, todo=error.todo) from None
+
+

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bag's files: opened by rosbags where they are whole, read as far as they go where not."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections import Counter
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Protocol
+
+from tof_core.errors import BagError, ToftwinError
+from tof_core.mcap_recover import McapScan
+from tof_core.typestores import typestore_of
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
+    from rosbags.highlevel import AnyReader
+    from rosbags.interfaces import Qos
+    from rosbags.typesys.store import Typestore
+
+
+@dataclass(frozen=True, slots=True)
+class TopicInfo:
+    """One topic of a bag."""
+
+    name: str
+    type: str
+    count: int
+    qos: tuple[Qos, ...] = ()
+
+
+class BagFiles(Protocol):
+    """What a bag reader needs of its files."""
+
+    path: Path
+    topics: dict[str, TopicInfo]
+    types: Typestore
+    note: str
+
+    def messages(self, topics: Collection[str] = ()) -> Iterator[tuple[str, int, bytes]]:
+        """(topic, log time in ns, CDR bytes) in the order of the recording; all topics where none is named."""
+
+    def close(self) -> None:
+        """Let go of the files."""
+
+
+class WholeBag:
+    """A finished bag, or files that rosbags can open as they are."""
+
+    def __init__(self, path: Path, files: list[Path], stack: ExitStack, note: str = "") -> None:
+        """Open with rosbags; types come from the bag, or from Jazzy where it embeds none."""
+        from rosbags.highlevel import AnyReader
+
+        self.path, self.note, self._stack = path, note, stack
+        self._reader: AnyReader = stack.enter_context(AnyReader(files, default_typestore=typestore_of("jazzy")))
+        self.types = self._reader.typestore
+        self.topics = {
+            c.topic: TopicInfo(c.topic, c.msgtype, n, tuple(getattr(c.ext, "offered_qos_profiles", ())))
+            for c in self._reader.connections
+            if (n := sum(x.msgcount for x in self._reader.connections if x.topic == c.topic)) or True
+        }
+
+    def messages(self, topics: Collection[str] = ()) -> Iterator[tuple[str, int, bytes]]:
+        """(topic, log time in ns, CDR bytes) in the order of the recording."""
+        wanted = [c for c in self._reader.connections if not topics or c.topic in topics]
+        if not wanted:
+            return
+        with _one_line(self.path):
+            for connection, log_ns, raw in self._reader.messages(connections=wanted):
+                yield connection.topic, log_ns, raw
+
+    def close(self) -> None:
+        """Let go of the files."""
+        self._stack.close()
+
+
+class UnfinishedBag:
+    """MCAP files without an end; read from front to back each time."""
+
+    def __init__(self, path: Path, files: list[Path]) -> None:
+        """Scan once: topics, counts, what is lost."""
+        from rosbags.interfaces import Qos  # noqa: F401
+        from rosbags.rosbag2.metadata import parse_qos
+
+        self.path, self._files = path, files
+        counts: Counter[str] = Counter()
+        scans = [McapScan(file) for file in files]
+        for scan in scans:
+            counts.update(channel.topic for channel, _, _ in scan.messages())
+        channels = [c for scan in scans for c in scan.channels.values()]
+        self.topics = {c.topic: TopicInfo(c.topic, c.type, counts[c.topic], tuple(parse_qos(c.qos))) for c in channels}
+        self.types = _types_of({c.type: c.definition for c in channels})
+        lost = sum(scan.lost_bytes for scan in scans)
+        self.note = f"recording was not finished: {sum(counts.values())} messages are whole, {lost} bytes after them are lost"
+
+    def messages(self, topics: Collection[str] = ()) -> Iterator[tuple[str, int, bytes]]:
+        """(topic, log time in ns, CDR bytes) in the order of the recording."""
+        for file in self._files:
+            for channel, log_ns, raw in McapScan(file).messages():
+                if not topics or channel.topic in topics:
+                    yield channel.topic, log_ns, raw
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+
+def open_files(path: Path | str, *, recover: bool = False) -> BagFiles:
+    """Open a bag: a folder with metadata.yaml, a folder that a killed recorder left, or one file.
+
+    Raises:
+        BagError: nothing there, no bag, or damaged (and `recover` not asked for).
+    """
+    path = Path(path)
+    if not path.exists():
+        raise BagError("does not exist", where=path, todo="name a bag's folder, .mcap or .db3 file")
+    files = _storage_files(path)
+    if not files:
+        raise BagError("is no bag (no .mcap and no .db3 file)", where=path, todo="name the folder that holds metadata.yaml")
+    unfinished = not path.is_dir() or not (path / "metadata.yaml").exists()
+    if not unfinished:
+        try:
+            return _whole(path, [path])
+        except BagError as error:
+            if not recover:
+                raise _with_hint(error, files) from None
+    return _unfinished(path, files)
+
+
+def _storage_files(path: Path) -> list[Path]:
+    """The storage files in the order of the recording (name_0, name_1, ..., name_10)."""
+    files = [path] if path.is_file() else [p for p in path.iterdir() if p.suffix in (".mcap", ".db3")]
+    return sorted((p for p in files if p.suffix in (".mcap", ".db3")), key=lambda p: (len(p.name), p.name))
+
+
+def _unfinished(path: Path, files: list[Path]) -> BagFiles:
+    with _one_line(path):
+        if files[0].suffix == ".db3":
+            return _sqlite(path, files)
+        try:
+            return _whole(path, files)
+        except BagError:
+            return UnfinishedBag(path, files)
+
+
+def _whole(path: Path, files: list[Path]) -> WholeBag:
+    stack = ExitStack()
+    try:
+        with _one_line(path):
+            return WholeBag(path, files, stack)
+    except BagError:
+        stack.close()
+        raise
+
+
+def _sqlite(path: Path, files: list[Path]) -> WholeBag:
+    """sqlite3 files; those with a journal are copied, so that SQLite may mend the copy."""
+    stack = ExitStack()
+    if any(f.with_name(f.name + end).exists() for f in files for end in ("-wal", "-journal")):
+        folder = Path(stack.enter_context(TemporaryDirectory()))
+        for f in files:
+            for part in f.parent.glob(f.name + "*"):
+                shutil.copy(part, folder)
+            with sqlite3.connect(folder / f.name) as db:
+                db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        files = [folder / f.name for f in files]
+    return WholeBag(path, files, stack, note="recording was not finished")
+
+
+def _types_of(definitions: dict[str, str]) -> Typestore:
+    """The types that a file defines, over Jazzy's."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    types = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in definitions.items():
+        if name not in types.fielddefs and text and not text.startswith("="):
+            types.register(get_types_from_msg(text, name))
+    return types
+
+
+def _with_hint(error: BagError, files: list[Path]) -> BagError:
+    """The same error, with what can still be had of a cut MCAP file."""
+    if files[0].suffix != ".mcap":
+        return error
+    try:
+        whole = sum(1 for file in files for _ in McapScan(file).messages())
+    except Exception:  # noqa: BLE001 (only a hint; the error stands)
+        whole = 0
+    return BagError(error.what, where=error.where, todo=f"copy it again, or pass --recover to read the {whole} messages that are whole")
+
+
+class _one_line:  # noqa: N801 (reads as a statement)
+    """Whatever rosbags, SQLite or a decompressor raise over foreign bytes becomes one BagError."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __enter__(self) -> None:
+        return
+
+    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
+        if isinstance(error, Exception) and not isinstance(error, ToftwinError):
+            text = str(error) or type(error).__name__
+            raise BagError(f"is damaged or no bag: {text}", where=self.path) from None

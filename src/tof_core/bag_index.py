@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The order of a bag by header stamps, found in one pass; a second streams messages in that order."""
+
+from __future__ import annotations
+
+import heapq
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core.topics import IMAGE, POINTS, TF
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+    from rosbags.interfaces import Qos
+
+    from tof_core.bag_files import BagFiles
+    from tof_core.tf import TransformBuffer
+
+
+@dataclass(frozen=True, slots=True)
+class RawMessage:
+    """A message as it was recorded; `stamp_ns` is its header's (its log time where it has none)."""
+
+    topic: str
+    type: str
+    stamp_ns: int
+    log_ns: int
+    cdr: bytes
+    qos: tuple[Qos, ...] = ()
+
+
+class BagIndex:
+    """Stamps of every message; TF into `transforms`, and of each image topic its encoding and frame."""
+
+    def __init__(self, files: BagFiles, transforms: TransformBuffer) -> None:
+        """Read the bag once from front to back."""
+        self._files = files
+        self._number = {name: i for i, name in enumerate(files.topics)}
+        self._peek = {t.name: _peek_of(t.type, files) for t in files.topics.values()}
+        self._shift_ns = 0
+        self.encodings: dict[str, str] = {}
+        self.frame_ids: dict[str, str] = {}
+        self._topic, self._stamp = self._scan(transforms)
+
+    def ordered(self, topics: tuple[str, ...] = ()) -> Iterator[RawMessage]:
+        """Messages of the named topics (all where none is): latched ones first, then by header stamp.
+
+        Of one stamp, images come last, after what they are joined with. Only messages recorded
+        out of order are held back.
+        """
+        names = [n for n in self._files.topics if not topics or n in topics]
+        latched = [n for n in names if is_latched(n)]
+        if latched:
+            yield from (self._message(*m) for m in self._files.messages(latched))
+        rest = [n for n in names if not is_latched(n)]
+        if not rest:
+            return
+        due = iter(self._keys(rest))
+        expected = next(due, None)
+        held: list[tuple[tuple[int, int, int], int, RawMessage]] = []
+        for arrival, (name, log_ns, raw) in enumerate(self._files.messages(rest)):
+            message = self._message(name, log_ns, raw)
+            heapq.heappush(held, (self._key(name, message.stamp_ns), arrival, message))
+            while held and held[0][0] == expected:
+                yield heapq.heappop(held)[2]
+                expected = next(due, None)
+        yield from (heapq.heappop(held)[2] for _ in range(len(held)))
+
+    def _scan(self, transforms: TransformBuffer) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        rows: list[tuple[int, int, int]] = []
+        for name, log_ns, raw in self._files.messages():
+            rows.append((self._number[name], self._peek[name](raw), log_ns))
+            kind = self._files.topics[name].type
+            if kind == TF:
+                transforms.add_message(self._files.types.deserialize_cdr(raw, kind), static=is_latched(name))
+            elif kind == IMAGE and name not in self.encodings:
+                first: Any = self._files.types.deserialize_cdr(raw, kind)
+                self.encodings[name], self.frame_ids[name] = first.encoding, first.header.frame_id.lstrip("/")
+        table = np.array(rows, np.int64).reshape(-1, 3)
+        stamp, log = table[:, 1].copy(), table[:, 2]
+        stamped = stamp > 0
+        if stamped.any():
+            # A bag of simulated time is logged in another clock than it is stamped in.
+            self._shift_ns = int(np.median((stamp - log)[stamped]))
+        stamp[~stamped] = log[~stamped] + self._shift_ns
+        return table[:, 0], stamp
+
+    def _message(self, name: str, log_ns: int, raw: bytes) -> RawMessage:
+        info = self._files.topics[name]
+        stamp = self._peek[name](raw)
+        return RawMessage(name, info.type, stamp if stamp > 0 else log_ns + self._shift_ns, log_ns, raw, info.qos)
+
+    def _key(self, name: str, stamp: int) -> tuple[int, int, int]:
+        return stamp, int(self._files.topics[name].type in (IMAGE, POINTS)), self._number[name]
+
+    def _keys(self, names: list[str]) -> list[tuple[int, int, int]]:
+        """The keys of all messages of some topics, sorted."""
+        by_number = {self._number[n]: n for n in names}
+        chosen = np.isin(self._topic, list(by_number))
+        return sorted(self._key(by_number[t], s) for t, s in zip(self._topic[chosen].tolist(), self._stamp[chosen].tolist(), strict=True))
+
+
+def is_latched(topic: str) -> bool:
+    """Whether a topic's messages hold for the whole recording."""
+    return topic.endswith("tf_static")
+
+
+def _peek_of(kind: str, files: BagFiles) -> Callable[[bytes], int]:
+    """A function that reads the header stamp from a message's bytes; 0 where it has none.
+
+    In CDR a leading Header begins with its stamp; a TFMessage with the length of its list.
+    """
+    if kind == TF:
+        return lambda raw: _stamp_at(raw, 8) if len(raw) >= 16 and any(raw[4:8]) else 0
+    fields = files.types.fielddefs.get(kind, ([], []))[1]
+    if fields and fields[0][1][1] == "std_msgs/msg/Header":
+        return lambda raw: _stamp_at(raw, 4)
+    return lambda raw: 0  # noqa: ARG005
+
+
+def _stamp_at(raw: bytes, offset: int) -> int:
+    if len(raw) < offset + 8:
+        return 0
+    sec, nanosec = struct.unpack_from("<iI" if raw[1] & 1 else ">iI", raw, offset)
+    return int(sec) * 1_000_000_000 + int(nanosec)

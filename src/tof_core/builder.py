@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of one camera to captures: joined by stamp, posed by TF; the same offline and live.
+
+What joins what is decided by header stamps alone, so the order in which topics arrive does not
+change the result.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right, insort
+from collections import Counter, deque
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core.camera import radial_to_z
+from tof_core.capture import Capture, Colour
+from tof_core.decode import camera_from_info, check_size, decode_amplitude, decode_colour, decode_depth, depth_from_points, stamp_ns
+from tof_core.errors import CameraError, TransformError
+from tof_core.options import BagOptions
+from tof_core.reasons import Reason
+from tof_core.topics import Topics
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tof_core.arrays import Bytes, Image
+    from tof_core.camera import Camera
+    from tof_core.capture import RobotPose
+    from tof_core.robot import RobotChain
+
+NO_INFO, FROZEN, LATE, NO_TRANSFORM = "no camera_info", "frozen", "late", "no transform"
+"""Why frames are skipped: the keys of `CaptureBuilder.skipped`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Joined:
+    """Messages waiting to join a depth image: stamps ascending beside their messages."""
+
+    stamps: list[int]
+    messages: list[Any]
+
+    def put(self, msg: Any) -> None:
+        stamp = stamp_ns(msg)
+        i = bisect_right(self.stamps, stamp)
+        if i == 0 or self.stamps[i - 1] != stamp:
+            self.stamps.insert(i, stamp)
+            self.messages.insert(i, msg)
+
+    def nearest(self, stamp: int, within_ns: int) -> Any | None:
+        """The message nearest to a stamp; of two as near, the earlier."""
+        i = bisect_right(self.stamps, stamp)
+        near = [j for j in (i - 1, i) if 0 <= j < len(self.stamps)]
+        best = min(near, key=lambda j: abs(self.stamps[j] - stamp), default=-1)
+        return self.messages[best] if best >= 0 and abs(self.stamps[best] - stamp) <= within_ns else None
+
+    def settled(self, stamp: int, within_ns: int) -> bool:
+        """Whether nothing that is still to come can be nearer."""
+        i = bisect_right(self.stamps, stamp)
+        exact = i > 0 and self.stamps[i - 1] == stamp
+        return exact or (i < len(self.stamps)) or bool(self.stamps and self.stamps[-1] > stamp + within_ns)
+
+    def forget_before(self, stamp: int) -> None:
+        """Drop what can join nothing any more, but keep the last one before."""
+        old = bisect_right(self.stamps, stamp) - 1
+        if old > 0:
+            del self.stamps[:old]
+            del self.messages[:old]
+
+
+@dataclass(frozen=True, slots=True, eq=False, order=False)
+class _Frame:
+    """A depth message, waiting."""
+
+    stamp: int
+    msg: Any
+    cloud: bool
+
+
+class CaptureBuilder:
+    """Takes the messages of one camera, gives captures in the order of their stamps.
+
+    Args:
+        options: units, tolerances; its topic names only tell which joins are wanted.
+        chain: frames and transforms; None yields captures without a robot pose.
+        topics: which topics there are: amplitude and colour are waited for only where named.
+        need_tf: skip (and count) frames that TF has no answer for, instead of `robot=None`.
+        wait_s: how far the depth stamps may run ahead of a frame before it stops waiting.
+    """
+
+    def __init__(
+        self, options: BagOptions, chain: RobotChain | None, topics: Topics, *, need_tf: bool = True, wait_s: float = 0.5,
+    ) -> None:
+        """Nothing received yet."""
+        self.options, self.chain, self.topics, self.need_tf = options, chain, topics, need_tf
+        self.skipped: Counter[str] = Counter()
+        self.last_error = ""
+        self.camera: Camera | None = None
+        self._wait_ns = round(wait_s * 1e9)
+        self._join_ns, self._colour_join_ns = round(options.join_s * 1e9), round(options.colour_join_s * 1e9)
+        self._cameras: dict[bytes, Camera] = {}
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what waits (the clock was set back); the camera is kept."""
+        self._frames: deque[_Frame] = deque()
+        self._amplitude, self._colour = _Joined([], []), _Joined([], [])
+        self._temperatures: list[tuple[int, float]] = []
+        self._colour_camera: Camera | None = None
+        self._last_stamp, self._newest = -(2**62), -(2**62)
+        self._last_content: Bytes | None = None
+
+    def info(self, msg: Any) -> None:
+        """A CameraInfo of the depth camera; the newest one holds."""
+        self.camera = self._camera_of(msg, self.topics.info or "camera_info", self.topics.depth)
+
+    def colour_info(self, msg: Any) -> None:
+        """A CameraInfo of the colour camera; an uncalibrated one leaves colour without a camera."""
+        try:
+            self._colour_camera = self._camera_of(msg, self.topics.colour_info, self.topics.colour)
+        except CameraError as error:
+            self._colour_camera, self.last_error = None, str(error)
+
+    def depth(self, msg: Any) -> None:
+        """A depth image."""
+        self._push(msg, cloud=False)
+
+    def points(self, msg: Any) -> None:
+        """A point cloud to take the depth from."""
+        self._push(msg, cloud=True)
+
+    def amplitude(self, msg: Any) -> None:
+        """An amplitude image."""
+        self._amplitude.put(msg)
+
+    def colour(self, msg: Any) -> None:
+        """A colour image."""
+        self._colour.put(msg)
+
+    def temperature(self, msg: Any) -> None:
+        """A temperature; joins the frames from its stamp on."""
+        insort(self._temperatures, (stamp_ns(msg), float(msg.temperature)))
+        del self._temperatures[:-256]
+
+    def ready(self, *, final: bool = False) -> Iterator[Capture]:
+        """Captures that nothing still to come can change, oldest first; `final` waits for nothing."""
+        while self._frames and (final or self._complete(self._frames[0])):
+            frame = self._frames.popleft()
+            if (capture := self._capture(frame)) is not None:
+                yield capture
+            self._amplitude.forget_before(frame.stamp - self._join_ns)
+            self._colour.forget_before(frame.stamp - self._colour_join_ns)
+
+    @property
+    def waiting(self) -> int:
+        """Frames that wait for something."""
+        return len(self._frames)
+
+    def _push(self, msg: Any, *, cloud: bool) -> None:
+        stamp = stamp_ns(msg)
+        content = np.frombuffer(msg.data, np.uint8) if not isinstance(msg.data, list) else np.asarray(msg.data, np.uint8)
+        waiting = {f.stamp for f in self._frames}
+        if stamp == self._last_stamp or stamp in waiting or (self._last_content is not None and np.array_equal(content, self._last_content)):
+            self.skipped[FROZEN] += 1
+            return
+        if stamp < self._last_stamp:
+            self.skipped[LATE] += 1
+            return
+        self._last_content = content
+        self._newest = max(self._newest, stamp)
+        self._frames.append(_Frame(stamp, msg, cloud))
+        if len(self._frames) > 1 and self._frames[-2].stamp > stamp:
+            self._frames = deque(sorted(self._frames, key=lambda f: f.stamp))
+
+    def _complete(self, frame: _Frame) -> bool:
+        if self._newest > frame.stamp + self._wait_ns:
+            return True
+        return (
+            self.camera is not None
+            and (not self.topics.amplitude or self._amplitude.settled(frame.stamp, self._join_ns))
+            and (not self.topics.colour or self._colour.settled(frame.stamp, self._colour_join_ns))
+            and self._tf_settled(frame)
+        )
+
+    def _tf_settled(self, frame: _Frame) -> bool:
+        if self.chain is None or self.chain.transforms.settled(frame.stamp):
+            return True
+        try:
+            self.chain.pose(frame.msg.header.frame_id, frame.stamp)
+        except TransformError:
+            return False
+        return True
+
+    def _capture(self, frame: _Frame) -> Capture | None:
+        self._last_stamp = frame.stamp
+        if self.camera is None:
+            self.skipped[NO_INFO] += 1
+            return None
+        frame_id = self.camera.frame_id if frame.cloud else frame.msg.header.frame_id.lstrip("/")
+        robot = self._robot(frame_id, frame.stamp)
+        if robot is None and self.need_tf:
+            self.skipped[NO_TRANSFORM] += 1
+            return None
+        camera = self.camera if self.camera.frame_id == frame_id else replace(self.camera, frame_id=frame_id)
+        depth, reason = self._depth_of(frame, camera)
+        amplitude = self._amplitude.nearest(frame.stamp, self._join_ns)
+        return Capture(
+            stamp_ns=frame.stamp, camera=camera, depth=depth, reason=reason, robot=robot, temperature=self._temperature(frame.stamp),
+            amplitude=None if amplitude is None else self._amplitude_of(amplitude, camera), colour=self._colour_of(frame_id, frame.stamp),
+        )
+
+    def _depth_of(self, frame: _Frame, camera: Camera) -> tuple[Image, Bytes]:
+        if frame.cloud:
+            cloud_frame = frame.msg.header.frame_id.lstrip("/")
+            T = None
+            if cloud_frame != camera.frame_id:
+                if self.chain is None:
+                    raise TransformError(f"the cloud is in '{cloud_frame}', the camera in '{camera.frame_id}'", where=self.topics.points)
+                T = self.chain.transforms.lookup(camera.frame_id, cloud_frame, frame.stamp)
+            return depth_from_points(frame.msg, camera, T, self.topics.points)
+        depth, reason = decode_depth(frame.msg, self.topics.depth, scale=self.options.depth_scale)
+        check_size(depth.shape, camera, self.topics.depth)
+        if self.options.depth == "radial":
+            depth = radial_to_z(camera, depth)
+        if camera.distorted and (outside := np.isnan(camera.ray_length())).any():
+            depth[outside] = np.nan
+            reason[outside & (reason == Reason.VALID)] = Reason.OUT_OF_RANGE
+        return depth, reason
+
+    def _amplitude_of(self, msg: Any, camera: Camera) -> Image:
+        amplitude = decode_amplitude(msg, self.topics.amplitude)
+        check_size(amplitude.shape, camera, self.topics.amplitude)
+        return amplitude
+
+    def _colour_of(self, frame_id: str, stamp: int) -> Colour | None:
+        msg = self._colour.nearest(stamp, self._colour_join_ns)
+        if msg is None:
+            return None
+        image, T = decode_colour(msg, self.topics.colour), None
+        camera = self._colour_camera
+        if camera is not None:
+            check_size(image.shape, camera, self.topics.colour)
+        if self.chain is not None:
+            try:
+                T = self.chain.transforms.lookup(frame_id, msg.header.frame_id, stamp)
+            except TransformError as error:
+                self.last_error = str(error)
+        return Colour(image, camera, T, stamp_ns(msg))
+
+    def _temperature(self, stamp: int) -> float:
+        """The nearest earlier temperature, NaN where there is none."""
+        i = bisect_right(self._temperatures, (stamp, float("inf")))
+        return self._temperatures[i - 1][1] if i else float("nan")
+
+    def _robot(self, frame_id: str, stamp: int) -> RobotPose | None:
+        if self.chain is None:
+            return None
+        try:
+            return self.chain.pose(frame_id, stamp)
+        except TransformError as error:
+            self.last_error = str(error)
+            return None
+
+    def _camera_of(self, msg: Any, where: str, image_topic: str) -> Camera:
+        """The camera of a CameraInfo; the same numbers give the same object, so its rays are computed once."""
+        rectified = image_topic.rpartition("/")[2].startswith("image_rect")
+        camera = camera_from_info(msg, where, rectified=rectified)
+        key = repr(camera).encode()
+        return self._cameras.setdefault(key, camera)

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the robot believes its camera is: the chain cell, body, camera from TF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.capture import RobotPose
+from tof_core.errors import TransformError
+
+if TYPE_CHECKING:
+    from tof_core.placement import Placement
+    from tof_core.tf import TransformBuffer
+
+BODY_NAMES = ("body", "base_link")
+"""Last part of the name of a frame that is taken for the robot's base, in this order."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotChain:
+    """Names of the frames that a camera's pose is made of.
+
+    Args:
+        transforms: what TF said; a placement is entered there once the cell is needed.
+        cell: TF frame of the cell; empty takes the root above the camera.
+        body: TF frame of the base; empty finds `body` or `base_link` on the chain.
+        placed: where the cell is, for a robot whose TF does not know it.
+    """
+
+    transforms: TransformBuffer
+    cell: str = ""
+    body: str = ""
+    placed: Placement | None = None
+
+    def pose(self, camera_frame: str, stamp_ns: int) -> RobotPose:
+        """The robot's pose at a stamp.
+
+        Raises:
+            TransformError: TF lacks a frame or has a gap; nothing is assumed.
+        """
+        cell, body = self.resolve(camera_frame)
+        if not body:
+            return RobotPose(np.eye(4), self.transforms.lookup(cell, camera_frame, stamp_ns))
+        return RobotPose(self.transforms.lookup(cell, body, stamp_ns), self.transforms.lookup(body, camera_frame, stamp_ns))
+
+    def resolve(self, camera_frame: str) -> tuple[str, str]:
+        """The names (cell, body) for a camera; body is empty where the chain has none."""
+        cell = self._cell(camera_frame)
+        chain = self.transforms.chain(cell, camera_frame)
+        if self.body:
+            wanted = self.body.lstrip("/")
+            if wanted not in chain:
+                raise TransformError(f"body frame '{wanted}' is not between '{cell}' and '{camera_frame}'", where="--body-frame",
+                                     todo=f"that way are: {', '.join(chain)}")
+            return cell, wanted
+        found = [f for name in BODY_NAMES for f in chain[:-1] if f.rpartition("/")[2] == name and f != cell]
+        return cell, found[0] if found else ""
+
+    def _cell(self, camera_frame: str) -> str:
+        cell = self.cell.lstrip("/")
+        frames = self.transforms.frames()
+        if not cell and not self.placed and camera_frame in frames:
+            return self.transforms.root(camera_frame)
+        if cell in frames and self.transforms.connected(cell, camera_frame):
+            return cell
+        if self.placed is not None:
+            self._place(cell or "cell", camera_frame)
+            return cell or "cell"
+        raise TransformError(
+            f"TF does not have the cell frame '{cell}'" if cell not in frames else f"TF does not connect '{cell}' with '{camera_frame}'",
+            where="/tf", todo=f"pass --initial-pose (where the cell is) or --cell-frame (one of: {', '.join(frames) or 'TF is empty'})",
+        )
+
+    def _place(self, cell: str, camera_frame: str) -> None:
+        placed = self.placed
+        assert placed is not None
+        frame = placed.frame.lstrip("/")
+        if frame != camera_frame and not self.transforms.connected(frame, camera_frame):
+            raise TransformError(f"the cell is placed in '{frame}', which TF does not connect with '{camera_frame}'", where="/tf",
+                                 todo=f"TF has the frames: {', '.join(self.transforms.frames()) or 'none at all'}")
+        self.transforms.add(frame, cell, 0, placed.T_frame_cell, static=True)

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which topic is what: by type, by words in the name, by sibling; never by a silent guess.
+
+Default names are spot_ros2's (`/depth/hand/image`, ...) under any namespace.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+from tof_core.decode import AMPLITUDE_ENCODINGS, COLOUR_ENCODINGS, DEPTH_ENCODINGS
+from tof_core.errors import TopicError
+from tof_core.options import NOT_WANTED
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tof_core.options import BagOptions
+
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
+INFO = "sensor_msgs/msg/CameraInfo"
+POINTS = "sensor_msgs/msg/PointCloud2"
+TEMPERATURE = "sensor_msgs/msg/Temperature"
+TF = "tf2_msgs/msg/TFMessage"
+
+DEPTH_WORDS = frozenset({"depth", "distance", "range"})
+AMPLITUDE_WORDS = frozenset({"ir", "amplitude", "infra", "infrared", "intensity", "nir"})
+COLOUR_WORDS = frozenset({"camera", "color", "colour", "rgb"})
+DERIVED_WORDS = frozenset({"registered", "confidence", "mask", "sigma", "noise", "count", "reason", "label", "preproc", "infer"})
+"""Images made from a depth image, or beside it: candidates only where there is no other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Topics:
+    """The topics of one depth camera; empty where the recording has none."""
+
+    depth: str = ""
+    info: str = ""
+    points: str = ""
+    amplitude: str = ""
+    colour: str = ""
+    colour_info: str = ""
+    temperature: str = ""
+
+    def named(self) -> tuple[str, ...]:
+        """Every topic that is there."""
+        return tuple(name for f in fields(self) if (name := getattr(self, f.name)))
+
+
+def find_topics(
+    types: Mapping[str, str], options: BagOptions, *, encodings: Mapping[str, str] | None = None, where: str = "bag",
+) -> Topics:
+    """The topics of a recording's depth camera.
+
+    Args:
+        types: type of each topic.
+        options: names that the user gave; they must exist and be of the right type.
+        encodings: encoding of each image topic, as far as known.
+        where: what error messages name.
+
+    Raises:
+        TopicError: no depth, no CameraInfo, or several that fit; it lists them and the flag to pass.
+    """
+    return _Finder(types, options, encodings or {}, where).find()
+
+
+@dataclass(frozen=True, slots=True)
+class _Finder:
+    types: Mapping[str, str]
+    options: BagOptions
+    encodings: Mapping[str, str]
+    where: str
+
+    def find(self) -> Topics:
+        o = self.options
+        depth, points = self._depth_or_points()
+        source = depth or points
+        colour = self._optional(o.colour_topic, "--colour-topic", self._images(COLOUR_WORDS, COLOUR_ENCODINGS, depth), source)
+        return Topics(
+            depth=depth, points=points,
+            info=self._given(o.info_topic, INFO, "--info-topic") or self._info_beside(source, "--info-topic"),
+            amplitude=self._optional(o.amplitude_topic, "--amplitude-topic", self._images(AMPLITUDE_WORDS, AMPLITUDE_ENCODINGS, depth), source),
+            colour=colour,
+            colour_info=self._given(o.colour_info_topic, INFO, "--colour-info-topic") or self._sibling(colour),
+            temperature=self._optional(o.temperature_topic, "--temperature-topic", self._of_type(TEMPERATURE), source),
+        )
+
+    def _depth_or_points(self) -> tuple[str, str]:
+        o = self.options
+        depth, points = self._given(o.depth_topic, IMAGE, "--depth-topic"), self._given(o.points_topic, POINTS, "--points-topic")
+        if depth or points:
+            return depth, "" if depth else points
+        if images := self._images(DEPTH_WORDS, DEPTH_ENCODINGS, "") or self._unnamed_depth():
+            return self._one(images, "depth image", "--depth-topic", ""), ""
+        if clouds := self._of_type(POINTS):
+            return "", self._one(clouds, "point cloud", "--points-topic", "")
+        packed = self._of_type(COMPRESSED)
+        todo = f"compressed images are not read ({packed[0]}); record the raw topic" if packed else self._all()
+        raise TopicError("has no depth image and no point cloud", where=self.where, todo=todo)
+
+    def _images(self, words: frozenset[str], encodings: Sequence[str], depth: str) -> list[str]:
+        """Image topics with one of the words that the other kinds do not claim first."""
+        others = (DEPTH_WORDS | AMPLITUDE_WORDS) - words if words is COLOUR_WORDS else DEPTH_WORDS - words
+        fitting = [
+            t for t in self._of_type(IMAGE)
+            if t != depth and _words(t) & words and not _words(t) & others and self.encodings.get(t, encodings[0]) in encodings
+        ]
+        return [t for t in fitting if not _words(t) & DERIVED_WORDS] or fitting
+
+    def _unnamed_depth(self) -> list[str]:
+        """Images that no word claims, but whose encoding can hold depth and that have a CameraInfo."""
+        named = AMPLITUDE_WORDS | COLOUR_WORDS | DERIVED_WORDS
+        return [t for t in self._of_type(IMAGE)
+                if self.encodings.get(t) in DEPTH_ENCODINGS and self._sibling(t) and not _words(t) & named]
+
+    def _one(self, candidates: list[str], what: str, flag: str, beside: str) -> str:
+        """The only candidate, the one with spot_ros2's name, or the one nearest to `beside`; else an error."""
+        if len(candidates) > 1 and (usual := [t for t in candidates if re.search(r"(^|/)depth/hand/(image|points)$", t)]):
+            candidates = usual
+        if len(candidates) > 1 and beside:
+            nearness = {t: _nearness(t, beside) for t in candidates}
+            candidates = [t for t in candidates if nearness[t] == max(nearness.values())]
+        if len(candidates) > 1:
+            todo = f"pass {flag} with one of: {', '.join(candidates)}"
+            raise TopicError(f"has {len(candidates)} topics that may be the {what}", where=self.where, todo=todo)
+        return candidates[0]
+
+    def _optional(self, given: str, flag: str, candidates: list[str], beside: str) -> str:
+        if given == NOT_WANTED:
+            return ""
+        if given:
+            return self._given(given, "", flag)
+        what = flag.removeprefix("--").removesuffix("-topic")
+        return self._one(candidates, what, flag, beside) if candidates else ""
+
+    def _given(self, name: str, kind: str, flag: str) -> str:
+        """A topic that the user named: it must be there and of its type."""
+        if not name:
+            return ""
+        found = name if name in self.types else "/" + name.lstrip("/")
+        if found not in self.types:
+            raise TopicError(f"has no topic '{name}' ({flag})", where=self.where, todo=self._all())
+        if kind and self.types[found] != kind:
+            raise TopicError(f"topic '{found}' ({flag}) is a {self.types[found]}, not a {kind}", where=self.where)
+        return found
+
+    def _info_beside(self, topic: str, flag: str) -> str:
+        if found := self._sibling(topic):
+            return found
+        infos = self._of_type(INFO)
+        todo = f"pass {flag} with one of: {', '.join(infos)}" if infos else "record the camera_info topic too"
+        raise TopicError(f"has no CameraInfo beside '{topic}'", where=self.where, todo=todo)
+
+    def _sibling(self, topic: str) -> str:
+        """`camera_info` in the namespace of a topic, or under the topic itself."""
+        names = (f"{topic.rpartition('/')[0]}/camera_info", f"{topic}/camera_info") if topic else ()
+        return next((n for n in names if self.types.get(n) == INFO), "")
+
+    def _of_type(self, kind: str) -> list[str]:
+        return sorted(t for t, k in self.types.items() if k == kind)
+
+    def _all(self) -> str:
+        return f"its topics: {', '.join(sorted(self.types)) or 'none'}"
+
+
+def _words(topic: str) -> frozenset[str]:
+    return frozenset(re.split(r"[^a-z]+", topic.lower()))
+
+
+def _nearness(topic: str, other: str) -> int:
+    """How many parts of the path two topics share, from the front and from the back."""
+    a, b = topic.split("/"), other.split("/")
+    front = next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
+    back = next((i for i, (x, y) in enumerate(zip(a[::-1], b[::-1], strict=False)) if x != y), min(len(a), len(b)))
+    return front + back
