@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the virtual camera looks at: named triangle meshes with a reflectance, and all of them as one soup."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.errors import SceneError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tof_core.arrays import Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """One rigid thing: vertices (n, 3) in metres in the cell frame, faces (m, 3) indices, diffuse albedo 0..1.
+
+    `roughness` 1 is a perfectly matt surface; smaller ones shine where the `specular` effect is on.
+    """
+
+    name: str
+    vertices: Float
+    faces: NDArray[np.int32]
+    albedo: float = 0.5
+    roughness: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Soup:
+    """All bodies as triangles: corners (m, 3, 3), unit normals (m, 3), and per face its body, albedo and roughness."""
+
+    corners: Float
+    normals: Float
+    body: NDArray[np.int32]
+    albedo: Float
+    roughness: Float
+    names: tuple[str, ...]
+
+    @property
+    def centre(self) -> Float:
+        """Middle of the bounding box (3,)."""
+        flat = self.corners.reshape(-1, 3)
+        return np.asarray(0.5 * (flat.min(axis=0) + flat.max(axis=0)))
+
+    @property
+    def extent(self) -> float:
+        """Diagonal of the bounding box in metres."""
+        flat = self.corners.reshape(-1, 3)
+        return float(np.linalg.norm(np.ptp(flat, axis=0)))
+
+
+def soup(bodies: Sequence[Body]) -> Soup:
+    """Join bodies into one soup; faces without area are dropped."""
+    if not bodies:
+        msg = "there is nothing to look at"
+        raise SceneError(msg, where="virtual robot", todo="pass at least one body")
+    corners = np.concatenate([np.asarray(b.vertices, float)[np.asarray(b.faces)] for b in bodies])
+    counts = [len(b.faces) for b in bodies]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(cross, axis=1)
+    if not np.isfinite(size).all():
+        msg = "a mesh has vertices that are not finite"
+        raise SceneError(msg, where="virtual robot")
+    keep = size > 1e-14
+
+    def per_face(values: list[float]) -> Float:
+        return np.asarray(np.repeat(np.asarray(values, float), counts)[keep])
+
+    return Soup(
+        corners=np.ascontiguousarray(corners[keep]),
+        normals=cross[keep] / size[keep, None],
+        body=per_face([float(i) for i in range(len(bodies))]).astype(np.int32),
+        albedo=per_face([b.albedo for b in bodies]),
+        roughness=per_face([b.roughness for b in bodies]),
+        names=tuple(b.name for b in bodies),
+    )

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A planned session with everything true about it: worlds, poses, what each capture sees and measures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.camera import Camera
+from tof_virtual.effects import make_effects
+from tof_virtual.effects.base import Moment
+from tof_virtual.pipeline import expose
+from tof_virtual.plan import plan
+from tof_virtual.robot import HAND_OF_CAMERA, Robot
+from tof_virtual.sight import World, look
+from tof_virtual.timeline import schedule
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tof_core.arrays import Float
+    from tof_virtual.body import Body
+    from tof_virtual.config import CameraConfig, VirtualConfig
+    from tof_virtual.effects.base import Effect
+    from tof_virtual.sight import Sight
+    from tof_virtual.timeline import Shutter
+
+NEED_MOTION = frozenset({"time_sync", "motion"})
+"""Effects that only a moving hand shows."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """The robot's errors at one stop: base, arm."""
+
+    B: Float
+    A: Float
+
+
+def stated_camera(config: CameraConfig, frame_id: str) -> Camera:
+    """The published calibration: square pixels, principal point near the middle."""
+    f = 0.5 * config.width / np.tan(np.radians(config.fov_deg) / 2)
+    return Camera(config.width, config.height, float(f), float(f), 0.5 * (config.width - 1) + 0.8, 0.5 * (config.height - 1) - 0.6,
+                  "plumb_bob", (0.0,) * 5, frame_id)
+
+
+class Session:
+    """Stops, times, errors and effects of one session, all drawn from the seed."""
+
+    def __init__(self, bodies: Sequence[Body], config: VirtualConfig, effects: Mapping[str, float]) -> None:
+        """Plan the session on the nominal bodies, as a robot's programmer would."""
+        if NEED_MOTION & set(effects):
+            config = replace(config, plan=replace(config.plan, capture_moving=True))
+        self.config = config
+        self.bodies = bodies
+        self.effects: tuple[Effect, ...] = make_effects(effects, config)
+        self.camera = stated_camera(config.camera, frame(config, "hand_depth_sensor"))
+        self._worlds: dict[frozenset[str], World] = {frozenset(): World.of(bodies)}
+        self._sights: dict[tuple[int, int, frozenset[str]], Sight] = {}
+        plan_rng, time_rng, robot_rng = (np.random.default_rng([config.seed, k]) for k in range(3))
+        raster = self.camera.rays()[:: max(self.camera.height // 12, 1), :: max(self.camera.width // 16, 1)].reshape(-1, 3)
+        self.stops = plan(self.nominal, config.plan, raster, plan_rng)
+        self.segments, self.shutters = schedule(self.stops, config.plan, time_rng)
+        self.errors = self._errors(Robot(config.robot, robot_rng))
+
+    @property
+    def nominal(self) -> World:
+        """The bodies as the CAD has them."""
+        return self._worlds[frozenset()]
+
+    def _errors(self, robot: Robot) -> list[Errors]:
+        out = []
+        for stop in self.stops:
+            if stop.T_cell_body is not robot.T_cell_body:
+                robot.drive(stop.T_cell_body)
+            robot.goto(stop.T_body_hand)
+            out.append(Errors(robot.B, robot.A))
+        return out
+
+    # what is true -------------------------------------------------------------------------------
+    def stamp_s(self, shutter: Shutter) -> float:
+        """The stamp that the capture gets, in seconds from the start."""
+        return shutter.time_s + sum(e.stamp_error_s() for e in self.effects)
+
+    def temperature(self, time_s: float) -> float:
+        """Of the camera, in degrees Celsius."""
+        w = self.config.warmup
+        return float(w.end_c + (w.start_c - w.end_c) * np.exp(-time_s / w.tau_s))
+
+    def hand_eye(self, effects: Sequence[Effect] | None = None) -> Float:
+        """X with these effects (all of the session's if None)."""
+        X = np.eye(4)
+        for e in self.effects if effects is None else effects:
+            X = X @ e.hand_eye()
+        return X
+
+    def robot_pose(self, shutter: Shutter) -> Float:
+        """`T_cell_camera` as TF has it at the capture's stamp."""
+        body, hand = shutter.segment.poses(self.stamp_s(shutter))
+        return np.asarray(body @ hand @ HAND_OF_CAMERA)
+
+    def true_pose(self, shutter: Shutter, effects: Sequence[Effect] | None = None, shift_s: float = 0.0) -> Float:
+        """`T_cell_camera` where the camera is `shift_s` after the middle of the exposure, with these effects."""
+        effects = self.effects if effects is None else effects
+        time_s = self.stamp_s(shutter) - sum(e.stamp_error_s() for e in effects)
+        body, hand = shutter.segment.poses(time_s + shift_s)
+        errors = self.errors[shutter.stop]
+        return np.asarray(errors.B @ body @ hand @ HAND_OF_CAMERA @ errors.A @ self.hand_eye(effects))
+
+    def world(self, effects: Sequence[Effect]) -> World:
+        """The bodies as they are with these effects."""
+        bending = [e for e in effects if e.deforms]
+        key = frozenset(e.name for e in bending)
+        if key not in self._worlds:
+            bodies = self.bodies
+            for e in bending:
+                bodies = e.deform(bodies)
+            self._worlds[key] = World.of(bodies)
+        return self._worlds[key]
+
+    # what is seen and measured --------------------------------------------------------------------
+    def sight(self, shutter: Shutter, effects: Sequence[Effect], shift_s: float = 0.0, *, subsamples: int = 0) -> Sight:
+        """What the camera sees with these effects; kept while the camera stands still."""
+        subsamples = subsamples or self.config.camera.subsamples
+        key = (shutter.stop, subsamples, frozenset(e.name for e in effects if e.geometric or e.footprint()))
+        still = not self.config.plan.capture_moving
+        if still and key in self._sights:
+            return self._sights[key]
+        camera = self.camera
+        for e in effects:
+            camera = e.true_camera(camera)
+        width = max((e.footprint() for e in effects), default=0.0) or 1.0
+        sight = look(self.world(effects), camera.rays(), self.true_pose(shutter, effects, shift_s), subsamples=subsamples, width=width)
+        if still:
+            self._sights = {k: v for k, v in self._sights.items() if k[0] == shutter.stop}
+            self._sights[key] = sight
+        return sight
+
+    def moment(self, index: int, effects: Sequence[Effect] | None = None) -> Moment:
+        """Capture number `index` with these effects (all of the session's if None)."""
+        effects = self.effects if effects is None else effects
+        shutter = self.shutters[index]
+        interval = sum(e.tap_interval_s() for e in effects)
+        shifts = [(k - 1.5) * interval for k in range(4)] if interval else []
+        return Moment(
+            index=index, view=shutter.stop, time_s=shutter.time_s, temperature=self.temperature(shutter.time_s),
+            world=self.world(effects), config=self.config,
+            sights=tuple(self.sight(shutter, effects, s) for s in [*shifts, 0.0]),
+        )
+
+    def bias(self, index: int, effect: Effect) -> Float:
+        """What one effect adds to the noise-free depth (P,) of a capture, the others being on; NaN where not seen."""
+        others = [e for e in self.effects if e is not effect]
+        if effect.geometric:
+            shutter = self.shutters[index]
+            return self.sight(shutter, self.effects).z - self.sight(shutter, others).z
+        return expose(self.moment(index), self.effects).depth - expose(self.moment(index, others), others).depth
+
+    def forget(self) -> None:
+        """Drop what depends on the size of an effect."""
+        self._sights.clear()
+        self._worlds = {frozenset(): self.nominal}
+
+
+def frame(config: VirtualConfig, name: str) -> str:
+    """A TF frame's name with the robot's prefix."""
+    return f"{config.output.namespace}/{name}" if config.output.namespace else name
+
+
+def topic(config: VirtualConfig, name: str) -> str:
+    """A topic's name with the robot's namespace."""
+    return f"/{config.output.namespace}/{name}" if config.output.namespace else f"/{name}"

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin simulate`: a virtual robot records a session of a scene, with the effects that are switched on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tof_core.errors import UsageError
+
+if TYPE_CHECKING:
+    import argparse
+
+    from tof_scene.scene import Scene
+    from tof_virtual.body import Body
+    from tof_virtual.config import VirtualConfig
+    from tof_virtual.truth import Truth
+
+NAME = "simulate"
+HELP = "record a bag with a virtual robot and its time-of-flight camera; the truth goes to files beside the bag"
+EXAMPLE = "toftwin simulate --scene body_section --out out/session --effect wiggling=1 --effect multipath=1 --views 20"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the flags."""
+    from toftwin.options import add_config_arguments
+
+    parser.add_argument("--scene", metavar="SCENE", help="scene.yaml, its folder, or a built-in scene's name")
+    parser.add_argument("--out", type=Path, metavar="BAG", help="folder of the bag to write; it must not exist")
+    parser.add_argument("--effect", action="append", default=[], metavar="NAME=STRENGTH", help="switch an effect on (1: 3 mm RMS); may be repeated")
+    parser.add_argument("--truth", type=Path, metavar="STEM", help="where the truth goes (.npz and .json); BAG.truth if not given")
+    parser.add_argument("--views", type=int, help="views of the session")
+    parser.add_argument("--stations", type=int, help="stations of the base")
+    parser.add_argument("--captures", type=int, help="captures of each view")
+    parser.add_argument("--size", metavar="WxH", help="pixels of the camera, for instance 400x300")
+    parser.add_argument("--seed", type=int, help="seed of everything random")
+    parser.add_argument("--capture-moving", action="store_true", help="capture while the hand moves")
+    parser.add_argument("--json", action="store_true", help="print what was recorded as JSON")
+    add_config_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record; prints what was written."""
+    from tof_virtual.config import VirtualConfig
+    from toftwin.options import load_config, settings_text
+
+    if args.settings:
+        print(settings_text(VirtualConfig))
+        return 0
+    if not args.scene or not args.out:
+        raise UsageError("needs --scene and --out", where="simulate", todo=f"for instance: {EXAMPLE}")
+    config = _with_flags(load_config(VirtualConfig, args), args)
+    effects = parse_effects(args.effect)
+    if args.out.exists():
+        raise UsageError("exists already", where=args.out, todo="name another folder or remove it")
+
+    from tof_virtual.record import record
+
+    scene = open_scene(args.scene, args.out)
+    truth = record(bodies_of(scene), args.out, config, effects=effects, truth_path=args.truth)
+    _report(args, scene, truth)
+    return 0
+
+
+def parse_effects(pairs: list[str]) -> dict[str, float]:
+    """`name=strength` texts (`name` alone is a strength of 1)."""
+    out: dict[str, float] = {}
+    for pair in pairs:
+        name, _, text = pair.partition("=")
+        try:
+            out[name] = float(text or 1.0)
+        except ValueError:
+            raise UsageError(f"'{pair}' is not NAME=STRENGTH", where="--effect") from None
+    return out
+
+
+def open_scene(name: str, out: Path) -> Scene:
+    """A scene by path, or a built-in one by name, whose files are then left in `<out>.scene` for the commands that follow."""
+    from tof_scene.builtin import builtin_names, write_builtin
+    from tof_scene.scene import load_scene
+
+    if name in builtin_names():
+        return load_scene(write_builtin(name, out.with_name(out.name + ".scene")))
+    path = Path(name)
+    if not path.exists():
+        raise UsageError("is neither a scene file nor a built-in scene", where=name, todo=f"built in are {', '.join(builtin_names())}")
+    return load_scene(path)
+
+
+def bodies_of(scene: Scene) -> list[Body]:
+    """The scene's parts as the virtual robot takes them."""
+    from tof_virtual.body import Body
+
+    return [Body(p.name, p.vertices, p.faces, p.material.albedo, p.material.roughness) for p in scene.parts]
+
+
+def _with_flags(config: VirtualConfig, args: argparse.Namespace) -> VirtualConfig:
+    from tof_core.config import flatten, from_mapping
+
+    values: dict[str, Any] = flatten(config)
+    given = {"plan.views": args.views, "plan.stations": args.stations, "plan.captures": args.captures, "seed": args.seed}
+    values.update({key: value for key, value in given.items() if value is not None})
+    if args.capture_moving:
+        values["plan.capture_moving"] = True
+    if args.size:
+        width, _, height = args.size.lower().partition("x")
+        if not (width.isdigit() and height.isdigit()):
+            raise UsageError(f"'{args.size}' is not WIDTHxHEIGHT", where="--size")
+        values.update({"camera.width": int(width), "camera.height": int(height)})
+    return from_mapping(type(config), values, where="simulate")
+
+
+def _report(args: argparse.Namespace, scene: Scene, truth: Truth) -> None:
+    import json
+
+    meta = truth.meta()
+    if args.json:
+        summary = {"bag": str(args.out), "scene": str(scene.folder), "views": len(truth), "effects": meta["effects"]}
+        print(json.dumps(summary, indent=1))
+        return
+    print(f"recorded {len(truth)} views to {args.out} (scene: {scene.folder})")
+    for name, effect in meta["effects"].items():
+        print(f"  {name}: {effect['rms_mm']:.2f} mm RMS over the pixels it affects ({effect['size']:.4g} {effect['unit']})")
