@@ -23,7 +23,7 @@ from tof_core.reasons import Reason
 from tof_core.topics import Topics
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from tof_core.arrays import Bytes, Image
     from tof_core.camera import Camera
@@ -95,6 +95,7 @@ class CaptureBuilder:
         """Nothing received yet."""
         self.options, self.chain, self.topics, self.need_tf = options, chain, topics, need_tf
         self.skipped: Counter[str] = Counter()
+        self.on_skip: Callable[[int, str], None] = lambda _stamp, _reason: None
         self.last_error = ""
         self.camera: Camera | None = None
         self._wait_ns = round(wait_s * 1e9)
@@ -157,15 +158,19 @@ class CaptureBuilder:
         """Frames that wait for something."""
         return len(self._frames)
 
+    def _skip(self, stamp: int, reason: str) -> None:
+        self.skipped[reason] += 1
+        self.on_skip(stamp, reason)
+
     def _push(self, msg: Any, *, cloud: bool) -> None:
         stamp = stamp_ns(msg)
         content = np.frombuffer(msg.data, np.uint8) if not isinstance(msg.data, list) else np.asarray(msg.data, np.uint8)
         waiting = {f.stamp for f in self._frames}
         if stamp == self._last_stamp or stamp in waiting or (self._last_content is not None and np.array_equal(content, self._last_content)):
-            self.skipped[FROZEN] += 1
+            self._skip(stamp, FROZEN)
             return
         if stamp < self._last_stamp:
-            self.skipped[LATE] += 1
+            self._skip(stamp, LATE)
             return
         self._last_content = content
         self._newest = max(self._newest, stamp)
@@ -195,12 +200,12 @@ class CaptureBuilder:
     def _capture(self, frame: _Frame) -> Capture | None:
         self._last_stamp = frame.stamp
         if self.camera is None:
-            self.skipped[NO_INFO] += 1
+            self._skip(frame.stamp, NO_INFO)
             return None
         frame_id = self.camera.frame_id if frame.cloud else frame.msg.header.frame_id.lstrip("/")
         robot = self._robot(frame_id, frame.stamp)
         if robot is None and self.need_tf:
-            self.skipped[NO_TRANSFORM] += 1
+            self._skip(frame.stamp, NO_TRANSFORM)
             return None
         camera = self.camera if self.camera.frame_id == frame_id else replace(self.camera, frame_id=frame_id)
         depth, reason = self._depth_of(frame, camera)
