@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Missing and grossly wrong pixels as evidence: lost returns, lost turns, mixed edges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.config import param
+from tof_core.reasons import Reason
+from tof_gap.kinds import Finding
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.frame import LIGHT_M_PER_S, lambert_amplitude
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Mask
+    from tof_gap.evidence import ViewEvidence
+
+
+@dataclass(frozen=True, slots=True)
+class MissingConfig:
+    """When missing, wrapped or mixed pixels are an effect."""
+
+    lost_share: float = param(0.01, "share of CAD pixels missing, away from edges", low=0.0, high=1.0)
+    turn_share: float = param(0.002, "share of pixels off by one common turn", low=0.0, high=1.0)
+    turn_spread_mm: float = param(60.0, "spread within which turns are common", unit="mm", low=1.0)
+    flying_share: float = param(0.25, "share of the mixture below which edges are clean", low=0.0, high=1.0)
+    step_mm: float = param(30.0, "depth step from which an edge can show mixing", unit="mm", low=1.0)
+
+
+def findings(views: Sequence[ViewEvidence], config: MissingConfig) -> list[Finding]:
+    """`dropout`, `phase_wrap` and `flying_pixels`, each where the pixels say so."""
+    found = (_dropout(views, config), _phase_wrap(views, config), _flying(views, config))
+    return [f for f in found if f is not None]
+
+
+def lost(view: ViewEvidence) -> Mask:
+    """(H, W) pixels away from edges where the CAD is and the sensor gave nothing."""
+    nothing = np.isin(view.view.reason, (Reason.NO_RETURN, Reason.SATURATED))
+    return view.frame.valid & ~view.edge & nothing
+
+
+def _dropout(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | None:
+    gone = np.concatenate([lost(v)[v.frame.valid & ~v.edge] for v in views])
+    if gone.mean() < config.lost_share:
+        return None
+    light = np.concatenate([lambert_amplitude(v.rendering)[v.frame.valid & ~v.edge] for v in views])
+    bright_half = light > np.median(light)
+    random = float(gone[bright_half].mean())
+    threshold = _half_lost(light, gone)
+    share = np.stack([np.where(v.frame.valid, lost(v).astype(float), np.nan) for v in views])
+    effect = Dropout(threshold=threshold, random=min(random, 1.0))
+    return Finding(effect, float(min(1.0, gone.mean() / config.lost_share / 2)), share=share)
+
+
+def _half_lost(light: Float, gone: Mask) -> float:
+    """Amplitude at which half of the pixels are gone; 0 where loss does not follow amplitude."""
+    edges = np.quantile(light, np.linspace(0, 1, 21))
+    which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, 19)
+    rate = np.array([gone[which == b].mean() if (which == b).any() else 0.0 for b in range(20)])
+    dark = np.flatnonzero(rate > 0.5)
+    return float(edges[dark.max() + 1]) if len(dark) else 0.0
+
+
+def _phase_wrap(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | None:
+    jump = np.concatenate([(v.residual * v.frame.length)[v.gross & ~v.edge] for v in views])
+    total = sum(int((np.isfinite(v.residual) & ~v.edge).sum()) for v in views)
+    jump = jump[np.abs(jump) > 0.2]
+    if len(jump) < config.turn_share * max(total, 1):
+        return None
+    size = _common_size(np.abs(jump), config.turn_spread_mm * 1e-3)
+    near = np.abs(np.abs(jump) - size) < config.turn_spread_mm * 1e-3
+    if near.sum() < config.turn_share * total or near.mean() < 0.5:
+        return None
+    short = bool(np.median(jump[near]) < 0)
+    start, share = _where_wrapped(views, size, short, config)
+    effect = PhaseWrap(modulation_mhz=LIGHT_M_PER_S / (2e6 * size), start_m=start if short else -start, share=share)
+    maps = np.stack([_turns(v, size, config) for v in views])
+    return Finding(effect, 0.95, share=maps, corrects=True)
+
+
+def _common_size(sizes: Float, spread: float) -> float:
+    """The size within `spread` of which most jumps lie."""
+    ordered = np.sort(sizes)
+    counts = np.searchsorted(ordered, ordered + 2 * spread) - np.arange(len(ordered))
+    first = int(np.argmax(counts))
+    return float(np.median(ordered[first : first + counts[first]]))
+
+
+def _turns(view: ViewEvidence, size: float, config: MissingConfig) -> Float:
+    r = view.residual * view.frame.length
+    wrapped = np.abs(np.abs(r) - size) < config.turn_spread_mm * 1e-3
+    return np.where(np.isfinite(r), np.where(wrapped, np.sign(r) * size / view.frame.length, 0.0), np.nan)
+
+
+def _where_wrapped(views: Sequence[ViewEvidence], size: float, short: bool, config: MissingConfig) -> tuple[float, float]:
+    wrapped = np.concatenate([_turns(v, size, config)[np.isfinite(v.residual)] != 0 for v in views])
+    radial = np.concatenate([v.frame.radial[np.isfinite(v.residual)] for v in views])
+    start = float(np.quantile(radial[wrapped], 0.02 if short else 0.98))
+    inside = radial > start if short else radial < start
+    return start, float(wrapped[inside].mean())
+
+
+def _flying(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | None:
+    """Regress where mixed pixels lie between their two surfaces on how mixed they are."""
+    lying, mixed = _between(views, config)
+    if len(mixed) < 80:
+        return None
+    # Clean edges lie on either surface: only pixels inside the gap, away from both, are mixing.
+    inside = (lying > 0.15) & (lying < 0.85)
+    share = float(inside.mean() / max(((mixed > 0.15) & (mixed < 0.5)).mean(), 1e-3))
+    if share < config.flying_share:
+        return None
+    effect = FlyingPixels(share=float(np.clip(share, 0.0, 1.5)))
+    maps = np.stack([np.where(v.frame.valid, effect.bias(v.frame), np.nan) for v in views])
+    return Finding(effect, float(min(1.0, share)), {"share": float(1 / np.sqrt(len(mixed)))}, maps, corrects=True)
+
+
+def _between(views: Sequence[ViewEvidence], config: MissingConfig) -> tuple[Float, Float]:
+    """Of mixed pixels with a clear step: where they lie (0 own surface, 1 the second), and the mixture."""
+    lying, mixed = [], []
+    for v in views:
+        step = v.rendering.second.astype(np.float64) - v.frame.depth
+        clear = (v.rendering.mixed > 0.05) & (np.abs(step) > config.step_mm * 1e-3) & np.isfinite(v.view.depth)
+        clear &= np.abs(step) > 10 * v.sigma
+        lying.append(((v.view.depth - v.frame.depth) / np.where(step == 0, 1, step))[clear])
+        mixed.append(v.rendering.mixed[clear].astype(np.float64))
+    return np.concatenate(lying), np.concatenate(mixed)

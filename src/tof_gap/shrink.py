@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far: the gap on held-out views before and after, against the floor, with intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Ints
+
+BLOCK_PX = 16
+"""Side of the blocks of the bootstrap: neighbours share errors, blocks less so."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Millimetres over pixels: root mean square, mean absolute, mean."""
+
+    rmse: float
+    mae: float
+    bias: float
+
+
+@dataclass(frozen=True, slots=True)
+class Shrink:
+    """1 - (after^2 - floor^2) / (before^2 - floor^2) on RMSE, None where before is at the floor."""
+
+    before: Errors
+    after: Errors
+    floor_mm: float
+    shrink: float | None
+    ci95: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOut:
+    """Sums per block of the held-out views' pixels: what every figure here is made of.
+
+    Each array is (blocks,): n, and the sums of e, |e|, e^2 before and after, and of floor^2.
+    """
+
+    n: Float
+    before: Float
+    after: Float
+    floor2: Float
+
+    def errors(self, which: str, weights: Float | None = None) -> Errors:
+        """RMSE, MAE and bias in mm, blocks weighted."""
+        sums = (self.before if which == "before" else self.after) @ (np.ones(len(self.n)) if weights is None else weights)
+        n = self.n.sum() if weights is None else self.n @ weights
+        mean, absolute, square = sums / max(n, 1.0)
+        return Errors(1e3 * float(np.sqrt(square)), 1e3 * float(absolute), 1e3 * float(mean))
+
+
+def blocks(before: Sequence[Float], after: Sequence[Float], floor2: Sequence[Float]) -> HeldOut:
+    """Sum errors (H, W) of each held-out view by blocks; NaN pixels do not count."""
+    parts = [_block_sums(b, a, f) for b, a, f in zip(before, after, floor2, strict=True)]
+    joined = [np.concatenate(p, axis=-1) for p in zip(*parts, strict=True)]
+    return HeldOut(*joined)
+
+
+def _block_sums(before: Float, after: Float, floor2: Float) -> tuple[Float, Float, Float, Float]:
+    seen = np.isfinite(before) & np.isfinite(after) & np.isfinite(floor2)
+    rows, columns = np.nonzero(seen)
+    block: Ints = (rows // BLOCK_PX) * (before.shape[1] // BLOCK_PX + 1) + columns // BLOCK_PX
+    _, block = np.unique(block, return_inverse=True)
+
+    def total(values: Float) -> Float:
+        return np.bincount(block, values[seen]) if len(block) else np.zeros(0)
+
+    def moments(e: Float) -> Float:
+        return np.stack([total(e), total(np.abs(e)), total(e * e)])
+
+    return total(seen.astype(float)), moments(before), moments(after), total(floor2)
+
+
+def measure(held_out: HeldOut, rng: np.random.Generator, rounds: int = 400) -> Shrink:
+    """The figures with a block-bootstrap interval of the shrink."""
+    before, after = held_out.errors("before"), held_out.errors("after")
+    floor2 = float(held_out.floor2.sum() / max(held_out.n.sum(), 1.0))
+    value = _ratio(before.rmse, after.rmse, floor2)
+    ci = None
+    if value is not None:
+        draws = rng.multinomial(len(held_out.n), np.full(len(held_out.n), 1 / len(held_out.n)), size=rounds).astype(float)
+        n = draws @ held_out.n
+        b2, a2, f2 = draws @ held_out.before[2] / n, draws @ held_out.after[2] / n, draws @ held_out.floor2 / n
+        ratios = 1 - (a2 - f2) / np.maximum(b2 - f2, 1e-12)
+        low, high = np.quantile(ratios, [0.025, 0.975])
+        ci = (float(low), float(high))
+    return Shrink(before, after, 1e3 * float(np.sqrt(floor2)), value, ci)
+
+
+def _ratio(before_mm: float, after_mm: float, floor2: float) -> float | None:
+    """The shrink, or None where before exceeds the floor by less than 2 %."""
+    b2, a2 = (before_mm * 1e-3) ** 2, (after_mm * 1e-3) ** 2
+    if not b2 > floor2 * 1.02**2:
+        return None
+    return float(1 - (a2 - floor2) / (b2 - floor2))

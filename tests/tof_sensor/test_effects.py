@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each effect's signature, in values."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.tof_sensor.plane import CAMERA, plane_frame
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
+from tof_sensor.effects.cad_deviation import CadDeviation
+from tof_sensor.effects.depth_scale import DepthScale
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.interference import Interference
+from tof_sensor.effects.lens_scatter import LensScatter
+from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.noise import Noise, PhotonLaw
+from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.effects.quantization import Quantization
+from tof_sensor.effects.radial_depth import RadialDepth
+from tof_sensor.effects.range_offset import RangeOffset
+from tof_sensor.effects.specular import Specular
+from tof_sensor.effects.subsurface import Subsurface
+from tof_sensor.effects.temperature_drift import TemperatureDrift
+from tof_sensor.effects.time_sync import TimeSync
+from tof_sensor.effects.wiggling import Wiggling
+from tof_sensor.frame import Context
+
+RNG = np.random.default_rng(5)
+
+
+def test_wiggling_at_100_mhz_repeats_after_375_mm() -> None:
+    assert Wiggling(modulation_mhz=100.0).period_m == pytest.approx(0.37474, abs=1e-5)
+    frame = plane_frame()
+    bias = Wiggling(sine_m=0.003).bias(frame) * frame.length
+    np.testing.assert_allclose(bias, 0.003 * np.sin(2 * np.pi * frame.radial / 0.374741), atol=1e-7)
+
+
+def test_amplitude_bias_grows_with_each_e_fold() -> None:
+    amplitude = np.geomspace(1.0, np.e**2, CAMERA.width)[None] * np.ones((CAMERA.height, 1))
+    bias = AmplitudeBias(per_ln_m=0.004).bias(plane_frame(amplitude=amplitude)) * CAMERA.ray_length()
+    np.testing.assert_allclose(bias[:, -1] - bias[:, 0], 0.008, atol=1e-9)
+
+
+def test_drift_follows_the_thermometer_and_without_one_the_clock() -> None:
+    warm = plane_frame(Context(temperature=35.0))
+    np.testing.assert_allclose(TemperatureDrift(drift_m=5e-4).bias(warm) * warm.length, 0.005, rtol=1e-12)
+    late = plane_frame(Context(time_s=600.0))
+    np.testing.assert_allclose(TemperatureDrift(drift_m=0.01).bias(late) * late.length, 0.01 / np.e, rtol=1e-12)
+
+
+def test_offset_scale_and_radial_are_what_they_say() -> None:
+    frame = plane_frame()
+    np.testing.assert_allclose(RangeOffset(offset_m=0.005).bias(frame) * frame.length, 0.005)
+    np.testing.assert_allclose(DepthScale(scale=0.001).bias(frame), 0.001 * frame.depth)
+    np.testing.assert_allclose(frame.depth + RadialDepth(share=1.0).bias(frame), frame.radial)
+
+
+def test_fixed_pattern_dense_columns_agree_with_its_bias() -> None:
+    h, w = CAMERA.shape
+    pattern = FixedPattern(values=tuple(RNG.normal(0, 1e-3, h + w + 8)), order=3)
+    frame = plane_frame()
+    np.testing.assert_allclose(pattern.columns(frame) @ pattern.coefficients, pattern.bias(frame), atol=1e-12)
+
+
+def test_time_sync_is_twist_times_delay() -> None:
+    frame = plane_frame(Context(twist=np.array([0, 0, 0.1, 0, 0, 0])))
+    # Toward the plane at 0.1 m/s: 10 ms late exposure sees it 1 mm nearer along the axis's ray.
+    bias = TimeSync(delay_s=0.01).bias(frame)
+    np.testing.assert_allclose(bias[15, 19], -0.001, rtol=0.03)
+    assert not TimeSync(delay_s=0.01).bias(plane_frame()).any()
+
+
+def test_motion_is_nothing_while_standing() -> None:
+    assert not Motion(axial_s=0.02, edge_s=0.02).bias(plane_frame()).any()
+
+
+def test_deviation_moves_its_part_alone() -> None:
+    push = CadDeviation(values=(0, 0, 0.002, 0, 0, 0, 0, 0, 0), part=0, centre=(0, 0, 0.9))
+    frame = plane_frame()
+    n = frame.rendering.normal[0, 0].astype(float)
+    np.testing.assert_allclose(push.bias(frame), 0.002 * n[2] / (frame.rays @ n), rtol=1e-6)
+    assert not push.bias(plane_frame(part=1)).any()
+
+
+def test_bow_is_zero_at_the_centre_and_full_at_half_size() -> None:
+    bow = CadDeviation(values=(0,) * 6 + (0.002, 0.0, 0.0), part=0, centre=(0, 0, 0.9), normal=(0, 0, -1), half_size_m=0.2)
+    columns = bow.columns(plane_frame())[..., 6]
+    assert np.abs(columns).min() < 1e-3
+    assert np.abs(columns).max() > 0.5
+
+
+def test_subsurface_delays_more_where_seen_flat() -> None:
+    frame = plane_frame()
+    bias = Subsurface(delay_m=0.003, part=0).bias(frame) * frame.length
+    assert bias.min() >= 0.003
+    steep, head_on = np.argmax(frame.rendering.incidence), np.argmin(frame.rendering.incidence)
+    assert bias.ravel()[steep] > bias.ravel()[head_on]
+
+
+def test_flying_pixel_of_equal_halves_lies_between() -> None:
+    frame = plane_frame()
+    mixed, second = np.zeros(CAMERA.shape, np.float32), np.full(CAMERA.shape, np.nan, np.float32)
+    mixed[15, 20], second[15, 20] = 0.5, frame.depth[15, 20] + 0.1
+    edge = replace(frame, rendering=replace(frame.rendering, mixed=mixed, second=second))
+    bias = FlyingPixels(share=1.0).bias(edge)
+    assert 0.03 < bias[15, 20] < 0.05  # the nearer half is brighter
+    assert np.count_nonzero(bias) == 1
+
+
+def test_wrapped_pixels_lose_whole_turns() -> None:
+    frame = plane_frame()
+    wrap = PhaseWrap(modulation_mhz=100.0, start_m=float(np.median(frame.radial)), share=1.0)
+    shift = (wrap.apply(frame, RNG).depth - frame.depth) * frame.length
+    assert set(np.round(np.unique(shift), 4)) == {-1.499, 0.0}
+
+
+def test_specular_peaks_at_normal_incidence() -> None:
+    frame = plane_frame()
+    bias = Specular(bias_m=-0.01, lobe_deg=8.0).bias(frame)
+    assert np.argmin(bias) == np.argmin(frame.rendering.incidence)
+
+
+def test_lens_scatter_pulls_dark_pixels_toward_bright_ones() -> None:
+    amplitude = np.ones(CAMERA.shape)
+    amplitude[:, :20] = 100.0  # the bright half
+    frame = plane_frame(amplitude=amplitude)
+    bias = LensScatter(share=0.01, width=0.3).bias(frame)
+    veil_depth = frame.depth[:, :20].mean()
+    dark = bias[:, 30]
+    assert np.all(np.sign(dark) == np.sign(veil_depth - frame.depth[:, 30]))
+    assert np.abs(bias[:, 30]).mean() > 20 * np.abs(bias[:, 5]).mean()
+
+
+def test_photon_law_scatters_as_it_says_and_noise_adds_to_it() -> None:
+    frame = plane_frame(amplitude=np.full(CAMERA.shape, 4.0))
+    law = PhotonLaw(floor_m=0.0, shot_m=0.002, reference=1.0)
+    noisy = law.apply(frame, RNG)
+    np.testing.assert_allclose(noisy.sigma * frame.length, 0.001, rtol=1e-12)
+    assert np.std((noisy.depth - frame.depth) * frame.length) == pytest.approx(0.001, rel=0.1)
+    assert (Noise(extra_m=0.003).apply(noisy, RNG).sigma > 0.003 / frame.length.max()).all()
+
+
+def test_quantization_leaves_only_codes() -> None:
+    depth = Quantization(step_m=0.005).apply(plane_frame(), RNG).depth
+    np.testing.assert_allclose(depth / 0.005, np.round(depth / 0.005), atol=1e-9)
+
+
+def test_dropout_loses_half_at_its_threshold() -> None:
+    frame = plane_frame(amplitude=np.full(CAMERA.shape, 2.0))
+    np.testing.assert_allclose(Dropout(threshold=2.0).apply(frame, RNG).missing, 0.5)
+    assert not Dropout().apply(frame, RNG).missing.any()
+
+
+def test_interference_comes_in_bursts() -> None:
+    frame = plane_frame()
+    hits = sum(Interference(burst_m=0.01, duty=0.3).apply(frame, RNG) is not frame for _ in range(300))
+    assert 60 < hits < 120
