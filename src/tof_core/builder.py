@@ -109,7 +109,7 @@ class CaptureBuilder:
         self._amplitude, self._colour = _Joined([], []), _Joined([], [])
         self._temperatures: list[tuple[int, float]] = []
         self._colour_camera: Camera | None = None
-        self._last_stamp, self._newest = -(2**62), -(2**62)
+        self.last_stamp, self._newest = -(2**62), -(2**62)
         self._last_content: Bytes | None = None
 
     def info(self, msg: Any) -> None:
@@ -166,10 +166,10 @@ class CaptureBuilder:
         stamp = stamp_ns(msg)
         content = np.frombuffer(msg.data, np.uint8) if not isinstance(msg.data, list) else np.asarray(msg.data, np.uint8)
         waiting = {f.stamp for f in self._frames}
-        if stamp == self._last_stamp or stamp in waiting or (self._last_content is not None and np.array_equal(content, self._last_content)):
+        if stamp == self.last_stamp or stamp in waiting or (self._last_content is not None and np.array_equal(content, self._last_content)):
             self._skip(stamp, FROZEN)
             return
-        if stamp < self._last_stamp:
+        if stamp < self.last_stamp:
             self._skip(stamp, LATE)
             return
         self._last_content = content
@@ -198,7 +198,7 @@ class CaptureBuilder:
         return True
 
     def _capture(self, frame: _Frame) -> Capture | None:
-        self._last_stamp = frame.stamp
+        self.last_stamp = frame.stamp
         if self.camera is None:
             self._skip(frame.stamp, NO_INFO)
             return None
