@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fitted planes and spheres as meshes and a scene.yaml, in the frame of the camera that saw them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_sim_label.primitives import Plane, Sphere
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Ints, Mask
+    from tof_core.camera import Camera
+    from tof_sim_label.primitives import Fitted
+
+CELL = 3
+"""Raster points along one side of a patch of a plane's mesh."""
+
+
+def mesh(fitted: Fitted, camera: Camera, stride: int) -> tuple[Float, Ints]:
+    """Vertices (n, 3) and faces (m, 3) of a fitted surface: of a plane what was seen, of a sphere all."""
+    surface = fitted.surface
+    if isinstance(surface, Sphere):
+        import trimesh
+
+        ball = trimesh.creation.icosphere(subdivisions=5, radius=surface.radius)
+        return np.asarray(ball.vertices) + surface.centre, np.asarray(ball.faces)
+    return plane_mesh(surface, fitted.pixels, camera, stride)
+
+
+def plane_mesh(plane: Plane, pixels: Mask, camera: Camera, stride: int) -> tuple[Float, Ints]:
+    """Quads of CELL raster points a side, split in two, where most of the points are the plane's."""
+    rows, columns = pixels.shape[0] // CELL, pixels.shape[1] // CELL
+    share = pixels[: rows * CELL, : columns * CELL].reshape(rows, CELL, columns, CELL).mean(axis=(1, 3))
+    v, u = np.nonzero(share > 0.5)
+    corner = np.arange((rows + 1) * (columns + 1)).reshape(rows + 1, columns + 1)
+    a, b, c, d = corner[v, u], corner[v, u + 1], corner[v + 1, u + 1], corner[v + 1, u]
+    faces = np.concatenate([np.stack([a, d, c], axis=-1), np.stack([a, c, b], axis=-1)])
+    used, faces = np.unique(faces, return_inverse=True)
+    at = np.stack(np.divmod(used, columns + 1)[::-1], axis=-1) * (CELL * stride) - 0.5 * stride
+    rays = camera.rays_at(at)
+    return rays * (plane.offset / (rays @ plane.normal))[:, None], faces.reshape(-1, 3)
