@@ -6,11 +6,11 @@ from __future__ import annotations
 import shutil
 import sqlite3
 from collections import Counter
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from tof_core.errors import BagError, ToftwinError
 from tof_core.mcap_recover import McapScan
@@ -59,10 +59,12 @@ class WholeBag:
         self.path, self.note, self._stack = path, note, stack
         self._reader: AnyReader = stack.enter_context(AnyReader(files, default_typestore=typestore_of("jazzy")))
         self.types = self._reader.typestore
+        counts: Counter[str] = Counter()
+        for c in self._reader.connections:
+            counts[c.topic] += c.msgcount
         self.topics = {
-            c.topic: TopicInfo(c.topic, c.msgtype, n, tuple(getattr(c.ext, "offered_qos_profiles", ())))
+            c.topic: TopicInfo(c.topic, c.msgtype, counts[c.topic], tuple(getattr(c.ext, "offered_qos_profiles", ())))
             for c in self._reader.connections
-            if (n := sum(x.msgcount for x in self._reader.connections if x.topic == c.topic)) or True
         }
 
     def messages(self, topics: Collection[str] = ()) -> Iterator[tuple[str, int, bytes]]:
@@ -84,7 +86,6 @@ class UnfinishedBag:
 
     def __init__(self, path: Path, files: list[Path]) -> None:
         """Scan once: topics, counts, what is lost."""
-        from rosbags.interfaces import Qos  # noqa: F401
         from rosbags.rosbag2.metadata import parse_qos
 
         self.path, self._files = path, files
@@ -193,16 +194,12 @@ def _with_hint(error: BagError, files: list[Path]) -> BagError:
     return BagError(error.what, where=error.where, todo=f"copy it again, or pass --recover to read the {whole} messages that are whole")
 
 
-class _one_line:  # noqa: N801 (reads as a statement)
+@contextmanager
+def _one_line(path: Path) -> Iterator[None]:
     """Whatever rosbags, SQLite or a decompressor raise over foreign bytes becomes one BagError."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def __enter__(self) -> None:
-        return
-
-    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
-        if isinstance(error, Exception) and not isinstance(error, ToftwinError):
-            text = str(error) or type(error).__name__
-            raise BagError(f"is damaged or no bag: {text}", where=self.path) from None
+    try:
+        yield
+    except (ToftwinError, GeneratorExit):
+        raise
+    except Exception as error:  # noqa: BLE001 (foreign bytes, foreign parsers: any error is possible)
+        raise BagError(f"is damaged or no bag: {error or type(error).__name__}", where=path) from None

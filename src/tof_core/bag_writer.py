@@ -8,6 +8,7 @@ killed leaves a bag that `open_bag` reads up to there.
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
@@ -96,7 +97,7 @@ class BagWriter:
     def points(self, topic: str, points: ArrayLike, frame_id: str, stamp_ns: int, intensity: Image | None = None) -> None:
         """A `sensor_msgs/PointCloud2` of points (N, 3) or organised (H, W, 3), metres."""
         fields = points_fields(points, intensity)
-        fields["fields"] = [self._new("sensor_msgs/msg/PointField", **f._asdict()) for f in fields["fields"]]
+        fields["fields"] = [self._new("sensor_msgs/msg/PointField", **asdict(f)) for f in fields["fields"]]
         self._message(topic, "sensor_msgs/msg/PointCloud2", stamp_ns, header=self._header(stamp_ns, frame_id), **fields)
 
     def tf(self, stamp_ns: int, edges: Iterable[tuple[str, str, Float]], *, static: bool = False, topic: str = "") -> None:

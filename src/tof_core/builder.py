@@ -18,9 +18,7 @@ from tof_core.camera import radial_to_z
 from tof_core.capture import Capture, Colour
 from tof_core.decode import camera_from_info, check_size, decode_amplitude, decode_colour, decode_depth, depth_from_points, stamp_ns
 from tof_core.errors import CameraError, TransformError
-from tof_core.options import BagOptions
 from tof_core.reasons import Reason
-from tof_core.topics import Topics
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -28,7 +26,9 @@ if TYPE_CHECKING:
     from tof_core.arrays import Bytes, Image
     from tof_core.camera import Camera
     from tof_core.capture import RobotPose
+    from tof_core.options import BagOptions
     from tof_core.robot import RobotChain
+    from tof_core.topics import Topics
 
 NO_INFO, FROZEN, LATE, NO_TRANSFORM = "no camera_info", "frozen", "late", "no transform"
 """Why frames are skipped: the keys of `CaptureBuilder.skipped`."""
@@ -55,11 +55,9 @@ class _Joined:
         best = min(near, key=lambda j: abs(self.stamps[j] - stamp), default=-1)
         return self.messages[best] if best >= 0 and abs(self.stamps[best] - stamp) <= within_ns else None
 
-    def settled(self, stamp: int, within_ns: int) -> bool:
-        """Whether nothing that is still to come can be nearer."""
-        i = bisect_right(self.stamps, stamp)
-        exact = i > 0 and self.stamps[i - 1] == stamp
-        return exact or (i < len(self.stamps)) or bool(self.stamps and self.stamps[-1] > stamp + within_ns)
+    def settled(self, stamp: int) -> bool:
+        """Whether nothing that is still to come can be nearer: one is exact, or one is later."""
+        return bool(self.stamps) and self.stamps[-1] >= stamp
 
     def forget_before(self, stamp: int) -> None:
         """Drop what can join nothing any more, but keep the last one before."""
@@ -69,7 +67,7 @@ class _Joined:
             del self.messages[:old]
 
 
-@dataclass(frozen=True, slots=True, eq=False, order=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Frame:
     """A depth message, waiting."""
 
@@ -87,10 +85,15 @@ class CaptureBuilder:
         topics: which topics there are: amplitude and colour are waited for only where named.
         need_tf: skip (and count) frames that TF has no answer for, instead of `robot=None`.
         wait_s: how far the depth stamps may run ahead of a frame before it stops waiting.
+        ahead_s: TF must reach this far beyond a frame before it is given out, so that the motion
+            gate (`motion.is_still`) sees the same live as offline.
+
+    Live, the last frame before a silence waits for ever: call `ready(final=True)` after a while.
     """
 
     def __init__(
         self, options: BagOptions, chain: RobotChain | None, topics: Topics, *, need_tf: bool = True, wait_s: float = 0.5,
+        ahead_s: float = 0.04,
     ) -> None:
         """Nothing received yet."""
         self.options, self.chain, self.topics, self.need_tf = options, chain, topics, need_tf
@@ -98,7 +101,7 @@ class CaptureBuilder:
         self.on_skip: Callable[[int, str], None] = lambda _stamp, _reason: None
         self.last_error = ""
         self.camera: Camera | None = None
-        self._wait_ns = round(wait_s * 1e9)
+        self._wait_ns, self._ahead_ns = round(wait_s * 1e9), round(ahead_s * 1e9)
         self._join_ns, self._colour_join_ns = round(options.join_s * 1e9), round(options.colour_join_s * 1e9)
         self._cameras: dict[bytes, Camera] = {}
         self.reset()
@@ -183,32 +186,43 @@ class CaptureBuilder:
             return True
         return (
             self.camera is not None
-            and (not self.topics.amplitude or self._amplitude.settled(frame.stamp, self._join_ns))
-            and (not self.topics.colour or self._colour.settled(frame.stamp, self._colour_join_ns))
+            and (not self.topics.amplitude or self._amplitude.settled(frame.stamp))
+            and (not self.topics.colour or self._colour.settled(frame.stamp))
             and self._tf_settled(frame)
         )
 
     def _tf_settled(self, frame: _Frame) -> bool:
-        if self.chain is None or self.chain.transforms.settled(frame.stamp):
+        """Whether TF has the pose at the stamp and a little after it, or never will."""
+        if self.chain is None or self.chain.transforms.settled(frame.stamp + self._ahead_ns):
             return True
         try:
-            self.chain.pose(frame.msg.header.frame_id, frame.stamp)
+            for stamp in (frame.stamp, frame.stamp + self._ahead_ns):
+                self.chain.pose(self._frame_id(frame), stamp)
         except TransformError:
             return False
         return True
+
+    def _frame_id(self, frame: _Frame) -> str:
+        """The camera's frame: a cloud may be in another one."""
+        return self.camera.frame_id if frame.cloud and self.camera else str(frame.msg.header.frame_id).lstrip("/")
 
     def _capture(self, frame: _Frame) -> Capture | None:
         self.last_stamp = frame.stamp
         if self.camera is None:
             self._skip(frame.stamp, NO_INFO)
             return None
-        frame_id = self.camera.frame_id if frame.cloud else frame.msg.header.frame_id.lstrip("/")
+        frame_id = self._frame_id(frame)
         robot = self._robot(frame_id, frame.stamp)
         if robot is None and self.need_tf:
             self._skip(frame.stamp, NO_TRANSFORM)
             return None
         camera = self.camera if self.camera.frame_id == frame_id else replace(self.camera, frame_id=frame_id)
-        depth, reason = self._depth_of(frame, camera)
+        try:
+            depth, reason = self._depth_of(frame, camera)
+        except TransformError as error:
+            self.skipped[NO_TRANSFORM] += 1
+            self.last_error = str(error)
+            return None
         amplitude = self._amplitude.nearest(frame.stamp, self._join_ns)
         return Capture(
             stamp_ns=frame.stamp, camera=camera, depth=depth, reason=reason, robot=robot, temperature=self._temperature(frame.stamp),
@@ -218,11 +232,11 @@ class CaptureBuilder:
     def _depth_of(self, frame: _Frame, camera: Camera) -> tuple[Image, Bytes]:
         if frame.cloud:
             cloud_frame = frame.msg.header.frame_id.lstrip("/")
-            T = None
-            if cloud_frame != camera.frame_id:
-                if self.chain is None:
-                    raise TransformError(f"the cloud is in '{cloud_frame}', the camera in '{camera.frame_id}'", where=self.topics.points)
-                T = self.chain.transforms.lookup(camera.frame_id, cloud_frame, frame.stamp)
+            if cloud_frame == camera.frame_id:
+                return depth_from_points(frame.msg, camera, None, self.topics.points)
+            if self.chain is None:
+                raise TransformError(f"the cloud is in '{cloud_frame}', the camera in '{camera.frame_id}'", where=self.topics.points)
+            T = self.chain.transforms.lookup(camera.frame_id, cloud_frame, frame.stamp)
             return depth_from_points(frame.msg, camera, T, self.topics.points)
         depth, reason = decode_depth(frame.msg, self.topics.depth, scale=self.options.depth_scale)
         check_size(depth.shape, camera, self.topics.depth)

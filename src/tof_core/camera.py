@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Image
 
 MODELS = {"": 0, "plumb_bob": 5, "rational_polynomial": 8}
-"""Known distortion models with the number of coefficients they use at most (rational: first 8)."""
+"""Known distortion models with the number of coefficients they have (thin prism and tilt are refused)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +52,9 @@ class Camera:
         if self.distortion_model not in MODELS and any(self.distortion):
             msg = f"distortion model '{self.distortion_model}' is not known"
             raise CameraError(msg, where="camera_info", todo=f"use one of {', '.join(filter(None, MODELS))}")
+        if any(self.distortion[MODELS.get(self.distortion_model, 0):]) or not np.isfinite(self.distortion).all():
+            msg = f"distortion {self.distortion} is more than '{self.distortion_model}' has, or not finite"
+            raise CameraError(msg, where="camera_info", todo="calibrate with plumb_bob (5) or rational_polynomial (8)")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -86,17 +89,19 @@ class Camera:
         return np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
 
     def project(self, points: ArrayLike) -> Float:
-        """Pixel coordinates (..., 2) of points (..., 3) in the camera frame; NaN behind it."""
+        """Pixel coordinates (..., 2) of points (..., 3) in the camera frame; NaN behind it and outside the lens's field."""
         p = np.asarray(points, float)
         z = np.where(p[..., 2] > 0, p[..., 2], np.nan)
         xy = p[..., :2] / z[..., None]
         if self.distorted:
-            xy = _distort(xy, self.distortion)
+            # Beyond the fold the polynomial brings points back into the picture; the lens does not.
+            seen = (xy * xy).sum(axis=-1) < _fold_radius(self.distortion) ** 2
+            xy = np.where(seen[..., None], _distort(xy, self.distortion), np.nan)
         return np.asarray(xy * [self.fx, self.fy] + [self.cx, self.cy])
 
     def points(self, depth: Image) -> Float:
         """(H, W, 3) points in the camera frame of a z-depth image (H, W)."""
-        return self.rays() * np.asarray(depth, float)[..., None]
+        return np.asarray(self.rays() * np.asarray(depth, float)[..., None])
 
     def ray_length(self) -> Float:
         """(H, W) radial distance per metre of z."""
@@ -140,29 +145,47 @@ def _distort(xy: Float, distortion: tuple[float, ...]) -> Float:
     ], axis=-1)
 
 
+def _jacobian(x: Float, distortion: tuple[float, ...]) -> tuple[Float, Float, Float, Float]:
+    """Derivatives of `_distort`: dx'/dx, dx'/dy, dy'/dx, dy'/dy at normalised coordinates (..., 2)."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = _coefficients(distortion)
+    u, v = x[..., 0], x[..., 1]
+    r2 = u * u + v * v
+    top, bottom = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    radial = top / bottom
+    slope = 2 * ((k1 + r2 * (2 * k2 + 3 * r2 * k3)) - radial * (k4 + r2 * (2 * k5 + 3 * r2 * k6))) / bottom
+    cross = slope * u * v + 2 * p1 * u + 2 * p2 * v
+    return radial + slope * u * u + 2 * p1 * v + 6 * p2 * u, cross, cross, radial + slope * v * v + 6 * p1 * v + 2 * p2 * u
+
+
+@lru_cache(maxsize=16)
+def _fold_radius(distortion: tuple[float, ...]) -> float:
+    """Undistorted radius (z = 1) at which the radial polynomial turns back; infinite where it never does."""
+    k1, k2, _, _, k3, k4, k5, k6 = _coefficients(distortion)
+    r = np.linspace(0.0, 10.0, 20001)
+    r2 = r * r
+    bent = r * (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    turned = np.nonzero(np.diff(bent) <= 0)[0]
+    return float(r[turned[0]]) if len(turned) else float("inf")
+
+
 def _undistort(xy: Float, distortion: tuple[float, ...], rounds: int = 60) -> Float:
-    """Solve `_distort(x) == xy` by Newton's method with a numerical Jacobian.
+    """Solve `_distort(x) == xy` by Newton's method.
 
     Where the model folds over (outside the lens's field) the answer is NaN, never a guess.
     """
     x = xy.copy()
-    h = 1e-6
     for _ in range(rounds):
         error = _distort(x, distortion) - xy
         if not np.nanmax(np.abs(error), initial=0.0) > 1e-12:
             break
-        jx = (_distort(x + [h, 0], distortion) - _distort(x - [h, 0], distortion)) / (2 * h)
-        jy = (_distort(x + [0, h], distortion) - _distort(x - [0, h], distortion)) / (2 * h)
-        det = jx[..., 0] * jy[..., 1] - jx[..., 1] * jy[..., 0]
+        a, b, c, d = _jacobian(x, distortion)
+        det = a * d - b * c
         det = np.where(np.abs(det) < 1e-3, np.nan, det)
-        step = np.stack([
-            (jy[..., 1] * error[..., 0] - jy[..., 0] * error[..., 1]) / det,
-            (jx[..., 0] * error[..., 1] - jx[..., 1] * error[..., 0]) / det,
-        ], axis=-1)
+        step = np.stack([(d * error[..., 0] - b * error[..., 1]) / det, (a * error[..., 1] - c * error[..., 0]) / det], axis=-1)
         x = x - np.clip(step, -0.2, 0.2)
-    lost = ~(np.abs(_distort(x, distortion) - xy).max(axis=-1) < 1e-9)
-    x[lost] = np.nan
-    return np.asarray(x)
+    solved = np.abs(_distort(x, distortion) - xy).max(axis=-1) < 1e-9
+    x[~(solved & ((x * x).sum(axis=-1) < _fold_radius(distortion) ** 2))] = np.nan
+    return x
 
 
 def radial_to_z(camera: Camera, radial: Image) -> Image:

@@ -7,7 +7,7 @@ From the same table come YAML files, ROS parameter descriptors and the documenta
 from __future__ import annotations
 
 import math
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
 
 from tof_core.errors import ConfigError
@@ -28,7 +28,8 @@ def param(
 
 def section(factory: type[C], text: str = "") -> C:
     """A nested configuration."""
-    return cast("C", field(default_factory=factory, metadata={"text": text}))
+    made: Any = field(default_factory=factory, metadata={"text": text})
+    return cast("C", made)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,43 +48,48 @@ class ParamInfo:
 
 def table(cls: type[Any], prefix: str = "") -> Iterator[ParamInfo]:
     """Every parameter of a configuration class, depth first, names joined by dots."""
-    hints = get_type_hints(cls)
-    for f in fields(cls):
-        kind = hints[f.name]
-        if is_dataclass(kind):
-            yield from table(cast("type[Any]", kind), f"{prefix}{f.name}.")
+    yield from _rows(cls(), prefix)
+
+
+def _rows(config: Any, prefix: str) -> Iterator[ParamInfo]:
+    """The rows of one configuration, its values as defaults (a section may set its own)."""
+    hints = get_type_hints(type(config))
+    for f in fields(config):
+        value = getattr(config, f.name)
+        if is_dataclass(value):
+            yield from _rows(value, f"{prefix}{f.name}.")
         else:
-            yield _info(f, kind, prefix)
+            yield _info(f, hints[f.name], value, prefix)
 
 
-def _info(f: Field[Any], kind: type, prefix: str) -> ParamInfo:
+def _info(f: Field[Any], kind: type, value: Any, prefix: str = "") -> ParamInfo:
     m = f.metadata
-    default = f.default if f.default is not MISSING else cast("Any", f.default_factory)()
-    return ParamInfo(prefix + f.name, kind, default, m.get("text", ""), m.get("unit", ""), m.get("low"),
-                     m.get("high"), m.get("choices", ()))
+    return ParamInfo(prefix + f.name, kind, value, m.get("text", ""), m.get("unit", ""), m.get("low"), m.get("high"), m.get("choices", ()))
 
 
 def from_mapping(cls: type[C], values: Mapping[str, Any], *, where: str = "config") -> C:
     """Build a configuration from nested (or dotted) keys; unknown keys and bad values are refused."""
-    nested = _nest(values)
-    hints = get_type_hints(cls)
-    known = {f.name: f for f in fields(cast("Any", cls))}
+    return updated(cls(), values, where=where)
+
+
+def updated(config: C, values: Mapping[str, Any], *, where: str = "config") -> C:
+    """`config` with some values changed, all of them checked first; unknown keys are refused."""
+    nested = _nest(values, where)
+    hints = get_type_hints(type(config))
+    known = {f.name: f for f in fields(cast("Any", config))}
     unknown = sorted(set(nested) - set(known))
     if unknown:
-        msg = f"unknown key '{unknown[0]}'"
-        raise ConfigError(msg, where=where, todo=f"known keys: {', '.join(known)}")
-    arguments: dict[str, Any] = {}
+        raise ConfigError(f"unknown key '{unknown[0]}'", where=where, todo=f"known keys: {', '.join(known)}")
+    changes: dict[str, Any] = {}
     for name, value in nested.items():
-        kind = hints[name]
-        at = f"{where}.{name}"
-        if is_dataclass(kind):
+        old, at = getattr(config, name), f"{where}.{name}"
+        if is_dataclass(old):
             if not isinstance(value, dict):
-                msg = "must be a group of keys"
-                raise ConfigError(msg, where=at)
-            arguments[name] = from_mapping(cast("type[Any]", kind), value, where=at)
+                raise ConfigError("must be a group of keys", where=at)
+            changes[name] = updated(old, value, where=at)
         else:
-            arguments[name] = _checked(_info(known[name], kind, ""), value, at)
-    return cls(**arguments)
+            changes[name] = _checked(_info(known[name], hints[name], old), value, at)
+    return cast("C", replace(cast("Any", config), **changes))
 
 
 def to_mapping(config: object) -> dict[str, Any]:
@@ -112,16 +118,16 @@ def _flatten_dict(values: dict[str, Any], prefix: str) -> dict[str, Any]:
     return out
 
 
-def _nest(values: Mapping[str, Any]) -> dict[str, Any]:
+def _nest(values: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Groups of groups, whether written so or with dots; the caller's mapping is left alone."""
     out: dict[str, Any] = {}
     for name, value in values.items():
         head, _, rest = str(name).partition(".")
-        if rest:
-            group = out.setdefault(head, {})
-            if isinstance(group, dict):
-                group[rest] = value
-        else:
-            out[head] = value
+        given = {rest: value} if rest else dict(value) if isinstance(value, dict) else value
+        old = out.get(head, {})
+        if head in out and not (isinstance(old, dict) and isinstance(given, dict) and not old.keys() & given.keys()):
+            raise ConfigError(f"key '{head}' is given twice", where=where)
+        out[head] = {**old, **given} if isinstance(given, dict) else given
     return out
 
 
@@ -131,9 +137,8 @@ def _checked(info: ParamInfo, value: Any, where: str) -> Any:
     if info.kind in (bool, int, float, str) and type(value) is not info.kind:
         msg = f"must be {info.kind.__name__}, not {type(value).__name__} {value!r}"
         raise ConfigError(msg, where=where)
-    if isinstance(value, float) and math.isnan(value):
-        msg = "must be a number, not NaN"
-        raise ConfigError(msg, where=where)
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"must be a number, not {value}", where=where)
     unit = f" {info.unit}" if info.unit else ""
     if info.low is not None and value < info.low:
         msg = f"{value} is below {info.low:g}{unit}"

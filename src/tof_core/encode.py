@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import sys
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -30,8 +30,6 @@ ENCODINGS = {
     "rgb8": Encoding("u1", 3), "bgr8": Encoding("u1", 3), "rgba8": Encoding("u1", 4), "bgra8": Encoding("u1", 4),
 }
 """The encodings of `sensor_msgs/Image` that are read and written."""
-
-NATIVE_BIG_ENDIAN = sys.byteorder == "big"
 
 
 def image_fields(array: NDArray[Any], encoding: str, *, step: int = 0, bigendian: bool = False) -> dict[str, Any]:
@@ -85,7 +83,8 @@ def camera_info_fields(camera: Camera) -> dict[str, Any]:
     }
 
 
-class PointField(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PointField:
     """One field of a PointCloud2: its name, byte offset and datatype code (7 is float32)."""
 
     name: str

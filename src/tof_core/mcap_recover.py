@@ -106,7 +106,7 @@ def _open_chunk(content: bytes) -> tuple[bytes, bool]:
 
             return zstd.ZstdDecompressor().decompress(packed), True
         if compression == "lz4":
-            from lz4.frame import LZ4FrameDecompressor
+            from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
 
             return LZ4FrameDecompressor().decompress(packed), True
     except Exception:  # noqa: BLE001 (whatever a damaged stream raises, its chunk is lost and the rest is not)

@@ -27,6 +27,6 @@ class BagOptions:
     cell_frame: str = param("", "TF frame of the cell; empty: the scene's frame")
     body_frame: str = param("", "TF frame of the robot's base; empty: 'body' or 'base_link' on the way from cell to camera")
     max_gap_s: float = param(0.2, "longest pause of TF that is interpolated", unit="s", low=0.001, high=10.0)
-    join_s: float = param(0.034, "amplitude joins a depth image when their stamps differ by at most this", unit="s", low=0.0, high=1.0)
+    join_s: float = param(0.016, "amplitude joins a depth image when their stamps differ by at most this", unit="s", low=0.0, high=1.0)
     colour_join_s: float = param(0.5, "colour joins a depth image when their stamps differ by at most this", unit="s", low=0.0, high=60.0)
-    recover: bool = param(False, "read a damaged bag as far as it is whole")  # noqa: FBT003
+    recover: bool = param(False, "read a damaged bag as far as it is whole")

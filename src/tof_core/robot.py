@@ -71,7 +71,7 @@ class RobotChain:
             return cell or "cell"
         raise TransformError(
             f"TF does not have the cell frame '{cell}'" if cell not in frames else f"TF does not connect '{cell}' with '{camera_frame}'",
-            where="/tf", todo=f"pass --initial-pose (where the cell is) or --cell-frame (one of: {', '.join(frames) or 'TF is empty'})",
+            where="/tf", todo=f"pass --initial-pose (where the cell is) or --cell-frame (TF has {', '.join(frames) or 'no frame'})",
         )
 
     def _place(self, cell: str, camera_frame: str) -> None:

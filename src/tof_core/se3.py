@@ -59,7 +59,7 @@ def exp(xi: ArrayLike) -> Float:
         V = np.eye(3) + 0.5 * K + K @ K / 6.0
     else:
         angle = np.sqrt(angle2)
-        V = np.eye(3) + (1 - np.cos(angle)) / angle2 * K + (angle - np.sin(angle)) / (angle2 * angle) * K @ K
+        V = np.eye(3) + 2 * np.sin(0.5 * angle) ** 2 / angle2 * K + (angle - np.sin(angle)) / (angle2 * angle) * K @ K
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = so3_exp(w), V @ xi[:3]
     return T
@@ -74,8 +74,8 @@ def log(T: ArrayLike) -> Float:
     if angle2 < 1e-12:
         c = 1.0 / 12.0
     else:
-        angle = np.sqrt(angle2)
-        c = (1.0 - 0.5 * angle * np.sin(angle) / (1.0 - np.cos(angle))) / angle2
+        half = 0.5 * np.sqrt(angle2)
+        c = (1.0 - half / np.tan(half)) / angle2  # by half angles: 1 - cos loses all digits for small turns
     V_inv = np.eye(3) - 0.5 * K + c * K @ K
     return np.concatenate([V_inv @ T[:3, 3], w])
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING, Any
 
 import yaml
@@ -68,4 +67,4 @@ def save_yaml(path: Path, values: Mapping[str, Any]) -> None:
     """Write a YAML file whole or not at all."""
     part = path.with_name(path.name + ".part")
     part.write_text(dump_yaml(values), encoding="utf-8")
-    os.replace(part, path)
+    part.replace(path)
