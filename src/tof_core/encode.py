@@ -26,7 +26,7 @@ class Encoding(NamedTuple):
 
 ENCODINGS = {
     "16UC1": Encoding("u2", 1), "mono16": Encoding("u2", 1), "32FC1": Encoding("f4", 1),
-    "mono8": Encoding("u1", 1), "8UC1": Encoding("u1", 1),
+    "mono8": Encoding("u1", 1), "8UC1": Encoding("u1", 1), "16SC1": Encoding("i2", 1),
     "rgb8": Encoding("u1", 3), "bgr8": Encoding("u1", 3), "rgba8": Encoding("u1", 4), "bgra8": Encoding("u1", 4),
 }
 """The encodings of `sensor_msgs/Image` that are read and written."""
