@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The chain T_cell_camera = B_station T_cell_body T_body_camera A_view X, and how each link moves it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from tof_core import se3
+from tof_core.errors import TransformError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Self
+
+    from tof_align.config import Priors
+    from tof_align.pixels import Sample
+    from tof_core.arrays import Float, Ints
+    from tof_core.capture import View
+
+
+class Rig(Protocol):
+    """How unknowns move cameras: `globals_` of them are shared by views, `own` belong to one view."""
+
+    @property
+    def globals_(self) -> int:
+        """Pose unknowns that views share."""
+
+    @property
+    def own(self) -> int:
+        """Pose unknowns that every view has for itself."""
+
+    def pose(self, view: int) -> Float:
+        """T_cell_camera (4, 4)."""
+
+    def where(self, view: int) -> Ints:
+        """(s,) which of the global unknowns move this view's camera."""
+
+    def links(self, view: int) -> tuple[Float, Float]:
+        """(6, s), (6, own): the camera's right perturbation per global and per own unknown."""
+
+    def prior(self) -> tuple[Float, Float, Float, Float]:
+        """Inverse variances (G,), (own,) and how far the state is from the prior's mean, (G,), (V, own)."""
+
+    def moved(self, x: Float, own: Float) -> Self:
+        """The rig after steps x (G,) and own (V, own)."""
+
+    def subset(self, views: Sequence[int]) -> Self:
+        """The rig of some views only."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chain:
+    """Where every camera is, for S stations and V views.
+
+    station (V,): which station a view belongs to (0..S-1); names (S,): the stations' numbers;
+    pivot (S, 4, 4): T_cell_pivot, the frame in which B's prior holds (the body where the chain
+    has one, else the middle of the cameras); robot (V, 4, 4): the robot's own T_cell_camera.
+    base (S, 4, 4), arm (V, 4, 4), hand_eye (4, 4): the corrections, with
+    B = pivot @ base @ inv(pivot), A = arm, X = hand_eye.
+    """
+
+    station: Ints
+    names: tuple[int, ...]
+    pivot: Float
+    robot: Float
+    base: Float
+    arm: Float
+    hand_eye: Float
+    priors: Priors
+
+    @property
+    def globals_(self) -> int:
+        """Base of every station, then hand-eye."""
+        return 6 * len(self.names) + 6
+
+    @property
+    def own(self) -> int:
+        """The arm's error."""
+        return 6
+
+    @property
+    def B(self) -> Float:
+        """(S, 4, 4): T_cell_body is really B @ T_cell_body."""
+        return np.asarray(self.pivot @ self.base @ se3.inverse(self.pivot))
+
+    def frame(self, s: int) -> Float:
+        """T_cell_pivot (4, 4) of a station, corrected: what a step of its base perturbs on the right."""
+        return np.asarray(self.pivot[s] @ self.base[s])
+
+    def pose(self, view: int) -> Float:
+        """T_cell_camera (4, 4) of a view."""
+        return np.asarray(self.B[self.station[view]] @ self.robot[view] @ self.arm[view] @ self.hand_eye)
+
+    def where(self, view: int) -> Ints:
+        """The view's station's base, and hand-eye."""
+        return np.concatenate([6 * self.station[view] + np.arange(6), 6 * len(self.names) + np.arange(6)])
+
+    def links(self, view: int) -> tuple[Float, Float]:
+        """(6, 12) for base and hand-eye, (6, 6) for the arm."""
+        s = int(self.station[view])
+        after_base = se3.inverse(self.pivot[s]) @ self.robot[view] @ self.arm[view] @ self.hand_eye
+        base = se3.adjoint(se3.inverse(after_base))
+        return np.concatenate([base, np.eye(6)], axis=1), se3.adjoint(se3.inverse(self.hand_eye))
+
+    def prior(self) -> tuple[Float, Float, Float, Float]:
+        """As the configuration's priors have it."""
+        p = self.priors
+        info = np.concatenate([np.tile(p.base**-2, len(self.names)), p.hand_eye**-2])
+        error = np.concatenate([*(se3.log(T) for T in self.base), se3.log(self.hand_eye)])
+        return info, p.arm**-2, error, np.array([se3.log(T) for T in self.arm])
+
+    def prior_cov(self, view: int) -> Float:
+        """(6, 6) of the right perturbation of the robot's own pose of a camera."""
+        shared, own = self.links(view)
+        std = np.concatenate([self.priors.base, self.priors.hand_eye])
+        return np.asarray((shared * std**2) @ shared.T + (own * self.priors.arm**2) @ own.T)
+
+    def moved(self, x: Float, own: Float) -> Chain:
+        """The chain after right perturbations of base, hand-eye and arm."""
+        steps = x[: self.globals_].reshape(-1, 6)
+        return replace(
+            self,
+            base=np.array([T @ se3.exp(d) for T, d in zip(self.base, steps[:-1], strict=True)]),
+            arm=np.array([T @ se3.exp(d) for T, d in zip(self.arm, own[:, :6], strict=True)]),
+            hand_eye=self.hand_eye @ se3.exp(steps[-1]),
+        )
+
+    def subset(self, views: Sequence[int]) -> Chain:
+        """Some views only; all stations stay."""
+        at = list(views)
+        return replace(self, station=self.station[at], robot=self.robot[at], arm=self.arm[at])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Single:
+    """One camera whose pose is unknown by a full covariance: T_cell_camera = T_prior exp(root z), z ~ N(0, 1)."""
+
+    T_prior: Float
+    T: Float
+    root: Float
+
+    @property
+    def globals_(self) -> int:
+        """The pose."""
+        return 6
+
+    @property
+    def own(self) -> int:
+        """Nothing beside it."""
+        return 0
+
+    def pose(self, view: int) -> Float:
+        """The one pose."""
+        return self.T
+
+    def where(self, view: int) -> Ints:
+        """All six."""
+        return np.arange(6)
+
+    def links(self, view: int) -> tuple[Float, Float]:
+        """The root of the covariance whitens the unknowns."""
+        return self.root, np.zeros((6, 0))
+
+    def prior(self) -> tuple[Float, Float, Float, Float]:
+        """A unit normal."""
+        z = np.linalg.solve(self.root, se3.log(se3.inverse(self.T_prior) @ self.T))
+        return np.ones(6), np.zeros(0), np.asarray(z, float), np.zeros((1, 0))
+
+    def moved(self, x: Float, own: Float) -> Single:
+        """The pose after a whitened step."""
+        return replace(self, T=self.T @ se3.exp(self.root @ x[:6]))
+
+    def subset(self, views: Sequence[int]) -> Single:
+        """There is only one."""
+        return self
+
+
+def chain_of(views: Sequence[View | Sample], priors: Priors) -> Chain:
+    """The chain as the robot believes it; a view without a robot pose is refused."""
+    missing = [v.stamp_ns for v in views if v.robot is None]
+    if missing:
+        msg = f"{len(missing)} of {len(views)} views have no robot pose (first stamp {missing[0]})"
+        raise TransformError(msg, where="alignment", todo="record /tf, or give --initial-pose")
+    names = tuple(sorted({v.station for v in views}))
+    station = np.array([names.index(v.station) for v in views])
+    robot = np.array([v.robot.T_cell_camera for v in views if v.robot is not None])
+    pivot = np.array([_pivot([v for v in views if v.station == name]) for name in names])
+    eye = np.eye(4)
+    return Chain(station, names, pivot, robot, np.tile(eye, (len(names), 1, 1)), np.tile(eye, (len(views), 1, 1)), eye, priors)
+
+
+def _pivot(views: Sequence[View | Sample]) -> Float:
+    """The body's frame, or where there is none the cell's axes in the middle of the cameras."""
+    robots = [v.robot for v in views if v.robot is not None]
+    if not np.allclose(robots[0].T_cell_body, np.eye(4)):
+        return robots[0].T_cell_body
+    middle = np.eye(4)
+    middle[:3, 3] = np.mean([r.T_cell_camera[:3, 3] for r in robots], axis=0)
+    return middle

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What nobody modelled: smooth errors shared by neighbours and by views, as columns with a prior.
+
+A depth camera's systematic errors are functions of few things: range (wiggling), amplitude,
+the place on the part (multipath, deviation), the pixel (fixed pattern), the view (drift), and
+the rest is smooth in the image. Each is a Gaussian process with an exponential (Ornstein
+Uhlenbeck) covariance, written as a few columns with unit-variance coefficients times one size
+in metres per kind. The sizes are estimated from the data (`mixed`); near zero where there is
+noise only. This is Kennedy and O'Hagan's discrepancy, kept low-rank: without it thousands of
+neighbours with the same error count as thousands of witnesses and drown every prior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.config import DiscrepancyConfig
+    from tof_align.linearise import Linearised
+    from tof_core.arrays import Float
+
+SHARED = ("range", "amplitude", "object", "image")
+"""Kinds whose coefficients all views share, in the order of their columns."""
+LOCAL = ("offset", "smooth")
+"""Kinds whose coefficients are one view's own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Basis:
+    """Fixes the columns for a session, so that every view writes the same ones.
+
+    knots_range (metres), knots_amplitude (ln amplitude): where linear hat functions stand;
+    centres (m, 6): place and scaled normal of points of the surface; root_*: Cholesky-like
+    factors that turn hats into unit-variance coefficients.
+    """
+
+    knots_range: Float
+    root_range: Float
+    knots_amplitude: Float
+    root_amplitude: Float
+    centres: Float
+    root_object: Float
+    object_m: float
+    order: int
+
+    @property
+    def shared(self) -> tuple[int, ...]:
+        """Columns per kind of `SHARED`."""
+        image = _image_count(self.order)
+        return self.root_range.shape[1], self.root_amplitude.shape[1], self.root_object.shape[1], image
+
+    @property
+    def local(self) -> tuple[int, ...]:
+        """Columns per kind of `LOCAL`."""
+        return (1, _image_count(self.order)) if self.order >= 0 else (0, 0)
+
+
+def empty_basis() -> Basis:
+    """No discrepancy at all: residuals are noise."""
+    none = np.zeros((0, 0))
+    return Basis(np.zeros(0), none, np.zeros(0), none, np.zeros((0, 6)), none, 1.0, -1)
+
+
+def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig) -> Basis:
+    """Columns that cover what these views saw."""
+    if not config.enabled or not any(len(v.residual) for v in views):
+        return empty_basis()
+    ranges = np.concatenate([v.depth * v.ray_length for v in views])
+    knots, root = _line(ranges, step=0.4 * config.range_m, length=config.range_m)
+    known = [v.log_amplitude for v in views if v.log_amplitude is not None]
+    amplitudes = np.concatenate(known) if len(known) == len(views) else np.zeros(0)
+    knots_a, root_a = _line(amplitudes[np.isfinite(amplitudes)], step=0.4, length=1.0)
+    surface = np.concatenate([_surface(v, config.object_m)[::7] for v in views])
+    centres = farthest_points(surface, config.centres)
+    distance = np.linalg.norm(centres[:, None] - centres[None], axis=-1)
+    return Basis(knots, root, knots_a, root_a, centres, _inverse_root(np.exp(-distance)), config.object_m, config.image_order)
+
+
+def shared_columns(basis: Basis, view: Linearised) -> Float:
+    """(n, sum(basis.shared)) columns of the kinds all views share; unit-variance coefficients."""
+    parts = []
+    if basis.root_range.size:
+        parts.append(_hats(basis.knots_range, view.depth * view.ray_length) @ basis.root_range)
+    if basis.root_amplitude.size:
+        a = view.log_amplitude if view.log_amplitude is not None else np.full(len(view.residual), np.nan)
+        parts.append(_hats(basis.knots_amplitude, a) @ basis.root_amplitude)
+    if basis.root_object.size:
+        parts.append(_near(basis, view) @ basis.root_object)
+    if basis.order > 0:
+        parts.append(_image(view, basis.order))
+    return np.concatenate(parts, axis=1) if parts else np.zeros((len(view.residual), 0))
+
+
+def local_columns(basis: Basis, view: Linearised) -> Float:
+    """(n, sum(basis.local)) columns of one view's own kinds: an offset, and what is smooth in the image."""
+    n = len(view.residual)
+    if basis.order < 0:
+        return np.zeros((n, 0))
+    return np.concatenate([np.ones((n, 1)), _image(view, basis.order)], axis=1)
+
+
+def _line(values: Float, *, step: float, length: float) -> tuple[Float, Float]:
+    """Knots over what `values` span, and the root of an exponential covariance between them."""
+    if len(values) < 2:
+        return np.zeros(0), np.zeros((0, 0))
+    low, high = np.quantile(values, [0.002, 0.998])
+    count = int(np.clip(np.ceil((high - low) / step), 1, 40)) + 1
+    knots = np.linspace(low, high, count)
+    return knots, np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots[None]) / length) + 1e-9 * np.eye(count))
+
+
+def _hats(knots: Float, x: Float) -> Float:
+    """(n, k) linear interpolation weights of x among the knots; zero where x is NaN."""
+    out = np.zeros((len(x), len(knots)))
+    known = np.flatnonzero(np.isfinite(x))
+    position = np.clip((x[known] - knots[0]) / (knots[1] - knots[0]), 0, len(knots) - 1 - 1e-9)
+    left = position.astype(int)
+    out[known, left] = 1 - (position - left)
+    out[known, left + 1] = position - left
+    return out
+
+
+def _surface(view: Linearised, length: float) -> Float:
+    """(n, 6) where the surface is and how it faces, in correlation lengths."""
+    return np.concatenate([view.point / length, view.normal / 0.7], axis=1)
+
+
+def _near(basis: Basis, view: Linearised) -> Float:
+    """(n, m) exponential covariance between the pixels' places on the part and the centres."""
+    x = _surface(view, basis.object_m)
+    square = (x * x).sum(1)[:, None] + (basis.centres**2).sum(1)[None] - 2 * x @ basis.centres.T
+    return np.asarray(np.exp(-np.sqrt(np.maximum(square, 0.0))))
+
+
+def _inverse_root(K: Float) -> Float:
+    """K^-1/2 for Nystroem's columns."""
+    if not K.size:
+        return np.zeros((0, 0))
+    values, vectors = np.linalg.eigh(K)
+    return np.asarray(vectors / np.sqrt(np.maximum(values, 1e-6)) @ vectors.T)
+
+
+def farthest_points(points: Float, count: int) -> Float:
+    """(min(count, n), d) points spread as widely as can be (greedy, starts at the first)."""
+    if not len(points) or count < 1:
+        return points[:0]
+    chosen = [0]
+    far = np.linalg.norm(points - points[0], axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(np.argmax(far)))
+        far = np.minimum(far, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return points[chosen]
+
+
+def _image_count(order: int) -> int:
+    return max(0, (order + 1) * (order + 2) // 2 - 1)
+
+
+def _image(view: Linearised, order: int) -> Float:
+    """(n, k) cosines over the image up to an order, fading as 1 / (1 + order^2)^0.75, without the constant."""
+    h, w = view.raster
+    y, x = np.divmod(view.cell, w)
+    cos_x = np.cos(np.pi * np.arange(order + 1)[:, None] * (x + 0.5) / w)
+    cos_y = np.cos(np.pi * np.arange(order + 1)[:, None] * (y + 0.5) / h)
+    pairs = [(i, j) for i in range(order + 1) for j in range(order + 1 - i) if i + j]
+    columns = [cos_x[i] * cos_y[j] * fading(i, j) for i, j in pairs]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(x), 0))
+
+
+def fading(i: int, j: int) -> float:
+    """How large a cosine of orders (i, j) is beside the lowest ones."""
+    return float((1.0 + i * i + j * j) ** -0.75)
+
+
+def inflation(view: Linearised, residual: Float, weight: Float, *, block: int = 6) -> float:
+    """By how much the variance of a mean exceeds what independent pixels would give (at least 0.1).
+
+    residual (n,): what the fit left; weight (n,): inverse variances believed so far. Sums over
+    blocks of block x block raster pixels are compared with their expectation; where neighbours
+    are independent this is the noise's own scale.
+    """
+    used = weight > 0
+    e2 = weight * residual**2
+    white = float(e2[used].mean()) if used.any() else 1.0
+    h, w = view.raster
+    y, x = np.divmod(view.cell, w)
+    blocks = (y // block) * (-(-w // block)) + x // block
+    full = np.bincount(blocks, weights=used.astype(float)) >= 0.5 * block * block
+    if full.sum() < 6:
+        return max(0.1, white)
+    sums = np.bincount(blocks, weights=np.sqrt(weight) * residual)
+    count = np.bincount(blocks, weights=used.astype(float))
+    together = float((sums[full] ** 2).sum() / count[full].sum())
+    return max(0.1, white, together)

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The linear mixed model of a session: unknowns all views share, unknowns of one view, sizes of both.
+
+Each view brings its normal equations in the order [shared unknowns | own unknowns | residual].
+Own unknowns are eliminated view by view (Schur complement), the rest is one small dense
+solve. Unknowns whose prior variance is a size to be found get it by MacKay's fixed point on
+the marginal likelihood: size^2 = |u|^2 / (n - trace(C) / size^2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Ints
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Normal:
+    """Normal equations of V views.
+
+    gram (V, p, p) with p = s + o + 1: weighted products of [shared | own | residual] columns;
+    scatter (V, s): where each view's shared columns stand among the G global unknowns;
+    info (G,), own_info (o,): inverse prior variances of what has a fixed prior, 0 elsewhere;
+    error (G,), own_error (V, o): how far the current state is from the prior's mean.
+    kinds: name -> indices among the globals; own_kinds: the same among a view's own.
+    """
+
+    gram: Float
+    scatter: Ints
+    info: Float
+    own_info: Float
+    error: Float
+    own_error: Float
+    kinds: dict[str, Ints] = field(default_factory=dict)
+    own_kinds: dict[str, Ints] = field(default_factory=dict)
+
+    @property
+    def shared(self) -> int:
+        """Shared columns per view."""
+        return int(self.scatter.shape[1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mixed:
+    """The answer: x (G,), own (V, o), cov (G, G), sizes per kind.
+
+    gain (V, o, s) and own_cov (V, o, o): own = own0 - gain @ shared, and the covariance of own
+    given shared. `energy` is the weighted square that is left.
+    """
+
+    x: Float
+    own: Float
+    cov: Float
+    gain: Float
+    own_cov: Float
+    scatter: Ints
+    sizes: dict[str, float]
+    energy: float
+
+    def joint_cov(self, view: int) -> Float:
+        """Covariance (s + o, s + o) of a view's shared and own unknowns."""
+        C = self.cov[np.ix_(self.scatter[view], self.scatter[view])]
+        F = self.gain[view]
+        cross = -C @ F.T
+        return np.block([[C, cross], [cross.T, self.own_cov[view] + F @ C @ F.T]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reduced:
+    """The session's normal equations once every view's own unknowns are gone.
+
+    H (G, G), b (G,) with the priors in; energy: the weighted square before the globals explain
+    any of it; own0 (V, o), gain (V, o, s), own_cov (V, o, o) bring the own unknowns back.
+    """
+
+    H: Float
+    b: Float
+    energy: float
+    own0: Float
+    gain: Float
+    own_cov: Float
+
+
+def reduce(normal: Normal, sizes: dict[str, float]) -> Reduced:
+    """Eliminate what is one view's own (Schur complement), for given sizes in metres."""
+    s, o = normal.shared, normal.own_info.size
+    own_prior, prior = normal.own_info.copy(), normal.info.copy()
+    for kind, size in sizes.items():
+        if kind in normal.kinds:
+            prior[normal.kinds[kind]] = size**-2
+        else:
+            own_prior[normal.own_kinds[kind]] = size**-2
+    K = normal.gram
+    own_cov = np.linalg.inv(K[:, s:s + o, s:s + o] + np.diag(own_prior))
+    gain = own_cov @ K[:, s:s + o, :s]
+    own_right = K[:, s:s + o, -1] - own_prior * normal.own_error
+    own0 = np.einsum("vij,vj->vi", own_cov, own_right)
+    H, b = _scatter(
+        normal, K[:, :s, :s] - np.swapaxes(gain, 1, 2) @ K[:, s:s + o, :s],
+        K[:, :s, -1] - np.einsum("vij,vj->vi", K[:, :s, s:s + o], own0),
+    )
+    H += np.diag(prior)
+    b -= prior * normal.error
+    energy = float(K[:, -1, -1].sum() - (own_right * own0).sum())
+    return Reduced(H, b, energy, own0, np.asarray(gain), np.asarray(own_cov, float))
+
+
+def solve(normal: Normal, sizes: dict[str, float], pull: tuple[Float, Float] | None = None) -> Mixed:
+    """The most probable unknowns for given sizes (metres) of the discrepancy's kinds.
+
+    `pull` adds information (G, G) and a right side (G,) about the globals.
+    """
+    r = reduce(normal, sizes)
+    H, b = (r.H, r.b) if pull is None else (r.H + pull[0], r.b + pull[1])
+    cov, x = _solve(H, b)
+    own = r.own0 - np.einsum("vij,vj->vi", r.gain, x[normal.scatter])
+    return Mixed(x, own, cov, r.gain, r.own_cov, normal.scatter, dict(sizes), float(r.energy - b @ x))
+
+
+def _scatter(normal: Normal, reduced: Float, right: Float) -> tuple[Float, Float]:
+    G = normal.info.size
+    H, b = np.zeros((G, G)), np.zeros(G)
+    for at, K, r in zip(normal.scatter, reduced, right, strict=True):
+        H[np.ix_(at, at)] += K
+        b[at] += r
+    return H, b
+
+
+def _solve(H: Float, b: Float) -> tuple[Float, Float]:
+    """Inverse and solution, scaled so that metres and radians do not fight; ridge 1e-12."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-30))
+    scaled = H * scale[:, None] * scale + 1e-12 * np.eye(len(H))
+    cov = np.linalg.inv(scaled) * scale[:, None] * scale
+    cov = 0.5 * (cov + cov.T)
+    return cov, cov @ b
+
+
+def estimate(normal: Normal, sizes: dict[str, float], *, rounds: int, low: float, high: float) -> Mixed:
+    """Solve, and find the sizes (metres, between `low` and `high`) that make the data most probable."""
+    answer = solve(normal, sizes)
+    for _ in range(rounds if sizes else 0):
+        new = {kind: float(np.clip(_size(normal, answer, kind), low, high)) for kind in answer.sizes}
+        still = all(abs(np.log(new[k] / answer.sizes[k])) < 0.02 for k in new)
+        answer = solve(normal, new)
+        if still:
+            break
+    return answer
+
+
+def _size(normal: Normal, answer: Mixed, kind: str) -> float:
+    """One fixed-point step for one kind."""
+    variance = answer.sizes[kind] ** 2
+    if kind in normal.kinds:
+        at = normal.kinds[kind]
+        square = float((answer.x[at] ** 2).sum())
+        posterior = float(np.diag(answer.cov)[at].sum())
+        count = len(at)
+    else:
+        at = normal.own_kinds[kind]
+        square = float((answer.own[:, at] ** 2).sum())
+        posterior = float(_own_variance(answer)[:, at].sum())
+        count = len(at) * len(answer.own)
+    learnt = count - posterior / variance
+    # EM's step where little is learnt: it is slower but never overshoots.
+    if learnt < 0.05 * count:
+        return float(np.sqrt((square + posterior) / count))
+    return float(np.sqrt(square / learnt))
+
+
+def _own_variance(answer: Mixed) -> Float:
+    """(V, o) marginal variances of the views' own unknowns."""
+    C = answer.cov[answer.scatter[:, :, None], answer.scatter[:, None, :]]
+    spread = np.einsum("vij,vjk,vik->vi", answer.gain, C, answer.gain, optimize=True)
+    return np.asarray(np.diagonal(answer.own_cov, axis1=1, axis2=2) + spread)

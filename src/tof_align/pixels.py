@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pixels of a view that take part: a raster of rays with their depth and noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+if TYPE_CHECKING:
+    from tof_align.config import WeightConfig
+    from tof_core.arrays import Float, Image, Ints, Mask
+    from tof_core.camera import Camera
+    from tof_core.capture import RobotPose, View
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pixels:
+    """A raster (h, w) of a view's pixels.
+
+    index: flat indices into (H, W); rays: (h, w, 3) with z = 1; depth and sigma in metres
+    (NaN depth is invalid); log_amplitude or None; `angle`: the pixel's angle in radians.
+    """
+
+    camera: Camera
+    index: Ints
+    rays: Float
+    depth: Float
+    sigma: Float
+    log_amplitude: Float | None
+    angle: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(h, w) of the raster."""
+        return self.depth.shape[0], self.depth.shape[1]
+
+
+def take_pixels(view: View, config: WeightConfig, *, pixels: int = 0) -> Pixels:
+    """A raster of about `pixels` (default: the configured number) of a view's pixels."""
+    camera = view.camera
+    at, index, rays = _raster(camera, raster_step(camera, pixels or config.pixels))
+    return Pixels(
+        camera=camera,
+        index=index,
+        rays=rays,
+        depth=view.depth[at].astype(float),
+        sigma=view_sigma(view, config, at),
+        log_amplitude=_log_amplitude(view.amplitude, at),
+        angle=camera.pixel_angle,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sample:
+    """What alignment keeps of a view: two rasters of its pixels, and where the robot says it is."""
+
+    stamp_ns: int
+    station: int
+    robot: RobotPose | None
+    fine: Pixels
+    coarse: Pixels
+
+
+def sample(view: View, config: WeightConfig) -> Sample:
+    """Take the rasters of a view."""
+    coarse = take_pixels(view, config, pixels=config.coarse_pixels)
+    return Sample(view.stamp_ns, view.station, view.robot, take_pixels(view, config), coarse)
+
+
+@lru_cache(maxsize=16)
+def _raster(camera: Camera, step: int) -> tuple[tuple[Ints, ...], Ints, Float]:
+    """Rows and columns of a raster, its flat indices and its rays (shared by all views, read-only)."""
+    rows = np.arange(step // 2, camera.height, step)
+    cols = np.arange(step // 2, camera.width, step)
+    at = np.ix_(rows, cols)
+    rays = camera.rays()[at]
+    rays.setflags(write=False)
+    return at, np.asarray(rows[:, None] * camera.width + cols[None, :]), rays
+
+
+def raster_step(camera: Camera, pixels: int) -> int:
+    """The stride that leaves about `pixels` of the camera's pixels."""
+    return max(1, round(float(np.sqrt(camera.width * camera.height / pixels))))
+
+
+def _log_amplitude(amplitude: Image | None, at: tuple[Ints, ...]) -> Float | None:
+    if amplitude is None:
+        return None
+    a = amplitude[at].astype(float)
+    return np.where(a > 0, np.log(np.where(a > 0, a, 1.0)), np.nan)
+
+
+def view_sigma(view: View, config: WeightConfig, at: tuple[Ints, ...]) -> Float:
+    """Standard error of the pixels `at` in metres, with the scatter of few captures pooled.
+
+    The variance of n captures is itself uncertain (chi-square, n - 1 degrees of freedom);
+    it is averaged with its neighbours', which count as eight captures more.
+    """
+    assumed = config.noise_mm * 1e-3 / np.sqrt(np.maximum(view.count, 1))
+    measured = np.isfinite(view.sigma) & (view.sigma > 0) & (view.count > 1)
+    if measured.any():
+        variance = np.where(measured, np.where(measured, view.sigma, 0.0).astype(float) ** 2, 0.0)
+        near, share = _local_mean(variance, measured)
+        dof = np.maximum(view.count.astype(float) - 1.0, 0.0) * measured
+        pooled = np.where(share > 0, (dof * variance + 8.0 * near) / (dof + 8.0), assumed**2)
+        sigma = np.sqrt(pooled[at])
+    else:
+        sigma = assumed[at]
+    return np.asarray(np.hypot(sigma, config.floor_mm * 1e-3))
+
+
+def _local_mean(values: Float, where: Mask, size: int = 7) -> tuple[Float, Float]:
+    share = ndimage.uniform_filter(where.astype(np.float32), size, mode="nearest").astype(float)
+    total = ndimage.uniform_filter(values.astype(np.float64), size, mode="nearest")
+    share = np.where(share > 1e-4, share, 0.0)
+    return total / np.where(share > 0, share, 1.0), share

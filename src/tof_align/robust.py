@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Robust weights: gross disagreement (a missing part, a foreign object) must not pull."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align.discrepancy import inflation
+
+if TYPE_CHECKING:
+    from tof_align.config import WeightConfig
+    from tof_align.linearise import Linearised
+    from tof_core.arrays import Float
+
+
+def mad(values: Float) -> float:
+    """Robust standard deviation about the median; 0 for no values."""
+    if not len(values):
+        return 0.0
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))
+
+
+def tukey(error: Float, width: Float | float) -> Float:
+    """Tukey's biweight: (1 - (e/c)^2)^2 inside, 0 outside."""
+    u = error / width
+    return np.where(np.abs(u) < 1.0, (1.0 - u * u) ** 2, 0.0)
+
+
+def kernel_width(view: Linearised, error: Float, config: WeightConfig, *, least: float = 0.0) -> Float:
+    """(n,) metres beyond which a pixel does not count, from what the fit leaves (n,)."""
+    scale = np.maximum(view.sigma, mad(error))
+    return np.maximum(config.kernel * scale, max(config.kernel_floor_mm * 1e-3, least))
+
+
+def weigh(view: Linearised, error: Float, config: WeightConfig, *, least: float = 0.0) -> Float:
+    """(n,) inverse variances, 1/m^2: robust, and honest about neighbours that err together."""
+    if not len(error):
+        return np.zeros(0)
+    weight = tukey(error, kernel_width(view, error, config, least=least)) / view.sigma**2
+    return np.asarray(weight / inflation(view, error, weight))

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One solution of a whole session: base, arm, hand-eye, extra columns and what nobody modelled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align import verdict as verdicts
+from tof_align.approach import approach
+from tof_align.chain import Chain, chain_of
+from tof_align.fit import Columns, Fitter
+from tof_align.linearise import Linearised, linearise
+from tof_align.mixed import Mixed, solve
+from tof_align.observability import Observability, observe_block, pinned
+from tof_align.pixels import Sample, sample
+from tof_align.single import align_sample
+from tof_align.system import SessionSystem
+from tof_core import se3
+from tof_core.arrays import Float
+from tof_core.capture import Posed, View
+from tof_core.errors import RefusedError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.config import AlignConfig
+    from tof_scene.raycast import Raycaster
+    from tof_scene.render import Rendering
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosedView:
+    """A view with the CAD rendered (pixel centres) where its camera is believed to be."""
+
+    view: View
+    rendering: Rendering
+
+
+Terms = Callable[[PosedView], Float]
+"""Extra columns (H*W, k): metres of z per unit of each of k coefficients."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SessionSolution:
+    """Where everything was.
+
+    posed (V,): the cameras with covariance and verdict; stations (S,): their numbers;
+    B (S, 4, 4) with T_cell_body really B @ T_cell_body, B_cov (S, 6, 6) of the right
+    perturbation of `chain.frame(s)` (the body); A (V, 4, 4), X (4, 4) with A_cov, X_cov of their
+    right perturbations; theta (k,), theta_cov (k, k): coefficients of the extra columns;
+    sizes: how large the unmodelled errors are per kind, metres (what `discrepancy` lists);
+    observability (S,): what the data leave open; system: the linear system at the solution, to
+    refit with; fitted: its answer.
+    """
+
+    posed: tuple[Posed, ...]
+    verdicts: tuple[verdicts.Verdict, ...]
+    stations: tuple[int, ...]
+    B: Float
+    B_cov: Float
+    A: Float
+    A_cov: Float
+    X: Float
+    X_cov: Float
+    theta: Float
+    theta_cov: Float
+    sizes: dict[str, float]
+    observability: tuple[Observability, ...]
+    system: SessionSystem[Chain]
+    fitted: Mixed
+
+    @property
+    def chain(self) -> Chain:
+        """The state behind B, A and X."""
+        return self.system.rig
+
+
+def solve_session(
+    views: Sequence[View], caster: Raycaster, config: AlignConfig, *, terms: Terms | None = None,
+    theta_std: Float | None = None, start: Chain | None = None,
+) -> SessionSolution:
+    """Solve T_cell_camera = B_station T_cell_body T_body_camera A_view X for all views together.
+
+    Args:
+        views: of one camera, each with its robot pose and station.
+        caster: the scene.
+        config: priors, weights, limits, and the mode.
+        terms: extra columns, fitted jointly.
+        theta_std: (k,) prior standard deviations of their coefficients (default: none).
+        start: a state to start from (an earlier solution's `chain`); default: the robot's.
+
+    Raises:
+        RefusedError: no view sees the CAD, or the session fits it nowhere.
+        TransformError: a view has no robot pose.
+    """
+    samples = [sample(v, config.weights) for v in views]
+    columns = None if terms is None else _columns(terms, views, caster)
+    return solve_samples(samples, caster, config, columns=columns, theta_std=theta_std, start=start)
+
+
+def solve_samples(
+    samples: Sequence[Sample], caster: Raycaster, config: AlignConfig, *, columns: Columns | None = None,
+    theta_std: Float | None = None, start: Chain | None = None,
+) -> SessionSolution:
+    """`solve_session` on what `sample` kept of the views; `columns(v, linearised) -> (n, k)`."""
+    if not samples:
+        raise RefusedError("there are no views", where="alignment", todo="record at least one still view of the parts")
+    seed = chain_of(samples, config.priors)
+    if config.mode != "session":
+        return _without_session(samples, seed, caster, config)
+    chain = start or near(samples, seed, caster, config)
+    fitter = Fitter([s.fine for s in samples], caster, config, columns, theta_std)
+    system, answer, given = fitter.fit(chain, config.iterations)
+    return _conclude(fitter, system, answer, given, seed)
+
+
+def _without_session(samples: Sequence[Sample], seed: Chain, caster: Raycaster, config: AlignConfig) -> SessionSolution:
+    """The ways that the session solution is measured against: a free pose per view, or the robot's own.
+
+    Every view's correction stands in A; B and X are the identity.
+    """
+    chain, found = seed, None
+    if config.mode == "per_view":
+        found = [align_sample(s, caster, seed.pose(v), None, config) for v, s in enumerate(samples)]
+        arm = np.array([se3.inverse(seed.pose(v)) @ f.posed.T_cell_camera for v, f in enumerate(found)])
+        chain = replace(seed, arm=arm)
+    plain = replace(config, discrepancy=replace(config.discrepancy, enabled=False))
+    fitter = Fitter([s.fine for s in samples], caster, plain)
+    system, answer, columns = fitter.once(chain)
+    still = replace(answer, x=np.zeros_like(answer.x), own=np.zeros_like(answer.own))
+    solution = _conclude(fitter, system, still, columns, seed)
+    if found is not None:
+        return replace(solution, posed=tuple(f.posed for f in found), verdicts=tuple(f.verdict for f in found))
+    posed = tuple(
+        replace(p, T_cell_camera=seed.pose(v), cov=se3.cov_fixed_axes(seed.pose(v), seed.prior_cov(v)), accepted=True, verdict="robot")
+        for v, p in enumerate(solution.posed)
+    )
+    return replace(solution, posed=posed)
+
+
+def near(samples: Sequence[Sample], chain: Chain, caster: Raycaster, config: AlignConfig) -> Chain:
+    """The chain with every station's base brought near the CAD (arm and hand-eye as they were)."""
+    base = chain.base.copy()
+    for s in range(len(chain.names)):
+        mine = [int(v) for v in np.flatnonzero(chain.station == s)]
+        poses = np.array([chain.pose(v) for v in mine])
+        base[s] = base[s] @ approach([samples[v].coarse for v in mine], poses, chain.frame(s), config.priors.base, caster, config)
+    return replace(chain, base=base)
+
+
+def _columns(terms: Terms, views: Sequence[View], caster: Raycaster) -> Columns:
+    """Ask for a view's columns where its camera is believed to be, and keep the raster's pixels."""
+    from tof_scene.render import render
+
+    def at(v: int, lin: Linearised) -> Float:
+        picture = render(caster, views[v].camera, lin.T_cell_camera, footprints=False)
+        return np.asarray(terms(PosedView(views[v], picture)), float)[lin.index]
+
+    return at
+
+
+def _conclude(
+    fitter: Fitter, system: SessionSystem[Chain], answer: Mixed, columns: list[Float] | None, seed: Chain,
+) -> SessionSolution:
+    """Keep the robot's pose where nothing is known, judge every view, and sum up."""
+    config, S, g = fitter.config, len(seed.names), seed.globals_
+    seen = tuple(_observe_station(system, answer, s, seed, config) for s in range(S))
+    kept = _keep(system, columns, answer, seen)
+    chain = system.rig.moved(kept.x, kept.own)
+    judged = tuple(_judge_view(fitter, system, kept, columns, chain, seed, seen, v) for v in range(len(system.views)))
+    if not any(j.accepted for j in judged):
+        raise RefusedError(judged[0].reason, where="alignment", todo="check the scene, its placement and the robot's pose")
+    k = 0 if columns is None else columns[0].shape[1]
+    s, end = answer.scatter.shape[1], g + sum(system.basis.shared)
+    return SessionSolution(
+        posed=tuple(_posed(system, answer, chain, seen, v, judged[v]) for v in range(len(judged))),
+        verdicts=judged, stations=chain.names, B=chain.B,
+        B_cov=np.array([answer.cov[6 * i:6 * i + 6, 6 * i:6 * i + 6] for i in range(S)]),
+        A=chain.arm, A_cov=np.array([answer.joint_cov(v)[s:s + 6, s:s + 6] for v in range(len(judged))]),
+        X=chain.hand_eye, X_cov=answer.cov[g - 6:g, g - 6:g],
+        theta=kept.x[end:end + k], theta_cov=answer.cov[end:end + k, end:end + k],
+        sizes=dict(answer.sizes), observability=seen, system=replace(system, rig=chain), fitted=kept,
+    )
+
+
+def _observe_station(system: SessionSystem[Chain], answer: Mixed, s: int, seed: Chain, config: AlignConfig) -> Observability:
+    """What this station's views know of its base, all else marginalised."""
+    at = slice(6 * s, 6 * s + 6)
+    centre = np.mean([seed.pose(int(v))[:3, 3] for v in np.flatnonzero(seed.station == s)], axis=0)
+    return observe_block(answer.cov[at, at], np.diag(config.priors.base**2), system.rig.frame(s), centre, config.verdict)
+
+
+def _keep(
+    system: SessionSystem[Chain], columns: Sequence[Float] | None, answer: Mixed, seen: Sequence[Observability],
+) -> Mixed:
+    """Solve again with the base pinned to the robot's pose along what the data leave open."""
+    if not any(len(o.null) for o in seen):
+        return answer
+    normal = system.normal(columns)
+    H, b = np.zeros((normal.info.size, normal.info.size)), np.zeros(normal.info.size)
+    for s, o in enumerate(seen):
+        at = slice(6 * s, 6 * s + 6)
+        H[at, at], b[at] = pinned(o, system.rig.frame(s), system.rig.B[s])
+    return solve(normal, answer.sizes, (H, b))
+
+
+def _judge_view(
+    fitter: Fitter, system: SessionSystem[Chain], kept: Mixed, columns: Sequence[Float] | None, chain: Chain, seed: Chain,
+    seen: Sequence[Observability], v: int,
+) -> verdicts.Verdict:
+    config, T_seed = fitter.config, seed.pose(v)
+    before = verdicts.fit_of(linearise(fitter.pixels[v], T_seed, fitter.caster, config.weights), config)
+    after = verdicts.fit_of(system.views[v], config, system.explained(kept, v, columns))
+    null = seen[int(chain.station[v])].names
+    return verdicts.judge(before, after, T_seed, chain.pose(v), seed.prior_cov(v), null, config)
+
+
+def _posed(
+    system: SessionSystem[Chain], answer: Mixed, chain: Chain, seen: Sequence[Observability], v: int, verdict: verdicts.Verdict,
+) -> Posed:
+    T = chain.pose(v)
+    cov = se3.cov_fixed_axes(T, system.camera_cov(answer, v))
+    return Posed(T, cov, seen[int(chain.station[v])].at(T[:3, 3]), verdict.accepted, verdict.reason)

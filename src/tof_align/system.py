@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A session linearised once: refit it with other columns as often as you like, without rendering.
+
+`SessionSystem` holds per view the Jacobian with respect to the camera (n, 6), the residual
+(n,), the weights (n,), and how base, arm and hand-eye move the camera. `eliminate` takes any
+further columns (metres of z per unit) and returns their normal equations with the poses (and,
+if asked, the discrepancy) projected out: what of a column's energy the pose cannot imitate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+import numpy as np
+
+from tof_align.chain import Rig
+from tof_align.discrepancy import LOCAL, SHARED, Basis, local_columns, shared_columns
+from tof_align.mixed import Mixed, Normal, reduce, solve
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.linearise import Linearised
+    from tof_core.arrays import Float, Ints
+
+R = TypeVar("R", bound=Rig)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Eliminated:
+    """Normal equations of k columns and the residual once the poses are projected out.
+
+    gram (k, k), right (k,), energy (weighted square of the residual that poses alone leave),
+    pixels: how many took part. The best theta is solve(gram, right); it explains right @ theta
+    of the energy.
+    """
+
+    gram: Float
+    right: Float
+    energy: float
+    pixels: int
+
+    def fit(self, chosen: Sequence[int] | Ints, ridge: Float | float = 0.0) -> tuple[Float, Float, float]:
+        """theta (k',), its covariance (k', k') and the energy left, of the chosen columns.
+
+        `ridge` is an inverse prior variance, per column or one for all.
+        """
+        at = np.asarray(chosen, int)
+        if not at.size:
+            return np.zeros(0), np.zeros((0, 0)), self.energy
+        gram = self.gram[np.ix_(at, at)]
+        H = gram + np.diag(np.broadcast_to(ridge, at.shape))
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+        cov = np.linalg.inv(H * scale[:, None] * scale + 1e-12 * np.eye(len(at))) * scale[:, None] * scale
+        theta = cov @ self.right[at]
+        left = self.energy - 2 * self.right[at] @ theta + theta @ gram @ theta
+        return theta, cov, float(left)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SessionSystem(Generic[R]):
+    """The linear system of a session at one state.
+
+    rig: the state (a `Chain` for a session); views: per view what `linearise` gives; weights:
+    per view (n,) inverse variances in 1/m^2 (robust, and deflated where neighbours are not
+    independent); basis, sizes: the discrepancy's columns and the sizes found for them;
+    theta_std: (k,) prior deviations of extra columns' coefficients, None for none.
+    """
+
+    rig: R
+    views: tuple[Linearised, ...]
+    weights: tuple[Float, ...]
+    basis: Basis
+    sizes: dict[str, float]
+    theta_std: Float | None = None
+
+    def subset(self, views: Sequence[int]) -> SessionSystem[R]:
+        """The same with some views only (all stations stay, those unseen at their prior)."""
+        return replace(self, rig=self.rig.subset(views), views=tuple(self.views[v] for v in views),
+                       weights=tuple(self.weights[v] for v in views))
+
+    def normal(self, columns: Sequence[Float] | None = None, *, discrepancy: bool = True) -> Normal:
+        """Normal equations in poses, discrepancy (if wanted) and `columns` (per view (n, k))."""
+        basis = self.basis if discrepancy else None
+        grams = [
+            weighted_gram(view, weight, basis, None if columns is None else columns[v])
+            for v, (view, weight) in enumerate(zip(self.views, self.weights, strict=True))
+        ]
+        k = columns[0].shape[1] if columns else 0
+        theta_info = np.zeros(k) if self.theta_std is None or not k else np.asarray(self.theta_std, float) ** -2
+        return assemble(grams, self.rig, basis, theta_info)
+
+    def solve(self, columns: Sequence[Float] | None = None, *, discrepancy: bool = True) -> Mixed:
+        """Poses, discrepancy and the columns' coefficients together."""
+        return solve(self.normal(columns, discrepancy=discrepancy), self.sizes if discrepancy else {})
+
+    def eliminate(self, columns: Sequence[Float], *, discrepancy: bool = False) -> Eliminated:
+        """Project the poses (with their priors) out of columns (per view (n, k)).
+
+        With `discrepancy` the smooth unmodelled errors are projected out as well, at the sizes
+        found: a column must then explain more than any smooth error would.
+        """
+        r = reduce(self.normal(columns, discrepancy=discrepancy), self.sizes if discrepancy else {})
+        g = r.b.size - (columns[0].shape[1] if columns else 0)
+        scale = 1.0 / np.sqrt(np.diag(r.H)[:g])
+        pose = np.linalg.inv(r.H[:g, :g] * scale[:, None] * scale) * scale[:, None] * scale
+        gain = pose @ r.H[:g, g:]
+        gram = r.H[g:, g:] - r.H[g:, :g] @ gain
+        right = r.b[g:] - gain.T @ r.b[:g]
+        energy = r.energy - float(r.b[:g] @ pose @ r.b[:g])
+        return Eliminated(0.5 * (gram + gram.T), right, energy, sum(int((w > 0).sum()) for w in self.weights))
+
+    def residuals(self, columns: Sequence[Float], theta: Float) -> tuple[Float, ...]:
+        """Per view (n,): what is left at the joint solution for these coefficients, metres."""
+        rest = [view.residual - C @ theta for view, C in zip(self.views, columns, strict=True)]
+        shifted = replace(self, views=tuple(replace(v, residual=r) for v, r in zip(self.views, rest, strict=True)))
+        steps = shifted.camera_steps(shifted.solve(discrepancy=False))
+        return tuple(r - v.jacobian @ d for r, v, d in zip(rest, self.views, steps, strict=True))
+
+    def camera_steps(self, answer: Mixed) -> Float:
+        """(V, 6) right perturbations of the cameras that an answer means."""
+        steps = np.zeros((len(self.views), 6))
+        for v in range(len(self.views)):
+            shared, own = self.rig.links(v)
+            steps[v] = shared @ answer.x[self.rig.where(v)] + own @ answer.own[v, : self.rig.own]
+        return steps
+
+    def camera_cov(self, answer: Mixed, v: int) -> Float:
+        """(6, 6) of the right perturbation of a camera, from all its links together."""
+        shared, own = self.rig.links(v)
+        C = answer.joint_cov(v)
+        s = answer.scatter.shape[1]
+        at = np.concatenate([np.arange(shared.shape[1]), s + np.arange(own.shape[1])])
+        L = np.concatenate([shared, own], axis=1)
+        return np.asarray(L @ C[np.ix_(at, at)] @ L.T)
+
+    def explained(self, answer: Mixed, v: int, columns: Sequence[Float] | None = None) -> Float:
+        """(n,) metres of a view that discrepancy and columns explain."""
+        g, o = self.rig.globals_, self.rig.own
+        m, q = sum(self.basis.shared), sum(self.basis.local)
+        view = self.views[v]
+        out = shared_columns(self.basis, view) @ answer.x[g:g + m] + local_columns(self.basis, view) @ answer.own[v, o:o + q]
+        return np.asarray(out if columns is None else out + columns[v] @ answer.x[g + m:])
+
+    def remaining(self, answer: Mixed, columns: Sequence[Float] | None = None) -> list[Float]:
+        """Per view (n,) metres: residual minus pose, discrepancy and columns."""
+        steps = self.camera_steps(answer)
+        return [view.residual - view.jacobian @ steps[v] - self.explained(answer, v, columns) for v, view in enumerate(self.views)]
+
+
+def weighted_gram(view: Linearised, weight: Float, basis: Basis | None, columns: Float | None = None) -> Float:
+    """(p, p) weighted products of [camera 6 | shared | columns | own | residual]."""
+    parts = [view.jacobian]
+    if basis is not None:
+        parts.append(shared_columns(basis, view))
+    if columns is not None:
+        parts.append(columns)
+    if basis is not None:
+        parts.append(local_columns(basis, view))
+    D = np.concatenate([*parts, view.residual[:, None]], axis=1)
+    D *= np.sqrt(weight)[:, None]
+    return np.asarray(D.T @ D)
+
+
+def assemble(grams: Sequence[Float], rig: Rig, basis: Basis | None, theta_info: Float) -> Normal:
+    """Normal equations of all views: [pose, shared, columns | own pose, own | residual] in each."""
+    shared_sizes = basis.shared if basis is not None else ()
+    local_sizes = basis.local if basis is not None else ()
+    m, k, q, g = sum(shared_sizes), len(theta_info), sum(local_sizes), rig.globals_
+    tail = np.arange(g, g + m + k)
+    info, own_info, error, own_error = rig.prior()
+    return Normal(
+        gram=np.array([_expand(G, *rig.links(v), m + k) for v, G in enumerate(grams)]),
+        scatter=np.array([np.concatenate([rig.where(v), tail]) for v in range(len(grams))]),
+        info=np.concatenate([info, np.zeros(m), theta_info]), error=np.concatenate([error, np.zeros(m + k)]),
+        own_info=np.concatenate([own_info, np.zeros(q)]),
+        own_error=np.concatenate([own_error, np.zeros((len(grams), q))], axis=1),
+        kinds=_indices(SHARED, shared_sizes, g), own_kinds=_indices(LOCAL, local_sizes, rig.own),
+    )
+
+
+def _indices(names: Sequence[str], sizes: Sequence[int], start: int) -> dict[str, Ints]:
+    out: dict[str, Ints] = {}
+    for name, size in zip(names, sizes, strict=False):
+        if size:
+            out[name] = np.arange(start, start + size)
+        start += size
+    return out
+
+
+def _expand(G: Float, shared: Float, own: Float, middle: int) -> Float:
+    """Put the links in the place of the camera's six columns."""
+    s, o, p = shared.shape[1], own.shape[1], len(G)
+    E = np.zeros((p, p - 6 + s + o))
+    E[:6, :s], E[:6, s + middle:s + middle + o] = shared, own
+    E[6:6 + middle, s:s + middle] = np.eye(middle)
+    E[6 + middle:, s + middle + o:] = np.eye(p - 6 - middle)
+    return np.asarray(E.T @ G @ E)

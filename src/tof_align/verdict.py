@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether an alignment may be trusted: support, improvement, step, and what stays unknown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core import se3
+
+if TYPE_CHECKING:
+    from tof_align.config import AlignConfig
+    from tof_align.linearise import Linearised
+    from tof_core.arrays import Float
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """How a view agrees with the CAD at one pose.
+
+    pixels: raster pixels with a depth where the CAD has a surface; support: the share of them
+    closer than `support_mm` (edges and grazing pixels left out of both); rms: metres, over
+    those; score: mean of min(|residual|, support_mm), metres, lower is better.
+    """
+
+    pixels: int
+    support: float
+    rms: float
+    score: float
+
+
+def fit_of(view: Linearised, config: AlignConfig, offset: Float | float = 0.0) -> Fit:
+    """Judge a view; `offset` (n,) is a discrepancy that the fit explained, metres."""
+    limit = config.verdict.support_mm * 1e-3
+    error = np.abs(view.residual - offset)
+    if not len(error):
+        return Fit(0, 0.0, float("nan"), limit)
+    near = error < limit
+    rms = float(np.sqrt((error[near] ** 2).mean())) if near.any() else float("nan")
+    return Fit(len(error), float(near.mean()), rms, float(np.minimum(error, limit).mean()))
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The answer to "may I use this pose?", with its reasons.
+
+    accepted; reason: one line; seed, fit: agreement at the robot's pose and at the answer;
+    step_mm, step_deg: how far the answer is from the robot's pose; step: the same in the
+    robot's standard deviations (Mahalanobis over the rank, 1 is usual); null: open directions.
+    """
+
+    accepted: bool
+    reason: str
+    seed: Fit
+    fit: Fit
+    step_mm: float
+    step_deg: float
+    step: float
+    null: tuple[str, ...]
+
+
+def judge(
+    seed: Fit, fit: Fit, T_seed: Float, T: Float, cov_prior: Float | None, null: tuple[str, ...], config: AlignConfig,
+) -> Verdict:
+    """Accept or refuse, with the first reason that applies.
+
+    `cov_prior` (6, 6) is of the right perturbation of `T_seed`; None: nothing is known and no
+    step is too large.
+    """
+    limits = config.verdict
+    metres, degrees = se3.distance(T_seed, T)
+    step = 0.0
+    if cov_prior is not None:
+        xi = se3.log(se3.inverse(T_seed) @ T)
+        step = float(np.sqrt(xi @ np.linalg.solve(cov_prior, xi) / 6.0))
+    reason = ""
+    if fit.pixels < limits.min_pixels:
+        reason = f"only {fit.pixels} pixels see the CAD (at least {limits.min_pixels})"
+    elif fit.support < limits.min_support:
+        reason = f"fits nowhere: {100 * fit.support:.0f} % of {fit.pixels} pixels within {limits.support_mm:g} mm of the CAD"
+    elif step > limits.max_step:
+        reason = f"{metres * 1000:.0f} mm and {degrees:.1f}° from the robot's pose, {step:.1f} times what its error allows"
+    elif fit.pixels * fit.support < 0.9 * seed.pixels * seed.support and fit.score > seed.score:
+        reason = f"no better than the robot's pose ({100 * fit.support:.0f} % against {100 * seed.support:.0f} % agree)"
+    accepted = not reason
+    return Verdict(accepted, reason or _praise(null), seed, fit, metres * 1000, degrees, step, null)
+
+
+def _praise(null: tuple[str, ...]) -> str:
+    if not null:
+        return "ok"
+    return "robot's pose kept where the data do not say: " + "; ".join(null)
