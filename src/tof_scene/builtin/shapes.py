@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Solids as (vertices, faces) in metres, z up: boxes, lathed solids, tubes along paths, and sheets with round holes bent to any surface."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tof_core.arrays import Float
+
+    Surface = Callable[[Float], Float]
+
+Solid: TypeAlias = "tuple[Float, NDArray[np.int32]]"
+SEGMENTS = 48
+
+
+def join(*solids: Solid) -> Solid:
+    """Several solids as one; where they enter each other both surfaces stay."""
+    starts = np.cumsum([0, *(len(v) for v, _ in solids)])
+    return np.concatenate([v for v, _ in solids]), np.concatenate([f + np.int32(s) for (_, f), s in zip(solids, starts[:-1], strict=True)])
+
+
+def moved(solid: Solid, xyz: ArrayLike = (0, 0, 0), *, axis: str = "z") -> Solid:
+    """Turn the solid's z axis to `axis` (x, y, z, -x, -y, -z), then shift it."""
+    turns = {"z": "xyz", "x": "zxy", "y": "yzx"}
+    order = ["xyz".index(c) for c in turns[axis[-1]]]
+    v = solid[0].copy()
+    if axis.startswith("-"):
+        v[:, 1:] *= -1  # half a turn about x, so that it stays right-handed
+    return v[:, order] + np.asarray(xyz, float), solid[1]
+
+
+def rotated(solid: Solid, axis: str, degrees: float, about: ArrayLike = (0, 0, 0)) -> Solid:
+    """Turn about a main axis through `about`, right-handed."""
+    i = "xyz".index(axis)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    v = solid[0] - np.asarray(about, float)
+    out = v.copy()
+    out[:, j], out[:, k] = c * v[:, j] - s * v[:, k], s * v[:, j] + c * v[:, k]
+    return out + np.asarray(about, float), solid[1]
+
+
+def box(size: ArrayLike, centre: ArrayLike = (0, 0, 0), cells: int = 1) -> Solid:
+    """A box; `cells` divides each side, so that long faces are no slivers."""
+    faces = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            uv, tri = grid(cells, cells)
+            xyz = np.empty((len(uv), 3))
+            xyz[:, axis], xyz[:, (axis + 1) % 3], xyz[:, (axis + 2) % 3] = side, 2 * uv[:, 0] - 1, 2 * uv[:, 1] - 1
+            faces.append((xyz, tri if side > 0 else tri[:, ::-1]))
+    v, f = join(*faces)
+    return v * np.asarray(size, float) / 2 + np.asarray(centre, float), np.ascontiguousarray(f)
+
+
+def grid(nu: int, nv: int) -> Solid:
+    """The unit square in nu x nv cells: points (n, 2) and triangles, counter-clockwise."""
+    v, u = np.mgrid[: nv + 1, : nu + 1]
+    at = (np.arange(nv)[:, None] * (nu + 1) + np.arange(nu)).ravel()
+    tri = np.concatenate([np.stack([at, at + 1, at + nu + 2], 1), np.stack([at, at + nu + 2, at + nu + 1], 1)])
+    return np.stack([u.ravel() / nu, v.ravel() / nv], 1), tri.astype(np.int32)
+
+
+def lathe(profile: ArrayLike, segments: int = SEGMENTS) -> Solid:
+    """Turn a profile of (radius, z) about z; it runs upward with the material on its left seen from outside.
+
+    Points with radius 0 become one vertex each.
+    """
+    profile = np.asarray(profile, float)
+    angle = 2 * np.pi * np.arange(segments) / segments
+    rings = [_ring(r, z, angle) for r, z in profile]
+    starts = np.cumsum([0, *(len(ring) for ring in rings)])
+    faces = []
+    for a, b, na, nb in zip(starts[:-2], starts[1:-1], map(len, rings[:-1]), map(len, rings[1:]), strict=True):
+        i = np.arange(segments)
+        j = (i + 1) % segments
+        if nb > 1:
+            faces.append(np.stack([a + i % na, b + j, b + i], 1))
+        if na > 1:
+            faces.append(np.stack([a + i, a + j, b + j % nb], 1))
+    return np.concatenate(rings), np.concatenate(faces).astype(np.int32)
+
+
+def _ring(r: float, z: float, angle: Float) -> Float:
+    if r == 0:
+        return np.array([[0.0, 0.0, z]])
+    return np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)], 1)
+
+
+def cylinder(radius: float, height: float, segments: int = SEGMENTS) -> Solid:
+    """A closed cylinder standing on z = 0."""
+    return lathe([(0, 0), (radius, 0), (radius, height), (0, height)], segments)
+
+
+def sphere(radius: float, segments: int = SEGMENTS) -> Solid:
+    """A sphere around the origin."""
+    a = np.linspace(-np.pi / 2, np.pi / 2, segments // 2 + 1)
+    profile = np.stack([radius * np.cos(a), radius * np.sin(a)], 1)
+    profile[[0, -1], 0] = 0
+    return lathe(profile, segments)
+
+
+def tube(path: ArrayLike, radius: float, segments: int = 24) -> Solid:
+    """A closed round bar along a path of points (n, 3), no sharp turns."""
+    path = np.asarray(path, float)
+    tangent = np.gradient(path, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    side = np.cross(tangent[0], np.eye(3)[np.argmin(np.abs(tangent[0]))])
+    angle = 2 * np.pi * np.arange(segments) / segments
+    rings = []
+    for p, t in zip(path, tangent, strict=True):
+        side = side - (side @ t) * t
+        side /= np.linalg.norm(side)
+        rings.append(p + radius * (np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * np.cross(t, side)))
+    i, n = np.arange(segments), len(path)
+    j = (i + 1) % segments
+    base = np.arange(n - 1)[:, None] * segments
+    quads = [np.stack([base + i, base + j, base + segments + j], -1), np.stack([base + i, base + segments + j, base + segments + i], -1)]
+    first, last = n * segments, n * segments + 1
+    caps = [np.stack([np.full_like(i, first), j, i], 1), np.stack([np.full_like(i, last), (n - 1) * segments + i, (n - 1) * segments + j], 1)]
+    faces = np.concatenate([*(q.reshape(-1, 3) for q in quads), *caps])
+    return np.concatenate([*rings, path[:1], path[-1:]]), faces.astype(np.int32)
+
+
+def arc(centre: ArrayLike, start: ArrayLike, end: ArrayLike, n: int = 16) -> Float:
+    """Points (n, 3) on a quarter circle about `centre` from `start` to `end`, which stand at right angles."""
+    centre, start, end = (np.asarray(p, float) for p in (centre, start, end))
+    a = np.linspace(0, np.pi / 2, n)[:, None]
+    return np.asarray(centre + np.cos(a) * (start - centre) + np.sin(a) * (end - centre))
+
+
+def sheet(
+    size: tuple[float, float], cells: tuple[int, int], thickness: float, surface: Surface, holes: Sequence[tuple[float, float, float]] = ()
+) -> Solid:
+    """A bent sheet of constant thickness with round holes.
+
+    Args:
+        size: (u, v) extent of the flat pattern in metres, from (0, 0).
+        cells: how many cells along u and v.
+        thickness: material behind `surface`, against its normal.
+        surface: maps flat points (n, 2) to points (n, 3) of the visible side; its normal is d/du x d/dv.
+        holes: (u, v, radius) in the flat pattern.
+    """
+    uv, tri = grid(*cells)
+    uv = uv * size
+    for hole in holes:
+        uv, tri = _pierced(uv, tri, hole, np.asarray(size) / cells)
+    front = surface(uv)
+    h = 1e-6
+    normal = np.cross(surface(uv + [h, 0]) - surface(uv - [h, 0]), surface(uv + [0, h]) - surface(uv - [0, h]))
+    back = front - thickness * normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    n = np.int32(len(uv))
+    rim = _rim(tri)
+    walls = np.concatenate([np.stack([rim[:, 0], rim[:, 0] + n, rim[:, 1]], 1), np.stack([rim[:, 1], rim[:, 0] + n, rim[:, 1] + n], 1)])
+    return np.concatenate([front, back]), np.concatenate([tri, tri[:, ::-1] + n, walls]).astype(np.int32)
+
+
+def _rim(tri: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(k, 2) directed edges that one triangle alone has."""
+    edges = tri[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    alone = {(int(a), int(b)) for a, b in edges}
+    return np.array(sorted((a, b) for a, b in alone if (b, a) not in alone), np.int32)
+
+
+def _pierced(uv: Float, tri: NDArray[np.int32], hole: tuple[float, float, float], cell: Float) -> Solid:
+    """Cut the cells around a hole out of a flat mesh and fill the frame between them and the circle."""
+    u, v, radius = hole
+    centroid = uv[tri].mean(axis=1)
+    keep = (np.abs(centroid - [u, v]) > radius + 0.75 * cell).any(axis=1)
+    cut_edges = {(int(a), int(b)) for a, b in tri[~keep][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)}
+    frame = sorted({a for a, b in cut_edges if (b, a) not in cut_edges})
+    angle_of = np.arctan2(uv[frame, 1] - v, uv[frame, 0] - u)
+    outer = np.asarray(frame, np.int32)[np.argsort(angle_of)]
+    angle = 2 * np.pi * (np.arange(SEGMENTS) + 0.5) / SEGMENTS - np.pi
+    inner = np.arange(SEGMENTS, dtype=np.int32) + len(uv)
+    points = np.concatenate([uv, np.stack([u + radius * np.cos(angle), v + radius * np.sin(angle)], 1)])
+    return points, np.concatenate([tri[keep], _zip(outer, np.sort(angle_of), inner, angle)])
+
+
+def _zip(outer: NDArray[np.int32], at_outer: Float, inner: NDArray[np.int32], at_inner: Float) -> NDArray[np.int32]:
+    """Triangles between two closed loops sorted by angle, one inside the other."""
+    n, m = len(outer), len(inner)
+    ahead_o, ahead_i = np.append(at_outer, at_outer[0] + 2 * np.pi), np.append(at_inner, at_inner[0] + 2 * np.pi)
+    i = j = 0
+    faces = []
+    while i < n or j < m:
+        if j == m or (i < n and ahead_o[i + 1] <= ahead_i[j + 1]):
+            faces.append((inner[j % m], outer[i], outer[(i + 1) % n]))
+            i += 1
+        else:
+            faces.append((inner[j], outer[i % n], inner[(j + 1) % m]))
+            j += 1
+    return np.asarray(faces, np.int32)

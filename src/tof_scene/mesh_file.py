@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Triangles from a mesh file: STL, OBJ, PLY, GLB, STEP and whatever else trimesh reads; geometry is left as it is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core.errors import SceneError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from tof_core.arrays import Float
+
+STEP_TOLERANCE_M = 1e-5
+"""Largest distance between a STEP file's curved surface and its triangles (chord height)."""
+STEP_ANGLE = 0.1
+"""Largest angle in radians between neighbouring triangles of a curved STEP surface."""
+
+
+def load_mesh(path: Path) -> tuple[Float, NDArray[np.int32]]:
+    """Vertices (n, 3) float64 in the file's unit (STEP and GLB: metres) and faces (m, 3) int32.
+
+    A file with several bodies gives all of them, each where the file puts it. Nothing is merged, closed or turned.
+    Faces may use vertices that are NaN; `Part` refuses them by name.
+    """
+    if not path.is_file():
+        raise SceneError("the mesh is missing", where=path, todo="mesh paths are relative to scene.yaml")
+    if not path.stat().st_size:
+        raise SceneError("the mesh is empty (a file of 0 bytes)", where=path, todo="export it again")
+    bodies = _bodies(path)
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in bodies)])
+    if not starts[-1]:
+        raise SceneError("the mesh is empty (no triangles)", where=path, todo="export the part's surface as triangles")
+    vertices = np.concatenate([v for v, _ in bodies])
+    return vertices, np.concatenate([f + start for (_, f), start in zip(bodies, starts[:-1], strict=True)]).astype(np.int32)
+
+
+def _bodies(path: Path) -> list[tuple[Float, NDArray[Any]]]:
+    import trimesh
+
+    options: dict[str, Any] = {}
+    if path.suffix.lower() in {".step", ".stp"}:
+        options = {"tol_linear": STEP_TOLERANCE_M * 1e3, "tol_angular": STEP_ANGLE}  # its linear unit is the millimetre
+    try:
+        loaded = trimesh.load_scene(path, process=False, **options)
+        meshes = [body for body in loaded.dump() if isinstance(body, trimesh.Trimesh)]
+    except Exception as error:  # noqa: BLE001  (each of trimesh's many readers fails in its own way)
+        reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        raise SceneError(f"the mesh cannot be read: {reason}", where=path, todo="use STL, OBJ, PLY, GLB or STEP") from None
+    return [(np.asarray(body.vertices, np.float64), np.asarray(body.faces)) for body in meshes]

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Planes of faces, and rays against them in float64."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tof_core.arrays import Float
+
+
+def face_normals(vertices: Float, faces: NDArray[np.int32]) -> Float:
+    """(m, 3) unit normals by the right-hand rule."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    n = np.cross(b - a, c - a)
+    return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
+
+
+@njit(cache=True, nogil=True)
+def plane_hits(
+    origins: Float, directions: Float, face: NDArray[np.int32], near: NDArray[np.float32], points: Float, normals: Float
+) -> tuple[Float, Float]:
+    """Distance (N,) and normal (N, 3) toward the origin, from the plane of the face each ray hit; NaN where face < 0.
+
+    `near` (N,) is the library's own float32 distance: it stays where the plane says something else by more than 1e-4
+    (a sliver's normal means little, and a ray in the plane meets it anywhere).
+    """
+    n = len(face)
+    t = np.full(n, np.nan)
+    out = np.full((n, 3), np.nan)
+    for i in range(n):
+        f = face[i]
+        if f < 0:
+            continue
+        nx, ny, nz = normals[f]
+        dx, dy, dz = directions[i]
+        along = nx * dx + ny * dy + nz * dz
+        sign = -1.0 if along > 0 else 1.0
+        out[i, 0], out[i, 1], out[i, 2] = sign * nx, sign * ny, sign * nz
+        height = nx * (points[f, 0] - origins[i, 0]) + ny * (points[f, 1] - origins[i, 1]) + nz * (points[f, 2] - origins[i, 2])
+        rough = float(near[i])
+        exact = height / along if along != 0.0 else rough
+        t[i] = exact if abs(exact - rough) <= 1e-4 * max(rough, 1e-3) else rough
+    return t, out

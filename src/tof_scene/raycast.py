@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rays against the CAD: which part, which face, how far (in float64 from the face's plane), at which angle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_scene.backends import make_backend
+from tof_scene.planes import face_normals, plane_hits
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from tof_core.arrays import Float
+    from tof_scene.scene import Scene
+
+JITTER = 1e-6
+"""Radians by which a ray that hit nothing is turned before it is given up (Embree works in float32: 6e-8)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hits:
+    """Where N rays first meet the scene, in the rays' order.
+
+    t (N,) float64 in lengths of the direction, NaN for a miss; part (N,) int16 and face (N,) int32 (index into
+    `Scene.triangles()`), -1 for a miss; normal (N, 3) float64, unit, cell frame, toward the ray's origin.
+    """
+
+    t: Float
+    part: NDArray[np.int16]
+    face: NDArray[np.int32]
+    normal: Float
+
+
+class Raycaster:
+    """Casts rays against a scene, both sides of every face.
+
+    The library finds the face; the distance is computed here in float64 from the face's plane. A ray that finds nothing
+    is cast again, turned by a microradian to either side, since it may have slipped between two triangles.
+    Threads may share one.
+    """
+
+    def __init__(self, scene: Scene, backend: str = "auto") -> None:
+        """Build the tree. `backend`: auto (the faster installed), embree, open3d."""
+        self.scene = scene
+        self.vertices, self.faces, self.face_part = scene.triangles()
+        self.face_normal = face_normals(self.vertices, self.faces)
+        self.face_point = np.ascontiguousarray(self.vertices[self.faces[:, 0]])
+        # float32 is finest near zero, so the library sees the scene around its middle.
+        self._middle = scene.bounds().mean(axis=0)
+        self._backend = make_backend(backend, self.vertices - self._middle, self.faces)
+        self.albedo = np.array([part.material.albedo for part in scene.parts], np.float32)
+        self.roughness = np.array([part.material.roughness for part in scene.parts], np.float32)
+
+    @property
+    def backend(self) -> str:
+        """Name of the library that does the work."""
+        return self._backend.name
+
+    def cast(self, origins: ArrayLike, directions: ArrayLike) -> Hits:
+        """First hits of rays from origins (N, 3) or (3,) along directions (N, 3), cell frame, any length."""
+        directions = np.ascontiguousarray(directions, np.float64).reshape(-1, 3)
+        origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float64), directions.shape))
+        face, near = self._faces(origins, directions)
+        t, normal = plane_hits(origins, directions, face, near, self.face_point, self.face_normal)
+        return Hits(t, np.where(face >= 0, self.face_part[face], np.int16(-1)), face, normal)
+
+    def _faces(self, origins: Float, directions: Float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """Face and rough distance of each ray, lost rays cast again."""
+        start, along = (origins - self._middle).astype(np.float32), directions.astype(np.float32)
+        face, near = self._backend.nearest(start, along)
+        lost = np.flatnonzero(face < 0)
+        for turn in (JITTER, -JITTER):
+            if not len(lost):
+                break
+            found, distance = self._backend.nearest(start[lost], _turned(directions[lost], turn))
+            face[lost], near[lost] = found, distance
+            lost = lost[found < 0]
+        return face, near
+
+
+def _turned(directions: Float, angle: float) -> NDArray[np.float32]:
+    """Directions (N, 3) tilted by an angle across no preferred axis."""
+    aside = np.roll(directions, 1, axis=1) * [1.0, -1.0, 0.7]
+    return (directions + angle * aside).astype(np.float32)
