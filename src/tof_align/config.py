@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.arrays import Float
 from tof_core.config import param, section
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
 
 
 @dataclass(frozen=True, slots=True)

@@ -187,7 +187,7 @@ def inflation(view: Linearised, residual: Float, weight: Float, *, block: int = 
     used = weight > 0
     e2 = weight * residual**2
     white = float(e2[used].mean()) if used.any() else 1.0
-    h, w = view.raster
+    _h, w = view.raster
     y, x = np.divmod(view.cell, w)
     blocks = (y // block) * (-(-w // block)) + x // block
     full = np.bincount(blocks, weights=used.astype(float)) >= 0.5 * block * block

@@ -18,7 +18,6 @@ from tof_align.mixed import Mixed, solve
 from tof_align.observability import Observability, observe_block, pinned
 from tof_align.pixels import Sample, sample
 from tof_align.single import align_sample
-from tof_align.system import SessionSystem
 from tof_core import se3
 from tof_core.arrays import Float
 from tof_core.capture import Posed, View
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_align.config import AlignConfig
+    from tof_align.system import SessionSystem
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
 

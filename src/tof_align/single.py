@@ -17,11 +17,11 @@ from tof_align.linearise import linearise
 from tof_align.mixed import Mixed, solve
 from tof_align.observability import Observability, observe_block, pinned
 from tof_align.pixels import Sample, sample
-from tof_align.system import SessionSystem
 from tof_core import se3
 from tof_core.capture import Posed, View
 
 if TYPE_CHECKING:
+    from tof_align.system import SessionSystem
     from tof_core.arrays import Float
     from tof_scene.raycast import Raycaster
 
