@@ -16,8 +16,8 @@ SAMPLE = ("iqr", "sigma3")
 """Stages that reject single captures of a pixel: they compare the captures of one dwell."""
 RASTER = ("range", "amplitude", "self", "flying", "grazing", "sor")
 """Stages that remove pixels of one raster: before `accumulate` of each capture, after it of the view."""
-ORDER = "range,amplitude,self,iqr,sigma3,accumulate"
-PAPER_ORDER = "iqr,sigma3,accumulate"
+ORDER = "range,amplitude,self,iqr,sigma3,accumulate,flying,grazing,sor"
+PAPER_ORDER = "iqr,sigma3,accumulate,sor"
 
 
 @dataclass(frozen=True, slots=True)

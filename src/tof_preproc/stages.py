@@ -3,17 +3,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeAlias
 
 from tof_preproc.config import SAMPLE, PreprocConfig, stages_of
 from tof_preproc.gates import remove_amplitude, remove_range, remove_self
+from tof_preproc.sor import remove_sor
+from tof_preproc.surface import remove_flying, remove_grazing
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from tof_preproc.frame import Frame, Report
 
 Stage: TypeAlias = "Callable[[Frame, PreprocConfig], int]"
-RASTER: dict[str, Stage] = {"range": remove_range, "amplitude": remove_amplitude, "self": remove_self}
+RASTER: dict[str, Stage] = {
+    "range": remove_range, "amplitude": remove_amplitude, "self": remove_self,
+    "flying": remove_flying, "grazing": remove_grazing, "sor": remove_sor,
+}
 
 
 def enabled(config: PreprocConfig) -> tuple[str, ...]:

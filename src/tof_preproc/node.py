@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `preproc`: depth images or clouds in, the running view of each dwell out."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2, Temperature, TimeReference
+from tf2_msgs.msg import TFMessage
+
+from tof_core.config import param, section
+from tof_core.decode import stamp_ns
+from tof_core.options import NOT_WANTED
+from tof_core.tf import TransformBuffer
+from tof_core.topics import Topics
+from tof_preproc.stream import PreprocStream, Processed, StreamConfig
+from tof_ros import messages, qos
+from tof_ros.base import RoomNode
+from tof_ros.recorder import RecordService
+from tof_ros.transforms import TransformListener
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tof_core.capture import View
+
+NAME = "preproc"
+
+
+@dataclass(frozen=True, slots=True)
+class LiveConfig:
+    """What only a running node has."""
+
+    reliable: bool = param(False, "hear sensors reliably: loses nothing of a reliable publisher, hears no best-effort one")
+    need_tf: bool = param(True, "skip frames without a transform; false accumulates them as if nothing moved")
+    keep_tf_s: float = param(30.0, "history of TF", unit="s", low=1.0, high=3600.0)
+    record: str = param("", "folder in which ~/start_recording makes a bag of the raw topics")
+
+
+@dataclass(frozen=True, slots=True)
+class PreprocNodeConfig(StreamConfig):
+    """Parameters of the node."""
+
+    live: LiveConfig = section(LiveConfig, "the running node")
+
+
+CONFIG = PreprocNodeConfig
+
+
+class PreprocNode(RoomNode[PreprocNodeConfig]):
+    """Accumulates and filters one camera's stream (docs/nodes/preproc.md)."""
+
+    def __init__(self, **options: Any) -> None:
+        """Subscribe; topics are relative and remappable, spot_ros2's names by default."""
+        super().__init__(NAME, "preproc", PreprocNodeConfig, fixed=("input.", "still.", "station.", "live."), **options)
+        self._topics = self._input_topics()
+        self._arrivals: dict[int, float] = {}
+        self._last_info = self._first_frame = float("-inf")
+        self._stream = PreprocStream(
+            self.config, replace(self._topics, amplitude=self.config.input.amplitude_topic.removesuffix(NOT_WANTED)),
+            TransformBuffer(self.config.input.max_gap_s, keep_s=self.config.live.keep_tf_s), need_tf=self.config.live.need_tf,
+        )
+        self._tf = TransformListener(self, self._stream.transforms, self._advance)
+        self._outputs = {name: self.output(name, kind) for name, kind in {
+            "depth": Image, "sigma": Image, "count": Image, "reason": Image, "amplitude": Image,
+            "camera_info": CameraInfo, "points": PointCloud2, "dwell": TimeReference}.items()}
+        self._subscribe()
+        self.service("capture", self._end_dwell)
+        self.service("flush", self.flush)
+        RecordService(self, self.config.live.record, "session", self._raw_topics(), qos.sensor(reliable=self.config.live.reliable, depth=64))
+
+    def _input_topics(self) -> Topics:
+        o = self.config.input
+        cloud = o.points_topic and not o.depth_topic
+        depth = "" if cloud else o.depth_topic or "depth/hand/image"
+        return Topics(
+            depth=depth, points=o.points_topic if cloud else "",
+            info=o.info_topic or f"{(depth or o.points_topic).rpartition('/')[0]}/camera_info",
+            amplitude=_wanted(o.amplitude_topic, "ir/hand/image"), temperature=_wanted(o.temperature_topic, "hand/temperature"),
+        )
+
+    def _raw_topics(self) -> list[tuple[str, type[Any]]]:
+        t = self._topics
+        raw = [(t.depth, Image), (t.points, PointCloud2), (t.info, CameraInfo), (t.amplitude, Image), (t.temperature, Temperature)]
+        return [(name, kind) for name, kind in raw if name] + [("/tf", TFMessage), ("/tf_static", TFMessage)]
+
+    def _subscribe(self) -> None:
+        t, sensor = self._topics, qos.sensor(reliable=self.config.live.reliable, depth=32)
+        builder = self._stream.builder
+        if t.depth:
+            self.input(t.depth, Image, lambda m: self._frame(m, builder.depth), sensor)
+        else:
+            self.input(t.points, PointCloud2, lambda m: self._frame(m, builder.points), sensor)
+        self.input(t.info, CameraInfo, self._info, sensor)
+        if t.amplitude:
+            self.input(t.amplitude, Image, self._amplitude, sensor)
+        if t.temperature:
+            self.input(t.temperature, Temperature, builder.temperature, sensor)
+
+    def _frame(self, message: Any, take: Any) -> None:
+        arrived = self.tally.arrived()
+        if self._first_frame < 0:
+            self._first_frame = arrived
+        self._arrivals[stamp_ns(message)] = arrived
+        take(message)
+        self._advance()
+
+    def _info(self, message: CameraInfo) -> None:
+        self._stream.builder.info(message)
+        self._last_info = time.monotonic()
+        self._advance()
+
+    def _amplitude(self, message: Image) -> None:
+        builder = self._stream.builder
+        if not builder.topics.amplitude:  # seen for the first time: from now on it is waited for
+            builder.topics = replace(builder.topics, amplitude=self._topics.amplitude)
+        builder.amplitude(message)
+        self._advance()
+
+    def _advance(self, *, final: bool = False) -> None:
+        """Publish what has become ready."""
+        for processed in self._stream.ready(final=final):
+            self._publish(processed)
+        if self._stream.jumped_back:
+            self.get_logger().warning("stamps jumped back: starting afresh")
+            self.reset()
+
+    def _publish(self, processed: Processed) -> None:
+        arrived = self._arrivals.pop(processed.stamp_ns, time.monotonic())
+        if processed.view is None:
+            self.skip(processed.stamp_ns, processed.fate, processed.why)
+            return
+        self._publish_view(processed.view)
+        self.done(processed.stamp_ns, arrived)
+
+    def _publish_view(self, view: View) -> None:
+        head = messages.header(view.stamp_ns, view.camera.frame_id)
+        images = {"depth": (view.depth, "32FC1"), "sigma": (view.sigma, "32FC1"), "count": (view.count, "16UC1"), "reason": (view.reason, "8UC1")}
+        if view.amplitude is not None:
+            images["amplitude"] = (view.amplitude, "32FC1")
+        for name, (array, encoding) in images.items():
+            self._outputs[name].publish(messages.image(array, encoding, head))
+        self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
+        if self._outputs["points"].get_subscription_count():
+            self._outputs["points"].publish(messages.points(view.camera.points(view.depth).astype(np.float32), head))
+        about = f"station={view.station} captures={view.captures} amplitude={int(view.amplitude is not None)} temperature={view.temperature:.9g}"
+        self._outputs["dwell"].publish(messages.time_reference(view.stamp_ns, view.dwell_ns, about, view.camera.frame_id))
+
+    def on_config(self, config: PreprocNodeConfig) -> None:
+        """New filters take effect with the next frame."""
+        self._stream.configure(config.preproc)
+
+    def reset(self) -> str:
+        """Forget dwell, stations and transforms."""
+        if hasattr(self, "_stream"):
+            self._stream.reset()
+            self._arrivals.clear()
+        return "dwell, stations and transforms are forgotten"
+
+    def flush(self) -> str:
+        """Give out every frame that waits, as at the end of a bag."""
+        waiting = len(self._arrivals)
+        self._advance(final=True)
+        return f"{waiting} frames waited"
+
+    def _end_dwell(self) -> str:
+        self._stream.end_dwell()
+        return "the next frame begins a new dwell"
+
+    def figures(self) -> Mapping[str, str]:
+        """What the stages removed from the latest view, how old TF is."""
+        removed = {f"removed.{stage}": str(count) for stage, count in sorted(self._stream.preprocessor.counts.items())}
+        return {"tf_age_s": f"{self._tf.age:.2f}", "waiting": str(len(self._arrivals)), **removed}
+
+    def warnings(self) -> list[str]:
+        """Frames without camera_info or without TF."""
+        now, out = time.monotonic(), []
+        if self.tally.silence() < 2.0 and now - self._first_frame > 2.0:
+            if now - self._last_info > 2.0:
+                out.append(f"{self.resolve_topic_name(self._topics.depth or self._topics.points)} is seen, but no "
+                           f"{self.resolve_topic_name(self._topics.info)} for 2 s: is it published, and heard (QoS)?")
+            if self.config.live.need_tf and self._tf.age > 2.0:
+                out.append("no /tf for 2 s: is the robot's state publisher running?")
+        if self._stream.builder.skipped["no transform"]:
+            out.append(f"transform: {self._stream.builder.last_error}")
+        return out
+
+
+def _wanted(name: str, default: str) -> str:
+    return "" if name == NOT_WANTED else name or default
+
+
+def make_node(**options: Any) -> PreprocNode:
+    """The node; keyword arguments as of `rclpy.node.Node`."""
+    return PreprocNode(**options)

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Statistical outlier removal: points unusually far from their nearest neighbours.
+
+`paper` is Open3D's `remove_statistical_outlier`: mean distance to 20 neighbours (the point itself among them, at 0),
+removed from the mean of all plus 2 standard deviations on. In metres that punishes range: points lie further apart
+where they are further away. `scaled` measures in units of the spacing that a surface has there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.reasons import Reason
+from tof_preproc.neighbours import mean_distance
+from tof_preproc.surface import cos_incidence
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Image
+    from tof_core.camera import Camera
+    from tof_preproc.config import PreprocConfig
+    from tof_preproc.frame import Frame
+
+CORNER = 2.2
+"""Mean distances this many times the usual are outliers at the earliest: at a surface's corner they are 2 times."""
+FLATTEST = 0.1
+"""Cosine of incidence below which the spacing is not believed to grow any further."""
+
+
+def remove_sor(frame: Frame, config: PreprocConfig) -> int:
+    """Remove points far from their nearest neighbours."""
+    distance = mean_distance(frame.depth, frame.camera, config.sor.neighbours)
+    known = np.isfinite(distance)
+    if np.count_nonzero(known) < 2:
+        return 0
+    if config.sor.method == "paper":
+        limit = threshold(distance[known], config.sor.ratio)
+    else:
+        distance = distance / spacing(frame.depth, frame.camera)
+        limit = scaled_threshold(distance[known], config.sor.ratio)
+    with np.errstate(invalid="ignore"):
+        return frame.remove(known & ~(distance < limit), Reason.SOR)
+
+
+def threshold(distance: Image, ratio: float) -> float:
+    """Open3D's: mean plus `ratio` sample standard deviations of the mean distances (n,)."""
+    distance = distance.astype(float)
+    return float(distance.mean() + ratio * distance.std(ddof=1))
+
+
+def scaled_threshold(distance: Image, ratio: float) -> float:
+    """Median plus `ratio` robust standard deviations, so that outliers do not hide each other; no surface's corner."""
+    median = np.median(distance)
+    deviation = 1.4826 * np.median(np.abs(distance - median))
+    return float(max(median + ratio * deviation, CORNER * median))
+
+
+def spacing(depth: Image, camera: Camera) -> Image:
+    """(H, W) root of the area in m^2 that a pixel covers on the surface it sees; NaN where there is no depth."""
+    cosine = np.maximum(cos_incidence(depth, camera.rays()), np.float32(FLATTEST))
+    length = camera.ray_length().astype(np.float32)
+    pixel = np.float32(1 / np.sqrt(camera.fx * camera.fy))
+    # A pixel's solid angle shrinks with the cube of the ray's length, its distance grows with it.
+    return np.asarray(depth * pixel / np.sqrt(length * cosine), np.float32)

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of one camera in, running views out: what the node does, without ROS."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tof_core.builder import FROZEN, LATE, CaptureBuilder
+from tof_core.config import section
+from tof_core.errors import ToftwinError, TransformError
+from tof_core.motion import MotionConfig, StationConfig, StationTracker, is_still
+from tof_core.options import BagOptions
+from tof_core.robot import RobotChain
+from tof_preproc.config import PreprocConfig
+from tof_preproc.preprocessor import Preprocessor
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tof_core.capture import Capture, View
+    from tof_core.tf import TransformBuffer
+    from tof_core.topics import Topics
+
+JUMP_NS = 1_000_000_000
+JUMP_FRAMES = 3
+"""So many frames in a row, all older by more than a second: the clock was set back."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamConfig:
+    """From messages to views. The names are the same in YAML files, ROS parameters and the documentation."""
+
+    input: BagOptions = section(BagOptions, "topics, frames and units")
+    still: MotionConfig = section(MotionConfig, "when the camera counts as still")
+    station: StationConfig = section(StationConfig, "when the base counts as still")
+    preproc: PreprocConfig = section(PreprocConfig, "accumulation and filters")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Processed:
+    """What became of one frame: a running view, or (`view` None) why there is none."""
+
+    stamp_ns: int
+    fate: str
+    view: View | None = None
+    capture: Capture | None = None
+    why: str = ""
+
+
+class PreprocStream:
+    """One camera's stream. Feed `builder` and `transforms`, then take what is `ready`.
+
+    A frame is ready once nothing still to come can change it: its parts have come and TF reaches past
+    its motion window. So the numbers do not depend on which topic was faster.
+    """
+
+    def __init__(self, config: StreamConfig, topics: Topics, transforms: TransformBuffer, *, need_tf: bool = True) -> None:
+        """Nothing received yet."""
+        self.config, self.transforms = config, transforms
+        self.chain = RobotChain(transforms, config.input.cell_frame, config.input.body_frame)
+        self.builder = CaptureBuilder(config.input, self.chain, topics, need_tf=need_tf)
+        self.builder.on_skip = self._skipped
+        self.preprocessor = Preprocessor(config.preproc)
+        self._stations = StationTracker(config.station)
+        self._waiting: deque[Capture] = deque()
+        self._fates: deque[Processed] = deque()
+        self._late: list[int] = []
+
+    def reset(self) -> None:
+        """Start afresh: the clock was set back, or the user asked."""
+        self.builder.reset()
+        self.preprocessor.reset()
+        self._stations.reset()
+        self.transforms.clear_dynamic()
+        self._waiting.clear()
+        self._late.clear()
+
+    @property
+    def jumped_back(self) -> bool:
+        """Whether the frames say that the clock was set back."""
+        return len(self._late) >= JUMP_FRAMES
+
+    def configure(self, config: PreprocConfig) -> None:
+        """Other filters from the next frame on; the dwell begins anew."""
+        self.preprocessor = Preprocessor(config)
+
+    def end_dwell(self) -> None:
+        """The next frame begins a new dwell."""
+        self.preprocessor = Preprocessor(self.preprocessor.config)
+
+    def ready(self, *, final: bool = False) -> Iterator[Processed]:
+        """What became of the frames that are ready, oldest first; `final` waits for nothing."""
+        self._build(final=final)
+        yield from self._drain()
+        while self._waiting and (final or self._settled(self._waiting[0])):
+            yield self._process(self._waiting.popleft())
+
+    def _build(self, *, final: bool) -> None:
+        """Captures from the builder; one that cannot be read costs that frame only."""
+        while True:
+            try:
+                for capture in self.builder.ready(final=final):
+                    self._waiting.append(capture)
+                    self._late.clear()
+            except ToftwinError as error:
+                reason = type(error).__name__.removesuffix("Error").lower()
+                self._fates.append(Processed(self.builder.last_stamp, f"bad {reason}", why=str(error)))
+                continue
+            return
+
+    def _skipped(self, stamp_ns: int, reason: str) -> None:
+        self._fates.append(Processed(stamp_ns, reason, why=self.builder.last_error if reason not in (FROZEN, LATE) else ""))
+        if reason == LATE and stamp_ns < self.builder.last_stamp - JUMP_NS:
+            rising = not self._late or stamp_ns > self._late[-1]
+            self._late = [*self._late, stamp_ns] if rising else [stamp_ns]
+
+    def _drain(self) -> Iterator[Processed]:
+        while self._fates:
+            yield self._fates.popleft()
+
+    def _settled(self, capture: Capture) -> bool:
+        """Whether TF covers the capture's motion window, or will not any more."""
+        after = capture.stamp_ns + round(self.config.still.window_s * 1e9)
+        if capture.robot is None or self.transforms.settled(after):
+            return True
+        try:
+            self.chain.pose(capture.camera.frame_id, after)
+        except TransformError:
+            return False
+        return True
+
+    def _process(self, capture: Capture) -> Processed:
+        still, station = self.standing(capture)
+        frozen = self.preprocessor.events["frozen"]
+        view = self.preprocessor.push(capture, still=still, station=station)
+        if self.preprocessor.events["frozen"] > frozen:
+            return Processed(capture.stamp_ns, FROZEN)
+        return Processed(capture.stamp_ns, "kept", view, capture)
+
+    def standing(self, capture: Capture) -> tuple[bool, int]:
+        """Whether the camera stands still, and at which station."""
+        if capture.robot is None:
+            return True, 0
+        cell, _ = self.chain.resolve(capture.camera.frame_id)
+        still = is_still(self.transforms, cell, capture.camera.frame_id, capture.stamp_ns, self.config.still)
+        return still, self._stations.push(capture.stamp_ns, capture.robot.T_cell_body)
