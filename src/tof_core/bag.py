@@ -66,8 +66,7 @@ class BagReader:
         self.transforms = TransformBuffer(options.max_gap_s)
         self.chain = RobotChain(self.transforms, cell_frame, options.body_frame, placed)
         self._index = BagIndex(files, self.transforms)
-        types = {t.name: t.type for t in files.topics.values() if t.count}
-        self.topics: Topics = find_topics(types, options, encodings=self._index.encodings, where=str(files.path))
+        self.topics: Topics = find_topics(self.types, options, encodings=self._index.encodings, where=str(files.path))
         self._builder = self._new_builder(need_tf=True)
         self.camera: Camera = self._first_camera()
 
@@ -87,6 +86,11 @@ class BagReader:
     def note(self) -> str:
         """What a user should know of the bag's state; empty for a finished one."""
         return self._files.note
+
+    @property
+    def types(self) -> dict[str, str]:
+        """The type of each topic that has messages."""
+        return {t.name: t.type for t in self._files.topics.values() if t.count}
 
     @property
     def frame_count(self) -> int:
