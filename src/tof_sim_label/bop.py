@@ -35,8 +35,9 @@ DEPTH_SCALE = 0.1
 """Millimetres per unit of the depth images: 16 bits reach 6.5 m."""
 
 
-def export_bop(dataset: Dataset, scene: Scene, folder: str | os.PathLike[str], *, split: str = "train",
-               views: Iterable[int] | None = None) -> Path:
+def export_bop(
+    dataset: Dataset, scene: Scene, folder: str | os.PathLike[str], *, split: str = "train", views: Iterable[int] | None = None
+) -> Path:
     """Write the views of a dataset as `folder/{models,SPLIT,camera.json}`; gives the folder.
 
     Per view: `depth` (measured), `depth_label` (the CAD's), `gray` (amplitude), `mask`,
@@ -125,11 +126,16 @@ class _SceneWriter:
             _write_png(self._folder / "mask" / name, silhouette.inside.astype(np.uint8) * 255)
             _write_png(self._folder / "mask_visib" / name, visible.astype(np.uint8) * 255)
             poses.append(model.pose(T_camera_cell))
-            infos.append({
-                "bbox_obj": silhouette.box, "bbox_visib": box(visible), "px_count_all": silhouette.pixels,
-                "px_count_valid": int((silhouette.inside & np.isfinite(depth)).sum()), "px_count_visib": int(visible.sum()),
-                "visib_fract": min(1.0, float(visible.sum()) / silhouette.pixels),
-            })
+            infos.append(
+                {
+                    "bbox_obj": silhouette.box,
+                    "bbox_visib": box(visible),
+                    "px_count_all": silhouette.pixels,
+                    "px_count_valid": int((silhouette.inside & np.isfinite(depth)).sum()),
+                    "px_count_visib": int(visible.sum()),
+                    "visib_fract": min(1.0, float(visible.sum()) / silhouette.pixels),
+                }
+            )
         self._files["scene_gt"][str(view)], self._files["scene_gt_info"][str(view)] = poses, infos
 
     def finish(self) -> None:
@@ -152,13 +158,24 @@ def _first_captures(dataset: Dataset) -> dict[int, int]:
 
 
 def _camera_file(camera: Camera) -> dict[str, float]:
-    return {"cx": camera.cx, "cy": camera.cy, "depth_scale": DEPTH_SCALE, "fx": camera.fx, "fy": camera.fy,
-            "height": camera.height, "width": camera.width}
+    return {
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "depth_scale": DEPTH_SCALE,
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "height": camera.height,
+        "width": camera.width,
+    }
 
 
 def _image_camera(camera: Camera, T_camera_cell: Float) -> dict[str, Any]:
-    return {"cam_K": camera.K.ravel().tolist(), "depth_scale": DEPTH_SCALE,
-            "cam_R_w2c": T_camera_cell[:3, :3].ravel().tolist(), "cam_t_w2c": (1e3 * T_camera_cell[:3, 3]).tolist()}
+    return {
+        "cam_K": camera.K.ravel().tolist(),
+        "depth_scale": DEPTH_SCALE,
+        "cam_R_w2c": T_camera_cell[:3, :3].ravel().tolist(),
+        "cam_t_w2c": (1e3 * T_camera_cell[:3, 3]).tolist(),
+    }
 
 
 def _to_units(depth: Image) -> NDArray[np.uint16]:

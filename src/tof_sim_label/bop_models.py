@@ -45,8 +45,10 @@ def write_models(scene: Scene, folder: Path) -> list[Model]:
         write_ply(folder / f"obj_{model.obj_id:06d}.ply", vertices, part.faces)
         size = 1e3 * (high - low)
         info[str(model.obj_id)] = {
-            "diameter": diameter(vertices), **dict(zip(("min_x", "min_y", "min_z"), (-0.5 * size).tolist(), strict=True)),
-            **dict(zip(("size_x", "size_y", "size_z"), size.tolist(), strict=True)), "name": part.name,
+            "diameter": diameter(vertices),
+            **dict(zip(("min_x", "min_y", "min_z"), (-0.5 * size).tolist(), strict=True)),
+            **dict(zip(("size_x", "size_y", "size_z"), size.tolist(), strict=True)),
+            "name": part.name,
         }
         models.append(model)
     (folder / "models_info.json").write_text(json.dumps(info, indent=1))
@@ -74,8 +76,13 @@ def write_ply(path: Path, vertices: Float, faces: Ints) -> None:
     """An ASCII PLY with angle-weighted vertex normals, which BOP asks for."""
     normals = vertex_normals(vertices, faces)
     header = [
-        "ply", "format ascii 1.0", f"element vertex {len(vertices)}", *(f"property float {n}" for n in ("x", "y", "z", "nx", "ny", "nz")),
-        f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header",
+        "ply",
+        "format ascii 1.0",
+        f"element vertex {len(vertices)}",
+        *(f"property float {n}" for n in ("x", "y", "z", "nx", "ny", "nz")),
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
     ]
     with path.open("w") as file:
         file.write("\n".join(header) + "\n")

@@ -14,10 +14,16 @@ class LabelConfig:
 
     cad_sigma_mm: float = param(0.1, "standard deviation of the real surface from its CAD, along the normal", unit="mm", low=0.0, high=50.0)
     unseen_offset_mm: float = param(
-        2.0, "standard deviation of the camera's constant range offset, which no one-sided session can see; "
-        "lower it to what a calibration on a reference vouches for", unit="mm", low=0.0, high=100.0)
+        2.0,
+        "standard deviation of the camera's constant range offset, which no one-sided session can see; "
+        "lower it to what a calibration on a reference vouches for",
+        unit="mm",
+        low=0.0,
+        high=100.0,
+    )
     edge_px: float = param(0.05, "least uncertainty of a silhouette in the image", unit="px", low=0.0, high=5.0)
     max_incidence_deg: float = param(85.0, "labels seen at a flatter angle are masked", unit="deg", low=0.0, high=90.0)
     foreign_mm: float = param(
-        60.0, "a patch measured farther than this from its label (beyond 3 sigma) is something else than the CAD", unit="mm", low=1.0)
+        60.0, "a patch measured farther than this from its label (beyond 3 sigma) is something else than the CAD", unit="mm", low=1.0
+    )
     foreign_px: int = param(30, "least size of such a patch; smaller ones are the sensor's own errors", unit="px", low=1)

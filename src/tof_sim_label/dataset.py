@@ -63,22 +63,39 @@ class DatasetWriter:
     def append_capture(self, capture: Capture, view: int = -1) -> int:
         """Keep one frame; `view` is the session's view it goes into, -1 for none. Gives its number."""
         none = np.full(capture.depth.shape, np.nan, np.float32)
-        return self._store.append("captures", {
-            "raw": capture.depth, "amplitude": none if capture.amplitude is None else capture.amplitude,
-            "stamp_ns": capture.stamp_ns, "temperature": capture.temperature,
-            "view": view + self._first_view if view >= 0 else -1,
-        })
+        return self._store.append(
+            "captures",
+            {
+                "raw": capture.depth,
+                "amplitude": none if capture.amplitude is None else capture.amplitude,
+                "stamp_ns": capture.stamp_ns,
+                "temperature": capture.temperature,
+                "view": view + self._first_view if view >= 0 else -1,
+            },
+        )
 
     def append_view(self, view: View, label: Label) -> int:
         """Keep a view with its label. Gives its number in the dataset."""
         verdicts = [*self._store.attributes["verdicts"], label.posed.verdict]
-        return self._store.append("views", {
-            "depth": view.depth, "sigma": view.sigma, "count": np.minimum(view.count, 65535),
-            "label": label.depth, "label_sigma": label.sigma, "mask": label.mask, "part": label.part,
-            "mixed": label.mixed, "incidence": label.incidence,
-            "T_cell_camera": label.posed.T_cell_camera, "pose_cov": label.posed.cov,
-            "station": view.station + self._first_station, "stamp_ns": view.stamp_ns,
-        }, verdicts=verdicts)
+        return self._store.append(
+            "views",
+            {
+                "depth": view.depth,
+                "sigma": view.sigma,
+                "count": np.minimum(view.count, 65535),
+                "label": label.depth,
+                "label_sigma": label.sigma,
+                "mask": label.mask,
+                "part": label.part,
+                "mixed": label.mixed,
+                "incidence": label.incidence,
+                "T_cell_camera": label.posed.T_cell_camera,
+                "pose_cov": label.posed.cov,
+                "station": view.station + self._first_station,
+                "stamp_ns": view.stamp_ns,
+            },
+            verdicts=verdicts,
+        )
 
     def close(self) -> None:
         """Let another process write."""

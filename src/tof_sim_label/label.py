@@ -46,8 +46,15 @@ def label_view(view: View, posed: Posed, caster: Raycaster, config: LabelConfig 
     rendering = render(caster, view.camera, posed.T_cell_camera)
     sigma = label_sigma(rendering, posed.cov_right, config)
     usable = _usable(view, rendering, sigma, config) & posed.accepted
-    return Label(depth=rendering.depth, sigma=sigma, mask=usable.astype(np.uint8), part=rendering.part,
-                 mixed=rendering.mixed, incidence=rendering.incidence, posed=posed)
+    return Label(
+        depth=rendering.depth,
+        sigma=sigma,
+        mask=usable.astype(np.uint8),
+        part=rendering.part,
+        mixed=rendering.mixed,
+        incidence=rendering.incidence,
+        posed=posed,
+    )
 
 
 def _usable(view: View, rendering: Rendering, sigma: Image, config: LabelConfig) -> Mask:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,8 +11,11 @@ import numpy as np
 from tof_sim_label.primitives import Plane, Sphere
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tof_core.arrays import Float, Ints, Mask
     from tof_core.camera import Camera
+    from tof_scene.scene import Scene
     from tof_sim_label.primitives import Fitted
 
 CELL = 3
@@ -41,3 +45,20 @@ def plane_mesh(plane: Plane, pixels: Mask, camera: Camera, stride: int) -> tuple
     at = np.stack(np.divmod(used, columns + 1)[::-1], axis=-1) * (CELL * stride) - 0.5 * stride
     rays = camera.rays_at(at)
     return rays * (plane.offset / (rays @ plane.normal))[:, None], faces.reshape(-1, 3)
+
+
+def primitive_scene(found: Sequence[Fitted], camera: Camera, stride: int, frame: str = "cell") -> Scene:
+    """The fitted surfaces as a scene whose cell frame is the frame of the camera that saw them.
+
+    A part's `tolerance_mm` is three times the RMS at which its surface was fitted.
+    """
+    from tof_scene.scene import Part, Scene
+
+    count: Counter[str] = Counter()
+    parts = []
+    for fitted in found:
+        kind = type(fitted.surface).__name__.lower()
+        count[kind] += 1
+        vertices, faces = mesh(fitted, camera, stride)
+        parts.append(Part(f"{kind}_{count[kind]}", vertices, np.asarray(faces, np.int32), tolerance_mm=3e3 * fitted.rms))
+    return Scene(frame, tuple(parts))

@@ -113,8 +113,11 @@ def from_json(values: Mapping[str, Any], where: object) -> tuple[Camera, Attribu
         camera = dict(values["camera"])
         camera["distortion"] = tuple(camera["distortion"])
         return Camera(**camera), Attributes(
-            cad_hash=values["hashes"]["cad"], config_hash=values["hashes"]["config"],
-            pose_source=values["pose_source"], parts=tuple(values["parts"]), notes=dict(values["notes"]),
+            cad_hash=values["hashes"]["cad"],
+            config_hash=values["hashes"]["config"],
+            pose_source=values["pose_source"],
+            parts=tuple(values["parts"]),
+            notes=dict(values["notes"]),
         )
     except (KeyError, TypeError) as error:
         msg = f"its attributes are damaged ({error})"

@@ -40,16 +40,32 @@ def label_sigma(rendering: Rendering, cov_right: Float, config: LabelConfig) -> 
     camera = rendering.camera
     root = np.linalg.cholesky(np.asarray(cov_right, float) + 1e-18 * np.eye(6))
     sigma: Image = _sigma(
-        rendering.depth, rendering.normal, rendering.mixed, rendering.second, camera.rays(), root,
-        np.array([camera.fx, camera.fy]), config.cad_sigma_mm * 1e-3, config.unseen_offset_mm * 1e-3, config.edge_px,
+        rendering.depth,
+        rendering.normal,
+        rendering.mixed,
+        rendering.second,
+        camera.rays(),
+        root,
+        np.array([camera.fx, camera.fy]),
+        config.cad_sigma_mm * 1e-3,
+        config.unseen_offset_mm * 1e-3,
+        config.edge_px,
     )
     return sigma
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _sigma(
-    depth: Image, normal: Image, mixed: Image, second: Image, rays: Float, root: Float, focal: Float,
-    cad: float, offset: float, edge_px: float,
+    depth: Image,
+    normal: Image,
+    mixed: Image,
+    second: Image,
+    rays: Float,
+    root: Float,
+    focal: Float,
+    cad: float,
+    offset: float,
+    edge_px: float,
 ) -> Image:
     h, w = depth.shape
     out = np.full((h, w), np.nan, np.float32)
@@ -97,7 +113,15 @@ def _image_sigma(r: Float, z: float, root: Float, focal: Float, floor: float) ->
 
 @numba.njit(cache=True, error_model="numpy")
 def _silhouette(
-    depth: Image, mixed: Image, second: Image, rays: Float, n: Image, z: float, v: int, u: int, sigma_px: float,
+    depth: Image,
+    mixed: Image,
+    second: Image,
+    rays: Float,
+    n: Image,
+    z: float,
+    v: int,
+    u: int,
+    sigma_px: float,
 ) -> float:
     """Variance from the nearest edges: step^2 P (1 - P), P the chance that the other surface wins."""
     h, w = depth.shape

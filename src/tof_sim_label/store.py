@@ -45,6 +45,7 @@ def chunk_path(root: Path, group: str, name: str, index: int) -> Path:
 def create(root: Path, camera: Camera, attributes: Mapping[str, Any]) -> None:
     """Make an empty dataset; it appears at `root` whole or not at all."""
     import zarr
+
     draft = root.with_name(f".{root.name}.{os.getpid()}.new")
     try:
         root.parent.mkdir(parents=True, exist_ok=True)
@@ -54,7 +55,10 @@ def create(root: Path, camera: Camera, attributes: Mapping[str, Any]) -> None:
             for name, column in columns.items():
                 frame = column.frame_shape(camera)
                 folder.create_array(
-                    name, shape=(0, *frame), chunks=(1, *frame), dtype=column.dtype,
+                    name,
+                    shape=(0, *frame),
+                    chunks=(1, *frame),
+                    dtype=column.dtype,
                     compressors=_codec(np.dtype(column.dtype).itemsize) if column.image else None,
                     fill_value=np.nan if column.dtype[0] == "f" else 0,
                     chunk_key_encoding={"name": "default", "separator": "."},
@@ -210,5 +214,8 @@ def _lock(root: Path) -> IO[bytes]:
 
 
 def _lost(error: OSError, root: Path) -> DatasetError:
-    return DatasetError(f"cannot be written ({error.strerror or error}); every frame before is kept", where=root,
-                        todo="free some space or name another folder")
+    return DatasetError(
+        f"cannot be written ({error.strerror or error}); every frame before is kept",
+        where=root,
+        todo="free some space or name another folder",
+    )

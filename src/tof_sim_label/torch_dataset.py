@@ -54,8 +54,10 @@ class CaptureDataset:
         images = {name: self.dataset.frame(f"captures/{name}", capture) for name in ("raw", "amplitude")} | self._label(view)
         return {
             **{name: torch.from_numpy(image)[None] for name, image in images.items()},
-            "ray": self._rays(), "temperature": torch.tensor(self._temperature[capture]),
-            "capture": capture, "view": view,
+            "ray": self._rays(),
+            "temperature": torch.tensor(self._temperature[capture]),
+            "capture": capture,
+            "view": view,
         }
 
     def _label(self, view: int) -> dict[str, NDArray[Any]]:

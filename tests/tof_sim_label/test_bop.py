@@ -40,7 +40,9 @@ def box(x: float, y: float, z: float, size: float) -> tuple[Any, Any]:
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     """A far cube, a near one that hides part of it, and one behind the camera."""
-    return Scene("cell", (Part("far", *box(0.0, 0.0, 1.1, 0.2)), Part("near", *box(0.08, 0.0, 0.7, 0.1)), Part("behind", *box(0.0, 0.0, -1.0, 0.1))))
+    return Scene(
+        "cell", (Part("far", *box(0.0, 0.0, 1.1, 0.2)), Part("near", *box(0.08, 0.0, 0.7, 0.1)), Part("behind", *box(0.0, 0.0, -1.0, 0.1)))
+    )
 
 
 def record(path: Path, scene: Scene, camera: Camera) -> Dataset:
@@ -49,7 +51,17 @@ def record(path: Path, scene: Scene, camera: Camera) -> Dataset:
     with DatasetWriter(path, camera, Attributes(scene.digest, "c", "session, final", scene.names)) as writer:
         for i, T in enumerate(POSES):
             none = np.zeros(camera.shape, np.uint8)
-            view = View(i, i, camera, np.zeros(camera.shape, np.float32), np.full(camera.shape, 1e-3, np.float32), none.astype(np.uint16), none, None, i)
+            view = View(
+                i,
+                i,
+                camera,
+                np.zeros(camera.shape, np.float32),
+                np.full(camera.shape, 1e-3, np.float32),
+                none.astype(np.uint16),
+                none,
+                None,
+                i,
+            )
             label = label_view(view, Posed(T, 1e-8 * np.eye(6)), caster)
             view = replace(view, depth=label.depth + np.float32(5e-3))
             writer.append_capture(Capture(i, camera, view.depth, none, amplitude=np.full(camera.shape, 4.0, np.float32)), view=i)
@@ -78,7 +90,15 @@ def test_every_station_is_a_scene_with_its_images_and_annotations(exported: tupl
     for station in (0, 1):
         folder = root / "train" / f"{station:06d}"
         assert sorted(p.name for p in folder.iterdir()) == [
-            "depth", "depth_label", "gray", "mask", "mask_visib", "scene_camera.json", "scene_gt.json", "scene_gt_info.json"]
+            "depth",
+            "depth_label",
+            "gray",
+            "mask",
+            "mask_visib",
+            "scene_camera.json",
+            "scene_gt.json",
+            "scene_gt_info.json",
+        ]
         assert list(read(folder / "scene_gt.json")) == [str(station)]
         assert sorted(p.name for p in (folder / "mask_visib").iterdir()) == [f"{station:06d}_{k:06d}.png" for k in range(2)]
 
@@ -167,4 +187,6 @@ def test_diameter_and_normals_of_flat_and_of_fine_meshes() -> None:
     assert diameter(flat) == pytest.approx(5.0)
     ball = trimesh.creation.icosphere(subdivisions=5, radius=2.0)
     assert diameter(np.asarray(ball.vertices)) == pytest.approx(4.0, rel=1e-3)
-    np.testing.assert_allclose(vertex_normals(np.asarray(ball.vertices), np.asarray(ball.faces)), np.asarray(ball.vertices) / 2.0, atol=2e-3)
+    np.testing.assert_allclose(
+        vertex_normals(np.asarray(ball.vertices), np.asarray(ball.faces)), np.asarray(ball.vertices) / 2.0, atol=2e-3
+    )

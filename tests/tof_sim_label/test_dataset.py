@@ -34,13 +34,24 @@ def test_the_layout_is_the_designs_and_any_zarr_reader_opens_it(tmp_path: Path) 
     group = zarr.open_group(tmp_path / "d", mode="r")
     h, w = CAMERA.shape
     expected = {
-        "captures/raw": ("float32", (3, h, w)), "captures/amplitude": ("float32", (3, h, w)), "captures/stamp_ns": ("int64", (3,)),
-        "captures/temperature": ("float32", (3,)), "captures/view": ("int32", (3,)),
-        "views/depth": ("float32", (2, h, w)), "views/sigma": ("float32", (2, h, w)), "views/count": ("uint16", (2, h, w)),
-        "views/label": ("float32", (2, h, w)), "views/label_sigma": ("float32", (2, h, w)), "views/mask": ("uint8", (2, h, w)),
-        "views/part": ("int16", (2, h, w)), "views/mixed": ("float32", (2, h, w)), "views/incidence": ("float32", (2, h, w)),
-        "views/T_cell_camera": ("float64", (2, 4, 4)), "views/pose_cov": ("float64", (2, 6, 6)),
-        "views/station": ("int32", (2,)), "views/stamp_ns": ("int64", (2,)),
+        "captures/raw": ("float32", (3, h, w)),
+        "captures/amplitude": ("float32", (3, h, w)),
+        "captures/stamp_ns": ("int64", (3,)),
+        "captures/temperature": ("float32", (3,)),
+        "captures/view": ("int32", (3,)),
+        "views/depth": ("float32", (2, h, w)),
+        "views/sigma": ("float32", (2, h, w)),
+        "views/count": ("uint16", (2, h, w)),
+        "views/label": ("float32", (2, h, w)),
+        "views/label_sigma": ("float32", (2, h, w)),
+        "views/mask": ("uint8", (2, h, w)),
+        "views/part": ("int16", (2, h, w)),
+        "views/mixed": ("float32", (2, h, w)),
+        "views/incidence": ("float32", (2, h, w)),
+        "views/T_cell_camera": ("float64", (2, 4, 4)),
+        "views/pose_cov": ("float64", (2, 6, 6)),
+        "views/station": ("int32", (2,)),
+        "views/stamp_ns": ("int64", (2,)),
     }
     found = {f"{g}/{n}": (str(a.dtype), a.shape) for g in COLUMNS for n, a in group[g].arrays()}  # type: ignore[union-attr]
     assert found == expected
@@ -63,9 +74,17 @@ def test_every_value_comes_back_as_it_went_in(tmp_path: Path) -> None:
     np.testing.assert_array_equal(data.column("captures/temperature"), np.array([20, 21, 22], np.float32))
     np.testing.assert_array_equal(data.column("captures/stamp_ns"), [1000, 1001, 1002])
     expected = label(1)
-    for name, value in {"label": expected.depth, "label_sigma": expected.sigma, "mask": expected.mask, "part": expected.part,
-                        "mixed": expected.mixed, "incidence": expected.incidence, "count": view(1).count,
-                        "T_cell_camera": expected.posed.T_cell_camera, "pose_cov": expected.posed.cov}.items():
+    for name, value in {
+        "label": expected.depth,
+        "label_sigma": expected.sigma,
+        "mask": expected.mask,
+        "part": expected.part,
+        "mixed": expected.mixed,
+        "incidence": expected.incidence,
+        "count": view(1).count,
+        "T_cell_camera": expected.posed.T_cell_camera,
+        "pose_cov": expected.posed.cov,
+    }.items():
         np.testing.assert_array_equal(data.frame(f"views/{name}", 1), value)
     np.testing.assert_array_equal(data.column("views/station"), [0, 1])
 

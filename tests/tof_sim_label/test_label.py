@@ -48,8 +48,16 @@ def plane_depth(z: float) -> Float:
 def seen(caster: Raycaster, **changes: object) -> tuple[View, Label]:
     """A view that measured its label exactly but for the changes, and that label."""
     shape = CAMERA.shape
-    view = View(stamp_ns=1, dwell_ns=0, camera=CAMERA, depth=np.full(shape, np.nan, np.float32), sigma=np.full(shape, 1e-3, np.float32),
-                count=np.ones(shape, np.uint16), reason=np.zeros(shape, np.uint8), robot=None)
+    view = View(
+        stamp_ns=1,
+        dwell_ns=0,
+        camera=CAMERA,
+        depth=np.full(shape, np.nan, np.float32),
+        sigma=np.full(shape, 1e-3, np.float32),
+        count=np.ones(shape, np.uint16),
+        reason=np.zeros(shape, np.uint8),
+        robot=None,
+    )
     first = label_view(view, POSED, caster)
     view = replace(view, depth=first.depth.copy(), **changes)  # type: ignore[arg-type]
     return view, first

@@ -42,8 +42,16 @@ def step(T: Float, fine: int = 12) -> Rendering:
     normal = np.where(first[..., None], NEAR @ T[:3, :3], np.array([0.0, 0.0, -1.0]) @ T[:3, :3])
     none = np.zeros(CAMERA.shape, np.float32)
     return Rendering(
-        CAMERA, T, depth=depth.astype(np.float32), normal=normal.astype(np.float32), second=second.astype(np.float32),
-        mixed=np.minimum(share, 1 - share).astype(np.float32), part=none.astype(np.int16), face=none.astype(np.int32), incidence=none, albedo=none,
+        CAMERA,
+        T,
+        depth=depth.astype(np.float32),
+        normal=normal.astype(np.float32),
+        second=second.astype(np.float32),
+        mixed=np.minimum(share, 1 - share).astype(np.float32),
+        part=none.astype(np.int16),
+        face=none.astype(np.int32),
+        incidence=none,
+        albedo=none,
     )
 
 

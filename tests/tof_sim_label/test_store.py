@@ -116,7 +116,9 @@ def test_a_disk_that_fills_at_any_write_costs_the_frame_alone(tmp_path: Path, sy
                 break
         system_calls[0] = 10**9
     assert fails_at > 20, "every file of the frame was made to fail"
-    assert said == {f"{path}: cannot be written (No space left on device); every frame before is kept; free some space or name another folder"}
+    assert said == {
+        f"{path}: cannot be written (No space left on device); every frame before is kept; free some space or name another folder"
+    }
     with DatasetWriter(path, CAMERA, ATTRIBUTES) as writer:
         kept = writer.captures + writer.views
     must_be_whole(path, kept * (kind == "capture"), kept * (kind == "view"))

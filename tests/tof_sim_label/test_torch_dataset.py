@@ -35,8 +35,13 @@ def test_an_item_is_a_capture_with_the_label_of_its_view(data: CaptureDataset) -
     item = data[3]
     h, w = CAMERA.shape
     assert {k: tuple(v.shape) for k, v in item.items() if hasattr(v, "shape")} == {
-        "raw": (1, h, w), "amplitude": (1, h, w), "ray": (3, h, w), "temperature": (), "label": (1, h, w),
-        "label_sigma": (1, h, w), "mask": (1, h, w),
+        "raw": (1, h, w),
+        "amplitude": (1, h, w),
+        "ray": (3, h, w),
+        "temperature": (),
+        "label": (1, h, w),
+        "label_sigma": (1, h, w),
+        "mask": (1, h, w),
     }
     assert (item["capture"], item["view"]) == (3, 1)
     np.testing.assert_array_equal(item["raw"][0].numpy(), capture(3).depth)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Depth that is the distance along the ray, declared as z, is refused before any label is made of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tof_core.errors import RefusedError
+from tof_core.radial import radial_evidence
+
+if TYPE_CHECKING:
+    from tof_core.capture import View
+
+SURE = 0.99
+"""Probability at which the answer is taken; radial depth on flat parts comes out far beyond it."""
+TRIES = 5
+"""Views that are asked before the question is dropped: nothing in them is flat and wide."""
+
+
+class RadialGate:
+    """Asks the first views of a session whether their depth is z at all; silent once it is sure."""
+
+    def __init__(self) -> None:
+        self._left = TRIES
+
+    def check(self, view: View) -> None:
+        """Let the view pass.
+
+        Raises:
+            RefusedError: flat surfaces bend as radial depth taken for z does.
+        """
+        if self._left <= 0:
+            return
+        found = radial_evidence(view.depth, view.camera)
+        if found.suspicion > SURE:
+            msg = (
+                f"a plane bends: the depth looks radial (flat parts are off by {found.bend_z_mm:.1f} mm as z, "
+                f"by {found.bend_radial_mm:.1f} mm as distance along the ray)"
+            )
+            raise RefusedError(msg, where=f"depth at {view.stamp_ns * 1e-9:.3f} s", todo="pass --depth radial")
+        self._left = 0 if found.suspicion < 1 - SURE else self._left - 1
