@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of all hypotheses on the drawn pixels, and each view's Gram matrix."""
+"""Columns of all hypotheses on the drawn pixels, reduced to one linear system."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core import se3
-from tof_gap.system import Chain, ViewGram
+from tof_gap.system import System
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tof_align.chain import Chain
     from tof_core.arrays import Float, Ints
     from tof_gap.candidates import Candidate
     from tof_gap.evidence import ViewEvidence
@@ -26,62 +27,72 @@ COLUMN_SD_M = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Design:
-    """All columns over the session, each scaled to unit RMS: the linear system of all hypotheses.
+    """All hypotheses of a session over one linear system.
 
-    `groups[i]` are the columns of candidate i; a coefficient in physical units is
-    theta / scale[column]; `theta_sd` (K,) are the weak priors in metres.
+    `groups[i]` are the columns of candidate i, scaled to unit RMS over the session; a coefficient
+    in its own unit is theta / scale[column].
     """
 
     candidates: tuple[Candidate, ...]
     groups: tuple[Ints, ...]
     scale: Float
-    grams: tuple[ViewGram, ...]
-    chain: Chain
-    theta_sd: Float
+    system: System
 
 
 def effect_columns(effect: Effect, view: ViewEvidence) -> Float:
     """(n, k) metres of z on the view's drawn pixels."""
     if effect.LOCAL:
-        return effect.columns(view.frame.take(view.pixels))[0]
+        return np.asarray(effect.columns(view.frame.take(view.pixels))[0])
     full = effect.columns(view.frame)
     return np.asarray(full.reshape(-1, full.shape[-1])[view.pixels])
 
 
-def build(
-    views: Sequence[ViewEvidence], tested: Sequence[Candidate], chain: Chain, places: Sequence[tuple[Float, Float, Float]],
-) -> Design:
-    """Gram matrices of every view; `places` are (to_base, to_arm, arm0) per view."""
-    blocks = [[_columns(c, v) for c in tested] for v in views]
-    widths = [b.shape[1] for b in blocks[0]]
-    ends = np.cumsum([0, *widths])
+class ColumnStore:
+    """Columns by view and effect, kept while the reference poses stay."""
+
+    def __init__(self, views: Sequence[ViewEvidence]) -> None:
+        """Nothing computed yet."""
+        self.views = views
+        self._kept: dict[Effect, list[Float]] = {}
+
+    def of(self, effect: Effect | None) -> list[Float]:
+        """(n, k) per view; none for hand-eye, whose columns the pose has."""
+        if effect is None:
+            return [np.zeros((len(v.pixels), 0)) for v in self.views]
+        if effect not in self._kept:
+            self._kept[effect] = [effect_columns(effect, v) for v in self.views]
+        return self._kept[effect]
+
+
+def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd: Float) -> Design:
+    """One system of all hypotheses, linearised at `chain`; `hand_sd` (6,) holds X where it is not freed."""
+    by_candidate = [store.of(c.effect) for c in tested]
+    ends = np.cumsum([0, *(columns[0].shape[1] for columns in by_candidate)])
     groups = tuple(np.arange(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
-    C = [np.concatenate(b, axis=1) for b in blocks]
+    nothing = store.of(None)
+    C = [np.concatenate([nothing[v], *(columns[v] for columns in by_candidate)], axis=1) for v in range(len(store.views))]
     total = sum(len(c) for c in C)
-    scale = np.sqrt(sum((c * c).sum(axis=0) for c in C) / total)
-    safe = np.where(scale > 1e-12, scale, 1.0)
-    grams = tuple(
-        _gram(v, c / safe, *place) for v, c, place in zip(views, C, places, strict=True)
+    scale = np.sqrt(sum((np.einsum("nk,nk->k", c, c) for c in C), np.zeros(C[0].shape[1])) / total)
+    live = scale > 1e-12
+    safe = np.where(live, scale, 1.0)
+    system = System(
+        G=np.stack([_gram(v, c / safe, chain, i) for i, (v, c) in enumerate(zip(store.views, C, strict=True))]),
+        station=np.asarray(chain.station), n=np.array([float(len(v.pixels)) for v in store.views]),
+        weight=np.array([float((v.sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
+        base_sd=chain.priors.base, arm_sd=chain.priors.arm, hand_sd=hand_sd,
+        base0=np.array([se3.log(T) for T in chain.base]), arm0=np.array([se3.log(T) for T in chain.arm]),
+        hand0=se3.log(chain.hand_eye),
+        # A column that vanishes everywhere is pinned: it explains nothing.
+        theta_sd=np.where(live, COLUMN_SD_M, 1e-9),
     )
-    # A column that vanishes everywhere is pinned: it explains nothing.
-    theta_sd = np.where(scale > 1e-12, COLUMN_SD_M, 1e-9)
-    return Design(tuple(tested), groups, safe, grams, chain, theta_sd)
+    return Design(tuple(tested), groups, safe, system)
 
 
-def _columns(candidate: Candidate, view: ViewEvidence) -> Float:
-    if candidate.effect is None:
-        return np.zeros((len(view.pixels), 0))
-    return effect_columns(candidate.effect, view)
-
-
-def _gram(view: ViewEvidence, C: Float, to_base: Float, to_arm: Float, arm0: Float) -> ViewGram:
+def _gram(view: ViewEvidence, C: Float, chain: Chain, v: int) -> Float:
+    """Gram matrix of [b x a | C | r], each row weighted by 1 / sigma."""
     J = pose_columns(view.frame.take(view.pixels))[0]
+    shared, own = chain.links(v)
     r = view.residual.ravel()[view.pixels]
-    sigma = view.sigma.ravel()[view.pixels]
-    X = np.concatenate([J, C, r[:, None]], axis=1) / sigma[:, None]
-    return ViewGram(X.T @ X, to_base, to_arm, arm0, view.view.station, len(r), float((1 / sigma**2).sum()))
-
-
-def place_in_chain(T_cell_camera: Float, X: Float, A: Float) -> tuple[Float, Float, Float]:
-    """(to_base, to_arm, arm0) of a view: how b and a show in the camera's axes, and log(A)."""
-    return se3.adjoint(se3.inverse(T_cell_camera)), se3.adjoint(se3.inverse(X)), se3.log(A)
+    X = np.concatenate([J @ shared, J @ own, C, r[:, None]], axis=1)
+    X /= view.sigma.ravel()[view.pixels][:, None]
+    return X.T @ X

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.config import param
 from tof_gap.candidates import HAND_EYE
-from tof_gap.system import energy_left, fit, held_out_energy, reduce_view, solve
+from tof_gap.system import cross_validate, fit, map_energy
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -35,11 +35,10 @@ class SelectConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """A set of candidates with its held-out chi-square per view (V,) and its fit to all views."""
+    """A set of candidates with its held-out chi-square per view (V,)."""
 
     members: tuple[int, ...]
     held_out: Float
-    fit: Fit
     inflate: float
 
     @property
@@ -53,6 +52,7 @@ class Selection:
     """The chosen hypothesis, the empty one, and for each member those that could stand in for it."""
 
     chosen: Hypothesis
+    fit: Fit
     empty: Hypothesis
     ties: tuple[tuple[int, ...], ...]
     visible: Float
@@ -67,7 +67,7 @@ class Selector:
     def __init__(self, design: Design, config: SelectConfig) -> None:
         """Deal the views into folds, every station in every fold as evenly as it goes."""
         self.design, self.config = design, config
-        self.folds = deal([g.station for g in design.grams], config.folds)
+        self.folds = deal(design.system.station.tolist(), config.folds)
 
     def columns(self, members: Iterable[int]) -> Ints:
         """Columns of a set of candidates."""
@@ -80,30 +80,24 @@ class Selector:
 
     def score(self, members: Sequence[int], inflate: float) -> Hypothesis:
         """Fit on all folds but one, judge on that one, for every fold."""
-        d, active = self.design, self.columns(members)
-        free = self.frees_hand(members)
-        reduced = [reduce_view(g, active, d.chain, inflate) for g in d.grams]
-        held_out = np.zeros(len(reduced))
-        for fold in np.unique(self.folds):
-            train = [r for r, f in zip(reduced, self.folds, strict=True) if f != fold]
-            solution = solve(train, d.chain, active, d.theta_sd, free_hand=free)
-            for i in np.flatnonzero(self.folds == fold):
-                held_out[i] = held_out_energy(reduced[i], solution)
-        whole = solve(reduced, d.chain, active, d.theta_sd, free_hand=free)
-        return Hypothesis(tuple(members), held_out, whole, inflate)
+        active, free = self.columns(members), self.frees_hand(members)
+        held_out = cross_validate(self.design.system, active, self.folds, inflate=inflate, free_hand=free)
+        return Hypothesis(tuple(members), held_out, inflate)
+
+    def fit(self, hypothesis: Hypothesis) -> Fit:
+        """The hypothesis fitted to all views."""
+        members = hypothesis.members
+        return fit(self.design.system, self.columns(members), inflate=hypothesis.inflate, free_hand=self.frees_hand(members))
 
     def inflation(self, members: Sequence[int]) -> float:
-        """How much larger than white noise's the residual's energy still is, per effective pixel.
+        """How much less than white noise's a pixel's weight is, from what the members leave.
 
         With E the chi-square of all n pixels after the fit, white noise leaves E = n. What is left
-        above is shared by neighbours; a pixel then weighs E / n squared less than it claims.
+        above is shared by neighbours and must not count once per pixel.
         """
-        d = self.design
-        n = sum(g.n for g in d.grams)
-        active = self.columns(members)
-        energy = fit(d.grams, d.chain, active, d.theta_sd, free_hand=self.frees_hand(members)).energy
-        excess = max(energy / n - 1.0, 0.0)
-        return 1.0 + excess * NEIGHBOURS
+        system = self.design.system
+        left = fit(system, self.columns(members), free_hand=self.frees_hand(members)).energy
+        return 1.0 + max(left / float(system.n.sum()) - 1.0, 0.0) * NEIGHBOURS
 
 
 NEIGHBOURS = 30.0
@@ -192,32 +186,30 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
 
 def _worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:
     """Per member: held-out chi-square lost without it, and metres RMS of it that pose leaves."""
-    d = judge.design
-    n = sum(g.n for g in d.grams)
-    sigma2 = n / sum(g.weight for g in d.grams)
+    system = judge.design.system
+    solution = judge.fit(current)
     lost, visible = [], []
     for place, member in enumerate(current.members):
         rest = [m for i, m in enumerate(current.members) if i != place]
         lost.append(judge.score(rest, current.inflate).score - current.score)
-        target = d.groups[member]
-        if len(target) == 0:
-            visible.append(float(np.linalg.norm(current.fit.hand[:3])))
+        if judge.design.candidates[member].effect is None:
+            visible.append(float(np.linalg.norm(solution.hand[:3])))
             continue
-        theta = _theta_of(judge, current, place)
-        _, after_pose, _ = energy_left(d.grams, d.chain, target, theta, np.zeros(0, np.int64), d.theta_sd)
-        visible.append(float(np.sqrt(max(after_pose, 0.0) / n * sigma2)))
+        left = map_energy(system, judge.design.groups[member], _theta_of(judge, current, solution, place),
+                          np.zeros(0, np.int64), inflate=current.inflate)
+        visible.append(float(np.sqrt(max(left, 0.0) / system.n.sum())) * system.sigma)
     return np.array(lost), np.array(visible)
 
 
-def _theta_of(judge: Selector, hypothesis: Hypothesis, place: int) -> Float:
+def _theta_of(judge: Selector, hypothesis: Hypothesis, solution: Fit, place: int) -> Float:
     ends = np.cumsum([0, *(len(judge.design.groups[m]) for m in hypothesis.members)])
-    return hypothesis.fit.theta[ends[place] : ends[place + 1]]
+    return solution.theta[ends[place] : ends[place + 1]]
 
 
 def _described(judge: Selector, current: Hypothesis) -> Selection:
     lost, visible = _worth(judge, current) if current.members else (np.zeros(0), np.zeros(0))
     ties = tuple(_stand_ins(judge, current, place) for place in range(len(current.members)))
-    return Selection(current, judge.score((), current.inflate), ties, visible, lost)
+    return Selection(current, judge.fit(current), judge.score((), current.inflate), ties, visible, lost)
 
 
 def _stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ...]:
@@ -239,13 +231,12 @@ def _stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, .
 
 
 def _hides(judge: Selector, current: Hypothesis, place: int, member: int, other: int, rest: Sequence[int]) -> bool:
-    d = judge.design
-    if len(d.groups[member]) == 0 or len(d.groups[other]) == 0:
+    """Whether `other`, with pose and the rest, leaves little of the member's map."""
+    design = judge.design
+    if design.candidates[member].effect is None or design.candidates[other].effect is None:
         return True  # A free X is judged by its held-out score alone.
-    theta = _theta_of(judge, current, place)
-    base = judge.columns(rest)
-    _, _, before = energy_left(d.grams, d.chain, d.groups[member], theta, base, d.theta_sd)
-    both = judge.columns([*rest, other])
-    _, _, after = energy_left(d.grams, d.chain, d.groups[member], theta, both, d.theta_sd)
+    theta = _theta_of(judge, current, judge.fit(current), place)
+    target = design.groups[member]
+    before, after = (map_energy(design.system, target, theta, judge.columns(c), inflate=current.inflate)
+                     for c in (rest, [*rest, other]))
     return after < judge.config.tie_left * max(before, 1e-12)
-

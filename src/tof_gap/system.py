@@ -1,208 +1,191 @@
 # SPDX-License-Identifier: Apache-2.0
 """The session as one linear system: poses with the robot's priors beside columns of effects.
 
-Around the reference poses a residual along z is r = J xi + C theta + noise, with
-xi = Ad(T^-1) b + Ad(X^-1) a + x for B (station), A (view) and X (hand-eye) of the chain. Each view
-is reduced once to the Gram matrix of [J C r]; every fit and every held-out score afterwards is
-algebra on small matrices, so hundreds of hypotheses cost about a second.
+Around the reference poses a residual along z is r = J xi + C theta + noise, where the camera's
+step xi comes from B (station), X (hand-eye) and A (view) of the chain. Each view is reduced once
+to the Gram matrix of [b x a | C | r]; every fit and every held-out score afterwards is algebra on
+small matrices, all views at once, so hundreds of hypotheses cost about a second.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from tof_core.arrays import Float, Ints
 
-POSE = 6
+BASE, HAND, ARM = slice(0, 6), slice(6, 12), slice(12, 18)
+POSE = 18
+"""Pose columns of a view: its station's b, the session's x, its own a."""
+
+HAND_FREE_SD = np.repeat([0.05, 0.1], 3)
+"""A hand-eye error under test: anything a mount could do (50 mm, 6 degrees)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ViewGram:
-    """One view: G (6 + K + 1, 6 + K + 1) of [J C r] with weights 1 / sigma^2, and its place in the chain.
+class System:
+    """V views, S stations, K effect columns.
 
-    to_base, to_arm (6, 6) turn b and a into the camera's own axes; `arm0` (6,) is A's present
-    value, `n` the pixels behind it and `weight` their sum of 1 / sigma^2.
+    G (V, 18 + K + 1, 18 + K + 1) weighted Gram matrices; station (V,); n (V,) pixels and weight
+    (V,) their sums of 1 / sigma^2; prior standard deviations (6,) of B, A, X and present values
+    base0 (S, 6), arm0 (V, 6), hand0 (6,); theta_sd (K,) weak priors of the columns' coefficients.
     """
 
     G: Float
-    to_base: Float
-    to_arm: Float
-    arm0: Float
-    station: int
-    n: int
-    weight: float
-
-    @property
-    def columns(self) -> int:
-        """K, effect columns."""
-        return len(self.G) - POSE - 1
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Chain:
-    """Priors (standard deviations (6,)) and present values of B per station and of X."""
-
+    station: Ints
+    n: Float
+    weight: Float
     base_sd: Float
     arm_sd: Float
     hand_sd: Float
     base0: Float
+    arm0: Float
     hand0: Float
+    theta_sd: Float
 
     @property
     def stations(self) -> int:
         """How many stations."""
         return len(self.base0)
 
+    @property
+    def sigma(self) -> float:
+        """Metres: the typical pixel's noise."""
+        return float(np.sqrt(self.n.sum() / self.weight.sum()))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """Solution of some views: b (S, 6), x (6,), theta (k,) of the active columns, with covariance."""
+    """A solution: z = (b of every station, x, theta of the active columns) and its covariance."""
 
     active: Ints
-    base: Float
-    hand: Float
-    theta: Float
+    z: Float
     cov: Float
     energy: float
+    stations: int
+
+    @property
+    def base(self) -> Float:
+        """(S, 6) steps of B."""
+        return self.z[: 6 * self.stations].reshape(-1, 6)
+
+    @property
+    def hand(self) -> Float:
+        """(6,) step of X."""
+        return self.z[6 * self.stations : 6 * self.stations + 6]
+
+    @property
+    def theta(self) -> Float:
+        """(k,) coefficients of the active columns, in metres (columns have unit RMS)."""
+        return self.z[6 * self.stations + 6 :]
 
     @property
     def theta_cov(self) -> Float:
         """(k, k) covariance of theta."""
-        k = len(self.theta)
-        return self.cov[len(self.cov) - k :, len(self.cov) - k :]
-
-
-def _pieces(view: ViewGram, active: Ints, chain: Chain) -> tuple[Float, Float]:
-    """Normal equations of one view over [b, x, theta | a | r], and the prior of a."""
-    take = np.concatenate([np.arange(POSE), POSE + active, [len(view.G) - 1]]).astype(np.int64)
-    G = view.G[np.ix_(take, take)]
-    k = len(active)
-    # xi = to_base b + x + to_arm a; the remaining columns stay themselves.
-    M = np.zeros((POSE + k + 1, 3 * POSE + k + 1))
-    M[:POSE, :POSE] = view.to_base
-    M[:POSE, POSE : 2 * POSE] = np.eye(POSE)
-    M[POSE : POSE + k, 2 * POSE : 2 * POSE + k] = np.eye(k)
-    M[:POSE, 2 * POSE + k : 3 * POSE + k] = view.to_arm
-    M[-1, -1] = 1.0
-    return M.T @ G @ M, 1.0 / chain.arm_sd**2
-
-
-def _eliminate_arm(view: ViewGram, active: Ints, chain: Chain, inflate: float) -> tuple[Float, Float, float]:
-    """Normal matrix, right side and energy over [b, x, theta] with the view's A marginalised."""
-    N, weight = _pieces(view, active, chain)
-    N = N / inflate
-    g = 2 * POSE + len(active)
-    a = slice(g, g + POSE)
-    Naa = N[a, a] + np.diag(weight)
-    Nga, Nag_r = N[:g, a], N[a, -1] - weight * view.arm0
-    gain = np.linalg.solve(Naa, np.column_stack([Nga.T, Nag_r]))
-    H = N[:g, :g] - Nga @ gain[:, :g]
-    y = N[:g, -1] - Nga @ gain[:, g]
-    energy = float(N[-1, -1] + (weight * view.arm0**2).sum() - Nag_r @ gain[:, g])
-    return H, y, energy
+        g = 6 * self.stations + 6
+        return self.cov[g:, g:]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduced:
-    """One view's normal equations over [b, x, theta] with its A marginalised."""
+    """Normal equations H (V, m, m), y (V, m), energy (V,) over z, each view's A marginalised."""
 
     H: Float
     y: Float
-    energy: float
-    station: int
+    energy: Float
 
 
-def reduce_view(view: ViewGram, active: Ints, chain: Chain, inflate: float = 1.0) -> Reduced:
-    """Marginalise A under its prior; `inflate` divides the data's weight (discrepancy of neighbours)."""
-    H, y, energy = _eliminate_arm(view, active, chain, inflate)
-    return Reduced(H, y, energy, view.station)
+def reduce(system: System, active: Ints, inflate: float = 1.0) -> Reduced:
+    """Marginalise every view's A under its prior.
 
-
-def solve(views: Sequence[Reduced], chain: Chain, active: Ints, theta_sd: Float, *, free_hand: bool = False) -> Fit:
-    """Weighted least squares of B, X and theta over reduced views.
-
-    `theta_sd` (K,) are weak priors of all columns; X is held at its prior `hand_sd` unless
-    `free_hand`.
+    `inflate` divides the data's weight: discrepancy shared by neighbours counts once.
     """
-    k, S = len(active), chain.stations
-    size = POSE * S + POSE + k
-    H, y = np.zeros((size, size)), np.zeros(size)
-    energy = 0.0
-    for view in views:
-        at = np.concatenate([POSE * view.station + np.arange(POSE), POSE * S + np.arange(POSE + k)])
-        H[np.ix_(at, at)] += view.H
-        y[at] += view.y
-        energy += view.energy
-    prior, mean = _priors(chain, theta_sd[active], free_hand)
-    H[np.diag_indices(size)] += prior
-    y += prior * mean
-    energy += float((prior * mean**2).sum())
+    k, S = len(active), system.stations
+    take = np.concatenate([np.arange(POSE), POSE + active, [system.G.shape[-1] - 1]]).astype(np.int64)
+    N = system.G[:, take[:, None], take] / inflate
+    weight = system.arm_sd**-2
+    Naa = N[:, ARM, ARM] + np.diag(weight)
+    rest = np.concatenate([np.arange(12), POSE + np.arange(k + 1)])
+    Na = N[:, ARM][:, :, rest]
+    Na[:, :, -1] -= weight * system.arm0
+    M = N[:, rest[:, None], rest] - np.swapaxes(Na, 1, 2) @ np.linalg.solve(Naa, Na)
+    M[:, -1, -1] += (weight * system.arm0**2).sum(axis=1)
+    m = 6 * S + 6 + k
+    H, y = np.zeros((len(N), m, m)), np.zeros((len(N), m))
+    for v, s in enumerate(system.station):
+        at = np.concatenate([6 * s + np.arange(6), 6 * S + np.arange(6 + k)])
+        H[v][np.ix_(at, at)] = M[v, :-1, :-1]
+        y[v, at] = M[v, :-1, -1]
+    return Reduced(H, y, M[:, -1, -1])
+
+
+def fit(system: System, active: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> Fit:
+    """Weighted least squares of B, X and theta over all views; X is held unless `free_hand`."""
+    reduced = reduce(system, active, inflate)
+    info, mean = _priors(system, active, free_hand)
+    H = reduced.H.sum(axis=0) + np.diag(info)
+    y = reduced.y.sum(axis=0) + info * mean
     cov = np.linalg.inv(H)
     z = cov @ y
-    return Fit(active, z[: POSE * S].reshape(S, POSE), z[POSE * S : POSE * (S + 1)], z[POSE * (S + 1) :], cov,
-               float(energy - y @ z))
+    energy = float(reduced.energy.sum() + (info * mean**2).sum() - y @ z)
+    return Fit(active, z, cov, energy, system.stations)
 
 
-def fit(
-    views: Sequence[ViewGram], chain: Chain, active: Ints, theta_sd: Float, *, inflate: float = 1.0,
-    free_hand: bool = False,
-) -> Fit:
-    """`reduce_view` and `solve` in one."""
-    reduced = [reduce_view(v, active, chain, inflate) for v in views]
-    return solve(reduced, chain, active, theta_sd, free_hand=free_hand)
+def cross_validate(
+    system: System, active: Ints, folds: Ints, *, inflate: float = 1.0, free_hand: bool = False,
+) -> Float:
+    """(V,) chi-square of each view under the fit to all views of the other folds, its A minimised."""
+    reduced = reduce(system, active, inflate)
+    info, mean = _priors(system, active, free_hand)
+    names = np.unique(folds)
+    mine = (folds[None, :] == names[:, None]).astype(float)
+    H = reduced.H.sum(axis=0) - np.einsum("fv,vij->fij", mine, reduced.H) + np.diag(info)
+    y = reduced.y.sum(axis=0) - mine @ reduced.y + info * mean
+    z = np.linalg.solve(H, y[..., None])[np.searchsorted(names, folds), :, 0]
+    return np.asarray(reduced.energy - 2 * np.einsum("vi,vi->v", reduced.y, z) + np.einsum("vi,vij,vj->v", z, reduced.H, z))
 
 
-HAND_FREE_SD = np.array([0.05, 0.05, 0.05, 0.1, 0.1, 0.1])
-"""A hand-eye error under test: anything a mount could do (50 mm, 6 degrees)."""
+def _priors(system: System, active: Ints, free_hand: bool) -> tuple[Float, Float]:
+    """Inverse variances and means of z."""
+    hand_sd = HAND_FREE_SD if free_hand else system.hand_sd
+    sd = np.concatenate([np.tile(system.base_sd, system.stations), hand_sd, system.theta_sd[active]])
+    mean = np.concatenate([-system.base0.ravel(), -system.hand0, np.zeros(len(active))])
+    return sd**-2.0, mean
 
 
-def _priors(chain: Chain, theta_sd: Float, free_hand: bool) -> tuple[Float, Float]:
-    hand_sd = HAND_FREE_SD if free_hand else chain.hand_sd
-    sd = np.concatenate([np.tile(chain.base_sd, chain.stations), hand_sd, theta_sd])
-    mean = np.concatenate([-chain.base0.ravel(), -chain.hand0, np.zeros(len(theta_sd))])
-    return 1.0 / sd**2, mean
+def arm_steps(system: System, solution: Fit, *, inflate: float = 1.0) -> Float:
+    """(V, 6) step of each view's A under a solution."""
+    k = len(solution.active)
+    take = np.concatenate([np.arange(POSE), POSE + solution.active, [system.G.shape[-1] - 1]]).astype(np.int64)
+    N = system.G[:, take[:, None], take][:, ARM] / inflate
+    weight = system.arm_sd**-2
+    z = np.concatenate([
+        solution.base[system.station], np.broadcast_to(solution.hand, (len(N), 6)),
+        np.broadcast_to(solution.theta, (len(N), k)),
+    ], axis=1)
+    rest = np.concatenate([np.arange(12), POSE + np.arange(k)])
+    rhs = N[:, :, -1] - weight * system.arm0 - np.einsum("vij,vj->vi", N[:, :, rest], z)
+    return np.asarray(np.linalg.solve(N[:, :, ARM] + np.diag(weight), rhs[..., None])[..., 0])
 
 
-def held_out_energy(view: Reduced, solution: Fit) -> float:
-    """Chi-square of a view that the solution has not seen, its own A minimised under its prior."""
-    z = np.concatenate([solution.base[view.station], solution.hand, solution.theta])
-    return float(view.energy - 2 * view.y @ z + z @ view.H @ z)
+def map_energy(system: System, target: Ints, coefficients: Float, others: Ints, *, inflate: float = 1.0) -> float:
+    """Chi-square that pose and the columns `others` leave of the map C[target] @ coefficients.
 
-
-def twist_of_view(view: ViewGram, chain: Chain, solution: Fit, *, inflate: float = 1.0) -> Float:
-    """(6,) correction of the camera's pose (right perturbation) that the solution gives a view."""
-    N, weight = _pieces(view, solution.active, chain)
-    N = N / inflate
-    g = 2 * POSE + len(solution.active)
-    z = np.concatenate([solution.base[view.station], solution.hand, solution.theta])
-    rhs = N[g : g + POSE, -1] - weight * view.arm0 - N[g : g + POSE, :g] @ z
-    a = np.linalg.solve(N[g : g + POSE, g : g + POSE] + np.diag(weight), rhs)
-    return np.asarray(view.to_base @ z[:POSE] + z[POSE : 2 * POSE] + view.to_arm @ a)
-
-
-def energy_left(views: Sequence[ViewGram], chain: Chain, target: Ints, coefficients: Float, other: Ints,
-                theta_sd: Float) -> tuple[float, float, float]:
-    """Energies of the map C[target] @ coefficients: whole, after pose, after pose and `other`.
-
-    The map takes the residual's place and pose (and `other`) are fitted to it: what is left is
-    what the session can see of it (the scorer's separability, issue 3).
+    The map takes the residual's place and everything else is fitted to it: what is left is what
+    the session can see of it (the separability of issue 3).
     """
-    as_residual = [_map_as_residual(v, target, coefficients) for v in views]
-    whole = sum(float(v.G[-1, -1]) for v in as_residual)
-    none = np.zeros(0, np.int64)
-    at_zero = Chain(chain.base_sd, chain.arm_sd, chain.hand_sd, np.zeros_like(chain.base0), np.zeros_like(chain.hand0))
-    return (whole, fit(as_residual, at_zero, none, theta_sd).energy, fit(as_residual, at_zero, other, theta_sd).energy)
-
-
-def _map_as_residual(view: ViewGram, target: Ints, coefficients: Float) -> ViewGram:
-    size = len(view.G)
-    M = np.eye(size)
-    M[-1, -1] = 0.0
-    M[POSE + target, -1] = coefficients
-    return ViewGram(M.T @ view.G @ M, view.to_base, view.to_arm, np.zeros(POSE), view.station, view.n, view.weight)
+    take = np.concatenate([np.arange(POSE), POSE + others]).astype(np.int64)
+    rows = system.G[:, take][:, :, POSE + target] @ coefficients
+    size = len(take) + 1
+    G = np.empty((len(system.G), size, size))
+    G[:, :-1, :-1] = system.G[:, take[:, None], take]
+    G[:, :-1, -1] = G[:, -1, :-1] = rows
+    G[:, -1, -1] = np.einsum("i,vij,j->v", coefficients, system.G[:, (POSE + target)[:, None], POSE + target], coefficients)
+    at_zero = replace(
+        system, G=G, base0=np.zeros_like(system.base0), arm0=np.zeros_like(system.arm0), hand0=np.zeros(6),
+        theta_sd=system.theta_sd[others],
+    )
+    return fit(at_zero, np.arange(len(others)), inflate=inflate).energy * inflate

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the diagnosis can be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tof_core.arrays import Float
+from tof_core.config import param, section
+from tof_gap.evidence import EvidenceConfig
+from tof_gap.missing import MissingConfig
+from tof_gap.scatter import ScatterConfig
+from tof_gap.select import SelectConfig
+
+
+@dataclass(frozen=True, slots=True)
+class GapConfig:
+    """Gap diagnosis of a session."""
+
+    hand_mm: float = param(0.05, "X where hand-eye is not the hypothesis: calibrated", unit="mm", low=1e-4)
+    hand_deg: float = param(0.005, "the same, rotation", unit="deg", low=1e-5)
+    evidence: EvidenceConfig = section(EvidenceConfig, "which pixels speak")
+    select: SelectConfig = section(SelectConfig, "when an effect is believed")
+    scatter: ScatterConfig = section(ScatterConfig, "when scatter is more than photons")
+    missing: MissingConfig = section(MissingConfig, "when missing pixels are an effect")
+
+    @property
+    def hand_sd(self) -> Float:
+        """(6,) metres and radians."""
+        return np.repeat([self.hand_mm * 1e-3, np.radians(self.hand_deg)], 3)

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The joint solution: poses and named effects together, linearised anew until they agree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align.chain import chain_of
+from tof_align.pixels import sample
+from tof_align.session import near
+from tof_gap.candidates import Candidate, candidates
+from tof_gap.columns import ColumnStore, Design, build
+from tof_gap.evidence import ViewEvidence, gather
+from tof_gap.select import Selection, Selector, select
+from tof_gap.system import arm_steps, fit
+from tof_scene.render import render
+from tof_sensor.effects.wiggling import Wiggling
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.chain import Chain
+    from tof_align.config import AlignConfig
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+    from tof_gap.config import GapConfig
+    from tof_gap.system import Fit
+    from tof_scene.raycast import Raycaster
+
+ROUNDS = 3
+"""Linearisations: the first selects from afar, the second anew, the third refines shapes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joint:
+    """Evidence at the joint solution's poses, and the selection made there."""
+
+    chain: Chain
+    views: tuple[ViewEvidence, ...]
+    design: Design
+    selection: Selection
+
+
+def solve(
+    views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig,
+    left_out: frozenset[str] = frozenset(),
+) -> Joint:
+    """Poses from the session, effects from what is left, then both again."""
+    chain = start(views, caster, config, align)
+    finer: list[Candidate] = []
+    for turn in range(ROUNDS):
+        evidence = observe(views, caster, chain, config)
+        store = ColumnStore(evidence)
+        tested = [*candidates(evidence, caster.scene, left_out), *finer]
+        design = build(store, tested, chain, config.hand_sd)
+        selection = select(design, config.select)
+        if turn < ROUNDS - 1:
+            finer = refined(store, design, selection, chain, config)
+            chain = moved(chain, design, selection.fit, selection.chosen.inflate)
+    return Joint(chain, evidence, design, selection)
+
+
+def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> Chain:
+    """The robot's poses brought to the CAD: bases from afar, then all poses with no effect."""
+    samples = [sample(v, align.weights) for v in views]
+    chain = near(samples, chain_of(samples, align.priors), caster, align)
+    for _ in range(2):
+        design = build(ColumnStore(observe(views, caster, chain, config, footprints=False)), [], chain, config.hand_sd)
+        chain = moved(chain, design, fit(design.system, np.zeros(0, np.int64), inflate=START_INFLATE), START_INFLATE)
+    return chain
+
+
+START_INFLATE = 100.0
+"""Weight of pixels while effects are unknown: neighbours share errors, the arm's prior must hold."""
+
+
+def observe(
+    views: Sequence[View], caster: Raycaster, chain: Chain, config: GapConfig, *, footprints: bool = True,
+) -> tuple[ViewEvidence, ...]:
+    """Render every view where the chain has it, and gather what differs."""
+    renderings = [render(caster, v.camera, chain.pose(i), footprints=footprints) for i, v in enumerate(views)]
+    return gather(views, renderings, caster, config.evidence)
+
+
+def moved(chain: Chain, design: Design, solution: Fit, inflate: float) -> Chain:
+    """The chain after the solution's steps of B, X and every A."""
+    x = np.concatenate([solution.base.ravel(), solution.hand])
+    return chain.moved(x, arm_steps(design.system, solution, inflate=inflate))
+
+
+def refined(store: ColumnStore, design: Design, selection: Selection, chain: Chain, config: GapConfig) -> list[Candidate]:
+    """Finer shapes around those chosen: the period of a wiggle."""
+    chosen = [design.candidates[m] for m in selection.chosen.members]
+    out: list[Candidate] = []
+    for place, candidate in enumerate(chosen):
+        effect = candidate.effect
+        if not isinstance(effect, Wiggling):
+            continue
+        others = [c for i, c in enumerate(chosen) if i != place]
+        best = effect
+        for width in (0.2, 0.03):
+            near_by = [replace(best, modulation_mhz=best.modulation_mhz * (1 + width * s)) for s in np.linspace(-1, 1, 13)]
+            judge = Selector(build(store, [*others, *(_wiggle(e) for e in near_by)], chain, config.hand_sd), config.select)
+            scores = [judge.score([*range(len(others)), len(others) + i], selection.chosen.inflate).score
+                      for i in range(len(near_by))]
+            best = near_by[int(np.argmin(scores))]
+        out.append(_wiggle(best))
+    return out
+
+
+def _wiggle(effect: Wiggling) -> Candidate:
+    return Candidate(effect.NAME, effect, f"period {effect.period_m * 1e3:.0f} mm")
