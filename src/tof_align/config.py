@@ -51,6 +51,7 @@ class WeightConfig:
 
     pixels: int = param(8000, "pixels of a view that enter the normal equations, on a raster", low=200)
     coarse_pixels: int = param(1200, "the same while far from the answer", low=100)
+    live_pixels: int = param(4000, "the same for a live view (causal mode)", low=200)
     noise_mm: float = param(2.0, "noise of one capture where the view does not tell it", unit="mm", low=1e-3)
     floor_mm: float = param(0.1, "least noise of a pixel (quantisation)", unit="mm", low=1e-4)
     kernel: float = param(4.7, "residuals beyond this many robust scales do not count (Tukey)", low=1.0)

@@ -66,15 +66,17 @@ def empty_basis() -> Basis:
     return Basis(np.zeros(0), none, np.zeros(0), none, np.zeros((0, 6)), none, 1.0, -1)
 
 
-def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig) -> Basis:
-    """Columns that cover what these views saw."""
+def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: float = 1.0) -> Basis:
+    """Columns that cover what these views saw; ranges and amplitudes `widen` times beyond."""
     if not config.enabled or not any(len(v.residual) for v in views):
         return empty_basis()
     ranges = np.concatenate([v.depth * v.ray_length for v in views])
-    knots, root = _line(ranges, step=0.4 * config.range_m, length=config.range_m)
+    spread = np.array([1.0 / widen, widen])
+    knots, root = _line(np.outer(ranges, spread).ravel(), step=0.4 * config.range_m, length=config.range_m)
     known = [v.log_amplitude for v in views if v.log_amplitude is not None]
     amplitudes = np.concatenate(known) if len(known) == len(views) else np.zeros(0)
-    knots_a, root_a = _line(amplitudes[np.isfinite(amplitudes)], step=0.4, length=1.0)
+    amplitudes = np.add.outer(amplitudes[np.isfinite(amplitudes)], 2.0 * np.log(spread)).ravel()
+    knots_a, root_a = _line(amplitudes, step=0.4, length=1.0)
     surface = np.concatenate([_surface(v, config.object_m)[::7] for v in views])
     centres = farthest_points(surface, config.centres)
     distance = np.linalg.norm(centres[:, None] - centres[None], axis=-1)

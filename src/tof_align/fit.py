@@ -12,7 +12,7 @@ import numpy as np
 from tof_align.discrepancy import basis_of
 from tof_align.linearise import linearise
 from tof_align.mixed import estimate
-from tof_align.robust import weigh
+from tof_align.robust import first_look, weigh
 from tof_align.system import R, SessionSystem
 from tof_core.arrays import Float
 from tof_core.errors import RefusedError
@@ -59,7 +59,7 @@ class Fitter:
         if not any(len(v.residual) for v in views):
             raise RefusedError("no view sees the CAD", where="alignment", todo="check the scene's frame and the robot's pose")
         columns = None if self.columns is None else [self.columns(v, view) for v, view in enumerate(views)]
-        weights = tuple(weigh(v, v.residual - _pose_share(v), self.config.weights) for v in views)
+        weights = tuple(weigh(v, first_look(v), self.config.weights) for v in views)
         basis = basis_of(views, self.config.discrepancy)
         system = SessionSystem(rig, views, weights, basis, {}, self.theta_std)
         answer = self._solve(system, columns)
@@ -79,11 +79,3 @@ class Fitter:
         return answer
 
 
-def _pose_share(view: Linearised) -> Float:
-    """What a free pose would explain (one robust step): the first look at a view's scatter."""
-    if len(view.residual) < 12:
-        return np.zeros(len(view.residual))
-    scale = float(np.median(np.abs(view.residual - np.median(view.residual)))) + 1e-4
-    root = 1.0 / (1.0 + (view.residual / (3 * scale)) ** 2)
-    xi = np.linalg.lstsq(view.jacobian * root[:, None], root * view.residual, rcond=1e-6)[0]
-    return np.asarray(view.jacobian @ xi)

@@ -139,13 +139,15 @@ def _solve(H: Float, b: Float) -> tuple[Float, Float]:
     return cov, cov @ b
 
 
-def estimate(normal: Normal, sizes: dict[str, float], *, rounds: int, low: float, high: float) -> Mixed:
+def estimate(
+    normal: Normal, sizes: dict[str, float], *, rounds: int, low: float, high: float, pull: tuple[Float, Float] | None = None,
+) -> Mixed:
     """Solve, and find the sizes (metres, between `low` and `high`) that make the data most probable."""
-    answer = solve(normal, sizes)
+    answer = solve(normal, sizes, pull)
     for _ in range(rounds if sizes else 0):
         new = {kind: float(np.clip(_size(normal, answer, kind), low, high)) for kind in answer.sizes}
         still = all(abs(np.log(new[k] / answer.sizes[k])) < 0.02 for k in new)
-        answer = solve(normal, new)
+        answer = solve(normal, new, pull)
         if still:
             break
     return answer

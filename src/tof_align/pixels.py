@@ -56,7 +56,7 @@ def take_pixels(view: View, config: WeightConfig, *, pixels: int = 0) -> Pixels:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """What alignment keeps of a view: two rasters of its pixels, and where the robot says it is."""
+    """What alignment keeps of a view: rasters of its pixels, and where the robot says it is."""
 
     stamp_ns: int
     station: int

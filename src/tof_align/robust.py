@@ -40,3 +40,14 @@ def weigh(view: Linearised, error: Float, config: WeightConfig, *, least: float 
         return np.zeros(0)
     weight = tukey(error, kernel_width(view, error, config, least=least)) / view.sigma**2
     return np.asarray(weight / inflation(view, error, weight))
+
+
+def first_look(view: Linearised) -> Float:
+    """(n,) metres that one robust step of a free pose leaves: what to weigh by before anything is fitted."""
+    if len(view.residual) < 12:
+        return view.residual
+    scale = float(np.median(np.abs(view.residual - np.median(view.residual)))) + 1e-4
+    root = 1.0 / (1.0 + (view.residual / (3 * scale)) ** 2)
+    J = view.jacobian * root[:, None]
+    xi = np.linalg.solve(J.T @ J + 1e-6 * np.trace(J.T @ J) / 6 * np.eye(6), J.T @ (root * view.residual))
+    return np.asarray(view.residual - view.jacobian @ xi)

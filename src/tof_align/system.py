@@ -120,33 +120,46 @@ class SessionSystem(Generic[R]):
 
     def camera_steps(self, answer: Mixed) -> Float:
         """(V, 6) right perturbations of the cameras that an answer means."""
-        steps = np.zeros((len(self.views), 6))
-        for v in range(len(self.views)):
-            shared, own = self.rig.links(v)
-            steps[v] = shared @ answer.x[self.rig.where(v)] + own @ answer.own[v, : self.rig.own]
-        return steps
+        return np.array([camera_step(self.rig, answer, v) for v in range(len(self.views))])
 
     def camera_cov(self, answer: Mixed, v: int) -> Float:
         """(6, 6) of the right perturbation of a camera, from all its links together."""
-        shared, own = self.rig.links(v)
-        C = answer.joint_cov(v)
-        s = answer.scatter.shape[1]
-        at = np.concatenate([np.arange(shared.shape[1]), s + np.arange(own.shape[1])])
-        L = np.concatenate([shared, own], axis=1)
-        return np.asarray(L @ C[np.ix_(at, at)] @ L.T)
+        return camera_cov(self.rig, answer, v)
 
     def explained(self, answer: Mixed, v: int, columns: Sequence[Float] | None = None) -> Float:
         """(n,) metres of a view that discrepancy and columns explain."""
-        g, o = self.rig.globals_, self.rig.own
-        m, q = sum(self.basis.shared), sum(self.basis.local)
-        view = self.views[v]
-        out = shared_columns(self.basis, view) @ answer.x[g:g + m] + local_columns(self.basis, view) @ answer.own[v, o:o + q]
-        return np.asarray(out if columns is None else out + columns[v] @ answer.x[g + m:])
+        smooth = unmodelled(self.rig, self.basis, self.views[v], answer, v)
+        if columns is None:
+            return smooth
+        return np.asarray(smooth + columns[v] @ answer.x[self.rig.globals_ + sum(self.basis.shared):])
 
     def remaining(self, answer: Mixed, columns: Sequence[Float] | None = None) -> list[Float]:
         """Per view (n,) metres: residual minus pose, discrepancy and columns."""
         steps = self.camera_steps(answer)
         return [view.residual - view.jacobian @ steps[v] - self.explained(answer, v, columns) for v, view in enumerate(self.views)]
+
+
+def camera_step(rig: Rig, answer: Mixed, v: int) -> Float:
+    """(6,) right perturbation of a camera that an answer means."""
+    shared, own = rig.links(v)
+    return np.asarray(shared @ answer.x[rig.where(v)] + own @ answer.own[v, : rig.own])
+
+
+def camera_cov(rig: Rig, answer: Mixed, v: int) -> Float:
+    """(6, 6) of the right perturbation of a camera, from all its links together."""
+    shared, own = rig.links(v)
+    C = answer.joint_cov(v)
+    at = np.concatenate([np.arange(shared.shape[1]), answer.scatter.shape[1] + np.arange(own.shape[1])])
+    L = np.concatenate([shared, own], axis=1)
+    return np.asarray(L @ C[np.ix_(at, at)] @ L.T)
+
+
+def unmodelled(rig: Rig, basis: Basis, view: Linearised, answer: Mixed, v: int) -> Float:
+    """(n,) metres of a view that the discrepancy explains."""
+    g, o = rig.globals_, rig.own
+    m, q = sum(basis.shared), sum(basis.local)
+    out = shared_columns(basis, view) @ answer.x[g:g + m] + local_columns(basis, view) @ answer.own[v, o:o + q]
+    return np.asarray(out)
 
 
 def weighted_gram(view: Linearised, weight: Float, basis: Basis | None, columns: Float | None = None) -> Float:
@@ -163,15 +176,19 @@ def weighted_gram(view: Linearised, weight: Float, basis: Basis | None, columns:
     return np.asarray(D.T @ D)
 
 
-def assemble(grams: Sequence[Float], rig: Rig, basis: Basis | None, theta_info: Float) -> Normal:
-    """Normal equations of all views: [pose, shared, columns | own pose, own | residual] in each."""
+def assemble(grams: Sequence[Float], rig: Rig, basis: Basis | None, theta_info: Float, shifts: Float | None = None) -> Normal:
+    """Normal equations of all views: [pose, shared, columns | own pose, own | residual] in each.
+
+    shifts (V, 6): how far the cameras moved (right perturbation) since they were linearised.
+    """
+    moved = np.zeros((len(grams), 6)) if shifts is None else shifts
     shared_sizes = basis.shared if basis is not None else ()
     local_sizes = basis.local if basis is not None else ()
     m, k, q, g = sum(shared_sizes), len(theta_info), sum(local_sizes), rig.globals_
     tail = np.arange(g, g + m + k)
     info, own_info, error, own_error = rig.prior()
     return Normal(
-        gram=np.array([_expand(G, *rig.links(v), m + k) for v, G in enumerate(grams)]),
+        gram=np.array([_expand(G, *rig.links(v), m + k, moved[v]) for v, G in enumerate(grams)]),
         scatter=np.array([np.concatenate([rig.where(v), tail]) for v in range(len(grams))]),
         info=np.concatenate([info, np.zeros(m), theta_info]), error=np.concatenate([error, np.zeros(m + k)]),
         own_info=np.concatenate([own_info, np.zeros(q)]),
@@ -189,11 +206,12 @@ def _indices(names: Sequence[str], sizes: Sequence[int], start: int) -> dict[str
     return out
 
 
-def _expand(G: Float, shared: Float, own: Float, middle: int) -> Float:
-    """Put the links in the place of the camera's six columns."""
+def _expand(G: Float, shared: Float, own: Float, middle: int, moved: Float) -> Float:
+    """Put the links in the place of the camera's six columns; residual - jacobian @ moved in that of the residual."""
     s, o, p = shared.shape[1], own.shape[1], len(G)
     E = np.zeros((p, p - 6 + s + o))
     E[:6, :s], E[:6, s + middle:s + middle + o] = shared, own
     E[6:6 + middle, s:s + middle] = np.eye(middle)
     E[6 + middle:, s + middle + o:] = np.eye(p - 6 - middle)
+    E[:6, -1] = -moved
     return np.asarray(E.T @ G @ E)

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What views that are gone still say: a quadratic about base, hand-eye and shared errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align.mixed import reduce
+from tof_core import se3
+
+if TYPE_CHECKING:
+    from tof_align.chain import Chain
+    from tof_align.mixed import Normal
+    from tof_core.arrays import Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Carry:
+    """Information H (G, G) and right side b (G,) about steps of [base, hand-eye | shared errors].
+
+    Steps of base and hand-eye are counted from `base` and `hand_eye` (4, 4), the state when this
+    was written; the shared errors' coefficients are absolute.
+    """
+
+    H: Float
+    b: Float
+    base: Float
+    hand_eye: Float
+
+    @classmethod
+    def of(cls, normal: Normal, sizes: dict[str, float], chain: Chain, before: Carry | None) -> Carry:
+        """What these views know, beside what was carried before; no prior is counted twice."""
+        bare = replace(normal, info=np.zeros_like(normal.info))
+        own = {kind: size for kind, size in sizes.items() if kind in normal.own_kinds}
+        r = reduce(bare, own)
+        H, b = r.H, r.b
+        if before is not None:
+            H_before, b_before = before.at(chain)
+            H, b = H + H_before, b + b_before
+        return cls(H, b, chain.base[0], chain.hand_eye)
+
+    def at(self, chain: Chain) -> tuple[Float, Float]:
+        """The same about steps from another state."""
+        moved = np.zeros(len(self.b))
+        moved[:6] = se3.log(se3.inverse(self.base) @ chain.base[0])
+        moved[6:12] = se3.log(se3.inverse(self.hand_eye) @ chain.hand_eye)
+        return self.H, self.b - self.H @ moved
+
+    def without_base(self, chain: Chain) -> Carry:
+        """Integrate the base out (with its prior): the station is over."""
+        H, b = self.at(chain)
+        info, _, error, _ = chain.prior()
+        base = H[:6, :6] + np.diag(info[:6])
+        gain = np.linalg.solve(base, H[:6, 6:])
+        rest, right = np.zeros_like(H), np.zeros_like(b)
+        rest[6:, 6:] = H[6:, 6:] - gain.T @ H[:6, 6:]
+        right[6:] = b[6:] - gain.T @ (b[:6] - info[:6] * error[:6])
+        return Carry(rest, right, np.eye(4), chain.hand_eye)

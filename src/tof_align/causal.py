@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The session as it comes in: each view's pose from the views so far, and the final solution at the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align import verdict as verdicts
+from tof_align.approach import approach
+from tof_align.carry import Carry
+from tof_align.chain import Chain, chain_of
+from tof_align.discrepancy import basis_of
+from tof_align.linearise import Linearised, linearise
+from tof_align.mixed import Mixed, Normal, estimate, solve
+from tof_align.observability import Observability, observe_block, pinned
+from tof_align.pixels import Pixels, Sample, sample, take_pixels
+from tof_align.robust import first_look, weigh
+from tof_align.session import SessionSolution, solve_samples
+from tof_align.system import assemble, camera_cov, camera_step, unmodelled, weighted_gram
+from tof_core import se3
+from tof_core.capture import Posed
+
+if TYPE_CHECKING:
+    from tof_align.config import AlignConfig
+    from tof_align.discrepancy import Basis
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+    from tof_scene.raycast import Raycaster
+
+STEPS = 3
+"""Linearisations of a live view at most: the prediction is within the arm's error, so they are few."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Kept:
+    """A view of this station as normal equations at the pose where it was linearised."""
+
+    sample: Sample
+    T_cell_camera: Float
+    gram: Float
+    arm: Float
+
+
+@dataclass(slots=True, eq=False)
+class SessionAligner:
+    """Poses of views as they come, each from what came before it and itself.
+
+    A view is linearised where the views before it predict its camera, and solved with the
+    station's last `window` views, which are kept as small normal equations. What leaves the
+    window, and every station that is over, lives on as information about hand-eye and shared
+    errors. `finish` solves the whole session anew.
+
+    caster: the scene; config: as for `solve_session` (in the modes per_view and robot nothing is
+    carried); window: views that are solved together.
+    """
+
+    caster: Raycaster
+    config: AlignConfig
+    window: int = 24
+    samples: list[Sample] = field(default_factory=list)
+    _kept: list[_Kept] = field(default_factory=list)
+    _chain: Chain | None = None
+    _basis: Basis | None = None
+    _carry: Carry | None = None
+    _sizes: dict[str, float] = field(default_factory=dict)
+
+    def push(self, view: View) -> Posed:
+        """The pose of a view, from the views so far.
+
+        A refused view (too few pixels, fits nowhere, too large a step) is posed where the robot
+        and the views before it say, `accepted` is False, and it teaches nothing.
+
+        Raises:
+            TransformError: the view has no robot pose.
+        """
+        taken = sample(view, self.config.weights)
+        chain_of([taken], self.config.priors)
+        self.samples.append(taken)
+        if self.config.mode != "session":
+            return solve_samples([taken], self.caster, self.config).posed[0]
+        live = take_pixels(view, self.config.weights, pixels=self.config.weights.live_pixels)
+        return self._place(taken, live)
+
+    def finish(self) -> SessionSolution:
+        """The final solution over all views pushed so far.
+
+        Raises:
+            RefusedError: there were none, or they fit nowhere.
+        """
+        return solve_samples(self.samples, self.caster, self.config)
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.samples, self._kept, self._sizes = [], [], {}
+        self._chain = self._basis = self._carry = None
+
+    def _place(self, taken: Sample, live: Pixels) -> Posed:
+        chain = self._predicted(taken)
+        last, predicted = len(self._kept), chain
+        lin = linearise(live, chain.pose(last), self.caster, self.config.weights)
+        if len(lin.residual) < self.config.verdict.min_pixels:
+            return self._refused(chain, last, f"only {len(lin.residual)} pixels see the CAD")
+        basis = self._basis or basis_of([lin], replace(self.config.discrepancy, centres=0), widen=1.6)
+        weights = weigh(lin, first_look(lin), self.config.weights)
+        for _ in range(STEPS):
+            gram = weighted_gram(lin, weights, basis)
+            normal, answer, pull = self._solved(chain, basis, gram, lin.T_cell_camera)
+            if np.abs(camera_step(chain, answer, last)).max() < 1e-4:
+                break
+            chain = chain.moved(answer.x, answer.own)
+            lin = linearise(live, chain.pose(last), self.caster, self.config.weights)
+            weights = weigh(lin, lin.residual - unmodelled(chain, basis, lin, answer, last), self.config.weights)
+        seen = self._observe(chain, answer)
+        kept = _pin(normal, answer, pull, seen, chain)
+        moved = chain.moved(kept.x, kept.own)
+        before = verdicts.fit_of(linearise(taken.coarse, _robot(taken), self.caster, self.config.weights), self.config)
+        after = verdicts.fit_of(lin, self.config, unmodelled(chain, basis, lin, kept, last))
+        verdict = verdicts.judge(before, after, _robot(taken), moved.pose(last), _prior_cov(chain, last), seen.names, self.config)
+        if not verdict.accepted:
+            return self._refused(predicted, last, verdict.reason)
+        self._remember(taken, moved, basis, gram, lin, answer)
+        T = moved.pose(last)
+        return Posed(T, se3.cov_fixed_axes(T, camera_cov(chain, answer, last)), seen.at(T[:3, 3]), accepted=True, verdict=verdict.reason)
+
+    def _predicted(self, taken: Sample) -> Chain:
+        """The window's chain with the new view at its end; a new station is found from afar first."""
+        if self._chain is None or self._chain.names != (taken.station,):
+            self._close_station()
+            fresh = chain_of([taken], self.config.priors)
+            if self._chain is not None:
+                fresh = replace(fresh, hand_eye=self._chain.hand_eye)
+            motion = approach([taken.coarse], fresh.pose(0)[None], fresh.frame(0), self.config.priors.base, self.caster, self.config)
+            self._chain = replace(fresh, base=fresh.base @ motion)
+        station = chain_of([*(k.sample for k in self._kept), taken], self.config.priors)
+        arm = np.array([*(k.arm for k in self._kept), np.eye(4)])
+        return replace(station, pivot=self._chain.pivot, base=self._chain.base, arm=arm, hand_eye=self._chain.hand_eye)
+
+    def _solved(self, chain: Chain, basis: Basis, gram: Float, T: Float) -> tuple[Normal, Mixed, tuple[Float, Float] | None]:
+        """The window and the new view's normal equations together, with what is carried."""
+        d = self.config.discrepancy
+        grams = [*(k.gram for k in self._kept), gram]
+        at = [*(k.T_cell_camera for k in self._kept), T]
+        shifts = np.array([se3.log(se3.inverse(T_lin) @ chain.pose(v)) for v, T_lin in enumerate(at)])
+        normal = assemble(grams, chain, basis, np.zeros(0), shifts)
+        pull = None if self._carry is None else self._carry.at(chain)
+        sizes = {kind: self._sizes.get(kind, d.start_mm * 1e-3) for kind in (*normal.kinds, *normal.own_kinds)}
+        rounds = 3 if self._sizes else d.rounds
+        answer = estimate(normal, sizes, rounds=rounds, low=d.floor_mm * 1e-3, high=d.ceiling_mm * 1e-3, pull=pull)
+        return normal, answer, pull
+
+    def _observe(self, chain: Chain, answer: Mixed) -> Observability:
+        centre = chain.robot[:, :3, 3].mean(axis=0)
+        prior = np.diag(self.config.priors.base**2)
+        return observe_block(answer.cov[:6, :6], prior, chain.frame(0), centre, self.config.verdict)
+
+    def _remember(self, taken: Sample, moved: Chain, basis: Basis, gram: Float, lin: Linearised, answer: Mixed) -> None:
+        self._basis, self._sizes = basis, dict(answer.sizes)
+        self._kept = [replace(k, arm=arm) for k, arm in zip(self._kept, moved.arm, strict=False)]
+        self._kept.append(_Kept(taken, lin.T_cell_camera, gram, moved.arm[-1]))
+        self._chain = moved
+        if len(self._kept) > self.window:
+            self._fold(self._kept[:1])
+            self._kept = self._kept[1:]
+
+    def _fold(self, views: list[_Kept]) -> None:
+        """Views leave: what they know of base, hand-eye and shared errors is carried."""
+        assert self._chain is not None
+        assert self._basis is not None
+        chain = chain_of([k.sample for k in views], self.config.priors)
+        chain = replace(chain, pivot=self._chain.pivot, base=self._chain.base, hand_eye=self._chain.hand_eye,
+                        arm=np.array([k.arm for k in views]))
+        shifts = np.array([se3.log(se3.inverse(k.T_cell_camera) @ chain.pose(v)) for v, k in enumerate(views)])
+        normal = assemble([k.gram for k in views], chain, self._basis, np.zeros(0), shifts)
+        self._carry = Carry.of(normal, self._sizes, chain, self._carry)
+
+    def _close_station(self) -> None:
+        """The base moves on: its pose is integrated out, the rest is carried."""
+        if self._kept:
+            self._fold(self._kept)
+            self._kept = []
+        if self._carry is not None and self._chain is not None:
+            self._carry = self._carry.without_base(self._chain)
+
+    def _refused(self, chain: Chain, last: int, reason: str) -> Posed:
+        T = chain.pose(last)
+        return Posed(T, se3.cov_fixed_axes(T, _prior_cov(chain, last)), accepted=False, verdict=reason)
+
+
+def _robot(taken: Sample) -> Float:
+    assert taken.robot is not None
+    return taken.robot.T_cell_camera
+
+
+def _prior_cov(chain: Chain, last: int) -> Float:
+    return replace(chain, base=np.eye(4)[None], hand_eye=np.eye(4)).prior_cov(last)
+
+
+def _pin(normal: Normal, answer: Mixed, pull: tuple[Float, Float] | None, seen: Observability, chain: Chain) -> Mixed:
+    """Solve again with the base held where the robot says along open directions."""
+    if not len(seen.null):
+        return answer
+    G = normal.info.size
+    H, b = (np.zeros((G, G)), np.zeros(G)) if pull is None else (pull[0].copy(), pull[1].copy())
+    held = pinned(seen, chain.frame(0), chain.B[0])
+    H[:6, :6] += held[0]
+    b[:6] += held[1]
+    return solve(normal, answer.sizes, (H, b))
