@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core import se3
+from tof_gap.pattern import pattern_columns
 from tof_gap.system import System
+from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
@@ -39,20 +41,13 @@ class Design:
     system: System
 
 
-def effect_columns(effect: Effect, view: ViewEvidence) -> Float:
-    """(n, k) metres of z on the view's drawn pixels."""
-    if effect.LOCAL:
-        return np.asarray(effect.columns(view.frame.take(view.pixels))[0])
-    full = effect.columns(view.frame)
-    return np.asarray(full.reshape(-1, full.shape[-1])[view.pixels])
-
-
 class ColumnStore:
     """Columns by view and effect, kept while the reference poses stay."""
 
-    def __init__(self, views: Sequence[ViewEvidence]) -> None:
-        """Nothing computed yet."""
+    def __init__(self, views: Sequence[ViewEvidence], folds: Ints) -> None:
+        """Nothing computed yet; `folds` (V,) as the selection deals the views."""
         self.views = views
+        self._folds = folds
         self._kept: dict[Effect, list[Float]] = {}
 
     def of(self, effect: Effect | None) -> list[Float]:
@@ -60,8 +55,14 @@ class ColumnStore:
         if effect is None:
             return [np.zeros((len(v.pixels), 0)) for v in self.views]
         if effect not in self._kept:
-            self._kept[effect] = [effect_columns(effect, v) for v in self.views]
+            self._kept[effect] = [self._columns(effect, v) for v in range(len(self.views))]
         return self._kept[effect]
+
+    def _columns(self, effect: Effect, v: int) -> Float:
+        view = self.views[v]
+        if isinstance(effect, FixedPattern):
+            return pattern_columns(self.views, v, self._folds, effect.order)
+        return effect.columns_at(view.frame, view.pixels)
 
 
 def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd: Float) -> Design:

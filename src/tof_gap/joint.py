@@ -14,7 +14,7 @@ from tof_align.session import near
 from tof_gap.candidates import Candidate, candidates
 from tof_gap.columns import ColumnStore, Design, build
 from tof_gap.evidence import ViewEvidence, gather
-from tof_gap.select import Selection, Selector, select
+from tof_gap.select import Selection, Selector, deal, select
 from tof_gap.system import arm_steps, fit
 from tof_scene.render import render
 from tof_sensor.effects.wiggling import Wiggling
@@ -50,10 +50,11 @@ def solve(
 ) -> Joint:
     """Poses from the session, effects from what is left, then both again."""
     chain = start(views, caster, config, align)
+    folds = deal(chain.station.tolist(), config.select.folds)
     finer: list[Candidate] = []
     for turn in range(ROUNDS):
         evidence = observe(views, caster, chain, config)
-        store = ColumnStore(evidence)
+        store = ColumnStore(evidence, folds)
         tested = [*candidates(evidence, caster.scene, left_out), *finer]
         design = build(store, tested, chain, config.hand_sd)
         selection = select(design, config.select)
@@ -68,7 +69,7 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
     samples = [sample(v, align.weights) for v in views]
     chain = near(samples, chain_of(samples, align.priors), caster, align)
     for _ in range(2):
-        design = build(ColumnStore(observe(views, caster, chain, config, footprints=False)), [], chain, config.hand_sd)
+        design = build(ColumnStore(observe(views, caster, chain, config, footprints=False), chain.station), [], chain, config.hand_sd)
         chain = moved(chain, design, fit(design.system, np.zeros(0, np.int64), inflate=START_INFLATE), START_INFLATE)
     return chain
 

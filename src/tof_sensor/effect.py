@@ -13,7 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
 
 
@@ -55,6 +55,13 @@ class Effect(ABC):
     def columns(self, frame: Frame) -> Float:
         """(H, W, k) metres of z per unit of each coefficient; 0 where it does nothing."""
         return np.zeros((*frame.depth.shape, 0))
+
+    def columns_at(self, frame: Frame, pixels: Ints) -> Float:
+        """(n, k) of `columns` on chosen pixels (flat indices), without the rest where that is possible."""
+        if self.LOCAL:
+            return np.asarray(self.columns(frame.take(pixels))[0])
+        full = self.columns(frame)
+        return np.asarray(full.reshape(-1, full.shape[-1])[pixels])
 
     def bias(self, frame: Frame) -> Float:
         """(H, W) metres that the effect adds to the depth."""

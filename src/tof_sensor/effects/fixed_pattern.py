@@ -13,7 +13,7 @@ from tof_core.config import param
 from tof_sensor.effect import FieldEffect, stack
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
 
 
@@ -32,12 +32,19 @@ class FixedPattern(FieldEffect):
     order: int = param(4, "smooth field: cosines per axis", low=1, high=16)
 
     def columns(self, frame: Frame) -> Float:
-        """Dense (H, W, k): for fitting take `parts` instead, which is sparse in rows and columns."""
+        """(H, W, W + H + order^2 - 1), dense."""
+        every = self.columns_at(frame, np.arange(frame.depth.size))
+        return every.reshape(*frame.depth.shape, -1)
+
+    def columns_at(self, frame: Frame, pixels: Ints) -> Float:
+        """One column per raster column, per row, and per cosine, along z."""
         h, w = frame.depth.shape
-        by_column = np.broadcast_to(np.eye(w)[None], (h, w, w))
-        by_row = np.broadcast_to(np.eye(h)[:, None], (h, w, h))
-        all_ = np.concatenate([by_column, by_row, cosines(h, w, self.order)], axis=-1)
-        return all_ * np.where(frame.valid, 1 / frame.length, 0)[..., None]
+        row, column = np.divmod(pixels, w)
+        out = np.zeros((len(pixels), w + h + self.order**2 - 1))
+        out[np.arange(len(pixels)), column] = 1.0
+        out[np.arange(len(pixels)), w + row] = 1.0
+        out[:, w + h :] = cosines(h, w, self.order)[row, column]
+        return out * np.where(frame.valid, 1 / frame.length, 0).ravel()[pixels, None]
 
     def bias(self, frame: Frame) -> Float:
         """The pattern along z, without building the dense columns."""

@@ -7,15 +7,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from tof_core.config import param
 from tof_sensor.effect import Effect, stack
 from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
+
+    ComplexImage = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +42,21 @@ class LensScatter(Effect):
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         light = np.where(frame.valid, frame.amplitude, 0.0)
         own = light * np.exp(1j * wave * np.nan_to_num(frame.radial))
-        sigma = self.width * frame.camera.width
-        veil = gaussian_filter(own.real, sigma, mode="constant") + 1j * gaussian_filter(own.imag, sigma, mode="constant")
+        veil = blurred(own, self.width * frame.camera.width)
         dark = np.maximum(light, 1e-3 * np.max(light, initial=1e-12))
         turn = np.imag(veil * np.exp(-1j * wave * np.nan_to_num(frame.radial))) / dark
         return stack([np.where(frame.valid, turn / wave, 0.0) / frame.length], frame)
+
+
+def blurred(own: ComplexImage, sigma: float) -> ComplexImage:
+    """Gaussian of `sigma` pixels; wide ones on block means, since the veil is smooth."""
+    block = max(1, int(sigma / 5))
+    h, w = own.shape
+    padded = np.pad(own, ((0, -h % block), (0, -w % block)))
+    coarse = padded.reshape(padded.shape[0] // block, block, padded.shape[1] // block, block).mean(axis=(1, 3))
+    real, imag = (gaussian_filter(part, sigma / block, mode="constant", truncate=3.0) for part in (coarse.real, coarse.imag))
+    if block == 1:
+        return np.asarray(real + 1j * imag)
+    at = np.meshgrid((np.arange(h) + 0.5) / block - 0.5, (np.arange(w) + 0.5) / block - 0.5, indexing="ij")
+    fine = [map_coordinates(part, at, order=1, mode="nearest") for part in (real, imag)]
+    return np.asarray(fine[0] + 1j * fine[1])
