@@ -53,6 +53,8 @@ class PlanConfig:
     azimuth_deg: float = param(50.0, "largest azimuth to either side", unit="deg", low=0, high=180)
     elevation_min_deg: float = param(-10.0, "lowest elevation of the camera above the target", unit="deg", low=-89, high=89)
     elevation_max_deg: float = param(50.0, "highest elevation of the camera above the target", unit="deg", low=-89, high=89)
+    sweep_deg: float = param(0.0, "the paper's sweep: azimuth from 0 to this in equal steps around one point, from one station; 0 varies everything",
+                             unit="deg", low=0, high=180)
     roll_deg: float = param(15.0, "largest roll about the axis", unit="deg", low=0, high=180)
     facing_deg: float = param(0.0, "azimuth of the robot's side, from the cell's x", unit="deg", low=-180, high=180)
     target: str = param("", "point looked at as 'x,y,z' in the cell, the middle of the bodies if empty")

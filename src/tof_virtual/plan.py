@@ -38,6 +38,8 @@ class Stop:
 
 def plan(world: World, config: PlanConfig, rays: Float, rng: np.random.Generator) -> list[Stop]:
     """Stops in order of time; `rays` (n, 3) is a coarse raster of the camera's rays, to see what a view would hit."""
+    if config.sweep_deg > 0:
+        return _sweep(world, config)
     target = _target(world, config)
     extent = config.spread * np.minimum(0.5 * np.ptp(world.soup.corners.reshape(-1, 3), axis=0), 0.6)
     station = np.arange(config.views) * min(config.stations, config.views) // config.views
@@ -53,6 +55,21 @@ def plan(world: World, config: PlanConfig, rays: Float, rng: np.random.Generator
         T_cell_camera = _view(world, rays, rng, config, target, extent, ranges[k], middle[s] + side * azimuths[k], elevations[k])
         stops.append(Stop(int(s), bodies[s], se3.inverse(bodies[s]) @ T_cell_camera @ se3.inverse(HAND_OF_CAMERA)))
     return stops
+
+
+def _sweep(world: World, config: PlanConfig) -> list[Stop]:
+    """Views that differ in azimuth alone: the middle of the ranges from one surface point, the middle of the elevations."""
+    target = _target(world, config)
+    azimuths = np.radians(config.facing_deg + np.linspace(0, config.sweep_deg, config.views))
+    elevation = np.radians(0.5 * (config.elevation_min_deg + config.elevation_max_deg))
+    away = np.stack([np.cos(elevation) * np.cos(azimuths), np.cos(elevation) * np.sin(azimuths), np.full(config.views, np.sin(elevation))], axis=1)
+    middle = away[config.views // 2]
+    far = target + middle * (world.soup.extent + 3.0)
+    t, _ = world.tree.cast(far, -middle[None])
+    point = far - middle * t[0] if np.isfinite(t[0]) else target
+    body = _body(target, float(azimuths.mean()))
+    range_m = 0.5 * (config.range_min_m + config.range_max_m)
+    return [Stop(0, body, se3.inverse(body) @ look_at(point + a * range_m, point) @ se3.inverse(HAND_OF_CAMERA)) for a in away]
 
 
 def look_at(position: Float, point: Float, roll: float = 0.0) -> Float:

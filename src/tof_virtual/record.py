@@ -56,6 +56,11 @@ def record(
     """
     session = Session(bodies, config, effects or {})
     calibrate(session)
+    return record_session(session, out_bag, truth_path=truth_path)
+
+
+def record_session(session: Session, out_bag: Path | str, *, truth_path: Path | str | None = None) -> Truth:
+    """Record a session whose effects have their sizes; arguments as of `record`."""
     truth = Truth(session)
     out = session.config.output
     with BagWriter(out_bag, storage=out.storage, distro="jazzy") as bag:  # type: ignore[arg-type]
