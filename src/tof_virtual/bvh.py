@@ -152,7 +152,7 @@ def _enter(boxes: Float, node: int, ox: float, oy: float, oz: float, ix: float, 
     near = max(near, min(a, b))
     last = min(last, max(a, b))
     if last * (1 + 1e-12) >= near and last >= 0.0 and near <= far:
-        return near
+        return float(near)
     return np.inf
 
 
@@ -237,35 +237,40 @@ def _cast(boxes: Float, links: NDArray[np.int32], tri: Float, origins: Float, di
 
 
 @njit(cache=True, error_model="numpy")
-def _blocked(boxes: Float, links: NDArray[np.int32], tri: Float, start: Float, end: Float) -> Mask:
-    n = start.shape[0]
-    out = np.zeros(n, np.bool_)
-    stack = np.empty(96, np.int32)
+def shadow(
+    boxes: Float, links: NDArray[np.int32], tri: Float, stack: NDArray[np.int32], hint: int, ox: float, oy: float, oz: float, dx: float, dy: float,
+    dz: float,
+) -> int:
+    """A triangle that cuts the stretch from o to o + d, both ends pulled in by a hair; -1 if none. Tries `hint` first."""
     near, far = 1e-5, 1 - 1e-5
+    if hint >= 0 and near < _meet(tri, hint, ox, oy, oz, dx, dy, dz) < far:
+        return hint
+    ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
+    stack[0], top = 0, 1
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        if _enter(boxes, node, ox, oy, oz, ix, iy, iz, far) == np.inf:
+            continue
+        first = links[node, 0]
+        if links[node, 1] == 0:
+            stack[top], stack[top + 1] = first, first + 1
+            top += 2
+            continue
+        for i in range(first, first + links[node, 1]):
+            if near < _meet(tri, i, ox, oy, oz, dx, dy, dz) < far:
+                return int(i)
+    return -1
+
+
+@njit(cache=True, error_model="numpy")
+def _blocked(boxes: Float, links: NDArray[np.int32], tri: Float, start: Float, end: Float) -> Mask:
+    out = np.zeros(start.shape[0], np.bool_)
+    stack = np.empty(96, np.int32)
     hint = -1
-    for r in range(n):
-        ox, oy, oz = start[r, 0], start[r, 1], start[r, 2]
-        dx, dy, dz = end[r, 0] - ox, end[r, 1] - oy, end[r, 2] - oz
-        if hint >= 0:
-            t = _meet(tri, hint, ox, oy, oz, dx, dy, dz)
-            if near < t < far:
-                out[r] = True
-                continue
-        ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
-        stack[0], top = 0, 1
-        while top > 0 and not out[r]:
-            top -= 1
-            node = stack[top]
-            if _enter(boxes, node, ox, oy, oz, ix, iy, iz, far) == np.inf:
-                continue
-            first = links[node, 0]
-            if links[node, 1] == 0:
-                stack[top], stack[top + 1] = first, first + 1
-                top += 2
-                continue
-            for i in range(first, first + links[node, 1]):
-                t = _meet(tri, i, ox, oy, oz, dx, dy, dz)
-                if near < t < far:
-                    out[r], hint = True, i
-                    break
+    for r in range(start.shape[0]):
+        d = end[r] - start[r]
+        found = shadow(boxes, links, tri, stack, hint, start[r, 0], start[r, 1], start[r, 2], d[0], d[1], d[2])
+        out[r] = found >= 0
+        hint = found if found >= 0 else hint
     return out

@@ -5,9 +5,77 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from tof_virtual.effect import UNIT_M, rms
+from tof_virtual.pipeline import expose
+
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tof_core.arrays import Float
+    from tof_virtual.effect import Effect
     from tof_virtual.session import Session
+
+ROUNDS = 5
+CLOSE = 0.02
+"""Relative error of the RMS at which the search stops."""
+MOST_CAPTURES = 12
 
 
 def calibrate(session: Session) -> None:
-    """Set the size of every effect whose strength is stated as an error."""
+    """Set the size of every effect whose strength is stated as an error: alone, on captures spread over the session."""
+    indices = np.unique(np.linspace(0, len(session.shutters) - 1, min(MOST_CAPTURES, len(session.shutters))).astype(int)).tolist()
+    for effect in session.effects:
+        if effect.natural:
+            continue
+        error = _geometric(session, effect, indices) if effect.geometric or effect.tap_interval_s() else _measured(session, effect, indices)
+        _solve(effect, error)
+    session.forget()
+
+
+def _solve(effect: Effect, error: Callable[[], Float]) -> None:
+    """Secant steps on the size; the error is nearly proportional to it."""
+    wanted = UNIT_M * effect.strength
+    tried: list[tuple[float, float]] = [(0.0, 0.0)]
+    for _ in range(ROUNDS):
+        made = rms(error(), local=effect.local)
+        effect.rms_m = made
+        if made <= 0 or abs(made / wanted - 1) < CLOSE:
+            return
+        (size0, made0), size1 = tried[-1], effect.size
+        slope = (made - made0) / (size1 - size0) if size1 != size0 else 0.0
+        step = size1 + (wanted - made) / slope if slope > 0 else size1 * wanted / made
+        tried.append((size1, made))
+        effect.size = float(np.clip(step, 0.2 * size1, min(5 * size1, effect.limit * max(1.0, effect.strength))))
+        if effect.size == size1:
+            return
+
+
+def _measured(session: Session, effect: Effect, indices: Sequence[int]) -> Callable[[], Float]:
+    """Error of a noise-free camera with this effect alone."""
+    moments = [session.moment(i, ()) for i in indices]
+    plain = [expose(m, ()).depth for m in moments]
+    return lambda: np.concatenate([expose(m, (effect,)).depth - p for m, p in zip(moments, plain, strict=True)])
+
+
+def _geometric(session: Session, effect: Effect, indices: Sequence[int]) -> Callable[[], Float]:
+    """The same where what is seen changes; away from edges, where depth would jump."""
+    few = indices[:: max(len(indices) // 6, 1)]
+    before = [_inside(session, i, ()) for i in few]
+
+    def error() -> Float:
+        session.forget()
+        return np.concatenate([_inside(session, i, (effect,)) - b for i, b in zip(few, before, strict=True)])
+
+    return error
+
+
+def _inside(session: Session, index: int, effects: Sequence[Effect]) -> Float:
+    """Depth (P,) that is seen, or measured by moving taps; NaN at edges."""
+    shutter = session.shutters[index]
+    sight = session.sight(shutter, effects, subsamples=1)
+    moves = any(e.tap_interval_s() for e in effects)
+    depth = expose(session.moment(index, effects, subsamples=1), effects).depth if moves else sight.z.copy()
+    depth[sight.edge] = np.nan
+    return depth

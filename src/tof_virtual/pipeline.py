@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_virtual import optics, taps
-from tof_virtual.effects.base import Frame
+from tof_virtual.effect import Frame
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_virtual.effects.base import Effect, Moment
+    from tof_virtual.effect import Effect, Moment
     from tof_virtual.optics import Light
     from tof_virtual.sight import Sight
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Bytes, Float, Image
     from tof_virtual.body import Body
     from tof_virtual.config import VirtualConfig
-    from tof_virtual.effects.base import Frame
+    from tof_virtual.effect import Frame
 
 AMPLITUDE_STEP_E = 16.0
 """Electrons of one count of the amplitude image."""

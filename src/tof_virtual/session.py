@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tof_core.camera import Camera
-from tof_virtual.effects import make_effects
-from tof_virtual.effects.base import Moment
+from tof_virtual.effect import Moment
+from tof_virtual.effects import adapt, make_effects
 from tof_virtual.pipeline import expose
 from tof_virtual.plan import plan
 from tof_virtual.robot import HAND_OF_CAMERA, Robot
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_virtual.body import Body
     from tof_virtual.config import CameraConfig, VirtualConfig
-    from tof_virtual.effects.base import Effect
+    from tof_virtual.effect import Effect
     from tof_virtual.sight import Sight
     from tof_virtual.timeline import Shutter
 
-NEED_MOTION = frozenset({"time_sync", "motion"})
-"""Effects that only a moving hand shows."""
+SIGHTS_KEPT = 16
+"""What was seen last, kept for the captures of a dwell and for the shares of the effects."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,19 +51,20 @@ class Session:
 
     def __init__(self, bodies: Sequence[Body], config: VirtualConfig, effects: Mapping[str, float]) -> None:
         """Plan the session on the nominal bodies, as a robot's programmer would."""
-        if NEED_MOTION & set(effects):
-            config = replace(config, plan=replace(config.plan, capture_moving=True))
+        config = adapt(config, effects)
         self.config = config
         self.bodies = bodies
         self.effects: tuple[Effect, ...] = make_effects(effects, config)
         self.camera = stated_camera(config.camera, frame(config, "hand_depth_sensor"))
         self._worlds: dict[frozenset[str], World] = {frozenset(): World.of(bodies)}
-        self._sights: dict[tuple[int, int, frozenset[str]], Sight] = {}
+        self._sights: dict[tuple[object, ...], Sight] = {}
         plan_rng, time_rng, robot_rng = (np.random.default_rng([config.seed, k]) for k in range(3))
         raster = self.camera.rays()[:: max(self.camera.height // 12, 1), :: max(self.camera.width // 16, 1)].reshape(-1, 3)
         self.stops = plan(self.nominal, config.plan, raster, plan_rng)
         self.segments, self.shutters = schedule(self.stops, config.plan, time_rng)
         self.errors = self._errors(Robot(config.robot, robot_rng))
+        for e in self.effects:
+            e.prepare(self)
 
     @property
     def nominal(self) -> World:
@@ -120,25 +121,35 @@ class Session:
             self._worlds[key] = World.of(bodies)
         return self._worlds[key]
 
+    def shares(self) -> Float:
+        """Share of all pixels of the session that each nominal body fills (bodies,), by a coarse raster."""
+        soup = self.nominal.soup
+        raster = self.camera.rays()[::6, ::6].reshape(-1, 3)
+        count = np.zeros(len(soup.names))
+        for stop in self.stops:
+            T = stop.T_cell_body @ stop.T_body_hand @ HAND_OF_CAMERA
+            _, face = self.nominal.tree.cast(T[:3, 3], raster @ T[:3, :3].T)
+            count += np.bincount(soup.body[face[face >= 0]], minlength=count.size)
+        return np.asarray(count / (len(self.stops) * len(raster)))
+
     # what is seen and measured --------------------------------------------------------------------
     def sight(self, shutter: Shutter, effects: Sequence[Effect], shift_s: float = 0.0, *, subsamples: int = 0) -> Sight:
-        """What the camera sees with these effects; kept while the camera stands still."""
+        """What the camera sees with these effects."""
         subsamples = subsamples or self.config.camera.subsamples
-        key = (shutter.stop, subsamples, frozenset(e.name for e in effects if e.geometric or e.footprint()))
-        still = not self.config.plan.capture_moving
-        if still and key in self._sights:
-            return self._sights[key]
-        camera = self.camera
-        for e in effects:
-            camera = e.true_camera(camera)
-        width = max((e.footprint() for e in effects), default=0.0) or 1.0
-        sight = look(self.world(effects), camera.rays(), self.true_pose(shutter, effects, shift_s), subsamples=subsamples, width=width)
-        if still:
-            self._sights = {k: v for k, v in self._sights.items() if k[0] == shutter.stop}
-            self._sights[key] = sight
-        return sight
+        when = (shutter.time_s, shift_s) if self.config.plan.capture_moving else ()
+        key = (shutter.stop, *when, subsamples, frozenset(e.name for e in effects if e.geometric or e.footprint()))
+        if key not in self._sights:
+            camera = self.camera
+            for e in effects:
+                camera = e.true_camera(camera)
+            width = max((e.footprint() for e in effects), default=0.0) or 1.0
+            while len(self._sights) >= SIGHTS_KEPT:
+                self._sights.pop(next(iter(self._sights)))
+            self._sights[key] = look(self.world(effects), camera.rays(), self.true_pose(shutter, effects, shift_s),
+                                     subsamples=subsamples, width=width)
+        return self._sights[key]
 
-    def moment(self, index: int, effects: Sequence[Effect] | None = None) -> Moment:
+    def moment(self, index: int, effects: Sequence[Effect] | None = None, *, subsamples: int = 0) -> Moment:
         """Capture number `index` with these effects (all of the session's if None)."""
         effects = self.effects if effects is None else effects
         shutter = self.shutters[index]
@@ -146,12 +157,18 @@ class Session:
         shifts = [(k - 1.5) * interval for k in range(4)] if interval else []
         return Moment(
             index=index, view=shutter.stop, time_s=shutter.time_s, temperature=self.temperature(shutter.time_s),
-            world=self.world(effects), config=self.config,
-            sights=tuple(self.sight(shutter, effects, s) for s in [*shifts, 0.0]),
+            world=self.world(effects), config=self.config, camera=self.camera,
+            sights=(*(self.sight(shutter, effects, s, subsamples=1) for s in shifts), self.sight(shutter, effects, subsamples=subsamples)),
         )
 
     def bias(self, index: int, effect: Effect) -> Float:
-        """What one effect adds to the noise-free depth (P,) of a capture, the others being on; NaN where not seen."""
+        """What one effect adds to the noise-free depth (P,) of a capture, the others being on; NaN where not seen.
+
+        Of an effect that is no bias: its scatter in metres or its loss as a share.
+        """
+        level = effect.level(self.moment(index)) if effect.kind != "bias" else None
+        if level is not None:
+            return level
         others = [e for e in self.effects if e is not effect]
         if effect.geometric:
             shutter = self.shutters[index]

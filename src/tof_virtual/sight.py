@@ -98,8 +98,9 @@ def look(world: World, rays: Float, T_cell_camera: Float, *, subsamples: int = 6
     bundle = np.ascontiguousarray(bundle.reshape(-1, 3))
     part_z, part_face = world.tree.cast(origin, bundle)
     nearest = np.argsort(du**2 + dv**2, kind="stable")
+    nearest = nearest[np.maximum(np.abs(du), np.abs(dv))[nearest] <= 0.5]  # a wide footprint sees more than its own pixel
     if edge.size:
-        _majority(edge, part_z, part_face, bundle, nearest, flat, s.normals, s.body, z, face)
+        _majority(edge, du.size, part_z, part_face, bundle, nearest, flat, s.normals, s.body, z, face)
     length = np.linalg.norm(flat, axis=1)
     return Sight(
         main=_rays(z, face, flat, origin, s), edge=edge, parts=_rays(part_z, part_face, bundle, origin, s),
@@ -148,22 +149,20 @@ def _edges(z: Float, face: NDArray[np.int32], rays: Float, normals: Float, body:
 
 @njit(cache=True)
 def _majority(
-    edge: NDArray[np.int64], part_z: Float, part_face: NDArray[np.int32], bundle: Float, nearest: NDArray[np.int64], rays: Float,
+    edge: NDArray[np.int64], samples: int, part_z: Float, part_face: NDArray[np.int32], bundle: Float, nearest: NDArray[np.int64], rays: Float,
     normals: Float, body: NDArray[np.int32], z: Float, face: NDArray[np.int32],
 ) -> None:
     """Write into z and face the surface that most of each edge pixel's rays meet, prolonged to the pixel's centre."""
-    samples = nearest.size
     group = np.empty(samples, np.int64)
     for e in range(edge.size):
         first = e * samples
         group[:] = -1
         best, most = -1, 0
-        for a in range(samples):  # groups form around the rays nearest to the centre
-            k = nearest[a]
+        for k in nearest:  # groups form around the rays nearest to the centre
             if group[k] >= 0:
                 continue
             i, count = first + k, 0
-            for b in range(samples):
+            for b in nearest:
                 j = first + b
                 if group[b] < 0 and not _apart(part_z[i], part_face[i], bundle[i], part_z[j], part_face[j], bundle[j], normals, body):
                     group[b] = k

@@ -11,10 +11,11 @@ import numpy as np
 
 from tof_core.config import to_mapping
 from tof_core.errors import DatasetError
-from tof_virtual.effects.base import rms
+from tof_virtual.effect import rms
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Image
+    from tof_virtual.effect import Effect
     from tof_virtual.session import Session
 
 SCHEMA = "toftwin.truth/1"
@@ -26,7 +27,8 @@ class Truth:
     `<stem>.npz` holds, over V views: `stamp_ns` (last capture of the view), `dwell_ns` (first), `station`, `stop`;
     `T_cell_camera` (true) and `T_robot` (as TF has it) (V, 4, 4), `A` (V, 4, 4), `B` (S, 4, 4), `X` (4, 4);
     `depth` (V, H, W) true z of the real parts, `part` (V, H, W) -1 none; `bias_<effect>` (V, H, W) metres that
-    the effect adds to the noise-free depth (NaN where nothing is measured). `<stem>.json` names effects and their parameters.
+    the effect adds to the noise-free depth (NaN where nothing is measured); of effects that are no bias `scatter_<effect>`
+    metres or `loss_<effect>`, the share of captures lost. `<stem>.json` names effects and their parameters.
     """
 
     def __init__(self, session: Session) -> None:
@@ -51,7 +53,7 @@ class Truth:
             "stamp_ns": stamp, "dwell_ns": stamp, "station": s.stops[shutter.stop].station, "stop": shutter.stop,
             "T_cell_camera": s.true_pose(shutter), "T_robot": s.robot_pose(shutter), "A": s.errors[shutter.stop].A,
             "depth": _image(sight.z, sight.shape), "part": part.astype(np.int16).reshape(sight.shape),
-            **{f"bias_{e.name}": _image(s.bias(index, e), sight.shape) for e in s.effects},
+            **{f"{e.kind}_{e.name}": _image(s.bias(index, e), sight.shape) for e in s.effects},
         })
 
     def __len__(self) -> int:
@@ -71,14 +73,17 @@ class Truth:
         return {
             "schema": SCHEMA, "seed": s.config.seed, "config": to_mapping(s.config), "parts": list(s.nominal.soup.names),
             "effects": {
-                e.name: {"strength": e.strength, "size": e.size, "unit": e.unit, "rms_mm": self._rms(e.name, local=e.local) * 1e3,
+                e.name: {"strength": e.strength, "size": e.size, "unit": e.unit, "kind": e.kind, "rms_mm": 1e3 * self._rms(e),
                          "params": e.params()}
                 for e in s.effects
             },
         }
 
-    def _rms(self, name: str, *, local: bool) -> float:
-        return rms(np.concatenate([row[f"bias_{name}"].ravel() for row in self._rows]), local=local)
+    def _rms(self, effect: Effect) -> float:
+        """Metres RMS over the affected pixels: as calibrated, else of the maps."""
+        if np.isfinite(effect.rms_m):
+            return effect.rms_m
+        return rms(np.concatenate([row[f"{effect.kind}_{effect.name}"].ravel() for row in self._rows]), local=effect.local)
 
     def save(self, stem: Path) -> None:
         """Write `<stem>.npz` and `<stem>.json`."""

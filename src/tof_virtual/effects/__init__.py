@@ -6,15 +6,33 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tof_core.errors import UsageError
+from tof_virtual.effects.geometry import CadDeviation, HandEye, Intrinsics, Motion, TimeSync
+from tof_virtual.effects.light import FlyingPixels, LensScatter, Specular, Subsurface
+from tof_virtual.effects.multipath import Multipath
+from tof_virtual.effects.output import DepthScale, Dropout, Noise, PhaseWrap, Quantization, RadialDepth, RangeOffset
+from tof_virtual.effects.pixel import AmplitudeBias, FixedPattern, Interference, TemperatureDrift, Wiggling
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tof_virtual.config import VirtualConfig
-    from tof_virtual.effects.base import Effect
+    from tof_virtual.effect import Effect
 
-EFFECTS: dict[str, type[Effect]] = {}
+EFFECTS: dict[str, type[Effect]] = {
+    e.name: e for e in (
+        CadDeviation, Intrinsics, HandEye, TimeSync, Motion, Specular, Subsurface, FlyingPixels, Multipath, LensScatter, Wiggling, FixedPattern,
+        TemperatureDrift, AmplitudeBias, Interference, RangeOffset, PhaseWrap, Noise, Dropout, RadialDepth, DepthScale, Quantization,
+    )
+}
 """By name, in the order in which they act."""
+
+
+def adapt(config: VirtualConfig, strengths: Mapping[str, float]) -> VirtualConfig:
+    """The configuration with what these effects need to show (a moving hand, a warm-up)."""
+    for name, effect in EFFECTS.items():
+        if strengths.get(name, 0) > 0:
+            config = effect.adapt(config)
+    return config
 
 
 def make_effects(strengths: Mapping[str, float], config: VirtualConfig) -> tuple[Effect, ...]:

@@ -77,7 +77,7 @@ def parse_effects(pairs: list[str]) -> dict[str, float]:
 def open_scene(name: str, out: Path) -> Scene:
     """A scene by path, or a built-in one by name, whose files are then left in `<out>.scene` for the commands that follow."""
     from tof_scene.builtin import builtin_names, write_builtin
-    from tof_scene.scene import load_scene
+    from tof_scene.scene_file import load_scene
 
     if name in builtin_names():
         return load_scene(write_builtin(name, out.with_name(out.name + ".scene")))
@@ -120,4 +120,5 @@ def _report(args: argparse.Namespace, scene: Scene, truth: Truth) -> None:
         return
     print(f"recorded {len(truth)} views to {args.out} (scene: {scene.folder})")
     for name, effect in meta["effects"].items():
-        print(f"  {name}: {effect['rms_mm']:.2f} mm RMS over the pixels it affects ({effect['size']:.4g} {effect['unit']})")
+        error = f"{effect['rms_mm']:.2f} mm RMS over the pixels it affects, " if effect["kind"] != "loss" else ""
+        print(f"  {name}: {error}{effect['size']:.4g} {effect['unit']}")

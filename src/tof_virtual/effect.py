@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tof_virtual.body import Body
     from tof_virtual.config import VirtualConfig
     from tof_virtual.optics import Echo, Light
+    from tof_virtual.session import Session
     from tof_virtual.sight import Rays, Sight, World
     from tof_virtual.taps import Charge
 
@@ -40,6 +41,7 @@ class Moment:
     temperature: float
     world: World
     config: VirtualConfig
+    camera: Camera
     sights: tuple[Sight, ...]
 
     @property
@@ -66,10 +68,11 @@ class Effect:
         start: a size that gives about a strength of 1, from which calibration begins.
         limit: sizes beyond this are not physical; calibration stops there.
         local: whether the affected pixels are few (then those with a tenth of the usual largest error count).
+        kind: "bias", or what `level` gives: "scatter" or "loss".
         geometric: whether it changes what is seen rather than what is measured.
         deforms: whether it changes the bodies.
         natural: whether `size` is `start` times the strength without calibration.
-        size: the physical size in force.
+        size: the physical size in force; rms_m: the error it makes, where it was calibrated.
     """
 
     name: ClassVar[str] = ""
@@ -77,6 +80,7 @@ class Effect:
     start: ClassVar[float] = 1.0
     limit: ClassVar[float] = np.inf
     local: ClassVar[bool] = False
+    kind: ClassVar[str] = "bias"
     geometric: ClassVar[bool] = False
     deforms: ClassVar[bool] = False
     natural: ClassVar[bool] = False
@@ -86,6 +90,7 @@ class Effect:
         self.strength = strength
         self.config = config
         self.size = self.start * strength
+        self.rms_m = float("nan")
         self.draw(self.rng(0))
 
     def rng(self, index: int) -> np.random.Generator:
@@ -94,6 +99,14 @@ class Effect:
 
     def draw(self, rng: np.random.Generator) -> None:
         """Settle signs, phases, parts: whatever is fixed for the session."""
+
+    @classmethod
+    def adapt(cls, config: VirtualConfig) -> VirtualConfig:
+        """The session that this effect needs to show at all."""
+        return config
+
+    def prepare(self, session: Session) -> None:
+        """Settle what depends on what the planned session sees."""
 
     def params(self) -> dict[str, Any]:
         """The physical truth, for the truth file."""
@@ -150,6 +163,10 @@ class Effect:
 
     def lose(self, frame: Frame, moment: Moment) -> Mask | None:
         """Pixels (P,) that are lost."""
+        return None
+
+    def level(self, moment: Moment) -> Float | None:
+        """Where the effect is no bias: its scatter in metres, or the share of captures lost, per pixel (P,)."""
         return None
 
     def finish(self, depth: Float, moment: Moment) -> Float:

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects on the way of the light: gloss, translucency, footprints over two surfaces, scatter in the lens."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import fft
+from typing_extensions import override
+
+from tof_virtual.effect import Effect, Moment
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_virtual.optics import Echo, Light
+    from tof_virtual.session import Session
+    from tof_virtual.sight import Rays, Sight
+
+
+class Specular(Effect):
+    """A coat that shines: near the mirror direction a lobe is added that may saturate the pixel.
+
+    The lobe comes off the coat itself while the matt light travels a little in the paint, which the calibration holds
+    for zero: highlights are measured too near by up to `size`. Blinn-Phong lobe, exponent 2 / roughness^2 - 2.
+    """
+
+    name, unit, start, limit = "specular", "m of paint", 5e-3, 0.1
+    local = True
+
+    @override
+    def draw(self, rng: np.random.Generator) -> None:
+        self._gloss = float(rng.uniform(0.08, 0.2))
+        self._roughness = float(rng.uniform(0.22, 0.4))
+
+    @override
+    def params(self) -> dict[str, Any]:
+        return {"gloss": self._gloss, "roughness": self._roughness}
+
+    @override
+    def reflect(self, echo: Echo, rays: Rays, moment: Moment) -> None:
+        hit = rays.face >= 0
+        soup = moment.world.soup
+        roughness = np.minimum(soup.roughness[rays.face], self._roughness)
+        exponent = 2 / np.clip(roughness, 0.03, 1) ** 2 - 2
+        cosine = np.where(hit, rays.cosine, 0.0)
+        # radiance of the lobe over that of the matt light, both of the same irradiance
+        lobe = self._gloss * (exponent + 2) / 2 * cosine ** (exponent - 1) / np.maximum(soup.albedo[rays.face], 0.02)
+        lobe = np.where(hit, lobe, 0.0)
+        echo.strength *= 1 + lobe
+        echo.distance -= self.size * lobe / (1 + lobe)
+
+
+class Subsurface(Effect):
+    """One part is translucent: light returns from within, later and with a tail."""
+
+    name, unit, start, limit = "subsurface", "m of delay", 3e-3, 0.2
+    local = True
+
+    @override
+    def prepare(self, session: Session) -> None:
+        share = session.shares()
+        seen = np.where((share > 0.01) & (share < 0.5), share, 0.0)
+        weight = seen if seen.any() else share
+        self._part = int(self.rng(1).choice(share.size, p=weight / weight.sum()))
+        self._name = session.bodies[self._part].name
+
+    @override
+    def params(self) -> dict[str, Any]:
+        return {"part": self._name, "delay_m": self.size}
+
+    @override
+    def reflect(self, echo: Echo, rays: Rays, moment: Moment) -> None:
+        inside = (rays.face >= 0) & (moment.world.soup.body[rays.face] == self._part)
+        cosine = np.where(inside, rays.cosine, 0.0)
+        # light that enters aslant leaves sooner; the tail of the response takes contrast away
+        delay = self.size * (0.7 + 0.3 * cosine)
+        echo.distance = np.where(inside, echo.distance + delay, echo.distance)
+        echo.strength = np.where(inside, echo.strength / np.hypot(1, 4 * delay), echo.strength)
+
+
+class FlyingPixels(Effect):
+    """Pixels over an edge sum the light of both surfaces; a strength of 1 is a footprint of just the pixel."""
+
+    name, unit = "flying_pixels", "px"
+    local = natural = True
+
+    @override
+    def draw(self, rng: np.random.Generator) -> None:
+        self.size = float(np.clip(np.sqrt(self.strength), 0.4, 2.5))
+
+    @override
+    def footprint(self) -> float:
+        return self.size
+
+
+class LensScatter(Effect):
+    """A share of all light spreads over the image: z' = z + s (h * z), with a kernel that has a core and a far tail."""
+
+    name, unit, start, limit = "lens_scatter", "share of the light", 0.01, 0.12
+    local = True
+
+    @override
+    def draw(self, rng: np.random.Generator) -> None:
+        self._core = float(rng.uniform(0.04, 0.15))
+        self._veil = float(rng.uniform(0.0, 0.4))
+
+    @override
+    def params(self) -> dict[str, Any]:
+        return {"share": self.size, "core_of_width": self._core, "veil": self._veil}
+
+    def _kernel(self, shape: tuple[int, int]) -> Float:
+        """Transform of the kernel on the doubled raster."""
+        height, width = shape
+        v, u = (np.minimum(np.arange(2 * n), 2 * n - np.arange(2 * n)) for n in shape)
+        r2 = (v[:, None] ** 2 + u[None] ** 2) / (self._core * width) ** 2
+        core = (1 + r2) ** -1.5
+        h = (1 - self._veil) * core / core.sum() + self._veil / (height * width)
+        return np.asarray(fft.rfft2(h).real)
+
+    @override
+    def spread(self, light: Light, sight: Sight, moment: Moment) -> None:
+        kernel = self._kernel(sight.shape)
+
+        def spread(values: Float) -> Float:
+            height, width = sight.shape
+            image = np.zeros((2 * height, 2 * width))
+            image[:height, :width] = values.reshape(sight.shape)
+            return np.asarray(self.size * fft.irfft2(fft.rfft2(image) * kernel, s=image.shape)[:height, :width].ravel())
+
+        for name in ("first", "third", "fifth"):
+            values = getattr(light, name)
+            if values.size:
+                values += spread(values.real) + 1j * spread(values.imag)
+        light.total += spread(light.total)
+        light.ambient += spread(light.ambient)
