@@ -19,11 +19,14 @@ from tof_preproc.quantum import mean_error2
 if TYPE_CHECKING:
     from tof_core.arrays import Bytes, Image, Ints
     from tof_preproc.config import PreprocConfig
+    from tof_preproc.stack import Stack
 
 MEAN, MEDIAN, PAPER = 0, 1, 2
 METHODS = {"mean": MEAN, "median": MEDIAN, "paper": PAPER}
 IQR_TUKEY, IQR_BAND, SIGMA_ROBUST, SIGMA_PLAIN = 0, 1, 2, 3
 IQR_REASON, SIGMA_REASON = int(Reason.IQR), int(Reason.THREE_SIGMA)
+REASONS = 16
+"""Room for the codes of `Reason`."""
 MAD_TO_SIGMA = 1.4826
 PRIOR_DOF = 4.0
 """Weight of the noise law against a pixel's own scatter, in captures: few captures say little about a variance."""
@@ -46,25 +49,27 @@ class Accumulated:
     passed: dict[str, str]
 
 
-def accumulate(stack: Image, reasons: Bytes, law: Image, quantum: float, config: PreprocConfig, stages: tuple[str, ...]) -> Accumulated:
-    """Accumulate captures (N, H, W) with their reasons (N, H, W), oldest first.
+def accumulate(stack: Stack, law: Image, quantum: float, config: PreprocConfig, stages: tuple[str, ...]) -> Accumulated:
+    """One depth per pixel of the captures of a dwell.
 
     Args:
-        stack: depth in metres, NaN where a capture has none.
-        reasons: why it has none.
+        stack: the captures.
         law: (H, W) expected standard deviation of one capture, metres (`noise.py`).
         quantum: step of the sensor's depth code in metres, 0 where it has none.
         config: numbers of the stages.
         stages: which of `iqr` and `sigma3` act, in this order.
     """
-    n = len(stack)
+    n = stack.captures
     passed = _too_few(n, config, stages)
     acting = [s for s in stages if s not in passed]
     codes = [_code(s, config) for s in acting]
     numbers = np.array([config.iqr.low, config.iqr.high, config.iqr.fence, config.sigma3.ratio, config.accumulate.min_share])
     fewest = np.array([config.iqr.min_captures if c <= IQR_BAND else config.sigma3.min_captures for c in codes], np.int64)
-    depth, sigma, noise, count, reason, rejected = _accumulate(
-        stack, reasons, law, quantum, np.array(codes, np.int64), fewest, numbers, METHODS[config.accumulate.method])
+    shape = stack.count.shape
+    *arrays, rejected = _accumulate(
+        n, stack.ordered, stack.count.ravel(), stack.times, stack.reasons, law.ravel(), quantum,
+        np.array(codes, np.int64), fewest, numbers, METHODS[config.accumulate.method])
+    depth, sigma, noise, count, reason = (a.reshape(shape) for a in arrays)
     return Accumulated(depth, sigma, noise, count, reason, dict(zip(acting, rejected.tolist(), strict=True)), passed)
 
 
@@ -79,89 +84,99 @@ def _code(stage: str, config: PreprocConfig) -> int:
     return SIGMA_PLAIN if config.sigma3.method == "paper" else SIGMA_ROBUST
 
 
+# Below, `s` (P, room) holds the depths of pixel p in ascending order, of which [lo, hi) are still in. Rows are never cut
+# out: a slice costs more than the sums over it.
+
+
 @njit(cache=True)
-def _quantile(s: Image, lo: int, hi: int, q: float) -> float:
-    """Quantile of sorted s[lo:hi], linear between order statistics (NumPy's default)."""
+def _quantile(s, p, lo, hi, q):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Quantile, linear between order statistics (NumPy's default)."""
     at = lo + q * (hi - lo - 1)
     i = int(at)
-    return s[i] if i + 1 >= hi else s[i] + (at - i) * (s[i + 1] - s[i])
+    below = np.float64(s[p, i])
+    return below if i + 1 >= hi else below + (at - i) * (s[p, i + 1] - below)
 
 
 @njit(cache=True)
-def _moments(s: Image, lo: int, hi: int) -> tuple[float, float]:
-    """Mean and sum of squared deviations of s[lo:hi]."""
-    mean = 0.0
-    for i in range(lo, hi):
-        mean += s[i]
-    mean /= hi - lo
-    ss = 0.0
-    for i in range(lo, hi):
-        ss += (s[i] - mean) ** 2
-    return mean, ss
+def _moments(s, p, lo, hi):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Mean and sum of squared deviations."""
+    base, total, squares = np.float64(s[p, lo]), 0.0, 0.0
+    for i in range(lo + 1, hi):
+        step = s[p, i] - base
+        total += step
+        squares += step * step
+    return base + total / (hi - lo), max(squares - total * total / (hi - lo), 0.0)
 
 
 @njit(cache=True)
-def _mad(s: Image, lo: int, hi: int, centre: float) -> float:
-    """Median of |s - centre| over sorted s[lo:hi]: walk inwards from both ends past the larger half."""
+def _mad(s, p, lo, hi, centre):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Median absolute deviation: walk inwards from both ends past the larger half."""
     i, j = lo, hi - 1
     last = before = 0.0
     for _ in range((hi - lo) // 2 + 1):
         before = last
-        if centre - s[i] > s[j] - centre:
-            last = centre - s[i]
+        left, right = centre - s[p, i], s[p, j] - centre
+        if left > right:
+            last = left
             i += 1
         else:
-            last = s[j] - centre
+            last = right
             j -= 1
     return last if (hi - lo) % 2 else 0.5 * (last + before)
 
 
-@njit(cache=True)
-def _bounds(code: int, s: Image, lo: int, hi: int, numbers: Image, law: float, quantum: float) -> tuple[float, float]:
-    """Lowest and highest value of sorted s[lo:hi] that a stage keeps."""
+@njit(cache=True, inline="always")
+def _bounds(code, s, p, lo, hi, numbers, law, quantum):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Lowest and highest value that a stage keeps."""
     if code <= IQR_BAND:
-        q1, q3 = _quantile(s, lo, hi, numbers[0]), _quantile(s, lo, hi, numbers[1])
+        q1, q3 = _quantile(s, p, lo, hi, numbers[0]), _quantile(s, p, lo, hi, numbers[1])
         # Neighbouring codes of a quantised sensor are one value: without them a mean cannot fall between codes.
         margin = 0.0 if code == IQR_BAND else max(numbers[2] * (q3 - q1), 1.01 * quantum)
         return q1 - margin, q3 + margin
     if code == SIGMA_PLAIN:
-        mean, ss = _moments(s, lo, hi)
-        reach = numbers[3] * np.sqrt(ss / (hi - lo - 1))
+        mean, squares = _moments(s, p, lo, hi)
+        reach = numbers[3] * np.sqrt(squares / (hi - lo - 1))
         return mean - reach, mean + reach
-    centre = _quantile(s, lo, hi, 0.5)
-    reach = max(numbers[3] * max(MAD_TO_SIGMA * _mad(s, lo, hi, centre), law), 1.01 * quantum)
+    centre = _quantile(s, p, lo, hi, 0.5)
+    reach = max(numbers[3] * max(MAD_TO_SIGMA * _mad(s, p, lo, hi, centre), law), 1.01 * quantum)
     return centre - reach, centre + reach
 
 
 @njit(cache=True)
-def _equation_1(t: Image, n: int, low: float, high: float) -> tuple[float, float]:
-    """The paper's running value over t[:n] within [low, high] in order of time, and the sum of its squared weights."""
+def _equation_1(times, n, p, low, high):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """The paper's running value over depths (N, P) in order of time within [low, high], and its squared weights' sum."""
     value, weight2 = 0.0, 0.0
-    first = True
     for i in range(n):
-        if t[i] < low or t[i] > high:
-            continue
-        if first:
-            value, weight2, first = t[i], 1.0, False
-        else:
-            value, weight2 = 0.5 * (value + t[i]), 0.25 * (weight2 + 1.0)
+        z = times[i, p]
+        if low <= z <= high:
+            value, weight2 = (0.5 * (value + z), 0.25 * (weight2 + 1.0)) if weight2 > 0 else (np.float64(z), 1.0)
     return value, weight2
 
 
-@njit(cache=True)
-def _centre(method: int, s: Image, t: Image, n: int, lo: int, hi: int) -> tuple[float, float]:
+@njit(cache=True, inline="always")
+def _centre(method, s, times, n, p, lo, hi):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """The accumulated value and its variance in units of one capture's."""
     k = hi - lo
     if method == PAPER:
-        return _equation_1(t, n, s[lo], s[hi - 1])
+        return _equation_1(times, n, p, s[p, lo], s[p, hi - 1])
     if method == MEDIAN:
         # Variance of a normal median: pi/2 times the mean's for many, the mean's own for one or two.
-        return _quantile(s, lo, hi, 0.5), (1.0 + (np.pi / 2 - 1) * max(k - 1.0, 0.0) / (k + 0.3)) / k
-    return _moments(s, lo, hi)[0], 1.0 / k
+        return _quantile(s, p, lo, hi, 0.5), (1.0 + (np.pi / 2 - 1) * max(k - 1.0, 0.0) / (k + 0.3)) / k
+    return _moments(s, p, lo, hi)[0], 1.0 / k
 
 
 @njit(cache=True)
-def _commonest(votes: Ints) -> int:
+def _variance(own, k, law, quantum):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """One capture's variance: the pixel's own sum of squares over k captures, drawn towards the law's while k is small."""
+    pooled = law * law if k < 2 else (PRIOR_DOF * law * law + own) / (PRIOR_DOF + k - 1)
+    return max(pooled, quantum * quantum / 12)
+
+
+@njit(cache=True)
+def _why(reasons, n, p, votes):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """The commonest reason over the captures (N, P); `votes` brings those of the stages over time."""
+    for i in range(n):
+        votes[reasons[i, p]] += 1
     best = 1
     for code in range(2, votes.size):
         if votes[code] > votes[best]:
@@ -169,60 +184,51 @@ def _commonest(votes: Ints) -> int:
     return best
 
 
+@njit(cache=True, inline="always")
+def _reject(s, p, m, codes, fewest, numbers, law, quantum, votes):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """[lo, hi) that the stages over time leave of m depths, at least one; votes[16 + stage] counts what each rejects."""
+    lo, hi = 0, m
+    for c in range(codes.size):
+        if hi - lo < fewest[c]:
+            continue
+        low, high = _bounds(codes[c], s, p, lo, hi, numbers, law, quantum)
+        before = hi - lo
+        while lo < hi - 1 and s[p, lo] < low:
+            lo += 1
+        while hi > lo + 1 and s[p, hi - 1] > high:
+            hi -= 1
+        votes[REASONS + c] = before - (hi - lo)
+    return lo, hi
+
+
 @njit(cache=True, error_model="numpy")
-def _accumulate(stack, reasons, law, quantum, codes, fewest, numbers, method):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    n, height, width = stack.shape
-    depth = np.full((height, width), np.nan, np.float32)
+def _accumulate(n, s, counts, times, reasons, law, quantum, codes, fewest, numbers, method):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Over pixels (P,); the arrays that `Accumulated` names, and per stage the depths it rejected."""
+    pixels = counts.size
+    depth = np.full(pixels, np.float32(np.nan))
     sigma, noise = depth.copy(), depth.copy()
-    count = np.zeros((height, width), np.uint16)
-    reason = np.zeros((height, width), np.uint8)
+    count, reason = np.zeros(pixels, np.uint16), np.zeros(pixels, np.uint8)
     rejected = np.zeros(codes.size, np.int64)
-    t, s = np.zeros(n), np.zeros(n)
-    votes = np.zeros(16, np.int64)
-    for v in range(height):
-        for u in range(width):
-            m = 0
-            for i in range(n):
-                z = stack[i, v, u]
-                if z == z:  # noqa: PLR0124  (not NaN)
-                    t[m] = z
-                    j = m
-                    while j > 0 and s[j - 1] > z:
-                        s[j] = s[j - 1]
-                        j -= 1
-                    s[j] = z
-                    m += 1
-            lo, hi = 0, m
-            votes[:] = 0
-            banded = False
+    votes = np.zeros(REASONS + codes.size, np.int64)
+    banded = np.any(codes == IQR_BAND)
+    for p in range(pixels):
+        m = np.int64(counts[p])
+        lo, hi = _reject(s, p, m, codes, fewest, numbers, law[p], quantum, votes)
+        k = hi - lo
+        if k == 0 or k < numbers[4] * n:
+            votes[:REASONS] = 0
             for c in range(codes.size):
-                if hi - lo < fewest[c]:
-                    continue
-                low, high = _bounds(codes[c], s, lo, hi, numbers, law[v, u], quantum)
-                before = hi - lo
-                while lo < hi - 1 and s[lo] < low:
-                    lo += 1
-                while hi > lo + 1 and s[hi - 1] > high:
-                    hi -= 1
-                gone = before - (hi - lo)
-                rejected[c] += gone
-                votes[IQR_REASON if codes[c] <= IQR_BAND else SIGMA_REASON] += gone
-                banded = banded or codes[c] == IQR_BAND
-            k = hi - lo
-            count[v, u] = k
-            if k == 0 or k < numbers[4] * n:
-                for i in range(n):
-                    votes[reasons[i, v, u]] += reasons[i, v, u] != 0
-                reason[v, u] = _commonest(votes)
-                count[v, u] = 0
-                continue
-            value, weight2 = _centre(method, s, t, m, lo, hi)
-            own = _moments(s, lo, hi)[1] / (BAND_WITHIN if banded else 1.0)
-            prior2 = law[v, u] ** 2
-            variance = prior2 if k == 1 else (PRIOR_DOF * prior2 + own) / (PRIOR_DOF + k - 1)
-            variance = max(variance, quantum * quantum / 12)
-            factor = BAND_WITHIN * weight2 + BAND_BETWEEN / k if banded else weight2
-            depth[v, u] = value
-            noise[v, u] = np.sqrt(variance)
-            sigma[v, u] = np.sqrt(mean_error2(variance, factor, quantum))
+                votes[IQR_REASON if codes[c] <= IQR_BAND else SIGMA_REASON] += votes[REASONS + c]
+            reason[p] = _why(reasons, n, p, votes[:REASONS])
+        else:
+            value, weight2 = _centre(method, s, times, n, p, lo, hi)
+            trimmed = banded and k < m
+            own = _moments(s, p, lo, hi)[1] / (BAND_WITHIN if trimmed else 1.0)
+            variance = _variance(own, k, law[p], quantum)
+            factor = BAND_WITHIN * weight2 + BAND_BETWEEN / k if trimmed else weight2
+            depth[p], count[p] = value, k
+            noise[p], sigma[p] = np.sqrt(variance), np.sqrt(mean_error2(variance, factor, quantum))
+        for c in range(codes.size):
+            rejected[c] += votes[REASONS + c]
+            votes[REASONS + c] = 0
     return depth, sigma, noise, count, reason, rejected

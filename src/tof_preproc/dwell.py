@@ -14,6 +14,7 @@ from tof_preproc.accumulate import accumulate
 from tof_preproc.frame import Frame, Report
 from tof_preproc.noise import law_of_capture, law_of_dwell
 from tof_preproc.quantum import quantum_of
+from tof_preproc.stack import Stack
 
 if TYPE_CHECKING:
     from tof_core.arrays import Image
@@ -28,13 +29,11 @@ class Dwell:
         """A dwell that begins with `first`; it still has to be added."""
         self.first = self.last = first
         self.station = station
-        self.captures = 0
         self._config = config
         self._before, self._over, self._after = stages.split(config)
-        shape = (config.accumulate.max_captures, *first.depth.shape)
-        self._depth = np.empty(shape, np.float32)  # memory is taken page by page, as captures come
-        self._reason = np.empty(shape, np.uint8)
-        self._removed: dict[str, int] = {}
+        shape = (first.depth.shape[0], first.depth.shape[1])
+        self._stack = Stack(shape, config.accumulate.max_captures, in_time=config.accumulate.method == "paper")
+        self._report = Report()
         self._light: Image | None = None
         self._lit: Image | None = None
         self._quantum = quantum_of(first.depth)
@@ -43,7 +42,7 @@ class Dwell:
         """Whether the capture belongs to this dwell: same camera and place, soon after, and room for it."""
         gap = (capture.stamp_ns - self.last.stamp_ns) * 1e-9
         return (
-            self.captures < self._config.accumulate.max_captures
+            self._stack.captures < self._config.accumulate.max_captures
             and 0 < gap <= self._config.motion.max_gap_s
             and capture.camera == self.first.camera
             and not (self._config.motion.enable and moved(self.first, capture, self._config.motion))
@@ -54,11 +53,9 @@ class Dwell:
         frame = Frame(capture.camera, capture.depth.copy(), capture.reason.copy(), np.zeros_like(capture.depth), capture.amplitude)
         if any(s not in ("range", "amplitude", "self") for s in self._before):
             frame.sigma = law_of_capture(capture.depth, capture.amplitude, self._quantum).sigma(capture.depth, capture.amplitude)
-        report = Report(self._removed)
-        stages.apply(self._before, frame, self._config, report)
-        self._depth[self.captures], self._reason[self.captures] = frame.depth, frame.reason
+        stages.apply(self._before, frame, self._config, self._report)
+        self._stack.add(frame.depth, frame.reason)
         self._add_light(capture.amplitude)
-        self.captures += 1
         self.last = capture
 
     def _add_light(self, amplitude: Image | None) -> None:
@@ -72,22 +69,24 @@ class Dwell:
 
     def view(self) -> tuple[View, Report]:
         """What the captures so far accumulate to, filtered, and what became of it."""
-        n, last = self.captures, self.last
-        stack = self._depth[:n]
-        amplitude = self._amplitude()
-        law = law_of_capture(stack[0], amplitude, self._quantum) if n == 1 else law_of_dwell(stack, amplitude, self._quantum)
-        result = accumulate(stack, self._reason[:n], law.sigma(stack[-1], amplitude), self._quantum, self._config, self._over)
-        report = Report({**self._removed, **result.rejected}, dict(result.passed))
+        last, amplitude = self.last, self._amplitude()
+        result = accumulate(self._stack, self._expected_noise(amplitude), self._quantum, self._config, self._over)
+        report = Report({**self._report.removed, **result.rejected}, {**self._report.passed, **result.passed})
         frame = Frame(last.camera, result.depth, result.reason, result.sigma, amplitude)
         stages.apply(self._after, frame, self._config, report)
         valid = np.isfinite(frame.depth)
         view = View(
             stamp_ns=last.stamp_ns, dwell_ns=self.first.stamp_ns, camera=last.camera, depth=frame.depth, sigma=frame.sigma,
             count=np.where(valid, result.count, 0).astype(np.uint16), reason=frame.reason, robot=last.robot, station=self.station,
-            captures=n, amplitude=amplitude, colour=last.colour, temperature=last.temperature,
+            captures=self._stack.captures, amplitude=amplitude, colour=last.colour, temperature=last.temperature,
             noise=np.where(valid, result.noise, np.nan).astype(np.float32),
         )
         return view, report
+
+    def _expected_noise(self, amplitude: Image | None) -> Image:
+        one = self._stack.captures == 1
+        law = law_of_capture(self.first.depth, amplitude, self._quantum) if one else law_of_dwell(self._stack, amplitude, self._quantum)
+        return law.sigma(self._stack.nearest(), amplitude)
 
     def _amplitude(self) -> Image | None:
         if self._light is None or self._lit is None:

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from tof_core.capture import View
 
 NAME = "preproc"
+OUTPUTS = {"depth": Image, "sigma": Image, "count": Image, "reason": Image, "amplitude": Image, "camera_info": CameraInfo,
+           "points": PointCloud2, "dwell": TimeReference}
+"""Topics under `preproc/`. `dwell` names the view: time_ref is its first capture's stamp, source the rest of what it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +67,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
             TransformBuffer(self.config.input.max_gap_s, keep_s=self.config.live.keep_tf_s), need_tf=self.config.live.need_tf,
         )
         self._tf = TransformListener(self, self._stream.transforms, self._advance)
-        self._outputs = {name: self.output(name, kind) for name, kind in {
-            "depth": Image, "sigma": Image, "count": Image, "reason": Image, "amplitude": Image,
-            "camera_info": CameraInfo, "points": PointCloud2, "dwell": TimeReference}.items()}
+        self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         self._subscribe()
         self.service("capture", self._end_dwell)
         self.service("flush", self.flush)

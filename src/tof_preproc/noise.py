@@ -19,11 +19,14 @@ from scipy.special import chdtr, chdtri
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Image
+    from tof_preproc.stack import Stack
 
 BINS = 12
 FEWEST = 40
 """Residuals in a bin below which it says nothing."""
 SAMPLES = 16000
+TINY = 1e-12
+"""Variance in m^2 below which there is none: a micrometre squared."""
 CUT = 9.0
 """Squared residuals beyond three standard deviations are edges or moving things, not noise."""
 
@@ -73,20 +76,21 @@ def _second_differences(depth: Image, light: Image) -> tuple[Float, Float]:
     return scatter[known] ** 2 / 6, lights[:, 1:-1][known].astype(float)
 
 
-def law_of_dwell(stack: Image, amplitude: Image | None, quantum: float) -> NoiseLaw:
-    """The law as the captures (N, H, W) of a dwell tell it: from the scatter of pixels over time; N at least 2."""
-    pixels = slice(None, None, max(1, stack[0].size // SAMPLES))
-    values = stack.reshape(len(stack), -1)[:, pixels].astype(float)
-    whole = np.isfinite(values).all(axis=0)
-    values = values[:, whole]
-    mean = values.mean(axis=0) if values.size else np.zeros(0)
-    light = _light(mean, None if amplitude is None else amplitude.ravel()[pixels][whole].astype(float))
-    return _fit(values.var(axis=0, ddof=1) if values.size else mean, light, len(stack) - 1, quantum, by_range=amplitude is None)
+def law_of_dwell(stack: Stack, amplitude: Image | None, quantum: float) -> NoiseLaw:
+    """The law as the captures of a dwell tell it, at least 2: from the scatter over time of pixels that all of them have."""
+    n = stack.captures
+    some = np.flatnonzero(stack.count == n)
+    some = some[:: max(1, some.size // SAMPLES)]
+    values = stack.ordered[some, :n].astype(float)
+    if not some.size:
+        return NoiseLaw((max(quantum**2 / 12, TINY), 0.0, 0.0), 1.0, 1.0, by_range=amplitude is None)
+    light = _light(values.mean(axis=1), None if amplitude is None else amplitude.ravel()[some])
+    return _fit(values.var(axis=1, ddof=1), light, n - 1, quantum, by_range=amplitude is None)
 
 
 def _fit(scatter2: Float, light: Float, dof: int, quantum: float, *, by_range: bool) -> NoiseLaw:
     """Bins of equal count by light, a robust variance in each, and the law through them, none of its terms negative."""
-    floor = max(quantum**2 / 12, 1e-12)
+    floor = max(quantum**2 / 12, TINY)
     usable = np.isfinite(light) & (light > 0)
     order = np.argsort(light[usable])
     bins = [b for b in np.array_split(order, BINS) if b.size >= FEWEST]

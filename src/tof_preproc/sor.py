@@ -58,7 +58,7 @@ def scaled_threshold(distance: Image, ratio: float) -> float:
 
 def spacing(depth: Image, camera: Camera) -> Image:
     """(H, W) root of the area in m^2 that a pixel covers on the surface it sees; NaN where there is no depth."""
-    cosine = np.maximum(cos_incidence(depth, camera.rays()), np.float32(FLATTEST))
+    cosine = np.maximum(cos_incidence(depth, camera), np.float32(FLATTEST))
     length = camera.ray_length().astype(np.float32)
     pixel = np.float32(1 / np.sqrt(camera.fx * camera.fy))
     # A pixel's solid angle shrinks with the cube of the ray's length, its distance grows with it.

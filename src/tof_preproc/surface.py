@@ -7,6 +7,7 @@ exact for planes at any angle, and a second difference times z^2 is a deviation 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from tof_core.reasons import Reason
 
 if TYPE_CHECKING:
     from tof_core.arrays import Image
+    from tof_core.camera import Camera
     from tof_preproc.config import PreprocConfig
     from tof_preproc.frame import Frame
 
@@ -27,7 +29,7 @@ AXES = np.array([[0, 1], [1, 0], [1, 1], [1, -1]])
 def remove_grazing(frame: Frame, config: PreprocConfig) -> int:
     """Remove surfaces whose normal is further than `max_deg` from the ray."""
     limit = np.float32(np.cos(np.deg2rad(config.grazing.max_deg)))
-    return frame.remove(cos_incidence(frame.depth, frame.camera.rays()) < limit, Reason.GRAZING)
+    return frame.remove(cos_incidence(frame.depth, frame.camera) < limit, Reason.GRAZING)
 
 
 def remove_flying(frame: Frame, config: PreprocConfig) -> int:
@@ -37,47 +39,48 @@ def remove_flying(frame: Frame, config: PreprocConfig) -> int:
     return frame.remove(mixed, Reason.FLYING)
 
 
-@njit(cache=True, error_model="numpy")
-def cos_incidence(depth, rays):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def cos_incidence(depth: Image, camera: Camera) -> Image:
     """Cosine (H, W) of the angle between ray and surface normal; NaN where there is no depth.
 
     Of the slopes to both sides the gentler one counts, and none where they disagree in sign: a depth edge is not a
-    grazing surface. `rays` (H, W, 3) have z = 1.
+    grazing surface.
     """
-    height, width = depth.shape
-    out = np.full((height, width), np.float32(np.nan))
-    for v in range(height):
-        for u in range(width):
-            if np.isnan(depth[v, u]):
-                continue
-            w, x, y = 1 / depth[v, u], rays[v, u, 0], rays[v, u, 1]
-            gx = _gentler(_slope(depth, rays, v, u, 0, -1), _slope(depth, rays, v, u, 0, 1))
-            gy = _gentler(_slope(depth, rays, v, u, -1, 0), _slope(depth, rays, v, u, 1, 0))
-            gz = w - gx * x - gy * y
-            out[v, u] = w / np.sqrt((gx * gx + gy * gy + gz * gz) * (x * x + y * y + 1))
-    return out
+    inverse = np.full((depth.shape[0] + 2, depth.shape[1] + 2), np.float32(np.nan))
+    np.divide(np.float32(1), depth, out=inverse[1:-1, 1:-1])
+    return _cosine(inverse, *_raster(camera))
+
+
+@lru_cache(maxsize=16)
+def _raster(camera: Camera) -> tuple[Image, Image, Image, Image]:
+    """The rays' x and y at z = 1 (H, W), and what one pixel's step in them is worth: (H, W + 1) and (H + 1, W)."""
+    x, y = (np.ascontiguousarray(camera.rays()[..., i], np.float32) for i in (0, 1))
+    across, down = 1 / np.diff(camera.rays()[..., 0], axis=1), 1 / np.diff(camera.rays()[..., 1], axis=0)
+    return x, y, np.pad(across, ((0, 0), (1, 1))).astype(np.float32), np.pad(down, ((1, 1), (0, 0))).astype(np.float32)
 
 
 @njit(cache=True, error_model="numpy")
-def _slope(depth, rays, v, u, dv, du):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Slope of 1/z over the ray's x (du) or y (dv) to a neighbour; NaN where there is none."""
-    row, column = v + dv, u + du
-    if row < 0 or column < 0 or row >= depth.shape[0] or column >= depth.shape[1]:
-        return np.nan
-    axis = 0 if du else 1
-    return (1 / depth[row, column] - 1 / depth[v, u]) / (rays[row, column, axis] - rays[v, u, axis])
+def _cosine(inverse, x, y, across, down):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Of 1/z (H + 2, W + 2) with a rim of NaN."""
+    height, width = x.shape
+    out = np.empty((height, width), np.float32)
+    for v in range(height):
+        for u in range(width):
+            w = inverse[v + 1, u + 1]
+            gx = _gentler((w - inverse[v + 1, u]) * across[v, u], (inverse[v + 1, u + 2] - w) * across[v, u + 1])
+            gy = _gentler((w - inverse[v, u + 1]) * down[v, u], (inverse[v + 2, u + 1] - w) * down[v + 1, u])
+            gz = w - gx * x[v, u] - gy * y[v, u]
+            ray2 = x[v, u] * x[v, u] + y[v, u] * y[v, u] + np.float32(1)
+            out[v, u] = w / np.sqrt((gx * gx + gy * gy + gz * gz) * ray2)
+    return out
 
 
 @njit(cache=True)
 def _gentler(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """The slope nearer to zero; zero where the two disagree in sign; the other where one is unknown."""
-    if np.isnan(a):
-        return 0.0 if np.isnan(b) else b
-    if np.isnan(b):
-        return a
-    if a * b <= 0:
-        return 0.0
-    return a if abs(a) < abs(b) else b
+    """The slope nearer to zero; zero where the two disagree in sign; the other where one is unknown (NaN)."""
+    a_known, b_known = a == a, b == b  # noqa: PLR0124
+    a0, b0 = a if a_known else (b if b_known else np.float32(0)), b if b_known else (a if a_known else np.float32(0))
+    least = a0 if abs(a0) < abs(b0) else b0
+    return least if a0 * b0 > 0 else np.float32(0)
 
 
 @njit(cache=True, error_model="numpy")
