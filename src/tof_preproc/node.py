@@ -147,7 +147,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
         if self._outputs["points"].get_subscription_count():
             self._outputs["points"].publish(messages.points(view.camera.points(view.depth).astype(np.float32), head))
-        about = f"station={view.station} captures={view.captures} amplitude={int(view.amplitude is not None)} temperature={view.temperature:.9g}"
+        about = f"station={view.station} captures={view.captures} amplitude={int(view.amplitude is not None)}"
         self._outputs["dwell"].publish(messages.time_reference(view.stamp_ns, view.dwell_ns, about, view.camera.frame_id))
 
     def on_config(self, config: PreprocNodeConfig) -> None:

@@ -38,7 +38,7 @@ class RoomNode(Node, Generic[C]):
         super().__init__(name, **options)
         self.room = room
         self.tally = Tally()
-        self._parameters = Parameters(self, config, fixed=("use_sim_time", *fixed), on_change=self.on_config)
+        self._settings = Parameters(self, config, fixed=("use_sim_time", *fixed), on_change=self.on_config)
         self._done = self.output("done", TimeReference)
         self._diagnostics = Diagnostics(self, self.tally, self.figures, self.warnings)
         threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False)
@@ -48,7 +48,7 @@ class RoomNode(Node, Generic[C]):
     @property
     def config(self) -> C:
         """The parameters, whole and valid."""
-        return self._parameters.config
+        return self._settings.config
 
     def on_config(self, config: C) -> None:
         """Act on changed parameters."""
@@ -70,15 +70,15 @@ class RoomNode(Node, Generic[C]):
         options = QoSOverridingOptions.with_default_policies()
         return self.create_publisher(kind, f"{self.room}/{topic}", profile, qos_overriding_options=options)
 
-    def input(self, topic: str, kind: type[Any], callback: Callable[[Any], None], profile: QoSProfile) -> None:
-        """A subscription whose QoS a user may override; an error in a message is said and the message skipped."""
+    def input(self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile) -> None:
+        """A subscription whose QoS a user may override; a message that cannot be read is said, and the node goes on."""
         options = QoSOverridingOptions.with_default_policies()
 
         def guarded(message: Any) -> None:
             try:
-                callback(message)
+                take(message)
             except ToftwinError as error:
-                self.skip(message, type(error).__name__.removesuffix("Error").lower(), str(error))
+                self.get_logger().error(f"{topic}: {error}", throttle_duration_sec=5.0)
 
         self.create_subscription(kind, topic, guarded, profile, qos_overriding_options=options)
 
@@ -103,16 +103,12 @@ class RoomNode(Node, Generic[C]):
         self.tally.done(arrived)
         self._done.publish(messages.time_reference(stamp_ns, stamp_ns, fate))
 
-    def skip_frame(self, stamp_ns: int, reason: str, why: str = "") -> None:
+    def skip(self, stamp_ns: int, reason: str, why: str = "") -> None:
         """A frame has no outputs: count it, say why (a reason at most once in five seconds), go on."""
         self.tally.skip(reason)
         self._done.publish(messages.time_reference(stamp_ns, stamp_ns, reason))
         if why:
             self.get_logger().warning(f"frame {stamp_ns} skipped, {reason}: {why}", throttle_duration_sec=5.0)
-
-    def skip(self, message: Any, reason: str, why: str) -> None:
-        """The same for a message that cannot be read."""
-        self.skip_frame(messages.to_ns(message.header.stamp), reason, why)
 
     def _jumped(self) -> None:
         self.get_logger().warning("the clock jumped back: starting afresh")

@@ -3,14 +3,23 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import tempfile
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tof_core.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from rclpy.context import Context
+    from rclpy.parameter import Parameter
+
+DOMAINS = range(1, 102)
+"""Up to 101 a domain's ports lie below Linux's range of ephemeral ports; 0 is everybody's default."""
 
 
 @contextmanager
@@ -29,3 +38,29 @@ def ros_context(args: Sequence[str] = (), *, domain: int | None = None) -> Itera
         yield context
     finally:
         context.try_shutdown()
+
+
+@contextmanager
+def private_domain() -> Iterator[int]:
+    """A ROS domain for work of our own: the environment's where it names one, else one that no other toftwin holds."""
+    if named := os.environ.get("ROS_DOMAIN_ID"):
+        if not named.isdigit():
+            raise UsageError(f"'{named}' is no number", where="ROS_DOMAIN_ID")
+        yield int(named)
+        return
+    for domain in DOMAINS:
+        with (Path(tempfile.gettempdir()) / f"toftwin-ros-domain-{domain}.lock").open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            yield domain
+            return
+    raise UsageError(f"all {len(DOMAINS)} ROS domains of this host are in use", where="ROS_DOMAIN_ID", todo="set it to one you may share")
+
+
+def parameter_overrides(values: Mapping[str, Any]) -> list[Parameter]:
+    """Start values of a node's parameters."""
+    from rclpy.parameter import Parameter
+
+    return [Parameter(name, value=value) for name, value in values.items()]

@@ -7,7 +7,7 @@ from array import array
 from typing import TYPE_CHECKING, Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField, RegionOfInterest, TimeReference
 from std_msgs.msg import Header
 
@@ -75,6 +75,15 @@ def set_pose(message: Any, T: Float) -> None:
     x, y, z, w = (float(v) for v in se3.quat_from_matrix(T[:3, :3]))
     message.position.x, message.position.y, message.position.z = (float(v) for v in T[:3, 3])
     message.orientation.x, message.orientation.y, message.orientation.z, message.orientation.w = x, y, z, w
+
+
+def transform(parent: str, child: str, T: Float, stamp_ns: int = 0) -> TransformStamped:
+    """A `geometry_msgs/TransformStamped` of `T_parent_child`."""
+    out = TransformStamped(header=header(stamp_ns, parent), child_frame_id=child)
+    move, turn = out.transform.translation, out.transform.rotation
+    move.x, move.y, move.z = (float(v) for v in T[:3, 3])
+    turn.x, turn.y, turn.z, turn.w = (float(v) for v in se3.quat_from_matrix(T[:3, :3]))
+    return out
 
 
 def time_reference(stamp_ns: int, reference_ns: int, source: str, frame_id: str = "") -> TimeReference:

@@ -27,9 +27,15 @@ if TYPE_CHECKING:
     from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
 
+    from tof_core.arrays import Float
     from tof_core.bag import RawMessage
 
-TF_TOPICS = ("/tf", "/tf_static")
+MOST_IN_FLIGHT = 24
+"""Frames open at a time in any case: sensors' queues are 32 deep."""
+SETTLE_S = 1.0
+"""Silence after which nodes are asked for what they hold: all that was sent has then been taken."""
+SILENCE_S = 10.0
+"""At the end, a frame that so long after all others has no answer is lost."""
 MERGED = 200
 """So many /tf messages between two frames travel as one: a burst cannot overrun a listener's queue."""
 
@@ -46,15 +52,17 @@ class PlayOptions:
         realtime: keep the bag's pace and wait for nobody; frames may be lost.
         rate: speed in real time, as a multiple of the bag's.
         in_flight: frames sent ahead of the graph's answers; below every queue's depth.
-        patience_s: how long the graph may be silent before one more frame is sent (it may wait for later transforms).
+        ahead_s: how far the bag may run ahead of the oldest frame that is not answered, in its own time.
+        patience_s: how long the graph may be silent before more is sent (it may wait for later transforms).
         give_up_s: how long it may be silent before the replay ends with an error.
     """
 
     realtime: bool = False
     rate: float = 1.0
     in_flight: int = 6
-    patience_s: float = 2.0
-    give_up_s: float = 60.0
+    ahead_s: float = 5.0
+    patience_s: float = 0.25
+    give_up_s: float = 120.0
 
 
 @dataclass(slots=True)
@@ -77,10 +85,11 @@ class Player(Node):
         self._first, self._after = self.resolve_topic_name(done[0]), [self.resolve_topic_name(t) for t in done[1:]]
         self._open: dict[int, set[str]] = {}
         self._changed = threading.Condition()
-        self._publishers: dict[str, Publisher] = {}
+        self._out: dict[str, Publisher] = {}
         self._transforms: list[Any] = []
-        self._clock_ns = 0
-        self._clock = self.create_publisher(Clock, "/clock", qos.OUTPUT)
+        self._clock_ns, self._heard, self._limit = 0, float("-inf"), options.in_flight
+        self._alive: Callable[[], bool] = lambda: True
+        self._ticker = self.create_publisher(Clock, "/clock", qos.OUTPUT)
         self.report = PlayReport()
         for topic in (self._first, *self._after):
             self.create_subscription(TimeReference, topic, lambda m, t=topic: self._answered(t, m), qos.RECORD)
@@ -88,6 +97,7 @@ class Player(Node):
     def _answered(self, topic: str, message: TimeReference) -> None:
         stamp = messages.to_ns(message.header.stamp)
         with self._changed:
+            self._heard = time.monotonic()
             waiting = self._open.get(stamp)
             if topic == self._first:
                 self.report.fates[message.source] += 1
@@ -117,20 +127,20 @@ class Player(Node):
 
     def play(self, bag: Iterable[RawMessage], alive: Callable[[], bool]) -> Iterator[int]:
         """Publish all messages, in their order; yields the stamp of each frame once sent."""
-        begin, start_ns = time.monotonic(), None
+        self._alive, begin, start_ns = alive, time.monotonic(), None
         for message in bag:
             start_ns = message.stamp_ns if start_ns is None else start_ns
             if self._options.realtime:
-                pause = (message.stamp_ns - start_ns) * 1e-9 / self._options.rate - (time.monotonic() - begin)
-                time.sleep(max(pause, 0.0))
-            if message.topic in TF_TOPICS and not self._options.realtime:
+                due = (message.stamp_ns - start_ns) * 1e-9 / self._options.rate
+                time.sleep(max(due - (time.monotonic() - begin), 0.0))
+            if message.topic == "/tf" and not self._options.realtime:
                 self._merge(message)
                 continue
             self._send_transforms()
-            self._tick(message.stamp_ns)
             is_frame = message.topic in self._frames
             if is_frame:
-                self._wait_for_room(message.stamp_ns, alive)
+                self._open_frame(message.stamp_ns)
+            self._tick(message.stamp_ns)
             self._publish(message)
             if is_frame:
                 self.report.sent += 1
@@ -138,33 +148,44 @@ class Player(Node):
         self._send_transforms()
         self.report.seconds = time.monotonic() - begin
 
-    def _wait_for_room(self, stamp_ns: int, alive: Callable[[], bool]) -> None:
+    def _open_frame(self, stamp_ns: int) -> None:
         with self._changed:
-            if not self._options.realtime:
-                self._wait(lambda: len(self._open) < self._options.in_flight, self._options.patience_s, alive)
+            if not self._options.realtime and not self._wait(lambda: self._room(stamp_ns), self._options.patience_s):
+                self._limit = min(self._limit + 1, MOST_IN_FLIGHT)
             self._open[stamp_ns] = {self._first}
 
-    def _wait(self, done: Callable[[], bool], timeout_s: float, alive: Callable[[], bool]) -> bool:
-        """With the lock held: until `done`, or nothing was answered for `timeout_s`."""
-        silent_since, before = time.monotonic(), len(self._open)
+    def _room(self, stamp_ns: int) -> bool:
+        """Whether the graph has kept up well enough to be sent what is stamped so."""
+        oldest = min(self._open, default=stamp_ns)
+        return len(self._open) < self._limit and stamp_ns - oldest < self._options.ahead_s * 1e9
+
+    def _wait(self, done: Callable[[], bool], silence_s: float) -> bool:
+        """With the lock held: until `done` (true), or nothing was answered for `silence_s` (false)."""
+        began = time.monotonic()
         while not done():
-            self._changed.wait(0.2)
-            if len(self._open) != before:
-                silent_since, before = time.monotonic(), len(self._open)
-            if not alive():
+            self._changed.wait(0.05)
+            if not self._alive():
                 raise ReplayError("the graph stopped during the replay", todo="its messages are above")
-            if time.monotonic() - silent_since > timeout_s:
+            silent = time.monotonic() - max(self._heard, began)
+            if silent > silence_s and len(self._open) < MOST_IN_FLIGHT:
                 return False
+            if silent > self._options.give_up_s:
+                raise ReplayError(f"the graph has not answered for {silent:.0f} s, {len(self._open)} frames are open")
         return True
 
-    def finish(self, flush: Sequence[str], alive: Callable[[], bool]) -> None:
+    def finish(self, flush: Sequence[str]) -> None:
         """Wait for the last answers; `flush` services, in order, make nodes give out what they still hold."""
         for service in flush:
+            began = time.monotonic()
+            while not self._answered_all(SETTLE_S) and time.monotonic() - began < SILENCE_S:
+                self._call(service)
             self._call(service)
-            with self._changed:
-                self._wait(lambda: not self._open, self._options.patience_s, alive)
         with self._changed:
             self.report.lost = len(self._open)
+
+    def _answered_all(self, silence_s: float) -> bool:
+        with self._changed:
+            return self._wait(lambda: not self._open, silence_s)
 
     def _call(self, service: str) -> None:
         client = self.create_client(Trigger, service)
@@ -178,31 +199,37 @@ class Player(Node):
             self.destroy_client(client)
 
     def _merge(self, message: RawMessage) -> None:
-        if message.topic == "/tf_static":
-            self._publish(message)
-            return
-        self._transforms.append(deserialize_message(message.data, TFMessage))
+        transforms = deserialize_message(message.cdr, TFMessage)
+        if transforms.transforms:
+            self._transforms.append(transforms)
         if len(self._transforms) >= MERGED:
             self._send_transforms()
 
     def _send_transforms(self) -> None:
         if not self._transforms:
             return
+        newest = messages.to_ns(self._transforms[-1].transforms[-1].header.stamp)
+        with self._changed:
+            self._wait(lambda: self._room(newest) or len(self._open) >= self._limit, self._options.patience_s)
         merged = TFMessage(transforms=[t for m in self._transforms for t in m.transforms])
         self._transforms.clear()
         self._publisher("/tf", TFMessage).publish(merged)
-        self._tick(messages.to_ns(merged.transforms[-1].header.stamp))
+        self._tick(newest)
 
     def _tick(self, stamp_ns: int) -> None:
         """Move the bag's clock on; it never goes back."""
         if stamp_ns > self._clock_ns:
             self._clock_ns = stamp_ns
-            self._clock.publish(Clock(clock=messages.to_stamp(stamp_ns)))
+            self._ticker.publish(Clock(clock=messages.to_stamp(stamp_ns)))
 
     def _publish(self, message: RawMessage) -> None:
         kind = message_class(message.type)
         if kind is not None:
-            self._publisher(message.topic, kind).publish(message.data)
+            self._publisher(message.topic, kind).publish(message.cdr)
+
+    def place(self, parent: str, child: str, T: Float) -> None:
+        """Publish a static transform `T_parent_child`: where the cell is, for a robot whose TF does not know it."""
+        self._publisher("/tf_static", TFMessage).publish(TFMessage(transforms=[messages.transform(parent, child, T)]))
 
     def advertise(self, topics: Iterable[tuple[str, str]]) -> None:
         """Make the publishers of (topic, type) before anything is sent, so that listeners find them."""
@@ -214,9 +241,9 @@ class Player(Node):
                 self._publisher(topic, kind)
 
     def _publisher(self, topic: str, kind: type[Any]) -> Publisher:
-        if topic not in self._publishers:
-            self._publishers[topic] = self.create_publisher(kind, topic, _profile(topic))
-        return self._publishers[topic]
+        if topic not in self._out:
+            self._out[topic] = self.create_publisher(kind, topic, _profile(topic))
+        return self._out[topic]
 
 
 def _profile(topic: str) -> QoSProfile:

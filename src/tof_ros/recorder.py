@@ -3,17 +3,24 @@
 
 from __future__ import annotations
 
+import time
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tof_core.errors import RefusedError
 from tof_ros import qos
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
+    from collections.abc import Iterable, Sequence
 
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
+
+    from tof_ros.base import RoomNode
+
+Topic = tuple[str, type[Any]]
+"""A topic's name and its message class."""
 
 
 def message_class(type_name: str) -> type[Any] | None:
@@ -29,7 +36,7 @@ def message_class(type_name: str) -> type[Any] | None:
 class Recorder:
     """Subscribes to topics and keeps what they carry."""
 
-    def __init__(self, node: Node, path: Path, topics: Iterable[tuple[str, type[Any]]], profile: QoSProfile = qos.RECORD) -> None:
+    def __init__(self, node: Node, path: Path, topics: Iterable[Topic], profile: QoSProfile = qos.RECORD) -> None:
         """Record `topics` (name and message class) into a new bag at `path`."""
         from tof_core.bag_writer import BagWriter
 
@@ -41,6 +48,7 @@ class Recorder:
         name = self._node.resolve_topic_name(topic)
         package, _, module = kind.__module__.partition(".msg.")
         type_name = f"{package}/msg/{kind.__name__}" if module else kind.__name__
+        profile = {"/tf": qos.TF, "/tf_static": qos.TF_STATIC}.get(name, profile)
         return self._node.create_subscription(kind, name, lambda data: self._write(name, type_name, data), profile, raw=True)
 
     def _write(self, topic: str, type_name: str, data: bytes) -> None:
@@ -52,8 +60,43 @@ class Recorder:
         """Whether every topic has a publisher."""
         return all(self._node.count_publishers(s.topic_name) for s in self._subscriptions)
 
+    def settle(self, quiet_s: float = 0.5) -> None:
+        """Wait until nothing has come for a while (another thread must spin the node)."""
+        before = -1
+        while self.count != before:
+            before = self.count
+            time.sleep(quiet_s)
+
     def close(self) -> None:
         """Stop and finish the bag."""
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
         self._writer.__exit__(None, None, None)
+
+
+class RecordService:
+    """The services `~/start_recording` and `~/stop_recording` of a node: one bag a call, named by the wall clock."""
+
+    def __init__(self, node: RoomNode[Any], folder: str, prefix: str, topics: Sequence[Topic], profile: QoSProfile = qos.RECORD) -> None:
+        """Bags are made in `folder`, which a node without recordings leaves empty."""
+        self._node, self._folder, self._prefix, self._topics, self._profile = node, folder, prefix, topics, profile
+        self._recorder: Recorder | None = None
+        node.service("start_recording", self._start)
+        node.service("stop_recording", self._stop)
+
+    def _start(self) -> str:
+        if not self._folder:
+            raise RefusedError("no folder to record to", where="live.record", todo="start the node with -p live.record:=FOLDER")
+        if self._recorder is not None:
+            raise RefusedError("already recording", where=self._recorder.path)
+        path = Path(self._folder) / f"{self._prefix}_{time.strftime('%Y%m%d_%H%M%S')}"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._recorder = Recorder(self._node, path, self._topics, self._profile)
+        return f"recording to {path}"
+
+    def _stop(self) -> str:
+        if self._recorder is None:
+            raise RefusedError("nothing is being recorded", todo="call ~/start_recording first")
+        recorder, self._recorder = self._recorder, None
+        recorder.close()
+        return f"{recorder.count} messages in {recorder.path}"

@@ -13,6 +13,8 @@ from tof_core.errors import ConfigError, UsageError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
+    from tof_core.placement import Placement
+
 C = TypeVar("C")
 
 
@@ -36,13 +38,30 @@ def add_config_arguments(parser: argparse.ArgumentParser, settings: Callable[[],
         group.add_argument("--settings", action=_ShowSettings, nargs=0, const=settings, help=shown)
 
 
+def add_bag_arguments(parser: argparse.ArgumentParser, section: str = "input") -> None:
+    """A flag for every row of `BagOptions` (`--depth-topic`, `--cell-frame`, ...), and `--initial-pose`."""
+    from tof_core.options import BagOptions
+
+    group = parser.add_argument_group("the bag")
+    for info in config.table(BagOptions):
+        flag, dest = "--" + info.name.replace("_", "-"), f"{section}.{info.name}"
+        text = f"{info.text} (default: {_value(info.default)}{_unit(info)})" if info.default not in ("", False) else info.text
+        if info.kind is bool:
+            group.add_argument(flag, dest=dest, action="store_const", const=True, help=text)
+        else:
+            group.add_argument(flag, dest=dest, type=info.kind, choices=info.choices or None, metavar=None if info.choices else info.kind.__name__.upper(), help=text)
+    group.add_argument("--initial-pose", metavar="POSE", help=(
+        "a first guess of where the cell is: 'x y z qx qy qz qw' (metres, quaternion) in the camera's frame, or 'FRAME: x y z qx qy qz qw' in a frame of TF"))
+
+
 def load_config(cls: type[C], args: argparse.Namespace) -> C:
-    """Defaults, overlaid by `--config`, overlaid by `--set`; unknown keys and bad values are refused."""
+    """Defaults, overlaid by `--config`, then by flags, then by `--set`; unknown keys and bad values are refused."""
     from tof_core.yamlio import load_yaml
 
     values: dict[str, Any] = {}
     if args.config is not None:
         values.update(_flat(load_yaml(args.config)))
+    values.update({name: value for name, value in vars(args).items() if "." in name and value is not None})
     values.update(parse_settings(cls, args.set))
     return config.from_mapping(cls, values, where=str(args.config or "--set"))
 
@@ -99,8 +118,31 @@ def _value(value: float | str) -> str:
     return str(value).lower() if isinstance(value, bool) else repr(value) if isinstance(value, str) else f"{value:g}"
 
 
+def _unit(info: config.ParamInfo) -> str:
+    return f" {info.unit}" if info.unit else ""
+
+
+def parse_placement(text: str | None, camera_frame: str) -> Placement | None:
+    """`--initial-pose` as a placement of the cell: in the camera's own frame unless another is named before a colon."""
+    import numpy as np
+
+    from tof_core.placement import Placement
+    from tof_core.se3 import from_quat
+
+    if not text:
+        return None
+    frame, colon, numbers = text.rpartition(":")
+    try:
+        values = [float(v) for v in numbers.replace(",", " ").split()]
+    except ValueError:
+        values = []
+    if len(values) not in (3, 7) or not np.isfinite(values).all():
+        raise UsageError(f"'{text}' is not 'x y z qx qy qz qw'", where="--initial-pose", todo="for instance '0 0 0.8 0 0 0 1', or 'odom: 1 0 0 0 0 0 1'")
+    return Placement(frame.strip() if colon else camera_frame, from_quat(values[:3], values[3:] or (0, 0, 0, 1)))
+
+
 def _bounds(info: config.ParamInfo) -> str:
-    unit = f" {info.unit}" if info.unit else ""
+    unit = _unit(info)
     if info.choices:
         return f"{unit} [{' | '.join(info.choices)}]"
     if info.low is None and info.high is None:

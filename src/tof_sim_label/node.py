@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `sim_label`: the CAD rendered from where the camera really was, for each view of `preproc`."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2, TimeReference
+
+from tof_core.capture import View
+from tof_core.config import param, section
+from tof_core.decode import camera_from_info, pixels, stamp_ns
+from tof_core.errors import TransformError, UsageError
+from tof_core.robot import RobotChain
+from tof_core.tf import TransformBuffer
+from tof_ros import messages, qos
+from tof_ros.base import RoomNode
+from tof_ros.joiner import StampJoiner
+from tof_ros.recorder import RecordService
+from tof_ros.transforms import TransformListener
+from tof_scene.raycast import Raycaster
+from tof_scene.scene import load_scene
+from tof_sim_label.labeller import LabellerConfig
+from tof_sim_label.stream import Labelled, LabelStream
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tof_sim_label.label import Label
+
+NAME = "sim_label"
+OUTPUTS = {"depth": Image, "mask": Image, "part": Image, "sigma": Image, "camera_info": CameraInfo, "points": PointCloud2,
+           "pose": PoseWithCovarianceStamped}
+"""Topics under `label/`, once per view, with the stamp of its last capture."""
+REQUIRED = ("depth", "sigma", "count", "reason", "camera_info", "dwell")
+
+
+@dataclass(frozen=True, slots=True)
+class LiveConfig:
+    """What only a running node has."""
+
+    scene: str = param("", "scene.yaml of the cell, or its folder")
+    cell_frame: str = param("", "TF frame of the cell; empty: the scene's")
+    body_frame: str = param("", "TF frame of the robot's base; empty: 'body' or 'base_link' on the way")
+    max_gap_s: float = param(0.2, "longest pause of TF that is interpolated", unit="s", low=0.001, high=10.0)
+    keep_tf_s: float = param(30.0, "history of TF", unit="s", low=1.0, high=3600.0)
+    settle_s: float = param(
+        2.5, "a view is labelled when so long no other came; 0: only when the next dwell begins", unit="s", low=0.0, high=3600.0
+    )
+    record: str = param("", "folder in which ~/start_recording makes a bag of the labels")
+
+
+@dataclass(frozen=True, slots=True)
+class LabelNodeConfig(LabellerConfig):
+    """Parameters of the node."""
+
+    live: LiveConfig = section(LiveConfig, "the running node")
+
+
+CONFIG = LabelNodeConfig
+
+
+class LabelNode(RoomNode[LabelNodeConfig]):
+    """Labels each view (docs/nodes/sim_label.md)."""
+
+    def __init__(self, **options: Any) -> None:
+        """Load the scene, then subscribe."""
+        super().__init__(NAME, "label", LabelNodeConfig, fixed=("live.",), **options)
+        live = self.config.live
+        if not live.scene:
+            raise UsageError("no scene given", where="sim_label", todo="start it with --scene, or -p live.scene:=FILE")
+        self._scene = load_scene(Path(live.scene))
+        self._caster = Raycaster(self._scene)
+        self._stream = LabelStream(self._caster, self.config)
+        self._chain = RobotChain(
+            TransformBuffer(live.max_gap_s, keep_s=live.keep_tf_s),
+            live.cell_frame or self._scene.frame,
+            live.body_frame,
+            self._scene.placed_in,
+        )
+        self._joiner = StampJoiner(REQUIRED, patience_s=2.0)
+        self._waiting: deque[tuple[int, dict[str, Any]]] = deque()
+        self._arrivals: dict[int, float] = {}
+        self._verdicts: Counter[str] = Counter()
+        self._labelled = time.monotonic()
+        self._tf = TransformListener(self, self._chain.transforms, self._advance)
+        self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        for part, kind in {**dict.fromkeys((*REQUIRED, "amplitude"), Image), "camera_info": CameraInfo, "dwell": TimeReference}.items():
+            self.input(f"preproc/{part}", kind, lambda m, part=part: self._part(part, m), qos.OUTPUT)
+        self.service("capture", self.flush)
+        self.service("flush", self.flush)
+        RecordService(self, live.record, "labels", [(f"label/{name}", kind) for name, kind in OUTPUTS.items()])
+        self.timer(0.5, self._settle)
+
+    def _part(self, part: str, message: Any) -> None:
+        stamp = stamp_ns(message)
+        if part == "depth":
+            self._arrivals[stamp] = self.tally.arrived()
+        if part == "dwell" and "amplitude=1" in message.source:
+            self._joiner.expect("amplitude")
+        self._joiner.add(part, stamp, message)
+        self._waiting.extend(self._joiner.take())
+        self._advance()
+
+    def _advance(self, *, final: bool = False) -> None:
+        """Take every view whose transform is there."""
+        while self._waiting:
+            stamp, parts = self._waiting[0]
+            try:
+                view = view_of(stamp, parts, self._chain)
+            except TransformError as error:
+                if not final and not self._chain.transforms.settled(stamp):
+                    return
+                self._waiting.popleft()
+                self.skip(stamp, "no transform", str(error))
+                continue
+            self._waiting.popleft()
+            self._publish(self._stream.push(view))
+            self._labelled = time.monotonic()
+            self.done(stamp, self._arrivals.pop(stamp, self._labelled))
+
+    def _publish(self, labelled: Labelled | None) -> None:
+        if labelled is None:
+            return
+        if labelled.label is None:
+            self._verdicts["refused"] += 1
+            self.get_logger().warning(f"view {labelled.view.stamp_ns} has no label: {labelled.why}")
+            return
+        self._verdicts[labelled.label.posed.verdict] += 1
+        self._publish_label(labelled.view, labelled.label)
+
+    def _publish_label(self, view: View, label: Label) -> None:
+        head = messages.header(view.stamp_ns, view.camera.frame_id)
+        images = {
+            "depth": (label.depth, "32FC1"),
+            "sigma": (label.sigma, "32FC1"),
+            "mask": (label.mask, "mono8"),
+            "part": (np.asarray(label.part, np.int16), "16SC1"),
+        }
+        for name, (array, encoding) in images.items():
+            self._outputs[name].publish(messages.image(array, encoding, head))
+        self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
+        if self._outputs["points"].get_subscription_count():
+            self._outputs["points"].publish(messages.points(view.camera.points(label.depth).astype(np.float32), head))
+        cell = self._chain.cell or self._scene.frame
+        self._outputs["pose"].publish(messages.pose(label.posed, messages.header(view.stamp_ns, cell)))
+
+    def _settle(self) -> None:
+        settle = self.config.live.settle_s
+        if settle and time.monotonic() - self._labelled > settle:
+            self._publish(self._stream.flush())
+
+    def flush(self) -> str:
+        """Label what has been accumulated, now."""
+        self._waiting.extend(self._joiner.take(force=True))
+        self._advance(final=True)
+        before = self._verdicts.total()
+        self._publish(self._stream.flush())
+        return f"{self._verdicts.total() - before} view labelled"
+
+    def on_config(self, config: LabelNodeConfig) -> None:
+        """Other settings begin a new session; the scene stays loaded."""
+        self._stream = LabelStream(self._caster, config)
+
+    def reset(self) -> str:
+        """Forget the session."""
+        if hasattr(self, "_stream"):
+            self._stream.reset()
+            self._joiner.clear()
+            self._waiting.clear()
+            self._arrivals.clear()
+            self._chain.transforms.clear_dynamic()
+        return "the session is forgotten"
+
+    def figures(self) -> Mapping[str, str]:
+        """Scene, verdicts, how old TF is."""
+        verdicts = {f"verdict.{name}": str(count) for name, count in sorted(self._verdicts.items())}
+        return {
+            "scene": f"{self._scene.folder.name} {self._scene.digest[:12]}",
+            "raycaster": self._caster.backend,
+            "tf_age_s": f"{self._tf.age:.2f}",
+            "incomplete": str(self._joiner.incomplete),
+            **verdicts,
+        }
+
+
+def view_of(stamp: int, parts: Mapping[str, Any], chain: RobotChain) -> View:
+    """The view that `preproc` published in parts; the robot's pose comes from TF."""
+    camera = camera_from_info(parts["camera_info"], "preproc/camera_info")
+    dwell = parts["dwell"]
+    about = dict(pair.split("=", 1) for pair in dwell.source.split())
+    amplitude = parts.get("amplitude")
+    return View(
+        stamp_ns=stamp,
+        dwell_ns=messages.to_ns(dwell.time_ref),
+        camera=camera,
+        robot=chain.pose(camera.frame_id, stamp),
+        depth=pixels(parts["depth"]),
+        sigma=pixels(parts["sigma"]),
+        count=pixels(parts["count"]),
+        reason=pixels(parts["reason"]),
+        station=int(about["station"]),
+        captures=int(about["captures"]),
+        amplitude=None if amplitude is None else pixels(amplitude),
+    )
+
+
+def make_node(**options: Any) -> LabelNode:
+    """The node; keyword arguments as of `rclpy.node.Node`."""
+    return LabelNode(**options)

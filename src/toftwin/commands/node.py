@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin node`: run nodes of the graph live, in one process."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
+
+NAME = "node"
+HELP = "run nodes of the graph live on ROS 2, all in one process"
+EXAMPLE = "toftwin node preproc sim_label --param sim_label.live.scene=cell/scene.yaml --namespace spot"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the flags."""
+    from toftwin.graph import NODES
+
+    parser.add_argument("nodes", nargs="+", metavar="NODE", help=f"one or more of {', '.join(NODES)}")
+    parser.add_argument("--scene", default="", metavar="FILE", help="scene.yaml for every node that needs one")
+    parser.add_argument("--param", action="append", default=[], metavar="NODE.NAME=VALUE", help="a ROS parameter, for instance preproc.preproc.sor.enable=false")
+    parser.add_argument("--params-file", action="append", default=[], metavar="FILE", help="a ROS parameter file")
+    parser.add_argument("--remap", action="append", default=[], metavar="FROM:=TO", help="a topic under another name")
+    parser.add_argument("--namespace", default="", help="namespace of the robot")
+    parser.add_argument("--use-sim-time", action="store_true", help="follow /clock")
+    parser.add_argument("--list-params", action="store_true", help="print the parameter file of these nodes and stop")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run until stopped."""
+    from tof_core.errors import UsageError
+    from toftwin.graph import GraphSpec, parse_parameters, run_graph
+
+    remaps = [tuple(pair.split(":=", 1)) for pair in args.remap]
+    if bad := [pair for pair, parts in zip(args.remap, remaps, strict=True) if len(parts) != 2]:
+        raise UsageError(f"'{bad[0]}' is not FROM:=TO", where="--remap")
+    parameters = parse_parameters(args.param, args.nodes)
+    if args.scene and "sim_label" in parameters:
+        parameters["sim_label"]["live.scene"] = args.scene
+    spec = GraphSpec(tuple(args.nodes), parameters, tuple((a, b) for a, b in remaps), args.namespace, args.use_sim_time, tuple(args.params_file))
+    if args.list_params:
+        print(parameter_file(spec.nodes))
+        return 0
+    return run_graph(spec)
+
+
+def parameter_file(nodes: tuple[str, ...]) -> str:
+    """The ROS parameter file of nodes at their defaults."""
+    from importlib import import_module
+
+    from tof_ros.parameters import parameter_yaml
+    from toftwin.graph import NODES
+
+    return "\n".join(parameter_yaml(name, import_module(NODES[name]).CONFIG) for name in nodes)

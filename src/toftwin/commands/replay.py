@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin replay`: a bag through the running graph over DDS; keep the outputs, or compare them with kept ones."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import argparse
+
+    from toftwin.compare import Comparison
+    from toftwin.replay import ReplayResult
+
+NAME = "replay"
+HELP = "play a bag through the graph over DDS, on the bag's clock; nothing is dropped unless --realtime"
+EXAMPLE = "toftwin replay session/bag --scene cell/scene.yaml --record out/run\n  toftwin replay session/bag --scene cell/scene.yaml --against out/run"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the flags."""
+    from toftwin.options import add_bag_arguments, add_config_arguments
+
+    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
+    parser.add_argument("--scene", type=Path, metavar="FILE", help="scene.yaml of the cell; without it preproc runs alone")
+    parser.add_argument("--record", type=Path, metavar="OUT", help="keep what the graph publishes in a new bag")
+    parser.add_argument("--against", type=Path, metavar="OUT", help="compare with what an earlier run kept; 1 if it differs")
+    parser.add_argument("--realtime", action="store_true", help="keep the bag's pace and wait for nobody; frames may be lost")
+    parser.add_argument("--rate", type=float, default=1.0, help="pace of --realtime, as a multiple of the bag's")
+    parser.add_argument("--points", action="store_true", help="record point clouds too")
+    parser.add_argument("--exact", action="store_true", help="compare without any tolerance")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add_bag_arguments(parser)
+    add_config_arguments(parser, _settings)
+
+
+def _settings() -> type[Any]:
+    from toftwin.pipeline import PipelineConfig
+
+    return PipelineConfig
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play, then compare."""
+    from tempfile import TemporaryDirectory
+
+    from toftwin.compare import EXACT, TOLERANCES, compare_runs
+
+    with TemporaryDirectory(prefix="toftwin-") as scratch:
+        record = args.record or (Path(scratch) / "run" if args.against else None)
+        result = play(args, record)
+        tolerances = dict.fromkeys(TOLERANCES, EXACT) if args.exact else TOLERANCES
+        comparison = compare_runs(record, args.against, tolerances) if args.against and record else None
+    if args.json:
+        print(json.dumps(_facts(result, comparison), indent=1))
+    else:
+        _print(result, comparison, args.record)
+    return int(result.report.lost > 0 and not args.realtime) or int(comparison is not None and not comparison.same)
+
+
+def play(args: argparse.Namespace, record: Path | None) -> ReplayResult:
+    """Open bag and scene, start the graph, play."""
+    from tof_ros.player import PlayOptions
+    from toftwin.inputs import opened
+    from toftwin.options import load_config
+    from toftwin.pipeline import PipelineConfig
+    from toftwin.replay import replay
+
+    config = load_config(PipelineConfig, args)
+    with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
+        options = PlayOptions(realtime=args.realtime, rate=args.rate)
+        return replay(reader, config, scene=args.scene if scene else None, options=options, record=record, points=args.points)
+
+
+def _facts(result: ReplayResult, comparison: Comparison | None) -> dict[str, Any]:
+    r = result.report
+    facts = {"sent": r.sent, "fates": dict(r.fates), "lost": r.lost, "seconds": round(r.seconds, 2),
+             "memory_mb": round(result.memory_bytes / 1e6), "recorded": result.recorded}
+    if comparison is not None:
+        facts |= {"same": comparison.same, "compared": dict(comparison.compared), "largest": dict(comparison.largest),
+                  "first_difference": str(comparison.first) if comparison.first else None}
+    return facts
+
+
+def _print(result: ReplayResult, comparison: Comparison | None, record: Path | None) -> None:
+    r = result.report
+    skipped = ", ".join(f"{reason} {count}" for reason, count in sorted(r.fates.items()) if reason != "kept")
+    print(f"{r.sent} frames sent, {r.fates['kept']} kept, {r.lost} lost" + (f"; skipped: {skipped}" if skipped else ""))
+    print(f"{r.seconds:.1f} s, {r.sent / max(r.seconds, 1e-9):.1f} frames/s; graph ({', '.join(result.nodes)}) used {result.memory_bytes / 1e6:.0f} MB")
+    if record is not None:
+        print(f"{result.recorded} messages kept in {record}")
+    if comparison is not None:
+        _print_comparison(comparison)
+
+
+def _print_comparison(comparison: Comparison) -> None:
+    from toftwin.compare import tolerance_of
+
+    print(f"{'topic':<24}{'messages':>10}{'largest difference':>20}{'allowed':>12}{'in pixels':>12}")
+    for topic, count in sorted(comparison.compared.items()):
+        t = tolerance_of(topic)
+        print(f"{topic:<24}{count:>10}{comparison.largest[topic]:>20.3g}{t.absolute:>12g}{t.share:>12.2%}")
+    print("the runs agree" if comparison.same else f"the runs differ: {comparison.first}")

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several nodes in one process; the same nodes as `ros2 run` would start one by one."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from tof_core.errors import ToftwinError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+NODES = {"preproc": "tof_preproc.node", "sim_label": "tof_sim_label.node"}
+"""Every node of the graph and the module whose `make_node` makes it."""
+DONE = {"preproc": "preproc/done", "sim_label": "label/done"}
+"""Where each node says what became of a frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class GraphSpec:
+    """Which nodes run, and how.
+
+    `parameters` are by node and dotted name; `remaps` are (from, to) for all nodes.
+    """
+
+    nodes: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    remaps: tuple[tuple[str, str], ...] = ()
+    namespace: str = ""
+    use_sim_time: bool = False
+    params_files: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse names that are no nodes."""
+        for name in self.nodes:
+            if name not in NODES:
+                raise UsageError(f"'{name}' is no node", where="node", todo=f"nodes are {', '.join(NODES)}")
+
+    def ros_args(self) -> list[str]:
+        """Arguments that hold for every node, as after `--ros-args`."""
+        out = [a for source, target in self.remaps for a in ("-r", f"{source}:={target}")]
+        out += [a for path in self.params_files for a in ("--params-file", path)]
+        if self.namespace:
+            out += ["-r", f"__ns:=/{self.namespace.strip('/')}"]
+        return [*out, "-p", "use_sim_time:=true"] if self.use_sim_time else out
+
+    def command(self) -> list[str]:
+        """The command line that runs this graph in a process of its own."""
+        parameters = [f"{node}.{name}={_text(value)}" for node, values in self.parameters.items() for name, value in values.items()]
+        flags = [a for p in parameters for a in ("--param", p)]
+        flags += [a for source, target in self.remaps for a in ("--remap", f"{source}:={target}")]
+        flags += [a for path in self.params_files for a in ("--params-file", path)]
+        flags += ["--namespace", self.namespace] if self.namespace else []
+        flags += ["--use-sim-time"] if self.use_sim_time else []
+        return [sys.executable, "-m", "toftwin.cli", "node", *self.nodes, *flags]
+
+
+def _text(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def run_graph(spec: GraphSpec) -> int:
+    """Run the nodes in this process until SIGINT or SIGTERM; 1 if a node died."""
+    from tof_ros.environment import parameter_overrides, ros_context
+    from tof_ros.spin import spinning
+
+    stop = threading.Event()
+    for name in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(name, lambda *_: stop.set())
+    with ros_context(spec.ros_args()) as context:
+        nodes = []
+        for name in spec.nodes:
+            overrides = parameter_overrides(spec.parameters.get(name, {}))
+            nodes.append(import_module(NODES[name]).make_node(context=context, parameter_overrides=overrides))
+        with spinning(nodes) as spinners:
+            print(f"running: {', '.join(spec.nodes)}", file=sys.stderr, flush=True)
+            while not stop.wait(0.2):
+                dead = [s for s in spinners if not s.alive]
+                if dead:
+                    raise dead[0].error or ToftwinError("stopped", where=dead[0].node.get_name())
+    return 0
+
+
+class GraphProcess:
+    """A graph that runs in a process of its own."""
+
+    def __init__(self, spec: GraphSpec, domain: int) -> None:
+        """Start it in a ROS domain; its messages go where ours go."""
+        environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ, "ROS_DOMAIN_ID": str(domain)}
+        self.process = subprocess.Popen(spec.command(), stdin=subprocess.DEVNULL, env=environment)  # noqa: S603  (our own command)
+
+    def alive(self) -> bool:
+        """Whether it runs."""
+        return self.process.poll() is None
+
+    def stop(self) -> int:
+        """Ask it to stop, insist after ten seconds; returns its exit code."""
+        if self.alive():
+            self.process.terminate()
+        try:
+            return self.process.wait(10)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            return self.process.wait()
+
+    def memory_bytes(self) -> int:
+        """Its largest resident memory so far."""
+        try:
+            with open(f"/proc/{self.process.pid}/status", encoding="ascii") as status:  # noqa: PTH123  (no file of ours)
+                line = next(line for line in status if line.startswith("VmHWM"))
+        except (OSError, StopIteration):
+            return 0
+        return int(line.split()[1]) * 1024
+
+
+@contextmanager
+def graph_process(spec: GraphSpec, domain: int) -> Iterator[GraphProcess]:
+    """Run a graph beside this process while the block runs."""
+    graph = GraphProcess(spec, domain)
+    try:
+        yield graph
+    finally:
+        graph.stop()
+
+
+def parse_parameters(pairs: Sequence[str], nodes: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """`node.name=value` texts, values in YAML's reading (3 is an integer, true a boolean)."""
+    import yaml
+
+    out: dict[str, dict[str, Any]] = {node: {} for node in nodes}
+    for pair in pairs:
+        key, equals, text = pair.partition("=")
+        node, _, name = key.partition(".")
+        if not equals or node not in out or not name:
+            raise UsageError(f"'{pair}' is not NODE.NAME=VALUE", where="--param", todo=f"nodes here: {', '.join(nodes)}")
+        value = yaml.safe_load(text) if text else ""
+        out[node][name] = value if isinstance(value, bool | int | float | str) else text
+    return out

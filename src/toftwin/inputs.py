@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Opening what a command was given: a bag, and the scene it shows."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from toftwin.options import parse_placement
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tof_core.bag import BagReader
+    from tof_scene.scene import Scene
+    from toftwin.pipeline import PipelineConfig
+
+
+@contextmanager
+def opened(bag: str | Path, scene_path: Path | None, config: PipelineConfig, initial_pose: str | None = None) -> Iterator[tuple[BagReader, Scene | None]]:
+    """A bag and its scene; the cell is placed by `--initial-pose`, or by the scene's `placed_in`."""
+    from dataclasses import replace
+
+    from tof_core.bag import open_bag
+
+    scene = None
+    if scene_path is not None:
+        from tof_scene.scene import load_scene
+
+        scene = load_scene(scene_path)
+    cell = scene.frame if scene else ""
+    with open_bag(bag, config.input, cell_frame=cell, placed=scene.placed_in if scene else None) as reader:
+        if placed := parse_placement(initial_pose, reader.camera.frame_id):
+            reader.chain = replace(reader.chain, placed=placed)
+        yield reader, scene

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The offline pipeline: bag and scene in, labelled views out; the same code as the nodes run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from tof_align.config import AlignConfig
+from tof_core.config import section
+from tof_core.motion import StationTracker, is_still
+from tof_preproc.preprocessor import accumulate_views
+from tof_preproc.stream import StreamConfig
+from tof_sim_label.config import LabelConfig
+from tof_sim_label.labeller import LabellerConfig
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from tof_core.bag import BagReader
+    from tof_core.capture import Capture, View
+
+
+@dataclass(frozen=True, slots=True)
+class PipelineConfig(StreamConfig):
+    """Everything between a bag and its labels; the nodes have the same names as ROS parameters."""
+
+    align: AlignConfig = section(AlignConfig, "where the camera was")
+    label: LabelConfig = section(LabelConfig, "what its label holds")
+
+    @property
+    def labeller(self) -> LabellerConfig:
+        """The part that concerns poses and labels."""
+        return LabellerConfig(self.align, self.label)
+
+
+@dataclass(slots=True)
+class ViewStream:
+    """Views of a bag, one per dwell; `members` holds the captures of the view given out last."""
+
+    reader: BagReader
+    config: StreamConfig
+    need_tf: bool = True
+    members: list[Capture] = field(default_factory=list)
+
+    def __iter__(self) -> Iterator[View]:
+        """Each dwell's final view, in order of time."""
+        taken: list[Capture] = []
+        stations = StationTracker(self.config.station)
+        captures = _noted(self.reader.captures(need_tf=self.need_tf), taken)
+        for view in accumulate_views(captures, self.config.preproc, still=self.still, stations=stations):
+            self.members = [c for c in taken if c.stamp_ns <= view.stamp_ns]
+            del taken[: len(self.members)]
+            yield view
+
+    def still(self, capture: Capture) -> bool:
+        """The motion gate."""
+        if capture.robot is None:
+            return True
+        cell, _ = self.reader.chain.resolve(capture.camera.frame_id)
+        return is_still(self.reader.transforms, cell, capture.camera.frame_id, capture.stamp_ns, self.config.still)
+
+
+def _noted(captures: Iterable[Capture], taken: list[Capture]) -> Iterator[Capture]:
+    for capture in captures:
+        taken.append(capture)
+        yield capture

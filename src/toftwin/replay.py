@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bag through the running graph over DDS, and what came out of it."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from tof_core.config import flatten
+from tof_core.options import NOT_WANTED
+from tof_core.progress import progress
+from tof_core.topics import TF
+from toftwin.graph import DONE, NODES, GraphSpec, graph_process
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tof_core.bag import BagReader
+    from tof_ros.player import PlayOptions, PlayReport
+    from toftwin.pipeline import PipelineConfig
+
+NOT_PLAYED = ("/clock", "/diagnostics", "/rosout", "/parameter_events")
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayResult:
+    """What became of a replay: frames by fate, and the largest memory of the graph's process in bytes."""
+
+    report: PlayReport
+    memory_bytes: int
+    recorded: int = 0
+    nodes: tuple[str, ...] = field(default=())
+
+
+def graph_for(reader: BagReader, config: PipelineConfig, scene: Path | None) -> GraphSpec:
+    """The graph that does live what the offline pipeline does with this bag and configuration."""
+    t, camera = reader.topics, reader.camera.frame_id
+    cell = reader.chain.cell or (reader.transforms.root(camera) if camera in reader.transforms.frames() else "")
+    values = flatten(config)
+    names = {"depth_topic": t.depth, "points_topic": t.points, "info_topic": t.info, "amplitude_topic": t.amplitude or NOT_WANTED,
+             "temperature_topic": t.temperature or NOT_WANTED, "cell_frame": cell}
+    preproc = {k: v for k, v in values.items() if k.startswith(("input.", "still.", "station.", "preproc."))}
+    preproc |= {f"input.{k}": v for k, v in names.items()} | {"live.reliable": True, "live.keep_tf_s": 3600.0, "live.need_tf": bool(cell)}
+    if scene is None:
+        return GraphSpec(("preproc",), {"preproc": preproc}, use_sim_time=True)
+    label = {k: v for k, v in values.items() if k.startswith(("align.", "label."))}
+    label |= {"live.scene": str(scene), "live.cell_frame": cell, "live.body_frame": config.input.body_frame,
+              "live.max_gap_s": config.input.max_gap_s, "live.settle_s": 0.0, "live.keep_tf_s": 3600.0}
+    return GraphSpec(("preproc", "sim_label"), {"preproc": preproc, "sim_label": label}, use_sim_time=True)
+
+
+def outputs_of(node: str, *, points: bool = False) -> list[tuple[str, type[Any]]]:
+    """Topics and message classes that a node publishes."""
+    kinds: dict[str, type[Any]] = import_module(NODES[node]).OUTPUTS
+    room = DONE[node].partition("/")[0]
+    return [(f"{room}/{name}", kind) for name, kind in kinds.items() if points or name != "points"]
+
+
+def _played(reader: BagReader, spec: GraphSpec) -> dict[str, str]:
+    """Topics of the bag that are played, with their types: all but what the graph itself or a recorder publishes."""
+    own = tuple(DONE[n].partition("/")[0] + "/" for n in spec.nodes)
+    return {t: kind for t, kind in reader.types.items() if t not in NOT_PLAYED and not t.lstrip("/").startswith(own)}
+
+
+def _heard(reader: BagReader) -> list[str]:
+    """Topics that the graph subscribes to."""
+    t = reader.topics
+    return [name for name in (t.depth or t.points, t.info, t.amplitude, t.temperature) if name]
+
+
+def replay(
+    reader: BagReader, config: PipelineConfig, *, scene: Path | None, options: PlayOptions, record: Path | None = None,
+    points: bool = False, spec: GraphSpec | None = None,
+) -> ReplayResult:
+    """Play a bag through a graph that is started for it in a process and a ROS domain of its own.
+
+    Args:
+        reader: the bag.
+        config: the configuration of both nodes.
+        scene: the CAD, or None for preprocessing alone.
+        options: pace and patience.
+        record: keep what the graph publishes in a new bag.
+        points: record point clouds too.
+        spec: the graph, where it is not the usual one.
+
+    Raises:
+        ReplayError: the graph does not listen, stopped, or does not answer.
+    """
+    from tof_ros.environment import private_domain, ros_context
+    from tof_ros.player import Player
+    from tof_ros.recorder import Recorder
+    from tof_ros.spin import spinning
+
+    spec = spec or graph_for(reader, config, scene)
+    played = _played(reader, spec)
+    with ExitStack() as stack:
+        domain = stack.enter_context(private_domain())
+        context = stack.enter_context(ros_context(domain=domain))
+        player = Player(context, [reader.topics.depth or reader.topics.points], [DONE[n] for n in spec.nodes], options)
+        recorder = None
+        if record is not None:
+            recorder = Recorder(player, record, [output for node in spec.nodes for output in outputs_of(node, points=points)])
+            stack.callback(recorder.close)
+        stack.enter_context(spinning([player]))
+        graph = stack.enter_context(graph_process(spec, domain))
+        player.advertise({**played, "/tf": TF, "/tf_static": TF}.items())
+        player.wait_for_graph([*_heard(reader), "/tf", "/tf_static"], graph.alive)
+        if (placed := reader.chain.placed) is not None:
+            player.place(placed.frame, reader.chain.cell or "cell", placed.T_frame_cell)
+        for _ in progress(player.play(reader.messages(tuple(played)), graph.alive), "replay", reader.frame_count):
+            pass
+        player.finish([f"{node}/flush" for node in spec.nodes])
+        if recorder is not None:
+            recorder.settle()
+        memory = graph.memory_bytes()
+    return ReplayResult(player.report, memory, recorder.count if recorder else 0, spec.nodes)
