@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a selection to effects in physical units, with their errors, their ties and their maps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core import se3
+from tof_gap.pattern import lines
+from tof_gap.posterior import fit_to
+from tof_gap.select import Selector
+from tof_sensor.effects.cad_deviation import CadDeviation
+from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.effects.hand_eye import HandEye
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float
+    from tof_gap.evidence import ViewEvidence
+    from tof_gap.joint import Joint
+    from tof_gap.system import Fit
+    from tof_sensor.effect import Effect
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Named:
+    """One named effect: its instances (one per part where parts differ), errors of its parameters
+    in the same order, what could stand in for it, and how sure the naming is (0..1).
+    """
+
+    name: str
+    effects: tuple[Effect, ...]
+    std: tuple[dict[str, float], ...]
+    ties: tuple[str, ...]
+    confidence: float
+
+    @property
+    def verdict(self) -> str:
+        """`a` or `a|b`: these the session cannot tell apart."""
+        return "|".join(sorted({self.name, *self.ties}))
+
+
+def named(joint: Joint, fit_views: Sequence[int], config: Selector, rng: np.random.Generator) -> list[Named]:
+    """The chosen effects with coefficients fitted to `fit_views` alone, instances of one name joined."""
+    selection, design = joint.selection, joint.design
+    chosen = selection.chosen
+    solution = fit_to(
+        design.system, fit_views, config.columns(chosen.members), inflate=chosen.inflate,
+        free_hand=config.frees_hand(chosen.members),
+    )
+    out: dict[str, Named] = {}
+    start = 0
+    for place, member in enumerate(chosen.members):
+        group = design.groups[member]
+        columns = slice(start, start + len(group))
+        start += len(group)
+        effect, std = _in_units(joint, member, solution, columns, fit_views)
+        ties = tuple(design.candidates[i].name for i in selection.ties[place])
+        one = Named(effect.NAME, (effect,), (std,), ties, confidence(joint, config, place, rng))
+        if one.name in out:
+            both = out[one.name]
+            one = replace(both, effects=(*both.effects, effect), std=(*both.std, std),
+                          ties=tuple(sorted({*both.ties, *ties})), confidence=max(both.confidence, one.confidence))
+        out[one.name] = one
+    return sorted(out.values(), key=lambda n: n.name)
+
+
+def _in_units(
+    joint: Joint, member: int, solution: Fit, columns: slice, fit_views: Sequence[int],
+) -> tuple[Effect, dict[str, float]]:
+    design = joint.design
+    candidate, group = design.candidates[member], design.groups[member]
+    if candidate.effect is None:
+        # X as it stands in the chain, and the step that is left.
+        x = se3.log(joint.chain.hand_eye @ se3.exp(solution.hand))
+        at = slice(6 * solution.stations, 6 * solution.stations + 6)
+        sd = np.sqrt(np.diag(solution.cov)[at])
+        return HandEye(*(float(v) for v in x)), dict(zip(HandEye.LINEAR, sd.tolist(), strict=True))
+    values = solution.theta[columns] / design.scale[group]
+    sd = np.sqrt(np.diag(solution.theta_cov)[columns]) / design.scale[group]
+    if isinstance(candidate.effect, FixedPattern):
+        return _pattern(joint, candidate.effect, values, fit_views), {"smooth": float(sd[:-1].max()), "lines": float(sd[-1])}
+    effect = candidate.effect.with_coefficients(_plausible(candidate.effect, values))
+    return effect, dict(zip(_names(effect), sd.tolist(), strict=True))
+
+
+def _names(effect: Effect) -> list[str]:
+    if isinstance(effect, CadDeviation):
+        return ["x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad", "bow_uu_m", "bow_vv_m", "bow_uv_m"]
+    return list(effect.LINEAR)
+
+
+def _plausible(effect: Effect, values: Float) -> Float:
+    """Coefficients within the bounds that the effect's parameters state."""
+    fields = type(effect).__dataclass_fields__  # type: ignore[attr-defined]
+    if len(effect.LINEAR) != len(values):
+        return values
+    limits = [fields[n].metadata for n in effect.LINEAR]
+    low = np.array([-np.inf if m.get("low") is None else m["low"] for m in limits])
+    high = np.array([np.inf if m.get("high") is None else m["high"] for m in limits])
+    return np.clip(values, low, high)
+
+
+def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Sequence[int]) -> FixedPattern:
+    by_column, by_row = lines([joint.views[i] for i in fit_views])
+    line = values[-1]
+    return replace(effect, values=tuple(float(v) for v in (*(line * by_column), *(line * by_row), *values[:-1])))
+
+
+def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generator, rounds: int = 300) -> float:
+    """Share of resampled sets of views in which the member still wins its place.
+
+    Views are drawn with replacement; a win is held-out chi-square above the selection's threshold.
+    """
+    chosen = joint.selection.chosen
+    rest = [m for i, m in enumerate(chosen.members) if i != place]
+    won = judge.score(rest, chosen.inflate).held_out - chosen.held_out
+    draws = rng.integers(0, len(won), size=(rounds, len(won)))
+    return float((won[draws].sum(axis=1) > judge.config.gain).mean())
+
+
+def shares(causes: Sequence[Named], views: Sequence[ViewEvidence]) -> dict[str, list[Float]]:
+    """Per named effect its (H, W) metres of z in every view."""
+    out = {}
+    for cause in causes:
+        maps = []
+        for view in views:
+            total = np.sum([e.bias(view.frame) for e in cause.effects], axis=0)
+            maps.append(np.where(view.frame.valid, total, np.nan))
+        out[cause.name] = maps
+    return out

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The diagnosis of one session: where it differs from its simulation, which effect does it, how far it shrinks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.errors import RefusedError
+from tof_gap import missing, scatter
+from tof_gap.candidates import not_testable
+from tof_gap.causes import Named, named, shares
+from tof_gap.flexible import explainable
+from tof_gap.joint import moved, observe, solve
+from tof_gap.posterior import camera_covs, floor2
+from tof_gap.select import Selector, deal
+from tof_gap.shrink import Shrink, blocks, measure
+from tof_gap.unexplained import Unexplained, look
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from tof_align.chain import Chain
+    from tof_align.config import AlignConfig
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+    from tof_gap.config import GapConfig
+    from tof_gap.evidence import ViewEvidence
+    from tof_gap.joint import Joint
+    from tof_gap.kinds import Finding
+    from tof_scene.raycast import Raycaster
+
+MIN_VIEWS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cause:
+    """One effect of the verdict with what it does on held-out views."""
+
+    named: Named
+    alone: Shrink
+    left_out: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnosis:
+    """All that the report says; arrays are per view in bag order.
+
+    residual: (H, W) metres measured minus rendered at the final joint poses, before any effect;
+    floor2: (H, W) m^2; shares: metres per named effect.
+    """
+
+    verdict: tuple[str, ...]
+    causes: tuple[Cause, ...]
+    findings: tuple[Finding, ...]
+    gap: Shrink
+    explainable: float | None
+    unexplained: Unexplained
+    not_testable: dict[str, str]
+    evidence: tuple[ViewEvidence, ...]
+    residual: tuple[Float, ...]
+    floor2: tuple[Float, ...]
+    shares: Mapping[str, Sequence[Float]]
+    chain: Chain
+    joint: Joint
+    fit_views: tuple[int, ...]
+    held_out_views: tuple[int, ...]
+
+
+def diagnose(
+    views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig,
+    left_out: frozenset[str] = frozenset(), say: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Diagnose a session.
+
+    Args:
+        views: of one camera, in bag order, each with its robot pose and station.
+        caster: the scene.
+        config: when an effect is believed.
+        align: the robot's priors.
+        left_out: effects not to be considered (a test of `unknown`).
+        say: told of each step.
+
+    Raises:
+        RefusedError: too few views, or a session that fits the scene nowhere.
+    """
+    check(views)
+    rng = np.random.default_rng(config.evidence.seed)
+    say("poses and effects together")
+    joint = solve(views, caster, config, align, left_out)
+    say("what scatter, loss and edges say")
+    findings = tuple(
+        f for f in (*scatter.findings(joint.views, config.scatter), *missing.findings(joint.views, config.missing))
+        if f.name not in left_out
+    )
+    say("how far the gap shrinks on held-out views")
+    judge = Selector(joint.design, config.select)
+    fit_views, held = split(joint.chain)
+    causes = named(joint, fit_views, judge, rng)
+    final = replace(moved(joint.chain, joint.design, joint.selection.fit, joint.selection.chosen.inflate), hand_eye=np.eye(4))
+    evidence = observe(views, caster, final, config)
+    covs = camera_covs(joint.design.system, joint.selection.fit, joint.chain, inflate=joint.selection.chosen.inflate)
+    floors = floor2(evidence, covs)
+    maps = shares(causes, evidence)
+    corrections = {f.name: list(f.share) for f in findings if f.corrects and f.share is not None}
+    residual = [used(v, findings) for v in evidence]
+    figures = _Figures(residual, floors, maps | corrections, held, rng)
+    gap = figures.shrink(list(figures.maps))
+    leftover = [r - figures.total(list(figures.maps), v) for v, r in enumerate(residual)]
+    unexplained = look(evidence, leftover, floors, gap, caster.scene)
+    judged = tuple(Cause(c, figures.shrink([c.name]), figures.shrink([m for m in figures.maps if m != c.name]).shrink) for c in causes)
+    share = explainable([evidence[i] for i in fit_views], [residual[i] for i in fit_views],
+                        [evidence[i] for i in held], [residual[i] for i in held], [floors[i] for i in held], rng)
+    verdict = sorted({*(c.verdict for c in causes), *(f.name for f in findings)})
+    if unexplained.structured:
+        verdict.append("unknown")
+    return Diagnosis(
+        tuple(sorted(verdict)) or ("none",), judged, findings, gap, share, unexplained, not_testable(joint.views), evidence,
+        tuple(residual), tuple(floors), figures.maps, final, joint, fit_views, held,
+    )
+
+
+def check(views: Sequence[View]) -> None:
+    """Refuse sessions that cannot carry a diagnosis."""
+    if len(views) < MIN_VIEWS:
+        msg = f"{len(views)} views are too few to diagnose"
+        raise RefusedError(msg, where="session", todo=f"record at least {MIN_VIEWS} still views from different poses")
+    cameras = {v.camera for v in views}
+    if len(cameras) > 1:
+        msg = f"views of {len(cameras)} different cameras"
+        raise RefusedError(msg, where="session", todo="diagnose one camera at a time")
+    if all(v.robot is None for v in views):
+        raise RefusedError("no view has a robot pose", where="session", todo="record /tf and /tf_static with the images")
+
+
+def split(chain: Chain) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """(fit, held out): every third view of each station is held out."""
+    fold = deal(chain.station.tolist(), 3)
+    return tuple(np.flatnonzero(fold != 1).tolist()), tuple(np.flatnonzero(fold == 1).tolist())
+
+
+def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
+    """(H, W) the residual on the pixels that count: edges and gross errors only where an effect claims them."""
+    names = {f.name for f in findings}
+    keep = view.smooth.copy()
+    if "phase_wrap" in names:
+        keep |= view.gross & ~view.edge
+    if "flying_pixels" in names:
+        keep |= view.edge & (view.rendering.mixed > 0) & np.isfinite(view.residual)
+    return np.where(keep, view.residual, np.nan)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Figures:
+    """Shrinks over the held-out views for any set of maps."""
+
+    residual: Sequence[Float]
+    floors: Sequence[Float]
+    maps: Mapping[str, Sequence[Float]]
+    held: Sequence[int]
+    rng: np.random.Generator
+
+    def total(self, names: Sequence[str], view: int) -> Float:
+        """(H, W) metres that the named effects add in a view."""
+        zero = np.zeros(self.residual[view].shape)
+        return np.sum([zero, *(np.nan_to_num(self.maps[n][view]) for n in names)], axis=0)
+
+    def shrink(self, names: Sequence[str]) -> Shrink:
+        """Before and after taking the named effects off."""
+        before = [self.residual[v] for v in self.held]
+        after = [b - self.total(names, v) for b, v in zip(before, self.held, strict=True)]
+        return measure(blocks(before, after, [self.floors[v] for v in self.held]), self.rng)

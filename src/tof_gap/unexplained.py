@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What no named effect explains: is it structured, where is it, what does it depend on?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_gap.shrink import BLOCK_PX
+from tof_gap.where import by_quantity
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float
+    from tof_gap.evidence import ViewEvidence
+    from tof_gap.shrink import Shrink
+    from tof_scene.scene import Scene
+
+STRUCTURED_MM = 0.7
+"""Block-mean error above the floor from which what is left has structure worth a name..."""
+STRUCTURED_SHARE = 0.12
+"""... and its share of the whole gap's energy above the floor."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """rmse_mm above the floor; structured: blocks agree that something is left; depends_on: quantities
+    that it varies with, most first; where: parts that carry it, most first.
+    """
+
+    rmse_mm: float
+    structured: bool
+    depends_on: tuple[str, ...]
+    where: tuple[str, ...]
+
+
+def look(
+    views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], gap: Shrink, scene: Scene,
+) -> Unexplained:
+    """Judge what is left (H, W) metres per view against the floor."""
+    block, mean, expected, part = _block_means(views, left, floor2)
+    if len(block) == 0:
+        return Unexplained(0.0, structured=False, depends_on=(), where=())
+    excess2 = np.average(mean**2 - expected, weights=block)
+    size = 1e3 * float(np.sqrt(max(excess2, 0.0)))
+    before2 = max((gap.before.rmse**2 - gap.floor_mm**2), 1e-9)
+    structured = size > STRUCTURED_MM and size**2 > STRUCTURED_SHARE * before2
+    energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
+    order = [i for i in np.argsort(-energy) if energy[i] > 0.1 * energy.sum()]
+    return Unexplained(
+        size, structured=bool(structured), depends_on=_depends_on(views, left, floor2) if structured else (),
+        where=tuple(scene.parts[int(i)].name for i in order[:4]) if structured else (),
+    )
+
+
+def _block_means(
+    views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float],
+) -> tuple[Float, Float, Float, np.ndarray[tuple[int], np.dtype[np.int64]]]:
+    """Per block and part: pixels, mean error, its variance if errors were white, and the part."""
+    n_all, mean_all, var_all, part_all = [], [], [], []
+    for v, e, f in zip(views, left, floor2, strict=True):
+        seen = np.isfinite(e) & (v.rendering.part >= 0)
+        rows, columns = np.nonzero(seen)
+        part = v.rendering.part[seen].astype(np.int64)
+        key = ((rows // BLOCK_PX) * 1000 + columns // BLOCK_PX) * 1000 + part
+        unique, which = np.unique(key, return_inverse=True)
+        n = np.bincount(which)
+        enough = n >= 40
+        n_all.append(n[enough].astype(float))
+        mean_all.append((np.bincount(which, e[seen]) / n)[enough])
+        var_all.append((np.bincount(which, f[seen]) / n**2)[enough])
+        part_all.append((unique % 1000)[enough])
+    return np.concatenate(n_all), np.concatenate(mean_all), np.concatenate(var_all), np.concatenate(part_all)
+
+
+def _depends_on(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float]) -> tuple[str, ...]:
+    """Quantities whose bins' means carry a tenth or more of what is left, most first."""
+    carried = {}
+    for name, bins in by_quantity(views, left, floor2, None).items():
+        n = np.array([b.pixels for b in bins], float)
+        if len(n) < 3:
+            continue
+        mean, square, floor = (np.array([getattr(b, k) for b in bins]) for k in ("bias_mm", "rmse_mm", "floor_mm"))
+        above = max(float(n @ (square**2 - floor**2)), 1e-9)
+        carried[name] = float(n @ (mean - np.average(mean, weights=n)) ** 2) / above
+    return tuple(k for k, s in sorted(carried.items(), key=lambda kv: -kv[1]) if s > 0.1)[:4]
