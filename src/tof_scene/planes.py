@@ -21,29 +21,37 @@ def face_normals(vertices: Float, faces: NDArray[np.int32]) -> Float:
     return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
 
 
+@njit(cache=True, nogil=True, inline="always")
+def plane_distance(height: float, along: float, rough: float) -> float:
+    """How far along a ray its face's plane is: `height` of the plane over the origin by `along`, both by the face's normal.
+
+    `rough` is the library's own float32 distance; it stays where the plane says something else by more than 1e-4 (a sliver's
+    normal means little, and a ray in the plane meets it anywhere).
+    """
+    exact = height / along if along != 0.0 else rough
+    return exact if abs(exact - rough) <= 1e-4 * max(rough, 1e-3) else rough
+
+
 @njit(cache=True, nogil=True)
 def plane_hits(
     origins: Float, directions: Float, face: NDArray[np.int32], near: NDArray[np.float32], points: Float, normals: Float
 ) -> tuple[Float, Float]:
     """Distance (N,) and normal (N, 3) toward the origin, from the plane of the face each ray hit; NaN where face < 0.
 
-    `near` (N,) is the library's own float32 distance: it stays where the plane says something else by more than 1e-4
-    (a sliver's normal means little, and a ray in the plane meets it anywhere).
+    `near` (N,) is the library's own distance, see `plane_distance`.
     """
-    n = len(face)
-    t = np.full(n, np.nan)
-    out = np.full((n, 3), np.nan)
-    for i in range(n):
+    t = np.full(len(face), np.nan)
+    out = np.full((len(face), 3), np.nan)
+    for i in range(len(face)):
         f = face[i]
         if f < 0:
             continue
-        nx, ny, nz = normals[f]
-        dx, dy, dz = directions[i]
-        along = nx * dx + ny * dy + nz * dz
+        along = height = 0.0
+        for c in range(3):
+            along += normals[f, c] * directions[i, c]
+            height += normals[f, c] * (points[f, c] - origins[i, c])
         sign = -1.0 if along > 0 else 1.0
-        out[i, 0], out[i, 1], out[i, 2] = sign * nx, sign * ny, sign * nz
-        height = nx * (points[f, 0] - origins[i, 0]) + ny * (points[f, 1] - origins[i, 1]) + nz * (points[f, 2] - origins[i, 2])
-        rough = float(near[i])
-        exact = height / along if along != 0.0 else rough
-        t[i] = exact if abs(exact - rough) <= 1e-4 * max(rough, 1e-3) else rough
+        for c in range(3):
+            out[i, c] = sign * normals[f, c]
+        t[i] = plane_distance(height, along, float(near[i]))
     return t, out

@@ -4,17 +4,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tof_scene.backends import make_backend
 from tof_scene.planes import face_normals, plane_hits
+from tof_scene.seams import outline_edges
+from tof_scene.topology import edges_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_scene.scene import Scene
 
 JITTER = 1e-6
@@ -64,25 +67,32 @@ class Raycaster:
         """First hits of rays from origins (N, 3) or (3,) along directions (N, 3), cell frame, any length."""
         directions = np.ascontiguousarray(directions, np.float64).reshape(-1, 3)
         origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float64), directions.shape))
-        face, near = self._faces(origins, directions)
+        face, near = self.first_faces(origins, directions)
         t, normal = plane_hits(origins, directions, face, near, self.face_point, self.face_normal)
         return Hits(t, np.where(face >= 0, self.face_part[face], np.int16(-1)), face, normal)
 
-    def _faces(self, origins: Float, directions: Float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """Face and rough distance of each ray, lost rays cast again."""
-        start, along = (origins - self._middle).astype(np.float32), directions.astype(np.float32)
+    def first_faces(self, origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """Only the face each ray meets first (-1 for none), and how far in float32; lost rays are cast again."""
+        along = np.ascontiguousarray(directions, np.float32)
+        start = np.empty_like(along)
+        start[:] = np.asarray(origins, np.float64) - self._middle
         face, near = self._backend.nearest(start, along)
         lost = np.flatnonzero(face < 0)
         for turn in (JITTER, -JITTER):
             if not len(lost):
                 break
-            found, distance = self._backend.nearest(start[lost], _turned(directions[lost], turn))
+            found, distance = self._backend.nearest(start[lost], _turned(along[lost], turn))
             face[lost], near[lost] = found, distance
             lost = lost[found < 0]
         return face, near
 
+    @cached_property
+    def outline(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Mask]:
+        """Edges that may bound what is seen (see `seams.outline_edges`), found when first asked for."""
+        return outline_edges(edges_of(self.vertices, self.faces, self.face_part), self.face_normal)
 
-def _turned(directions: Float, angle: float) -> NDArray[np.float32]:
+
+def _turned(directions: NDArray[np.float32], angle: float) -> NDArray[np.float32]:
     """Directions (N, 3) tilted by an angle across no preferred axis."""
-    aside = np.roll(directions, 1, axis=1) * [1.0, -1.0, 0.7]
-    return (directions + angle * aside).astype(np.float32)
+    aside = np.roll(directions, 1, axis=1) * np.array([1.0, -1.0, 0.7], np.float32)
+    return directions + np.float32(angle) * aside
