@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from tof_preproc.config import PreprocConfig
     from tof_preproc.frame import Frame
 
-FAN = np.sqrt(6.0)
-"""Standard deviation of a second difference, or of the step to a line through two neighbours, in one pixel's."""
+PAIR, FAN = float(np.sqrt(2.0)), float(np.sqrt(6.0))
+"""Standard deviations of a difference, and of a second difference or the step to a line through two, in one pixel's."""
 AXES = np.array([[0, 1], [1, 0], [1, 1], [1, -1]])
 
 
@@ -35,7 +35,7 @@ def remove_grazing(frame: Frame, config: PreprocConfig) -> int:
 def remove_flying(frame: Frame, config: PreprocConfig) -> int:
     """Remove pixels at a depth edge that continue neither of its sides."""
     pitch = frame.camera.pixel_angle * np.tan(np.deg2rad(config.flying.slope_deg))
-    mixed = _mixed(frame.depth, frame.sigma, AXES, np.float32(config.flying.ratio * FAN), np.float32(pitch))
+    mixed = _mixed(frame.depth, frame.sigma, AXES, config.flying.ratio, pitch)
     return frame.remove(mixed, Reason.FLYING)
 
 
@@ -85,7 +85,7 @@ def _gentler(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 @njit(cache=True, error_model="numpy")
 def _mixed(depth, sigma, axes, ratio, pitch):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Pixels (H, W) that on some axis cross a step and lie on no line through neighbours before, around or behind."""
+    """Pixels (H, W) that on some axis stand at a step and go with neither side of it."""
     height, width = depth.shape
     out = np.zeros((height, width), np.bool_)
     for v in range(height):
@@ -93,17 +93,19 @@ def _mixed(depth, sigma, axes, ratio, pitch):  # type: ignore[no-untyped-def]  #
             z = depth[v, u]
             if np.isnan(z):
                 continue
-            tolerance = ratio * sigma[v, u]
+            noise = ratio * sigma[v, u]
             for a in range(axes.shape[0]):
                 dv, du = axes[a]
                 before, behind = _at(depth, v - dv, u - du), _at(depth, v + dv, u + du)
-                step = max(abs(before - z) if before == before else 0.0, abs(behind - z) if behind == behind else 0.0)  # noqa: PLR0124
-                if step < max(tolerance, z * pitch):
+                near, far = abs(before - z), abs(behind - z)
+                step = max(near if near == near else 0.0, far if far == far else 0.0)  # noqa: PLR0124  (not NaN)
+                if step < max(FAN * noise, z * pitch) or near < PAIR * noise or far < PAIR * noise:
                     continue
-                second = (1 / before + 1 / behind - 2 / z) * z * z
-                first = (2 / before - 1 / _at(depth, v - 2 * dv, u - 2 * du) - 1 / z) * z * z
-                third = (2 / behind - 1 / _at(depth, v + 2 * dv, u + 2 * du) - 1 / z) * z * z
-                if not (abs(second) < tolerance or abs(first) < tolerance or abs(third) < tolerance):
+                around = abs(1 / before + 1 / behind - 2 / z)
+                ahead = abs(2 / before - 1 / _at(depth, v - 2 * dv, u - 2 * du) - 1 / z)
+                after = abs(2 / behind - 1 / _at(depth, v + 2 * dv, u + 2 * du) - 1 / z)
+                limit = FAN * noise / (z * z)
+                if not (around < limit or ahead < limit or after < limit):
                     out[v, u] = True
                     break
     return out
