@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tof_core import se3
 from tof_core.config import param
 from tof_core.errors import TransformError
@@ -68,8 +70,8 @@ class Twist:
     turn: float
 
 
-def camera_twist(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, window_s: float) -> Twist | None:
-    """Mean speed of the camera in the cell over stamp ± window, or None where TF does not tell.
+def camera_velocity(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, window_s: float) -> Float | None:
+    """(6,) mean velocity of the camera over stamp ± window in its own axes (m/s, rad/s), or None where TF does not tell.
 
     Where TF covers only one side of the stamp (live, the future is not here yet), that side counts.
     """
@@ -77,9 +79,15 @@ def camera_twist(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: 
     ends = [T for s in (stamp_ns - half, stamp_ns, stamp_ns + half) if (T := _pose(transforms, cell, camera, s)) is not None]
     if len(ends) < 2:
         return None
-    metres, degrees = se3.distance(ends[0], ends[-1])
-    seconds = window_s * (len(ends) - 1)
-    return Twist(metres / seconds, degrees / seconds)
+    return np.asarray(se3.log(se3.inverse(ends[0]) @ ends[-1]) / (window_s * (len(ends) - 1)))
+
+
+def camera_twist(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, window_s: float) -> Twist | None:
+    """Mean speed of the camera in the cell over stamp ± window, or None where TF does not tell."""
+    velocity = camera_velocity(transforms, cell, camera, stamp_ns, window_s)
+    if velocity is None:
+        return None
+    return Twist(float(np.linalg.norm(velocity[:3])), float(np.degrees(np.linalg.norm(velocity[3:]))))
 
 
 def _pose(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int) -> Float | None:

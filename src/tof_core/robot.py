@@ -10,6 +10,7 @@ import numpy as np
 
 from tof_core.capture import RobotPose
 from tof_core.errors import TransformError
+from tof_core.motion import MotionConfig, camera_velocity
 
 if TYPE_CHECKING:
     from tof_core.placement import Placement
@@ -42,9 +43,11 @@ class RobotChain:
             TransformError: TF lacks a frame or has a gap; nothing is assumed.
         """
         cell, body = self.resolve(camera_frame)
+        twist = camera_velocity(self.transforms, cell, camera_frame, stamp_ns, MotionConfig().window_s)
         if not body:
-            return RobotPose(np.eye(4), self.transforms.lookup(cell, camera_frame, stamp_ns))
-        return RobotPose(self.transforms.lookup(cell, body, stamp_ns), self.transforms.lookup(body, camera_frame, stamp_ns))
+            return RobotPose(np.eye(4), self.transforms.lookup(cell, camera_frame, stamp_ns), twist)
+        T_cell_body, T_body_camera = (self.transforms.lookup(a, b, stamp_ns) for a, b in ((cell, body), (body, camera_frame)))
+        return RobotPose(T_cell_body, T_body_camera, twist)
 
     def resolve(self, camera_frame: str) -> tuple[str, str]:
         """The names (cell, body) for a camera; body is empty where the chain has none."""
