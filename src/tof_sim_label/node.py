@@ -25,7 +25,7 @@ from tof_ros.joiner import StampJoiner
 from tof_ros.recorder import RecordService
 from tof_ros.transforms import TransformListener
 from tof_scene.raycast import Raycaster
-from tof_scene.scene import load_scene
+from tof_scene.scene_file import load_scene
 from tof_sim_label.labeller import LabellerConfig
 from tof_sim_label.stream import Labelled, LabelStream
 

@@ -6,14 +6,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from tof_align.causal import SessionAligner
 from tof_core.errors import RefusedError
-from tof_sim_label.labeller import Labeller
+from tof_sim_label.label import Label, label_view
+from tof_sim_label.labeller import LabellerConfig
 
 if TYPE_CHECKING:
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
-    from tof_sim_label.label import Label
-    from tof_sim_label.labeller import LabellerConfig
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,16 +26,20 @@ class Labelled:
 
 
 class LabelStream:
-    """Labels the last view of each dwell: when the next dwell begins, or when asked. Causal."""
+    """Labels the last view of each dwell: when the next dwell begins, or when asked.
+
+    Causal, with the numbers of `Labeller.push`; but nothing is kept for a final solution, so that memory stays
+    the same however long the node runs.
+    """
 
     def __init__(self, caster: Raycaster, config: LabellerConfig | None = None) -> None:
         """No view yet."""
-        self._caster, self._config = caster, config
+        self._caster, self._config = caster, config or LabellerConfig()
         self.reset()
 
     def reset(self) -> None:
         """Forget the session."""
-        self._labeller = Labeller(self._caster, self._config)
+        self._aligner = SessionAligner(self._caster, self._config.align)
         self._pending: View | None = None
 
     def push(self, view: View) -> Labelled | None:
@@ -50,6 +54,9 @@ class LabelStream:
 
     def _label(self, view: View) -> Labelled:
         try:
-            return Labelled(view, self._labeller.push(view))
+            posed = self._aligner.push(view)
         except RefusedError as error:
             return Labelled(view, None, str(error))
+        finally:
+            self._aligner.samples.clear()
+        return Labelled(view, label_view(view, posed, self._caster, self._config.label))

@@ -26,7 +26,7 @@ def opened(bag: str | Path, scene_path: Path | None, config: PipelineConfig, ini
 
     scene = None
     if scene_path is not None:
-        from tof_scene.scene import load_scene
+        from tof_scene.scene_file import load_scene
 
         scene = load_scene(scene_path)
     cell = scene.frame if scene else ""

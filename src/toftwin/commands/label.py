@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin label`: a bag and its CAD to a dataset in which every pixel has its true distance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import argparse
+
+NAME = "label"
+HELP = "label a bag: accumulate, align to the CAD, ray cast, write a dataset"
+EXAMPLE = "toftwin label session/bag --scene cell/scene.yaml --out out/session"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the flags."""
+    from toftwin.options import add_bag_arguments, add_config_arguments
+
+    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
+    parser.add_argument("--scene", type=Path, required=True, metavar="FILE", help="scene.yaml of the cell")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for dataset.zarr, poses.json, metrics.json, config.yaml")
+    parser.add_argument("--mode", default="final", choices=("final", "causal", "per_view", "robot"), help=(
+        "final: one solution of the whole session (for training); causal: as the nodes do live; "
+        "per_view: a free pose per view (the paper's); robot: the robot's own pose (default: final)"))
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    add_bag_arguments(parser)
+    add_config_arguments(parser, _settings)
+
+
+def _settings() -> type[Any]:
+    from toftwin.pipeline import PipelineConfig
+
+    return PipelineConfig
+
+
+def run(args: argparse.Namespace) -> int:
+    """Label, print the table."""
+    from tof_scene.raycast import Raycaster
+    from toftwin.inputs import opened
+    from toftwin.labelling import label_bag
+    from toftwin.options import load_config
+    from toftwin.pipeline import PipelineConfig
+
+    config = load_config(PipelineConfig, args)
+    with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
+        assert scene is not None
+        result = label_bag(reader, Raycaster(scene), config, args.out, mode=args.mode)
+    if args.json:
+        import json
+
+        print(json.dumps(result.to_dict(), indent=1))
+        return 0
+    _print(result)
+    return 0
+
+
+def _print(result: Any) -> None:
+    from toftwin.scores import table
+
+    if result.note:
+        print(result.note)
+    skipped = "; skipped: " + ", ".join(f"{reason} {count}" for reason, count in result.skipped.items()) if result.skipped else ""
+    print(f"{result.captures} captures, {result.views} views in {result.dataset}{skipped}")
+    print("verdicts: " + ", ".join(f"{verdict} {count}" for verdict, count in result.verdicts.most_common()))
+    print(table(result.rows))
