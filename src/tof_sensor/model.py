@@ -99,4 +99,6 @@ def _effect(block: Any, where: str) -> Effect:
 
 
 def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    return {k: [float(x) for x in v] if isinstance(v, tuple) else v for k, v in values.items()}
+    """Values as YAML holds them: no tuples, no NumPy scalars."""
+    return {k: [float(x) for x in v] if isinstance(v, tuple) else v.item() if isinstance(v, np.generic) else v
+            for k, v in values.items()}

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin gap`: why simulation and camera differ: where, which effect, how far it shrinks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import argparse
+
+    from tof_gap.diagnose import Diagnosis
+
+NAME = "gap"
+HELP = "diagnose why simulation and camera differ: where, which effect, how far it shrinks once added"
+EXAMPLE = "toftwin gap session/bag --scene cell/scene.yaml --out out/gap"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the flags."""
+    from toftwin.options import add_bag_arguments, add_config_arguments
+
+    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
+    parser.add_argument("--scene", type=Path, required=True, metavar="FILE", help="scene.yaml of the cell")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the report")
+    parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml of what is known already; only the rest is diagnosed")
+    parser.add_argument("--leave-out", action="append", default=[], metavar="EFFECT", help="an effect not to be considered; may be repeated")
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+    add_bag_arguments(parser)
+    add_config_arguments(parser, _settings)
+
+
+def _settings() -> type[Any]:
+    from toftwin.diagnosis import GapPipelineConfig
+
+    return GapPipelineConfig
+
+
+@dataclass(slots=True)
+class _Said:
+    """Progress on standard error."""
+
+    quiet: bool
+    steps: list[str] = field(default_factory=list)
+
+    def __call__(self, step: str) -> None:
+        import sys
+
+        self.steps.append(step)
+        if not self.quiet:
+            print(f"gap: {step}", file=sys.stderr)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose a bag and write the report."""
+    import json
+
+    from tof_gap.report import write
+    from tof_sensor.model import load_model
+    from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
+    from toftwin.inputs import opened
+    from toftwin.options import load_config
+
+    config = load_config(GapPipelineConfig, args)
+    known = load_model(args.sensor) if args.sensor else None
+    say = _Said(args.json)
+    with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
+        assert scene is not None
+        diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=frozenset(args.leave_out), say=say)
+    content = write(diagnosis, caster, args.out, [])
+    print(json.dumps(content, indent=1) if args.json else summary(diagnosis))
+    return 0
+
+
+def summary(d: Diagnosis) -> str:
+    """A few lines for a terminal."""
+    g = d.gap
+    lines = [
+        f"verdict: {', '.join(d.verdict)}",
+        f"gap on held-out views: {g.before.rmse:.2f} mm RMS before, {g.after.rmse:.2f} after, floor {g.floor_mm:.2f}",
+    ]
+    if g.shrink is not None and g.ci95 is not None:
+        lines.append(f"shrink: {g.shrink:.0%} (95 %: {g.ci95[0]:.0%} to {g.ci95[1]:.0%})")
+    for c in d.causes:
+        alone = "" if c.alone.shrink is None else f", alone {c.alone.shrink:.0%} of the gap"
+        lines.append(f"  {c.named.verdict}: confidence {c.named.confidence:.2f}{alone}")
+    lines += [f"  {f.name}: confidence {f.confidence:.2f} {f.note}".rstrip() for f in d.findings]
+    if d.unexplained.structured:
+        lines.append(f"unexplained: {d.unexplained.rmse_mm:.2f} mm at {', '.join(d.unexplained.where)}; varies with {', '.join(d.unexplained.depends_on)}")
+    lines += [f"not testable: {name} ({why})" for name, why in d.not_testable.items()]
+    return "\n".join(lines)
