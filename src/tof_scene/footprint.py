@@ -16,36 +16,37 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_scene.overlaps import overlaps
-from tof_scene.resolve import lattice, resolve
+from tof_scene.resolve import COARSE, FINE, lattice, resolve
 from tof_scene.seams import mark_edges, mark_neighbours
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tof_core.arrays import Float, Mask
+    from tof_core.arrays import Bytes, Float
     from tof_core.camera import Camera
     from tof_scene.canvas import Canvas
     from tof_scene.cells import Cells
     from tof_scene.raycast import Raycaster
 
-TOLERANCE_M = 4e-5
-"""How far neighbours may lie from a pixel's plane before it is looked at closely; its mean is then off by a quarter at most."""
+TOLERANCE_M = 6e-5
+"""How far neighbours may lie from a pixel's plane before it is looked at closely; its mean is then off by a sixth at most."""
 THREADS = 2
 _pool = ThreadPoolExecutor(THREADS, "footprint")
-_samples = lattice()
+_coarse, _fine = lattice(*COARSE), lattice(*FINE)
 
 
 def fill_footprints(caster: Raycaster, camera: Camera, T_cell_camera: Float, cells: Cells, canvas: Canvas) -> NDArray[np.int64]:
     """Depth, face, mixed and second of the pixels that see more than one plane; returns their flat indices."""
     R, eye = T_cell_camera[:3, :3], T_cell_camera[:3, 3]
-    points = (caster.vertices - eye) @ R
-    pixels = np.flatnonzero(_flagged(caster, camera, eye, points, cells, canvas))
+    points = np.asarray((caster.vertices - eye) @ R)
+    flag = _flagged(caster, camera, eye, points, cells, canvas)
+    pixels = np.flatnonzero(flag)
     start, listed, rows = overlaps(points, caster.faces, cells, pixels)
-    rays, turn = cells.rays[pixels], cells.turn[pixels]
+    rays, turn, edge = cells.rays[pixels], cells.turn[pixels], flag[pixels]
 
     def work(begin: int, end: int) -> None:
         resolve(
-            begin, end, start, listed, rows, rays, turn, caster.face_part, _samples, pixels,
+            begin, end, pixels, edge, start, listed, rows, rays, turn, caster.face_part, _coarse, _fine,
             canvas.depth, canvas.face, canvas.mixed, canvas.second,
         )  # fmt: skip
 
@@ -54,9 +55,9 @@ def fill_footprints(caster: Raycaster, camera: Camera, T_cell_camera: Float, cel
     return pixels
 
 
-def _flagged(caster: Raycaster, camera: Camera, eye: Float, points: Float, cells: Cells, canvas: Canvas) -> Mask:
-    """(H*W,) pixels to look at closely."""
-    flag = np.zeros(len(canvas.depth), bool)
+def _flagged(caster: Raycaster, camera: Camera, eye: Float, points: Float, cells: Cells, canvas: Canvas) -> Bytes:
+    """(H*W,) 0 for a pixel its centre speaks for, else BEND or EDGE."""
+    flag = np.zeros(len(canvas.depth), np.uint8)
     shape = camera.shape
     grids = (a.reshape(shape) for a in (flag, canvas.depth, canvas.part, canvas.face))
     mark_neighbours(*grids, canvas.normal.reshape(*shape, 3), cells.rays.reshape(*shape, 3), TOLERANCE_M)

@@ -29,7 +29,7 @@ def overlaps(points: Float, faces: Int32, cells: Cells, pixels: NDArray[np.int64
     """
     first, entries = _per_cell(cells.span[pixels], *cells.shape)
     rows = np.empty((len(faces), 3, 3))
-    spread = np.abs(cells.turn[pixels]) / 2
+    spread = (np.abs(cells.turn[pixels, :2]) + np.abs(cells.turn[pixels, 2:])) / 2
     room = 64 * len(pixels) + 4096
     while True:
         face, entry = np.empty(room, np.int32), np.empty(room, np.int32)
@@ -65,15 +65,15 @@ def _draw(
     """Write each (face, pixel) that may overlap; returns how many there are, which may be more than there is room for."""
     count, width = 0, shape[1]
     for f in range(len(faces)):
-        c0, c1, r0, r1 = _box(points[faces[f, 0]], points[faces[f, 1]], points[faces[f, 2]], raster, shape)
+        c0, c1, r0, r1 = _box(points, faces, f, raster, shape)
         ready = False
         for r in range(r0, r1 + 1):
             for at in range(first[r * width + c0], first[r * width + c1 + 1]):
                 if not ready:
-                    _barycentric(points[faces[f, 0]], points[faces[f, 1]], points[faces[f, 2]], rows[f])
+                    _barycentric(points, faces, f, rows)
                     ready = True
                 k = entries[at]
-                if _may_overlap(rows[f], rays[k], spread[k]):
+                if _may_overlap(rows, f, rays, spread, k):
                     if count < len(face):
                         face[count], entry[count] = f, k
                     count += 1
@@ -81,19 +81,20 @@ def _draw(
 
 
 @njit(cache=True, nogil=True)
-def _box(a: Float, b: Float, c: Float, raster: Float, shape: tuple[int, int]) -> tuple[int, int, int, int]:
+def _box(points: Float, faces: Int32, f: int, raster: Float, shape: tuple[int, int]) -> tuple[int, int, int, int]:
     """Columns and rows that a triangle's front part spans; none when it is wholly behind or beside."""
     u0 = v0 = np.inf
     u1 = v1 = -np.inf
-    for p, q in ((a, b), (b, c), (c, a)):
-        if p[2] >= NEAR_M:
-            x, y, z = p[0], p[1], p[2]
-            u, v = (x / z - raster[0]) * raster[2], (y / z - raster[1]) * raster[3]
+    for i in range(3):
+        p, q = faces[f, i], faces[f, (i + 1) % 3]
+        z, z_next = points[p, 2], points[q, 2]
+        if z >= NEAR_M:
+            u, v = (points[p, 0] / z - raster[0]) * raster[2], (points[p, 1] / z - raster[1]) * raster[3]
             u0, u1, v0, v1 = min(u0, u), max(u1, u), min(v0, v), max(v1, v)
-        if (p[2] >= NEAR_M) != (q[2] >= NEAR_M):
-            s = (NEAR_M - p[2]) / (q[2] - p[2])
-            u, v = (p[0] + s * (q[0] - p[0])) / NEAR_M, (p[1] + s * (q[1] - p[1])) / NEAR_M
-            u, v = (u - raster[0]) * raster[2], (v - raster[1]) * raster[3]
+        if (z >= NEAR_M) != (z_next >= NEAR_M):
+            s = (NEAR_M - z) / (z_next - z)
+            x, y = points[p, 0] + s * (points[q, 0] - points[p, 0]), points[p, 1] + s * (points[q, 1] - points[p, 1])
+            u, v = (x / NEAR_M - raster[0]) * raster[2], (y / NEAR_M - raster[1]) * raster[3]
             u0, u1, v0, v1 = min(u0, u), max(u1, u), min(v0, v), max(v1, v)
     if not (u1 >= 0 and v1 >= 0 and u0 <= shape[1] and v0 <= shape[0]):
         return 0, -1, 0, -1
@@ -101,25 +102,28 @@ def _box(a: Float, b: Float, c: Float, raster: Float, shape: tuple[int, int]) ->
 
 
 @njit(cache=True, nogil=True)
-def _barycentric(a: Float, b: Float, c: Float, out: Float) -> None:
-    """Inverse of the matrix with columns a, b, c; zeros where the camera lies in the triangle's plane."""
+def _barycentric(points: Float, faces: Int32, f: int, rows: Float) -> None:
+    """Inverse of the matrix whose columns are the corners; zeros where the camera lies in the triangle's plane."""
+    a, b, c = faces[f]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        out[0, i] = b[j] * c[k] - b[k] * c[j]
-        out[1, i] = c[j] * a[k] - c[k] * a[j]
-        out[2, i] = a[j] * b[k] - a[k] * b[j]
-    volume = a[0] * out[0, 0] + a[1] * out[0, 1] + a[2] * out[0, 2]
+        rows[f, 0, i] = points[b, j] * points[c, k] - points[b, k] * points[c, j]
+        rows[f, 1, i] = points[c, j] * points[a, k] - points[c, k] * points[a, j]
+        rows[f, 2, i] = points[a, j] * points[b, k] - points[a, k] * points[b, j]
+    volume = points[a, 0] * rows[f, 0, 0] + points[a, 1] * rows[f, 0, 1] + points[a, 2] * rows[f, 0, 2]
     scale = 1.0 / volume if abs(volume) > 1e-30 else 0.0
-    out *= scale
+    for i in range(3):
+        for j in range(3):
+            rows[f, i, j] *= scale
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _may_overlap(rows: Float, ray: Float, spread: Float) -> bool:
+def _may_overlap(rows: Float, f: int, rays: Float, spread: Float, k: int) -> bool:
     """False when the pixel lies wholly beyond one side, or behind."""
     total = reach = 0.0
     for i in range(3):
-        middle = rows[i, 0] * ray[0] + rows[i, 1] * ray[1] + rows[i, 2]
-        extent = abs(rows[i, 0]) * (spread[0] + spread[2]) + abs(rows[i, 1]) * (spread[1] + spread[3])
+        middle = rows[f, i, 0] * rays[k, 0] + rows[f, i, 1] * rays[k, 1] + rows[f, i, 2]
+        extent = abs(rows[f, i, 0]) * spread[k, 0] + abs(rows[f, i, 1]) * spread[k, 1]
         if middle + extent < 0.0:
             return False
         total += middle

@@ -8,28 +8,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
+from tof_scene.surfaces import group_faces, surface_sum, surface_size, tally
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tof_core.arrays import Float, Image
+    from tof_core.arrays import Bytes, Float, Image
 
     Int32 = NDArray[np.int32]
     Float32 = NDArray[np.float32]
 
-SAMPLES = 377
-STEP_M = 1e-3
-"""Within one part, what lies further apart than this along z (and than its slant explains) is another surface."""
-SLANT = np.float32(0.15)
-"""Share of a face's depth range in a pixel that may lie between neighbouring samples of it."""
 ONE = np.float32(1.0)
 SLACK = np.float32(1e-6)
+COARSE, FINE = (89, 55), (377, 233)
+"""Samples and generator of the lattices for pixels that look like one bent surface, and for the others."""
 
 
-def lattice(n: int = SAMPLES, generator: int = 233) -> Float32:
+def lattice(n: int, generator: int) -> Float32:
     """(2, n) points in the unit pixel around (0, 0): Fibonacci's lattice.
 
-    Half-planes are counted to 0.3 % rms (a square grid of as many points: 0.3 % across, but 1.3 % along its axes, and
-    edges of CAD often lie along the axes of the image).
+    377 points count half-planes to 0.3 % rms, and those along the axes to 0.1 %: edges of CAD often lie along the axes of the
+    image, where a square grid of 400 is off by 1.3 %.
     """
     i = np.arange(n)
     return np.stack([(i + 0.5) / n - 0.5, (i * generator + 0.5) / n % 1 - 0.5]).astype(np.float32)
@@ -37,57 +36,87 @@ def lattice(n: int = SAMPLES, generator: int = 233) -> Float32:
 
 @njit(cache=True, nogil=True)
 def resolve(
-    begin: int, end: int, start: Int32, listed: Int32, rows: Float, rays: Float, turn: Float, part: NDArray[np.int16], samples: Float32,
-    pixels: NDArray[np.int64], depth: Image, face: Int32, mixed: Image, second: Image,
+    begin: int, end: int, pixels: NDArray[np.int64], edge: Bytes, start: Int32, listed: Int32, rows: Float, rays: Float, turn: Float,
+    part: NDArray[np.int16], coarse: Float32, fine: Float32, depth: Image, face: Int32, mixed: Image, second: Image,
 ) -> None:  # fmt: skip
-    """Fill depth, face, mixed and second (flat over pixels) of the pixels numbered begin..end of `pixels`.
+    """Fill depth, face, mixed and second (flat over pixels) of the pixels numbered begin..end of `pixels` (k,).
 
-    `start`, `listed` and `rows` come from `overlaps`, `rays` and `turn` (k, ...) belong to `pixels`. `face` keeps what it holds
-    where that face belongs to the surface that fills most. A pixel more of whose samples are void than on any surface gets NaN.
+    `edge` (k,) says where two surfaces are expected (2); the others are looked at coarsely first. `start`, `listed` and `rows`
+    come from `overlaps`; `rays` and `turn` (k, ...) belong to `pixels`. `face` keeps what it holds where that face belongs to
+    the surface that fills most. A pixel more of whose samples are void than on any surface gets NaN.
     """
-    n = samples.shape[1]
-    inverse, owner = np.empty(n, np.float32), np.empty(n, np.int32)
+    most = 1
+    for k in range(begin, end):
+        most = max(most, start[k + 1] - start[k])
+    planes, nearest = np.empty((most, 9), np.float32), np.empty(most, np.float32)
+    inverse, owner = np.empty(fine.shape[1], np.float32), np.empty(fine.shape[1], np.int32)
+    depths, marks = np.empty((most, 3)), np.empty((most, 3))
+    order, count, seen, group = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most, np.int32)
     for k in range(begin, end):
         candidates = listed[start[k] : start[k + 1]]
-        planes, nearest = _planes(candidates, rows, rays[k], turn[k])
-        order = np.argsort(nearest)
-        _sample(order, planes, nearest, samples, inverse, owner)
-        _count(pixels[k], candidates, planes, part, inverse, owner, depth, face, mixed, second)
+        _prepare(candidates, k, rows, rays, turn, planes, nearest)
+        _nearest_first(len(candidates), nearest, order)
+        surfaces = found = void = n = 0
+        for samples in (coarse, fine):
+            if samples.shape[1] < fine.shape[1] and edge[k] > 1:
+                continue
+            n = samples.shape[1]
+            drawn = _sample(order[: len(candidates)], planes, nearest, samples, inverse[:n], owner[:n])
+            found, void = tally(inverse[:n], owner[:n], order[:drawn], count, depths, seen)
+            surfaces = group_faces(found, seen, candidates, planes, part, depths, group, marks)
+            if surfaces == 1 and void == 0:
+                break
+        _write(pixels[k], candidates, n, void, found, surfaces, seen, group, count, depths, depth, face, mixed, second)
 
 
 @njit(cache=True, nogil=True)
-def _planes(candidates: Int32, rows: Float, ray: Float, turn: Float) -> tuple[Float32, Float32]:
-    """Per candidate its three barycentric functions over the pixel (constant, per u, per v), and a depth nothing of it is nearer than."""
-    planes = np.empty((len(candidates), 9), np.float32)
-    nearest = np.empty(len(candidates), np.float32)
+def _prepare(candidates: Int32, k: int, rows: Float, rays: Float, turn: Float, planes: Float32, nearest: Float32) -> None:
+    """Per candidate its barycentric functions over the pixel (constant, per u, per v), and a depth nothing of it is nearer than."""
     for c in range(len(candidates)):
-        top = 0.0
+        f, top, per_u, per_v = candidates[c], 0.0, 0.0, 0.0
         for i in range(3):
-            row = rows[candidates[c], i]
-            at = row[0] * ray[0] + row[1] * ray[1] + row[2]
-            per_u, per_v = row[0] * turn[0] + row[1] * turn[1], row[0] * turn[2] + row[1] * turn[3]
-            planes[c, 3 * i], planes[c, 3 * i + 1], planes[c, 3 * i + 2] = at, per_u, per_v
-            top += at
-        swing = abs(planes[c, 1] + planes[c, 4] + planes[c, 7]) + abs(planes[c, 2] + planes[c, 5] + planes[c, 8])
-        nearest[c] = 1.0 / (top + 0.5 * swing) if top + 0.5 * swing > 0.0 else np.inf
-    return planes, nearest
+            x, y = rows[f, i, 0], rows[f, i, 1]
+            at = x * rays[k, 0] + y * rays[k, 1] + rows[f, i, 2]
+            u, v = x * turn[k, 0] + y * turn[k, 1], x * turn[k, 2] + y * turn[k, 3]
+            planes[c, 3 * i], planes[c, 3 * i + 1], planes[c, 3 * i + 2] = at, u, v
+            top, per_u, per_v = top + at, per_u + u, per_v + v
+        top += 0.5 * (abs(per_u) + abs(per_v))
+        nearest[c] = 1.0 / top if top > 0.0 else np.inf
 
 
 @njit(cache=True, nogil=True)
-def _sample(order: NDArray[np.int64], planes: Float32, nearest: Float32, samples: Float32, inverse: Float32, owner: Int32) -> None:
-    """Nearest candidate and its 1/z at each sample; stops when all that is left lies behind what was found."""
+def _nearest_first(n: int, nearest: Float32, order: Int32) -> None:
+    """Candidates by depth: insertion sort, since there are a dozen."""
+    for c in range(n):
+        at = c
+        while at > 0 and nearest[order[at - 1]] > nearest[c]:
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = c
+
+
+@njit(cache=True, nogil=True)
+def _sample(order: Int32, planes: Float32, nearest: Float32, samples: Float32, inverse: Float32, owner: Int32) -> int:
+    """Nearest candidate and its 1/z at each sample, in order until all that is left lies behind; returns how many were drawn."""
     inverse[:] = 0.0
     owner[:] = -1
-    for c in order:
-        if nearest[c] == np.inf or nearest[c] * inverse.min() > ONE:
-            return
-        _cover(planes[c], np.int32(c), samples[0], samples[1], inverse, owner)
+    farthest = np.float32(0.0)
+    for drawn in range(len(order)):
+        c = order[drawn]
+        if nearest[c] == np.inf or nearest[c] * farthest > ONE:
+            return drawn
+        _cover(planes, c, samples, inverse, owner)
+        farthest = _lowest(inverse)
+    return len(order)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _cover(plane: Float32, c: np.int32, su: Float32, sv: Float32, inverse: Float32, owner: Int32) -> None:
+def _cover(planes: Float32, c: np.int32, samples: Float32, inverse: Float32, owner: Int32) -> None:
     """Draw one triangle into the samples it is nearest at."""
-    a0, a1, a2, b0, b1, b2, c0, c1, c2 = plane
+    su, sv = samples[0], samples[1]
+    a0, a1, a2 = planes[c, 0], planes[c, 1], planes[c, 2]
+    b0, b1, b2 = planes[c, 3], planes[c, 4], planes[c, 5]
+    c0, c1, c2 = planes[c, 6], planes[c, 7], planes[c, 8]
     slack = -SLACK * (abs(a0) + abs(b0) + abs(c0) + abs(a1) + abs(b1) + abs(c1) + abs(a2) + abs(b2) + abs(c2))
     for s in range(len(su)):
         a = a0 + a1 * su[s] + a2 * sv[s]
@@ -99,88 +128,47 @@ def _cover(plane: Float32, c: np.int32, su: Float32, sv: Float32, inverse: Float
         owner[s] = c if inside else owner[s]
 
 
+@njit(cache=True, nogil=True, fastmath=True)
+def _lowest(inverse: Float32) -> np.float32:
+    """The smallest 1/z of all samples (ndarray.min looks for NaN and takes ten times as long)."""
+    lowest = inverse[0]
+    for w in inverse:
+        lowest = min(lowest, w)
+    return lowest
+
+
 @njit(cache=True, nogil=True)
-def _count(
-    pixel: int, candidates: Int32, planes: Float32, part: NDArray[np.int16], inverse: Float32, owner: Int32, depth: Image, face: Int32,
-    mixed: Image, second: Image,
+def _write(
+    pixel: int, candidates: Int32, n: int, void: int, found: int, surfaces: int, seen: Int32, group: Int32, count: Int32, depths: Float,
+    depth: Image, face: Int32, mixed: Image, second: Image,
 ) -> None:  # fmt: skip
-    """Samples to surfaces: the largest gives the pixel's depth, the next its share and depth."""
-    seen, count, total, low, high = _per_face(len(candidates), inverse, owner)
-    group = _surfaces(seen, candidates, planes, part, low, high)
-    size = np.zeros(len(seen) + 1, np.int32)
-    for i in range(len(seen)):
-        size[group[i]] += count[seen[i]]
-    void = len(owner) - size.sum()
-    first = np.argmax(size)
-    if size[first] < max(void, 1):
-        if void < len(owner) or face[pixel] < 0:  # a centre ray that hit where all samples miss is believed
+    """The largest surface gives the pixel's depth, the next its share and depth."""
+    first, other, largest, next_largest = -1, -1, 0, 0
+    for g in range(surfaces):
+        size = surface_size(g, found, seen, group, count)
+        if size > largest:
+            other, next_largest, first, largest = first, largest, g, size
+        elif size > next_largest:
+            other, next_largest = g, size
+    if largest < max(void, 1):
+        if void < n or face[pixel] < 0:  # a centre ray that hit where all samples miss is believed
             depth[pixel], face[pixel] = np.nan, -1
         return
-    depth[pixel] = _mean(first, group, seen, total, size)
-    face[pixel] = _front(first, group, seen, count, candidates, face[pixel])
-    share = size[first]
-    size[first] = 0
-    other = np.argmax(size)
-    mixed[pixel] = min(np.float32(size[other]) / np.float32(len(owner)), np.float32(0.5))
-    if size[other]:
-        second[pixel] = _mean(other, group, seen, total, size)
-    size[first] = share
+    depth[pixel] = surface_sum(first, found, seen, group, depths) / largest
+    face[pixel] = _front(first, found, seen, group, count, candidates, face[pixel])
+    if next_largest:
+        mixed[pixel] = next_largest / n
+        second[pixel] = surface_sum(other, found, seen, group, depths) / next_largest
 
 
 @njit(cache=True, nogil=True)
-def _per_face(n: int, inverse: Float32, owner: Int32) -> tuple[Int32, Int32, Float, Float32, Float32]:
-    """Candidates that are seen, and per candidate: samples, sum of z, nearest and farthest z."""
-    count, total = np.zeros(n, np.int32), np.zeros(n)
-    low, high = np.full(n, np.inf, np.float32), np.zeros(n, np.float32)
-    for s in range(len(owner)):
-        c = owner[s]
-        if c >= 0:
-            z = ONE / inverse[s]
-            count[c] += 1
-            total[c] += z
-            low[c], high[c] = min(low[c], z), max(high[c], z)
-    return np.flatnonzero(count).astype(np.int32), count, total, low, high
-
-
-@njit(cache=True, nogil=True)
-def _surfaces(seen: Int32, candidates: Int32, planes: Float32, part: NDArray[np.int16], low: Float32, high: Float32) -> Int32:
-    """Surface of each seen candidate: faces of one part whose depths in the pixel follow on each other."""
-    group = np.zeros(len(seen), np.int32)
-    order = np.argsort(low[seen])
-    groups = 0
-    owner, far, slant = np.empty(len(seen), np.int32), np.empty(len(seen), np.float32), np.empty(len(seen), np.float32)
-    for i in order:
-        c = seen[i]
-        p, w = planes[c], planes[c, 0] + planes[c, 3] + planes[c, 6]
-        lean = (abs(p[1] + p[4] + p[7]) + abs(p[2] + p[5] + p[8])) * low[c] * low[c] if w > 0 else np.float32(0)
-        g = 0
-        while g < groups and not (owner[g] == part[candidates[c]] and low[c] - far[g] <= max(STEP_M, SLANT * max(lean, slant[g]))):
-            g += 1
-        if g == groups:
-            owner[g], far[g], slant[g] = part[candidates[c]], high[c], lean
-            groups += 1
-        group[i], far[g], slant[g] = g, max(far[g], high[c]), max(slant[g], lean)
-    return group
-
-
-@njit(cache=True, nogil=True)
-def _mean(g: int, group: Int32, seen: Int32, total: Float, size: Int32) -> float:
-    """Mean z of a surface's samples."""
-    z = 0.0
-    for i in range(len(seen)):
-        if group[i] == g:
-            z += total[seen[i]]
-    return z / size[g]
-
-
-@njit(cache=True, nogil=True)
-def _front(g: int, group: Int32, seen: Int32, count: Int32, candidates: Int32, centre: int) -> int:
+def _front(g: int, found: int, seen: Int32, group: Int32, count: Int32, candidates: Int32, centre: int) -> int:
     """The face that stands for a surface: the one at the pixel's centre, else the one with most samples."""
     best = -1
-    for i in range(len(seen)):
+    for i in range(found):
         if group[i] == g:
             if candidates[seen[i]] == centre:
                 return centre
-            if best < 0 or count[seen[i]] > count[seen[best]]:
-                best = i
-    return candidates[seen[best]]
+            if best < 0 or count[seen[i]] > count[best]:
+                best = seen[i]
+    return candidates[best]

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Samples of a pixel counted per face, and faces joined to surfaces: one part, no step in depth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tof_core.arrays import Float
+
+    Int32 = NDArray[np.int32]
+    Float32 = NDArray[np.float32]
+
+ONE, TINY, FAR = np.float32(1.0), np.float32(1e-30), np.float32(1e30)
+STEP_M = 1e-3
+"""Within one part, what lies further apart than this along z (and than its slant explains) is another surface."""
+SLANT = 0.15
+"""Share of a face's depth range in a pixel that may lie between neighbouring samples of it."""
+
+
+@njit(cache=True, nogil=True)
+def tally(inverse: Float32, owner: Int32, drawn: Int32, count: Int32, depths: Float, seen: Int32) -> tuple[int, int]:
+    """Per drawn candidate its samples `count` and `depths` (sum, nearest, farthest z); lists those seen, nearest first.
+
+    Returns how many are seen and how many samples nothing fills. 1/z in `inverse` becomes z.
+    """
+    for s in range(len(inverse)):
+        inverse[s] = ONE / max(inverse[s], TINY)
+    found, void = 0, len(owner)
+    for c in drawn:
+        n, total, low, high = _sums(inverse, owner, c)
+        if n:
+            count[c], depths[c, 0], depths[c, 1], depths[c, 2] = n, total, low, high
+            void -= n
+            at = found
+            while at > 0 and depths[seen[at - 1], 1] > low:
+                seen[at] = seen[at - 1]
+                at -= 1
+            seen[at] = c
+            found += 1
+        if void == 0:
+            break
+    return found, void
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _sums(z: Float32, owner: Int32, c: np.int32) -> tuple[int, float, float, float]:
+    """Count, sum, least and greatest z of one candidate's samples."""
+    n, total, low, high = np.int32(0), np.float32(0), FAR, np.float32(0)
+    for s in range(len(z)):
+        mine = owner[s] == c
+        n += np.int32(1) if mine else np.int32(0)
+        total += z[s] if mine else np.float32(0)
+        low = min(low, z[s] if mine else FAR)
+        high = max(high, z[s] if mine else np.float32(0))
+    return n, total, low, high
+
+
+@njit(cache=True, nogil=True)
+def group_faces(
+    found: int, seen: Int32, candidates: Int32, planes: Float32, part: NDArray[np.int16], depths: Float, group: Int32, marks: Float
+) -> int:
+    """Surface of each seen face: faces of one part whose depths in the pixel follow on each other; returns how many surfaces.
+
+    `marks` (n, 3) is scratch: part, farthest z and largest depth range of each surface so far.
+    """
+    groups = 0
+    for i in range(found):
+        c = seen[i]
+        owner, near, far, lean = part[candidates[c]], depths[c, 1], depths[c, 2], _lean(planes, c, depths[c, 1])
+        g = 0
+        while g < groups and not (marks[g, 0] == owner and near - marks[g, 1] <= max(STEP_M, SLANT * max(lean, marks[g, 2]))):
+            g += 1
+        if g == groups:
+            marks[g, 0], marks[g, 1], marks[g, 2] = owner, far, lean
+            groups += 1
+        group[i] = g
+        marks[g, 1], marks[g, 2] = max(marks[g, 1], far), max(marks[g, 2], lean)
+    return groups
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _lean(planes: Float32, c: int, z: float) -> float:
+    """How far a face's plane reaches along z over the whole pixel."""
+    per_u, per_v = planes[c, 1] + planes[c, 4] + planes[c, 7], planes[c, 2] + planes[c, 5] + planes[c, 8]
+    return (abs(per_u) + abs(per_v)) * z * z
+
+
+@njit(cache=True, nogil=True)
+def surface_size(g: int, found: int, seen: Int32, group: Int32, count: Int32) -> int:
+    """Samples of a surface."""
+    size = 0
+    for i in range(found):
+        if group[i] == g:
+            size += count[seen[i]]
+    return size
+
+
+@njit(cache=True, nogil=True)
+def surface_sum(g: int, found: int, seen: Int32, group: Int32, depths: Float) -> float:
+    """Sum of z over a surface's samples."""
+    z = 0.0
+    for i in range(found):
+        if group[i] == g:
+            z += depths[seen[i], 0]
+    return z
