@@ -11,6 +11,7 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, Temperature, TimeReference
 from tf2_msgs.msg import TFMessage
 
+from tof_core.builder import NO_TRANSFORM
 from tof_core.config import param, section
 from tof_core.decode import stamp_ns
 from tof_core.options import NOT_WANTED
@@ -61,7 +62,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         super().__init__(NAME, "preproc", PreprocNodeConfig, fixed=("input.", "still.", "station.", "live."), **options)
         self._topics = self._input_topics()
         self._arrivals: dict[int, float] = {}
-        self._last_info = self._first_frame = float("-inf")
+        self._last_info = float("-inf")
         self._stream = PreprocStream(
             self.config, replace(self._topics, amplitude=self.config.input.amplitude_topic.removesuffix(NOT_WANTED)),
             TransformBuffer(self.config.input.max_gap_s, keep_s=self.config.live.keep_tf_s), need_tf=self.config.live.need_tf,
@@ -103,8 +104,6 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
 
     def _frame(self, message: Any, take: Any) -> None:
         arrived = self.tally.arrived()
-        if self._first_frame < 0:
-            self._first_frame = arrived
         self._arrivals[stamp_ns(message)] = arrived
         take(message)
         self._advance()
@@ -178,14 +177,11 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
 
     def warnings(self) -> list[str]:
         """Frames without camera_info or without TF."""
-        now, out = time.monotonic(), []
-        if self.tally.silence() < 2.0 and now - self._first_frame > 2.0:
-            if now - self._last_info > 2.0:
-                out.append(f"{self.resolve_topic_name(self._topics.depth or self._topics.points)} is seen, but no "
-                           f"{self.resolve_topic_name(self._topics.info)} for 2 s: is it published, and heard (QoS)?")
-            if self.config.live.need_tf and self._tf.age > 2.0:
-                out.append("no /tf for 2 s: is the robot's state publisher running?")
-        if self._stream.builder.skipped["no transform"]:
+        out, t = [], self._topics
+        if self.tally.last_arrival - max(self._last_info, self.tally.first_arrival) > 2.0:
+            frames, info = self.resolve_topic_name(t.depth or t.points), self.resolve_topic_name(t.info)
+            out.append(f"{frames} is seen, but no {info} for 2 s: is it published, and heard (QoS)?")
+        if self._stream.builder.skipped[NO_TRANSFORM]:
             out.append(f"transform: {self._stream.builder.last_error}")
         return out
 

@@ -25,6 +25,7 @@ class Tally:
     def __init__(self, window: int = 256) -> None:
         """Keep the last `window` arrivals and latencies."""
         self.seen = self.kept = 0
+        self.first_arrival = self.last_arrival = float("-inf")
         self.skipped: Counter[str] = Counter()
         self._arrivals: deque[float] = deque(maxlen=window)
         self._latencies: deque[float] = deque(maxlen=window)
@@ -32,6 +33,8 @@ class Tally:
     def arrived(self) -> float:
         """Count a frame; returns its time of arrival."""
         now = time.monotonic()
+        self.first_arrival = now if self.seen == 0 else self.first_arrival
+        self.last_arrival = now
         self.seen += 1
         self._arrivals.append(now)
         return now
@@ -53,7 +56,7 @@ class Tally:
 
     def silence(self) -> float:
         """Seconds since the last arrival, infinite before the first."""
-        return time.monotonic() - self._arrivals[-1] if self._arrivals else float("inf")
+        return time.monotonic() - self.last_arrival
 
     def latency(self, percentile: float) -> float:
         """A percentile of the times from arrival to the last output, NaN before the first."""

@@ -21,7 +21,7 @@ from tof_ros import messages, qos
 from tof_ros.recorder import message_class
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from rclpy.context import Context
     from rclpy.publisher import Publisher
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 MOST_IN_FLIGHT = 24
 """Frames open at a time in any case: sensors' queues are 32 deep."""
+DISCOVERY_S = 0.5
+"""The nodes among themselves have found each other so long after they found us."""
 SETTLE_S = 1.0
 """Silence after which nodes are asked for what they hold: all that was sent has then been taken."""
 SILENCE_S = 10.0
@@ -91,8 +93,11 @@ class Player(Node):
         self._alive: Callable[[], bool] = lambda: True
         self._ticker = self.create_publisher(Clock, "/clock", qos.OUTPUT)
         self.report = PlayReport()
-        for topic in (self._first, *self._after):
+        self._out["/clock"] = self._ticker
+        self._answers = [
             self.create_subscription(TimeReference, topic, lambda m, t=topic: self._answered(t, m), qos.RECORD)
+            for topic in (self._first, *self._after)
+        ]
 
     def _answered(self, topic: str, message: TimeReference) -> None:
         stamp = messages.to_ns(message.header.stamp)
@@ -109,19 +114,19 @@ class Player(Node):
                     del self._open[stamp]
             self._changed.notify_all()
 
-    def wait_for_graph(self, topics: Iterable[str], alive: Callable[[], bool], timeout_s: float = 30.0) -> None:
-        """Until somebody listens to each of `topics` and to the clock, and answers on each `done` topic."""
+    def wait_for_graph(self, heard: Mapping[str, int], alive: Callable[[], bool], timeout_s: float = 60.0) -> None:
+        """Until so many listen to each topic of `heard` (`advertise` comes first), and all answers can be heard."""
         deadline = time.monotonic() + timeout_s
-        wanted = [*topics, "/clock"]
         while True:
-            deaf = [t for t in wanted if not self.count_subscribers(t)]
-            mute = [t for t in (self._first, *self._after) if not self.count_publishers(t)]
+            deaf = [t for t, n in heard.items() if self._out[t].get_subscription_count() < n]
+            mute = [s.topic_name for s in self._answers if not self.count_publishers(s.topic_name)]
             if not deaf and not mute:
+                time.sleep(DISCOVERY_S)
                 return
             if not alive():
                 raise ReplayError("the graph stopped while it started", todo="its messages are above")
             if time.monotonic() > deadline:
-                missing = f"nobody listens to {deaf[0]}" if deaf else f"nobody publishes {mute[0]}"
+                missing = f"not enough listen to {deaf[0]}" if deaf else f"nobody publishes {mute[0]}"
                 raise ReplayError(f"{missing} after {timeout_s:.0f} s", todo="is the graph running in this ROS_DOMAIN_ID?")
             time.sleep(0.05)
 

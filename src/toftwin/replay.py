@@ -106,7 +106,8 @@ def replay(
         stack.enter_context(spinning([player]))
         graph = stack.enter_context(graph_process(spec, domain))
         player.advertise({**played, "/tf": TF, "/tf_static": TF}.items())
-        player.wait_for_graph([*_heard(reader), "/tf", "/tf_static"], graph.alive)
+        everybody = dict.fromkeys(("/tf", "/tf_static", "/clock"), len(spec.nodes))
+        player.wait_for_graph({**dict.fromkeys(_heard(reader), 1), **everybody}, graph.alive)
         if (placed := reader.chain.placed) is not None:
             player.place(placed.frame, reader.chain.cell or "cell", placed.T_frame_cell)
         for _ in progress(player.play(reader.messages(tuple(played)), graph.alive), "replay", reader.frame_count):
