@@ -46,6 +46,8 @@ class Labelled:
     sigma: Float
     pose_mm: float
     pose_deg: float
+    masked: float
+    """Share of the pixels on the CAD that the mask leaves out."""
 
     def within(self, sigmas: float) -> float:
         """Per cent of label errors within so many of their own sigmas."""
@@ -89,15 +91,17 @@ def labelled(session: Recorded, align: AlignConfig, label: LabelConfig | None = 
     """Solve and label a session and compare with its truth."""
     caster, views = Raycaster(session.scene), session.views()
     solution = solve_session(views, caster, align)
-    errors, sigmas, off = [], [], []
+    errors, sigmas, off, masked = [], [], [], []
     for view, posed, true, T in zip(views, solution.posed, session.truth["depth"], session.truth["T_cell_camera"], strict=True):
         made = label_view(view, posed, caster, label)
         used = (made.mask == 1) & np.isfinite(true)
         errors.append((made.depth - true)[used])
         sigmas.append(made.sigma[used])
+        masked.append(1.0 - used.sum() / (np.isfinite(made.depth) & np.isfinite(true)).sum())
         off.append(se3.distance(posed.T_cell_camera, T))
     metres, degrees = np.median(off, axis=0)
-    return Labelled(solution, np.concatenate(errors).astype(float), np.concatenate(sigmas).astype(float), 1e3 * metres, degrees)
+    error, sigma = np.concatenate(errors).astype(float), np.concatenate(sigmas).astype(float)
+    return Labelled(solution, error, sigma, 1e3 * metres, degrees, float(np.mean(masked)))
 
 
 def truth() -> list[Figure]:
@@ -109,7 +113,7 @@ def truth() -> list[Figure]:
             1e3 * float(np.abs(result.error).mean()),
             0.2,
             "mm",
-            remark=f"median pose off by {result.pose_mm:.3f} mm, {result.pose_deg:.4f} deg",
+            remark=f"median pose off by {result.pose_mm:.3f} mm, {result.pose_deg:.4f} deg; {100 * result.masked:.1f} % of the CAD's pixels masked",
         )
     ]
 
@@ -122,6 +126,7 @@ def honesty() -> list[Figure]:
         whole = labelled(session, AlignConfig())
         bare = labelled(session, AlignConfig(), LabelConfig(unseen_offset_mm=0.0))
         icp = labelled(session, AlignConfig(mode="per_view"))
+        offset = labelled(recorded(name, SESSION, {"range_offset": 1.0}), AlignConfig())
         moved = np.abs(se3.log(whole.solution.X)) / AlignConfig().priors.hand_eye
         mae = {key: 1e3 * float(np.abs(r.error).mean()) for key, r in (("session", whole), ("per-view ICP", icp))}
         figures += [
@@ -139,6 +144,13 @@ def honesty() -> list[Figure]:
                 1.0,
                 "",
                 remark=f"session {mae['session']:.2f} mm, per-view ICP {mae['per-view ICP']:.2f} mm",
+            ),
+            at_least(
+                f"label errors within 2 sigma, {name}: a constant range offset of 3 mm, which no session sees",
+                offset.within(2),
+                90.0,
+                "%",
+                remark=f"MAE {1e3 * np.abs(offset.error).mean():.2f} mm, median sigma {1e3 * np.median(offset.sigma):.2f} mm",
             ),
             at_most(f"hand-eye moved, {name}: the same", float(moved.max()), 3.0, "prior sigmas"),
         ]

@@ -23,6 +23,9 @@ class LabelConfig:
     )
     edge_px: float = param(0.05, "least uncertainty of a silhouette in the image", unit="px", low=0.0, high=5.0)
     max_incidence_deg: float = param(85.0, "labels seen at a flatter angle are masked", unit="deg", low=0.0, high=90.0)
+    max_sigma_mm: float = param(
+        10.0, "labels less certain than this are masked: at silhouettes the pose decides which surface a pixel sees", unit="mm", low=0.01
+    )
     foreign_mm: float = param(
         60.0, "a patch measured farther than this from its label (beyond 3 sigma) is something else than the CAD", unit="mm", low=1.0
     )

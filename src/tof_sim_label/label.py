@@ -58,8 +58,8 @@ def label_view(view: View, posed: Posed, caster: Raycaster, config: LabelConfig 
 
 
 def _usable(view: View, rendering: Rendering, sigma: Image, config: LabelConfig) -> Mask:
-    """Pixels that show the CAD, steeply enough, and nothing else in front or in its place."""
-    on_cad = np.isfinite(rendering.depth) & (rendering.incidence <= np.radians(config.max_incidence_deg))
+    """Pixels that show the CAD, steeply enough, surely enough, and nothing else in front or in its place."""
+    on_cad = (sigma <= config.max_sigma_mm * 1e-3) & (rendering.incidence <= np.radians(config.max_incidence_deg))
     return np.asarray(on_cad & (view.reason != Reason.SELF) & ~foreign(view, rendering.depth, sigma, config))
 
 

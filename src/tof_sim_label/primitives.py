@@ -31,7 +31,7 @@ class PrimitiveConfig:
     min_share: float = param(0.0012, "least share of all points that make a surface", low=1e-4, high=1.0)
     max_radius_mm: float = param(300.0, "largest sphere", unit="mm", low=1.0)
     max_count: int = param(32, "most surfaces", low=1)
-    candidates: int = param(400, "candidates tried per surface and kind", low=10)
+    candidates: int = param(300, "candidates tried per surface and kind", low=10)
     seed: int = param(0, "seed of the random candidates", low=0)
 
 
@@ -88,22 +88,24 @@ def fit_primitives(depth: Image, camera: Camera, config: PrimitiveConfig | None 
     """
     config = config or PrimitiveConfig()
     points, normals = oriented_points(depth, camera, config.stride)
-    ok = np.isfinite(normals).all(axis=-1)
+    ok = np.isfinite(points + normals).all(axis=-1)
     where = np.flatnonzero(ok)
     p, n = points.reshape(-1, 3)[where], normals.reshape(-1, 3)[where]
     left, rng, found = np.ones(len(p), bool), np.random.default_rng(config.seed), list[Fitted]()
     least = max(20, int(config.min_share * len(p)))
     while left.sum() >= least and len(found) < config.max_count:
         surface = _best(p[left], n[left], config, rng)
-        inlier = np.zeros(len(p), bool)
-        if surface is not None:
-            inlier[left] = _agree(surface, p[left], n[left], config)
-        patch = largest_patch(_spread(inlier, where, ok.shape))
-        inlier &= patch.ravel()[where]
-        if surface is None or inlier.sum() < least:
+        if surface is None:
             break
-        found.append(Fitted(surface, patch, float(np.sqrt(np.mean(surface.distance(p[inlier]) ** 2)))))
-        left &= ~inlier
+        agreeing = np.zeros(len(p), bool)
+        agreeing[left] = _agree(surface, p[left], n[left], config)
+        patch = largest_patch(_spread(agreeing, where, ok.shape))
+        inlier = agreeing & patch.ravel()[where]
+        if inlier.sum() >= least:
+            found.append(Fitted(surface, patch, float(np.sqrt(np.mean(surface.distance(p[inlier]) ** 2)))))
+            left &= ~inlier
+        else:
+            left &= ~agreeing  # scraps here and there are no surface
     if not found:
         msg = "no plane and no sphere found"
         raise RefusedError(msg, where="depth image", todo="give a scene.yaml with CAD instead")
@@ -120,7 +122,7 @@ def oriented_points(depth: Image, camera: Camera, stride: int) -> tuple[Float, F
 
     valid = np.isfinite(depth).astype(np.float32)
     filled = np.where(valid > 0, depth, 0.0).astype(np.float32)
-    size = (2 * stride - 1, 2 * stride - 1)
+    size = (max(2 * stride - 1, 3),) * 2
     weight = cv2.blur(valid, size)
     mean = cv2.blur(filled, size) / np.where(weight > 0.99, weight, np.nan)
     smooth = (camera.rays() * mean[..., None])[::stride, ::stride]
@@ -150,14 +152,15 @@ def _best(p: Float, n: Float, config: PrimitiveConfig, rng: np.random.Generator)
     candidates = [*_planes(*few, config, rng), *_spheres(*few, config, rng)]
     if not candidates:
         return None
-    support = [int(_agree(c, *few, config).sum()) for c in candidates]
+    judges = p[sample[::3]], n[sample[::3]]
+    support = [int(_agree(c, *judges, config).sum()) for c in candidates]
     best = candidates[int(np.argmax(support))]
     for _ in range(5):
         inlier = _agree(best, p, n, config)
         if inlier.sum() < 10:
             return None
         best = refine(best, p[inlier])
-    return best
+    return best if _agree(best, p, n, config).any() else None
 
 
 def _agree(surface: Surface, p: Float, n: Float, config: PrimitiveConfig) -> Mask:
@@ -178,19 +181,19 @@ def _planes(p: Float, n: Float, config: PrimitiveConfig, rng: np.random.Generato
 
 def _spheres(p: Float, n: Float, config: PrimitiveConfig, rng: np.random.Generator) -> list[Surface]:
     """Spheres whose centre is where the normals of two nearby points meet."""
-    out = list[Surface]()
-    reach = config.max_radius_mm * 1e-3
-    for i in rng.choice(len(p), min(len(p), config.candidates), replace=False):
-        near = np.flatnonzero(np.linalg.norm(p - p[i], axis=1) < 0.5 * reach)
-        j = int(rng.choice(near))
-        turn = n[j] - n[i]
-        if np.linalg.norm(turn) < 0.2:
-            continue
-        # p_i - R n_i = p_j - R n_j, the radius that fits best
-        radius = float((p[j] - p[i]) @ turn / (turn @ turn))
-        if 0.01 < radius < reach:
-            out.append(Sphere(0.5 * (p[i] + p[j] - radius * (n[i] + n[j])), radius))
-    return out
+    from scipy.spatial import cKDTree
+
+    near = cKDTree(p).query(p, k=min(len(p), 40))[1]
+    other = near[np.arange(len(p)), rng.integers(near.shape[1], size=len(p))]
+    way, turn = p[other] - p, n[other] - n
+    # p_i - R n_i = p_j - R n_j; the radius that fits best, and how well the two centres agree
+    radius = (way * turn).sum(axis=1) / np.maximum((turn**2).sum(axis=1), 1e-12)
+    miss = np.linalg.norm(way - radius[:, None] * turn, axis=1)
+    bent = np.linalg.norm(turn, axis=1) > 0.2
+    good = np.flatnonzero(bent & (radius > 0.01) & (radius < 1e-3 * config.max_radius_mm) & (miss < 0.3 * radius))
+    good = rng.permutation(good)[: config.candidates]
+    centre = 0.5 * (p + p[other] - radius[:, None] * (n + n[other]))
+    return [Sphere(centre[k], float(radius[k])) for k in good]
 
 
 def refine(surface: Surface, p: Float) -> Surface:
