@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Train the network that the package carries: record virtual sessions of many scenes, label them, train (`make model`)."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from pathlib import Path
+
+from benchmarks.infer_data import EXACT_ROBOT, TwinCamera, label_bag, record_bag
+from benchmarks.infer_scenes import random_scene
+from tof_core.progress import progress
+
+HELD_OUT = "body_section"
+"""The built-in scene on which the sweep is judged; nothing is ever trained or tuned on it."""
+TRAINED = ("housing", "pipework")
+DEFAULT = Path("src/tof_infer/models/default.onnx")
+EXAMPLE = "example: python -m benchmarks.make_model --work out/model --scenes 40 --epochs 60"
+
+
+def make_data(work: Path, scenes: int, views: int) -> list[Path]:
+    """Labelled datasets of random and built-in scenes, one each; those that are there are kept."""
+    from tof_scene.builtin import make_builtin
+
+    camera = TwinCamera.measured()
+    jobs = [(f"random_{k:02d}", k, views) for k in range(1, scenes + 1)] + [(name, 900 + k, 4 * views) for k, name in enumerate(TRAINED)]
+    datasets = []
+    for name, seed, count in progress(jobs, "scenes", len(jobs)):
+        dataset = work / f"{name}.zarr"
+        datasets.append(dataset)
+        if dataset.exists():
+            continue
+        scene = make_builtin(name) if name in TRAINED else random_scene(seed)
+        shutil.rmtree(work / f"{name}.part", ignore_errors=True)
+        bag = work / f"{name}_session"
+        shutil.rmtree(bag, ignore_errors=True)
+        record_bag(scene, camera, bag, seed=10_000 + seed, settings={"plan.views": count, "plan.stations": max(count // 2, 1), **EXACT_ROBOT})
+        label_bag(bag, scene, work / f"{name}.part")
+        (work / f"{name}.part").rename(dataset)
+    return datasets
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Make data, then train; both go on where they were stopped."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.make_model", description=__doc__, epilog=EXAMPLE)
+    parser.add_argument("--work", type=Path, default=Path("out/model"), help="folder of sessions, datasets and checkpoints")
+    parser.add_argument("--out", type=Path, default=DEFAULT, help="the model to write")
+    parser.add_argument("--scenes", type=int, default=40, help="random scenes")
+    parser.add_argument("--views", type=int, default=10, help="views of each")
+    parser.add_argument("--data-only", action="store_true", help="stop before training")
+    options, rest = parser.parse_known_args(arguments)
+    options.work.mkdir(parents=True, exist_ok=True)
+    datasets = make_data(options.work, options.scenes, options.views)
+    if options.data_only:
+        return 0
+    from toftwin.cli import main as toftwin
+
+    return toftwin(["train", *map(str, datasets), "--out", str(options.out), *rest])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""More frames of a labelled view: the label sent through a fitted sensor model (`sensor.yaml`), with fresh scatter each time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from tof_sensor.frame import Context, Frame
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Image
+    from tof_core.camera import Camera
+    from tof_infer.samples import Sample
+    from tof_sensor.model import SensorModel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Labelled:
+    """What effects read of a rendering (`tof_scene.render.Rendering`), as far as a label tells."""
+
+    camera: Camera
+    T_cell_camera: Float
+    depth: Image
+    part: Any
+    face: Any
+    normal: Image
+    incidence: Image
+    albedo: Image
+    mixed: Image
+    second: Image
+
+
+@dataclass(frozen=True, slots=True)
+class Redraw:
+    """Samples drawn anew: measured amplitude, label's depth, the model's bias and scatter.
+
+    Effects that need a CAD to cast rays against (multipath), or a second surface (flying pixels), add nothing here: they are
+    in the recorded frames.
+    """
+
+    model: SensorModel
+    camera: Camera
+
+    def __call__(self, sample: Sample, rng: np.random.Generator) -> Sample:
+        """The same view as the modelled sensor would see it."""
+        seen = np.isfinite(sample.label) & np.isfinite(sample.depth)
+        depth = np.where(seen, sample.label, np.nan)
+        amplitude = np.where(np.isfinite(sample.amplitude) & (sample.amplitude > 0), sample.amplitude, 1.0).astype(np.float64)
+        zero = np.zeros(depth.shape)
+        frame = Frame(cast("Any", self._labelled(sample, depth)), self.camera.rays(), depth.astype(np.float64), amplitude, zero, zero,
+                      Context(temperature=sample.temperature))
+        drawn = self.model.apply(frame, rng)
+        lost = rng.uniform(size=depth.shape) < drawn.missing
+        # pixels at edges keep what was measured: there the label alone does not say what the sensor saw
+        kept = ~(_smooth(sample.label) & sample.mask)
+        return replace(sample, depth=np.where(kept, sample.depth, np.where(lost, np.nan, drawn.depth)).astype(np.float32))
+
+    def _labelled(self, sample: Sample, depth: Float) -> Labelled:
+        none = np.full(depth.shape, np.nan, np.float32)
+        number = np.full(depth.shape, -1, np.int32)
+        return Labelled(self.camera, np.eye(4), depth.astype(np.float32), number, number, _normals(self.camera, depth), sample.incidence,
+                        sample.material, np.zeros(depth.shape, np.float32), none)
+
+
+def _normals(camera: Camera, depth: Float) -> Image:
+    """Unit normals (H, W, 3) toward the camera, from neighbouring points."""
+    points = camera.rays() * np.nan_to_num(depth)[..., None]
+    normal = np.cross(np.gradient(points, axis=0), np.gradient(points, axis=1))
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True) + 1e-12
+    away = np.einsum("...i,...i->...", normal, points) > 0
+    return np.where(away[..., None], -normal, normal).astype(np.float32)
+
+
+def _smooth(depth: Image) -> Any:
+    """Pixels whose neighbours continue one surface: depth changes by less than 2 % of itself to all sides."""
+    smooth = np.isfinite(depth)
+    for axis in (0, 1):
+        step = np.abs(np.diff(depth, axis=axis, append=np.take(depth, [-1], axis=axis)))
+        fine = step < 0.02 * np.abs(depth)
+        smooth &= fine & np.roll(fine, 1, axis=axis)
+    return smooth

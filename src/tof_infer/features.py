@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the network sees of a frame: raw images made into channels, inside the exported graph.
+
+Invalid is NaN (or anything that is no depth); each input is zero where it is not there and has a mask that says so.
+
+- *relief*: depth against its own neighbourhood (9 pixels, and 20 blocks), through asinh: millimetres of noise and metres of a step both keep
+  their order. It carries surface shape, noise and edges and nothing of where the surface is, so it transfers between scenes.
+- *range*, and sine and cosine of it at a few periods (learnt from octaves of 1.5 m): errors of the modulation, wiggling above all, are
+  periodic in range and the same in every scene of one camera.
+- *log amplitude*, absolute (amplitude bias follows it), times range squared (albedo times cosine: how much a surface lights others), and
+  against its neighbourhood (albedo edges).
+- *ray*: fixed patterns and lens errors are tied to it. *Temperature*.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F  # noqa: N812 (as PyTorch calls it)
+
+if TYPE_CHECKING:
+    from tof_infer.config import NetConfig
+
+NEAR, FAR = 0.02, 100.0
+"""Depth outside is no depth, metres."""
+FINE_UNIT_M, COARSE_UNIT_M = 0.004, 0.02
+FINE, COARSE = 9, 20
+
+
+class Features(nn.Module):
+    """Images of a frame to (fine, smooth) channels of blocks of pixels.
+
+    *fine* ones keep every pixel of a block as a channel; *smooth* ones are means over the block.
+    """
+
+    log_amplitude: Tensor
+    temperature: Tensor
+
+    def __init__(self, config: NetConfig) -> None:
+        """Statistics of the inputs are set by `measure` before training."""
+        super().__init__()
+        self.names, self.block = config.names, config.unshuffle
+        self.wave = nn.Parameter(2 * torch.pi / torch.tensor(config.periods)) if config.periods else None
+        self.register_buffer("log_amplitude", torch.tensor([0.0, 1.0]))
+        self.register_buffer("temperature", torch.tensor([35.0, 10.0]))
+
+    @property
+    def fine_channels(self) -> int:
+        """How many channels of the finest level come from full resolution."""
+        return (2 + ("amplitude" in self.names)) * self.block**2
+
+    @property
+    def smooth_channels(self) -> int:
+        """How many channels are means over a block."""
+        waves = 0 if self.wave is None else 2 * len(self.wave)
+        each = {"depth": 2 + waves, "amplitude": 3, "ray": 2, "temperature": 2, "incidence": 2, "material": 2}
+        return sum(each[n] for n in self.names)
+
+    def forward(self, images: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+        """Channels (N, fine, H / block, W / block) and (N, smooth, ...), and the mask (N, 1, H, W) of pixels with a depth."""
+        z = images["depth"]
+        valid = ((z > NEAR) & (z < FAR)).to(torch.float32)
+        z = torch.where(valid > 0, z, torch.zeros_like(z))
+        radial = z / images["ray"][:, 2:] if "ray" in images else z
+        fine = [_squash((z - _mean(z, valid, FINE)) / FINE_UNIT_M) * valid, valid]
+        share, near = self._block(valid), self._blocks(z, valid)
+        range_m = self._blocks(radial, valid)
+        smooth = [_squash((near - _coarse(near, share)) / COARSE_UNIT_M) * share, (range_m - 1.0) * share]
+        if self.wave is not None:
+            phase = range_m * self.wave.view(1, -1, 1, 1)
+            smooth += [torch.sin(phase) * share, torch.cos(phase) * share]
+        if "amplitude" in self.names:
+            self._amplitude(images["amplitude"], range_m, valid, fine, smooth)
+        if "ray" in self.names:
+            smooth.append((self._block(images["ray"][:, :2]) + torch.zeros_like(share)) * 2.0)
+        if "temperature" in self.names:
+            smooth += self._spread(images["temperature"], share)
+        for name in ("incidence", "material"):
+            if name in self.names:
+                there = (images[name] >= 0).to(torch.float32) * valid
+                smooth += [self._blocks(torch.where(there > 0, images[name], torch.zeros_like(z)), there), self._block(there)]
+        channels = torch.cat(fine, 1)
+        return F.pixel_unshuffle(channels, self.block) if self.block > 1 else channels, torch.cat(smooth, 1), valid
+
+    def _block(self, x: Tensor) -> Tensor:
+        return F.avg_pool2d(x, self.block) if self.block > 1 else x
+
+    def _blocks(self, x: Tensor, there: Tensor) -> Tensor:
+        """Mean over each block of the pixels that are there; 0 where none is."""
+        return self._block(x * there) / (self._block(there) + 1e-6)
+
+    def _amplitude(self, amplitude: Tensor, range_m: Tensor, valid: Tensor, fine: list[Tensor], smooth: list[Tensor]) -> None:
+        there = ((amplitude > 0) & (amplitude < 1e9)).to(torch.float32) * valid
+        log = torch.log(torch.where(there > 0, amplitude, torch.ones_like(amplitude)))
+        log = (log - self.log_amplitude[0]) / self.log_amplitude[1] * there
+        fine.append((log - _mean(log, there, FINE)) * 2.0 * there)
+        share, level = self._block(there), self._blocks(log, there)
+        albedo = level + 2.0 * torch.log(torch.clamp(range_m, 0.05)) / self.log_amplitude[1]
+        smooth += [level, albedo * share, share]
+
+    def _spread(self, value: Tensor, like: Tensor) -> list[Tensor]:
+        """One number a frame as a channel, with its mask."""
+        value = value.view(-1, 1, 1, 1)
+        there = ((value > -100) & (value < 200)).to(torch.float32)
+        scaled = torch.where(there > 0, (value - self.temperature[0]) / self.temperature[1], torch.zeros_like(value))
+        return [scaled + torch.zeros_like(like), there + torch.zeros_like(like)]
+
+
+def _mean(x: Tensor, there: Tensor, size: int) -> Tensor:
+    """Mean of the pixels that are there over a square window, one axis after the other; 0 where none is."""
+    return _box(x * there, size) / (_box(there, size) + 1e-6)
+
+
+def _box(x: Tensor, size: int) -> Tensor:
+    half = size // 2
+    x = F.avg_pool2d(x, (size, 1), stride=1, padding=(half, 0), count_include_pad=True)
+    return F.avg_pool2d(x, (1, size), stride=1, padding=(0, half), count_include_pad=True)
+
+
+def _coarse(x: Tensor, share: Tensor) -> Tensor:
+    """Mean over about `COARSE` blocks: of blocks of four, then of their neighbours, the same within a block of four."""
+    few = F.avg_pool2d(x * share, 4), F.avg_pool2d(share, 4)
+    mean = _box(few[0], COARSE // 4) / (_box(few[1], COARSE // 4) + 1e-6)
+    return F.interpolate(mean, scale_factor=4.0, mode="nearest")
+
+
+def _squash(x: Tensor) -> Tensor:
+    """asinh by operations that every ONNX runtime has."""
+    return torch.sign(x) * torch.log(torch.abs(x) + torch.sqrt(x * x + 1.0))

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames as the network takes them: unit rays, the padding contract, and the marks of a repaired frame."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Image
+    from tof_core.camera import Camera
+
+
+class Mark(IntEnum):
+    """What became of a pixel."""
+
+    REPAIRED = 0
+    RAW_KEPT = 1
+    """The network does not know: the raw value stands."""
+    INVALID = 2
+    """There was no depth."""
+
+
+def unit_rays(camera: Camera) -> Image:
+    """(3, H, W) unit directions of the pixels."""
+    rays = camera.rays()
+    return np.ascontiguousarray((rays / np.linalg.norm(rays, axis=-1, keepdims=True)).transpose(2, 0, 1), np.float32)
+
+
+def padded_size(shape: tuple[int, int], multiple: int) -> tuple[int, int]:
+    """The padding contract: height and width grow to the next multiple, below and to the right."""
+    return -(-shape[0] // multiple) * multiple, -(-shape[1] // multiple) * multiple

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A trained network at work: one ONNX session, checked against its contract, one frame in, one frame out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core.errors import ModelError, RefusedError
+from tof_infer.card import KEY, OUTPUTS, Card, parse_card
+from tof_infer.config import InferConfig
+from tof_infer.frames import Mark, padded_size, unit_rays
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Bytes, Image, Mask
+    from tof_core.camera import Camera
+    from tof_core.capture import Capture
+
+MAX_BYTES = 200_000_000
+"""A larger file is no network of ours."""
+FAR_OUTSIDE = 2.0
+"""A frame whose median depth is so many times beyond the trained range is another use than the model was made for."""
+DEFAULT_MODEL = Path(__file__).parent / "models" / "default.onnx"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Repaired:
+    """One repaired frame, all (H, W).
+
+    depth: metres along z; where the network does not know (`mark` RAW_KEPT), the raw value. sigma: standard deviation in metres,
+    infinite where the raw value was kept, NaN where there is no depth. mark: uint8, see `Mark`.
+    """
+
+    depth: Image
+    sigma: Image
+    mark: Bytes
+
+    @property
+    def known(self) -> Mask:
+        """Pixels that the network repaired."""
+        return np.asarray(self.mark == Mark.REPAIRED)
+
+
+class Session:
+    """Runs one network. Buffers are reused: one frame at a time.
+
+    Raises:
+        ModelError: no file, damaged, too large, not made by `toftwin train`, or with other inputs than its card says.
+    """
+
+    def __init__(self, config: InferConfig | None = None) -> None:
+        self.config = config or InferConfig()
+        self.path = DEFAULT_MODEL if self.config.model == "default" else Path(self.config.model)
+        self._session = _load(self.path, self.config)
+        self.card = _checked_card(self._session, self.path)
+        self._camera: Camera | None = None
+        self._inputs: dict[str, Any] = {}
+        self.max_sigma_m = self.config.max_sigma_mm * 1e-3 or self.card.max_sigma_m
+
+    @property
+    def device(self) -> str:
+        """Where it runs: cpu or cuda."""
+        return "cuda" if self._session.get_providers()[0].startswith("CUDA") else "cpu"
+
+    def accept(self, camera: Camera) -> None:
+        """Prepare for a camera.
+
+        Raises:
+            RefusedError: the model was made for another one, and the configuration does not force it.
+        """
+        if camera == self._camera:
+            return
+        difference = self.card.difference(camera)
+        if difference and not self.config.force:
+            raise RefusedError(f"the model was made for another camera: {difference}", where=self.path.name,
+                               todo="train one for this camera, or pass --force and check with toftwin evaluate")
+        size = padded_size(camera.shape, self.card.multiple)
+        self._camera = camera
+        self._inputs = {n: np.full((1, 1, *size), np.nan, np.float32) for n in self.card.inputs}
+        self._inputs["ray"] = np.ones((1, 3, *size), np.float32)
+        self._inputs["ray"][0, :, :camera.height, :camera.width] = unit_rays(camera)
+        self._inputs["temperature"] = np.full(1, np.nan, np.float32)
+        self._inputs = {n: self._inputs[n] for n in self.card.inputs}
+
+    def repair(self, capture: Capture, **cad: Image) -> Repaired:
+        """Repair a capture; `cad` may give `incidence` and `material` to a network that was trained with them.
+
+        Raises:
+            RefusedError: another camera, or depths far outside those trained on.
+        """
+        self.accept(capture.camera)
+        self._check_range(capture.depth)
+        self._fill("depth", capture.depth)
+        for name, image in {"amplitude": capture.amplitude, "incidence": cad.get("incidence"), "material": cad.get("material")}.items():
+            if name in self._inputs:
+                self._fill(name, image)
+        if "temperature" in self._inputs:
+            self._inputs["temperature"][0] = capture.temperature
+        depth, sigma = self._session.run(OUTPUTS, self._inputs)
+        h, w = capture.depth.shape
+        return self._judged(capture.depth, depth[0, 0, :h, :w], sigma[0, 0, :h, :w])
+
+    def _fill(self, name: str, image: Image | None) -> None:
+        h, w = self._camera.shape if self._camera else (0, 0)
+        self._inputs[name][0, 0, :h, :w] = np.nan if image is None else image
+
+    def _judged(self, raw: Image, depth: Image, sigma: Image) -> Repaired:
+        """Keep the raw value where the network does not know, says nonsense, or has never seen such a range."""
+        low, high = self.card.range_m
+        there = np.isfinite(raw) & (raw > 0)
+        known = there & (sigma <= self.max_sigma_m) & (depth > 0) & np.isfinite(depth) & (raw > 0.8 * low) & (raw < 1.2 * high)
+        mark = np.where(known, np.uint8(Mark.REPAIRED), np.where(there, np.uint8(Mark.RAW_KEPT), np.uint8(Mark.INVALID)))
+        unknown = np.where(there, np.float32(np.inf), np.float32(np.nan))
+        return Repaired(np.where(known, depth, np.where(there, raw, np.float32(np.nan))), np.where(known, sigma, unknown), mark)
+
+    def _check_range(self, depth: Image) -> None:
+        seen = depth[np.isfinite(depth)]
+        if self.config.force or not seen.size:
+            return
+        middle, (low, high) = float(np.median(seen)), self.card.range_m
+        if not low / FAR_OUTSIDE <= middle <= high * FAR_OUTSIDE:
+            raise RefusedError(f"the frame is {middle:.2f} m away, the model was trained on {low:.2f} to {high:.2f} m", where=self.path.name,
+                               todo="train on such ranges, or pass --force and check with toftwin evaluate")
+
+
+def _load(path: Path, config: InferConfig) -> Any:
+    import onnxruntime as ort
+
+    if not path.is_file():
+        raise ModelError("there is no such model", where=path, todo="train one: toftwin train DATASET --out model.onnx")
+    if path.stat().st_size > MAX_BYTES:
+        msg = f"is {path.stat().st_size / 1e6:.0f} MB large, too large for a depth network"
+        raise ModelError(msg, where=path, todo="give a file that `toftwin train` wrote")
+    options = ort.SessionOptions()
+    options.intra_op_num_threads, options.inter_op_num_threads = config.threads, 1
+    options.log_severity_level = 4
+    available = ort.get_available_providers()
+    if config.device == "cuda" and "CUDAExecutionProvider" not in available:
+        raise RefusedError("onnxruntime has no CUDA here", where="infer.device", todo="install onnxruntime-gpu, or use --device cpu")
+    cuda = ["CUDAExecutionProvider"] if config.device != "cpu" and "CUDAExecutionProvider" in available else []
+    try:
+        # From bytes, so that a model cannot pull in files that lie beside it.
+        return ort.InferenceSession(path.read_bytes(), options, providers=[*cuda, "CPUExecutionProvider"])
+    except Exception as error:  # noqa: BLE001 (onnxruntime raises many kinds)
+        reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        raise ModelError(f"is damaged or no ONNX model ({reason})", where=path, todo="copy it again, or train it again") from None
+
+
+def _checked_card(session: Any, path: Path) -> Card:
+    """The card, held to what the graph really takes and gives."""
+    text = session.get_modelmeta().custom_metadata_map.get(KEY)
+    if text is None:
+        raise ModelError("was not made by `toftwin train` (it has no card)", where=path, todo="train a model; others have no contract to check")
+    card = parse_card(text, path)
+    takes = {i.name: i.type for i in session.get_inputs()}
+    gives = [o.name for o in session.get_outputs()]
+    if list(takes) != list(card.inputs) or set(takes.values()) != {"tensor(float)"} or gives != OUTPUTS:
+        msg = f"takes {', '.join(takes)} and gives {', '.join(gives)}; its card says {', '.join(card.inputs)} and {', '.join(OUTPUTS)}"
+        raise ModelError(msg, where=path, todo="train it again")
+    known = {"depth", "amplitude", "ray", "temperature", "incidence", "material"}
+    if not set(takes) <= known:
+        raise ModelError(f"takes '{min(set(takes) - known)}', which no camera here gives", where=path, todo="train it again")
+    return card

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Training: from datasets to a model and its card; killed at any time, it goes on where it was."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+
+from tof_core.config import to_mapping
+from tof_core.errors import ModelError, RefusedError
+from tof_core.hashing import digest_config
+from tof_core.progress import progress
+from tof_infer.batches import Batcher
+from tof_infer.card import Card
+from tof_infer.export import export
+from tof_infer.honesty import Calibration
+from tof_infer.judge import Verdict, judge
+from tof_infer.loss import loss_of
+from tof_infer.network import RepairNet
+from tof_infer.samples import Pool, Samples
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from tof_core.arrays import Ints
+    from tof_infer.augment import Redraw
+    from tof_infer.config import TrainConfig
+    from tof_sim_label.split import Split
+
+AVERAGED = 0.998
+"""Share of the old in the running average of the weights; the average is what is kept."""
+WARM = 0.02
+FALLS_FROM = 0.4
+"""Share of all steps after which the rate falls."""
+CLIP = 1.0
+
+
+@dataclass(slots=True, eq=False)
+class State:
+    """What a checkpoint holds besides the digest of what it belongs to."""
+
+    net: RepairNet
+    average: RepairNet
+    optimiser: torch.optim.Optimizer
+    epoch: int
+    curves: list[dict[str, float]]
+
+
+def train(
+    paths: Sequence[Path], out: Path, config: TrainConfig, *, redraw: Redraw | None = None, fresh: bool = False,
+    say: Callable[[str], None] = lambda _: None,
+) -> Card:
+    """Train on datasets, write `out` and its card beside it; a checkpoint lies at `<out>.ckpt` until it is done.
+
+    Raises:
+        RefusedError: too few stations, or nothing to learn from.
+        DatasetError: a damaged dataset, or several cameras.
+        ModelError: the checkpoint there is of other data or settings.
+    """
+    config = config.resolved
+    pool = Pool(paths)
+    split = pool.split(config.val, config.test, config.seed)
+    training, validation = _samples(pool, split, config)
+    say(f"{len(training)} captures to train on, {len(validation)} to check on, {pool.stations} stations; "
+        f"left out: {dict(training.skipped + validation.skipped) or 'none'}")
+    device = _prepare(config)
+    state = _new_state(config, training, device)
+    digest = digest_config({"config": to_mapping(config), "data": pool.facts(), "redraw": repr(redraw)})
+    checkpoint = out.with_name(out.name + ".ckpt")
+    if not fresh and checkpoint.exists():
+        _resume(checkpoint, state, digest)
+        say(f"going on after epoch {state.epoch}")
+    batcher, checker = Batcher(training, config, redraw), Batcher(validation, config)
+    while state.epoch < config.epochs:
+        started = time.monotonic()
+        loss = _epoch(state, batcher, config, device)
+        verdict = judge(state.average, checker, device, config.loss)
+        state.epoch += 1
+        state.curves.append({"epoch": state.epoch, "loss": loss, "val_loss": verdict.loss, "val_mae_mm": verdict.mae * 1e3})
+        _save(checkpoint, state, digest)
+        say(f"epoch {state.epoch}/{config.epochs}: loss {loss:.4f}, validation {verdict.loss:.4f}, MAE {verdict.mae * 1e3:.2f} mm "
+            f"(raw {verdict.raw_mae * 1e3:.2f} mm), {time.monotonic() - started:.1f} s")
+    card = _card(config, pool, split, training, judge(state.average, checker, device, config.loss), state)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    export(state.average.cpu(), Calibration(**card.figures["calibration"]), card, out)
+    checkpoint.unlink(missing_ok=True)
+    return card
+
+
+def learning_rate(step: int, steps: int, config: TrainConfig) -> float:
+    """Warms up, stays, falls as a cosine."""
+    share = step / max(steps, 1)
+    if share < WARM:
+        return config.rate * (step + 1) / (WARM * steps + 1)
+    if share < FALLS_FROM:
+        return config.rate
+    return config.rate * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * (share - FALLS_FROM) / (1 - FALLS_FROM))))
+
+
+def _samples(pool: Pool, split: Split, config: TrainConfig) -> tuple[Samples, Samples]:
+    views = split.train
+    if config.limit:
+        views = thinned(views, config.limit)
+    training, validation = Samples(pool, views), Samples(pool, split.val)
+    for name, samples in (("training", training), ("validation", validation)):
+        if not len(samples):
+            why = ", ".join(f"{n} with {reason}" for reason, n in samples.skipped.items()) or "no captures"
+            raise RefusedError(f"nothing to learn from in the {name} views ({why})", where=pool.datasets[0].path,
+                               todo="label again, and look at its verdicts")
+    return training, validation
+
+
+def thinned(views: Ints, count: int) -> Ints:
+    """So many of the views, spread evenly."""
+    return views[np.unique(np.linspace(0, len(views) - 1, min(count, len(views))).astype(int))]
+
+
+def _prepare(config: TrainConfig) -> torch.device:
+    if config.threads:
+        torch.set_num_threads(config.threads)
+    torch.manual_seed(config.seed)
+    if config.device == "cuda" and not torch.cuda.is_available():
+        raise RefusedError("there is no CUDA device", where="train.device", todo="train with --device cpu")
+    return torch.device("cuda" if config.device != "cpu" and torch.cuda.is_available() else "cpu")
+
+
+def _new_state(config: TrainConfig, training: Samples, device: torch.device) -> State:
+    net, average = RepairNet(config.net), RepairNet(config.net)
+    light = np.concatenate([_logs(training[i].amplitude) for i in range(0, len(training), max(len(training) // 50, 1))])
+    if light.size:
+        net.features.log_amplitude.copy_(torch.tensor([float(light.mean()), float(light.std()) + 1e-3]))
+    average.load_state_dict(net.state_dict())
+    net.to(device)
+    average.to(device)
+    optimiser = torch.optim.AdamW(net.parameters(), lr=config.rate, weight_decay=config.decay)
+    return State(net, average, optimiser, 0, [])
+
+
+def _logs(amplitude: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    seen = amplitude[np.isfinite(amplitude) & (amplitude > 0)]
+    return np.asarray(np.log(seen[::17].astype(np.float64)))
+
+
+def _epoch(state: State, batcher: Batcher, config: TrainConfig, device: torch.device) -> float:
+    state.net.train()
+    per_epoch = -(-len(batcher.samples) // config.batch)
+    total, count = 0.0, 0
+    for number, (images, target) in enumerate(progress(batcher.epoch(state.epoch), f"epoch {state.epoch + 1}", per_epoch)):
+        for group in state.optimiser.param_groups:
+            group["lr"] = learning_rate(state.epoch * per_epoch + number, config.epochs * per_epoch, config)
+        images = {k: v.to(device) for k, v in images.items()}
+        depth, log_scale = state.net(images)
+        loss = loss_of(config.loss, depth, log_scale, images, {k: v.to(device) for k, v in target.items()})
+        state.optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(state.net.parameters(), CLIP)
+        state.optimiser.step()
+        _average(state, state.epoch * per_epoch + number)
+        total, count = total + float(loss.detach()), count + 1
+    if not math.isfinite(total):
+        raise RefusedError("the loss is no number any more", where=f"epoch {state.epoch + 1}", todo="train with a smaller --rate")
+    return total / max(count, 1)
+
+
+@torch.no_grad()
+def _average(state: State, step: int) -> None:
+    keep = min(AVERAGED, (1 + step) / (10 + step))
+    for mine, new in zip(state.average.parameters(), state.net.parameters(), strict=True):
+        mine.lerp_(new, 1 - keep)
+
+
+def _save(path: Path, state: State, digest: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(path.name + ".tmp")
+    torch.save({"digest": digest, "epoch": state.epoch, "curves": state.curves, "net": state.net.state_dict(),
+                "average": state.average.state_dict(), "optimiser": state.optimiser.state_dict()}, temporary)
+    temporary.replace(path)
+
+
+def _resume(path: Path, state: State, digest: str) -> None:
+    try:
+        saved = torch.load(path, weights_only=True, map_location="cpu")
+    except Exception as error:
+        raise ModelError("the checkpoint is damaged", where=path, todo="remove it, or pass --fresh") from error
+    if saved["digest"] != digest:
+        raise ModelError("the checkpoint is of other data or settings", where=path, todo="pass --fresh to begin anew, or the old settings")
+    state.net.load_state_dict(saved["net"])
+    state.average.load_state_dict(saved["average"])
+    state.optimiser.load_state_dict(saved["optimiser"])
+    state.epoch, state.curves = saved["epoch"], saved["curves"]
+
+
+def _card(config: TrainConfig, pool: Pool, split: Split, training: Samples, verdict: Verdict, state: State) -> Card:
+    low, high = np.quantile(np.concatenate([training[i].label[training[i].mask][::101] for i in range(len(training))]), [0.002, 0.998])
+    return Card(
+        inputs=config.net.names, multiple=config.net.multiple, camera=pool.camera, range_m=(float(low), float(high)),
+        max_sigma_m=config.max_sigma_mm * 1e-3, config=to_mapping(config), data=pool.facts(),
+        split={"by": "station", "seed": config.seed, "train_views": len(split.train), "val_views": len(split.val), "test_views": len(split.test),
+               "train_captures": len(training)},
+        figures={**verdict.figures(config.max_sigma_mm * 1e-3), "weights": sum(p.numel() for p in state.net.parameters())},
+        curves=state.curves,
+    )

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin infer`: the depth of a bag repaired by a trained network, written to another bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tof_core.errors import UsageError
+
+if TYPE_CHECKING:
+    import argparse
+
+NAME = "infer"
+HELP = "repair the depth of a bag with a trained network: corrected depth and its sigma, frame by frame"
+EXAMPLE = "toftwin infer session/bag --model model.onnx --out out/repaired"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the flags."""
+    from toftwin.options import add_bag_arguments, add_config_arguments
+
+    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
+    parser.add_argument("--model", dest="infer.model", metavar="FILE", help="an .onnx file of `toftwin train` (default: the one in the package)")
+    parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="folder of the bag to write; it must not exist")
+    parser.add_argument("--device", dest="infer.device", choices=("cpu", "cuda", "auto"), help="where to run (default: cpu)")
+    parser.add_argument("--threads", dest="infer.threads", type=int, help="threads of the CPU (default: 2)")
+    parser.add_argument("--force", dest="infer.force", action="store_const", const=True, help="run a model made for another camera or range")
+    parser.add_argument("--only", action="store_true", help="write infer/* alone, without the messages of the bag")
+    parser.add_argument("--json", action="store_true", help="print the counts as JSON")
+    add_bag_arguments(parser)
+    add_config_arguments(parser, _settings)
+
+
+def _settings() -> type[Any]:
+    from toftwin.inference import InferenceConfig
+
+    return InferenceConfig
+
+
+def run(args: argparse.Namespace) -> int:
+    """Repair, print the counts and the time of a frame."""
+    from tof_core.bag import open_bag
+    from toftwin.inference import InferenceConfig, infer_bag
+    from toftwin.options import load_config
+
+    config = load_config(InferenceConfig, args)
+    if args.out.exists():
+        raise UsageError("exists already", where=args.out, todo="name another folder or remove it")
+    with open_bag(args.bag, config.input) as reader:
+        tally = infer_bag(reader, args.out, config.infer, copy=not args.only)
+    if args.json:
+        import json
+
+        print(json.dumps(tally.to_dict(), indent=1))
+        return 0
+    print(f"{tally.frames} frames to {args.out}: {tally.share('repaired'):.1%} of their pixels repaired, {tally.share('raw_kept'):.1%} kept raw "
+          f"(sigma infinite), {tally.share('invalid'):.1%} without depth")
+    print(f"{tally.median_ms:.1f} ms a frame on {tally.device} ({tally.model})")
+    return 0

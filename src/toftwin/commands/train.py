@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin train`: labelled datasets to a network that repairs depth, with a card that says from what."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tof_core.errors import UsageError
+
+if TYPE_CHECKING:
+    import argparse
+
+    from tof_infer.card import Card
+    from tof_infer.config import TrainConfig
+
+NAME = "train"
+HELP = "train the network that repairs depth; killed and started again, it goes on where it was"
+EXAMPLE = "toftwin train out/monday/dataset.zarr out/tuesday/dataset.zarr --out model.onnx --epochs 60"
+FLAGS = ("recipe", "epochs", "batch", "rate", "seed", "limit", "threads", "device")
+"""Settings that have a flag of their own; --set reaches all of them."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the flags."""
+    from tof_core.config import table
+    from tof_infer.config import TrainConfig
+    from toftwin.options import add_config_arguments
+
+    parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="dataset.zarr, or the folder that `toftwin label` wrote")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the .onnx file to write; its card lies beside it as .json")
+    parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml of `toftwin gap`: half of the frames are drawn anew from it")
+    parser.add_argument("--fresh", action="store_true", help="begin anew, whatever checkpoint is there")
+    parser.add_argument("--json", action="store_true", help="print the card's figures as JSON")
+    for info in table(TrainConfig):
+        if info.name in FLAGS:
+            parser.add_argument(f"--{info.name}", type=info.kind, choices=info.choices or None, help=f"{info.text} (default: {info.default})")
+    add_config_arguments(parser, _settings)
+
+
+def _settings() -> type[Any]:
+    from tof_infer.config import TrainConfig
+
+    return TrainConfig
+
+
+def run(args: argparse.Namespace) -> int:
+    """Train, print what came of it."""
+    import sys
+
+    config = load(args)
+    if args.out.suffix != ".onnx":
+        raise UsageError("must end in .onnx", where=f"--out {args.out}")
+    train = _trainer()
+    redraw = _redraw(args)
+    card = train([dataset_at(p) for p in args.datasets], args.out, config, redraw=redraw, fresh=args.fresh,
+                 say=lambda line: print(line, file=sys.stderr, flush=True))
+    if args.json:
+        import json
+
+        print(json.dumps(card.figures, indent=1))
+    else:
+        _print(card, args.out)
+    return 0
+
+
+def load(args: argparse.Namespace) -> TrainConfig:
+    """Settings from file, flags and --set, in this order."""
+    from dataclasses import replace
+
+    from tof_infer.config import TrainConfig
+    from toftwin.options import load_config, parse_settings
+
+    config = load_config(TrainConfig, args)
+    flags = {name: value for name in FLAGS if (value := getattr(args, name)) is not None}
+    if both := sorted(flags.keys() & parse_settings(TrainConfig, args.set).keys()):
+        raise UsageError(f"'{both[0]}' is given twice", where="--set")
+    return replace(config, **flags)
+
+
+def dataset_at(path: Path) -> Path:
+    """The dataset itself, or the one in a folder that `toftwin label` wrote."""
+    inside = path / "dataset.zarr"
+    return inside if inside.exists() else path
+
+
+def _trainer() -> Any:
+    try:
+        from tof_infer.train import train
+    except ModuleNotFoundError as error:
+        if error.name not in {"torch", "onnx"}:
+            raise
+        raise UsageError(f"needs {error.name}, which is not installed", where="train",
+                         todo="run make setup-dev, or pip install 'toftwin[train]'") from None
+    return train
+
+
+def _redraw(args: argparse.Namespace) -> Any:
+    if args.sensor is None:
+        return None
+    from tof_infer.augment import Redraw
+    from tof_sensor.model import load_model
+    from tof_sim_label.dataset import open_dataset
+
+    return Redraw(load_model(args.sensor), open_dataset(dataset_at(args.datasets[0])).camera)
+
+
+def _print(card: Card, out: Path) -> None:
+    f = card.figures
+    print(f"{out}: {f['weights']:,} weights, {out.stat().st_size / 1e6:.2f} MB; card in {out.with_suffix('.json')}")
+    print(f"validation ({card.split['val_views']} views of other stations): MAE {f['val_mae_mm']:.2f} mm, raw {f['val_raw_mae_mm']:.2f} mm")
+    if f["val_mae_known_mm"] is not None:
+        print(f"where it says it knows ({f['val_known']:.1%} of pixels): MAE {f['val_mae_known_mm']:.2f} mm")
+    print(f"errors within 1 sigma {f['val_within_1_sigma']:.1%}, within 2 sigma {f['val_within_2_sigma']:.1%}")
