@@ -102,12 +102,13 @@ def _global_effects(views: Sequence[ViewEvidence]) -> Iterator[tuple[Effect, str
     yield RadialDepth(), ""
     yield Intrinsics(), ""
     yield FixedPattern(), "smooth field"
-    yield Multipath(), ""
+    for mhz in (20.0, 60.0, 100.0):
+        yield Multipath(modulation_mhz=mhz), f"{mhz:g} MHz"
     if "amplitude_bias" not in out:
         seen = np.concatenate([v.frame.amplitude.ravel()[v.pixels] for v in views])
         yield AmplitudeBias(reference=float(np.median(seen[seen > 0]))), ""
-        for width in (0.03, 0.1, 0.3, 1.0):
-            yield LensScatter(width=width), f"width {width:g}"
+        for mhz in (15.0, 30.0, 50.0, 65.0, 80.0, 90.0, 100.0, 110.0, 120.0):
+            yield LensScatter(modulation_mhz=mhz), f"{mhz:g} MHz"
     if "temperature_drift" not in out:
         yield from _drifts(views)
     if "wiggling" not in out:
@@ -116,7 +117,7 @@ def _global_effects(views: Sequence[ViewEvidence]) -> Iterator[tuple[Effect, str
     if "motion" not in out:
         yield Motion(), ""
         yield TimeSync(), ""
-    for lobe in (4.0, 8.0, 16.0):
+    for lobe in (4.0, 8.0, 14.0, 22.0):
         yield Specular(lobe_deg=lobe), f"lobe {lobe:g} deg"
 
 

@@ -17,10 +17,13 @@ from tof_gap.evidence import ViewEvidence, gather
 from tof_gap.select import Selection, Selector, deal, select
 from tof_gap.system import arm_steps, fit
 from tof_scene.render import render
+from tof_sensor.effects.lens_scatter import LensScatter
+from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.wiggling import Wiggling
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from typing import Any
 
     from tof_align.chain import Chain
     from tof_align.config import AlignConfig
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from tof_gap.config import GapConfig
     from tof_gap.system import Fit
     from tof_scene.raycast import Raycaster
+    from tof_sensor.effect import Effect
 
 ROUNDS = 3
 """Linearisations: the first selects from afar, the second anew, the third refines shapes."""
@@ -93,24 +97,29 @@ def moved(chain: Chain, design: Design, solution: Fit, inflate: float) -> Chain:
 
 
 def refined(store: ColumnStore, design: Design, selection: Selection, chain: Chain, config: GapConfig) -> list[Candidate]:
-    """Finer shapes around those chosen: the period of a wiggle."""
+    """Finer frequencies around those of the chosen effects."""
     chosen = [design.candidates[m] for m in selection.chosen.members]
     out: list[Candidate] = []
     for place, candidate in enumerate(chosen):
         effect = candidate.effect
-        if not isinstance(effect, Wiggling):
+        if not isinstance(effect, Wiggling | LensScatter | Multipath):
             continue
         others = [c for i, c in enumerate(chosen) if i != place]
-        best = effect
-        for width in (0.2, 0.03):
-            near_by = [replace(best, modulation_mhz=best.modulation_mhz * (1 + width * s)) for s in np.linspace(-1, 1, 13)]
-            judge = Selector(build(store, [*others, *(_wiggle(e) for e in near_by)], chain, config.hand_sd), config.select)
-            scores = [judge.score([*range(len(others)), len(others) + i], selection.chosen.inflate).score
-                      for i in range(len(near_by))]
-            best = near_by[int(np.argmin(scores))]
-        out.append(_wiggle(best))
+        best: Effect = effect
+        for width in (0.2, 0.05, 0.012) if isinstance(effect, Wiggling) else (0.1,):
+            best = _best_frequency(best, width, others, store, chain, config, selection.chosen.inflate)
+        out.append(Candidate(best.NAME, best, f"{best.modulation_mhz:.1f} MHz"))  # type: ignore[attr-defined]
     return out
 
 
-def _wiggle(effect: Wiggling) -> Candidate:
-    return Candidate(effect.NAME, effect, f"period {effect.period_m * 1e3:.0f} mm")
+def _best_frequency(
+    effect: Any, width: float, others: list[Candidate], store: ColumnStore, chain: Chain, config: GapConfig, inflate: float,
+) -> Any:
+    """The effect at the modulation frequency within `width` (relative) that does best on held-out views."""
+    steps = np.linspace(-1, 1, 13 if isinstance(effect, Wiggling) else 5)
+    near_by = [replace(effect, modulation_mhz=float(effect.modulation_mhz * (1 + width * s))) for s in steps]
+    trial = [Candidate(e.NAME, e) for e in near_by]
+    judge = Selector(build(store, [*others, *trial], chain, config.hand_sd), config.select)
+    base = list(range(len(others)))
+    scores = [judge.score([*base, len(others) + i], inflate).score for i in range(len(trial))]
+    return near_by[int(np.argmin(scores))]

@@ -129,7 +129,7 @@ def test_lens_scatter_pulls_dark_pixels_toward_bright_ones() -> None:
     amplitude = np.ones(CAMERA.shape)
     amplitude[:, :20] = 100.0  # the bright half
     frame = plane_frame(amplitude=amplitude)
-    bias = LensScatter(share=0.01, width=0.3).bias(frame)
+    bias = LensScatter(middle=0.01).bias(frame)
     veil_depth = frame.depth[:, :20].mean()
     dark = bias[:, 30]
     assert np.all(np.sign(dark) == np.sign(veil_depth - frame.depth[:, 30]))

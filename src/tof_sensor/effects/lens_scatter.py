@@ -22,30 +22,36 @@ if TYPE_CHECKING:
     ComplexImage = NDArray[np.complex128]
 
 
+WIDTHS = (0.06, 0.2, 0.8)
+"""Standard deviations of the veil's three parts over the image's width: halo, middle, whole image."""
+
+
 @dataclass(frozen=True, slots=True)
 class LensScatter(Effect):
     """z' = z + s (h * z) on phasors A e^{j phi} (Schafer 2014; TOF_EFFECTS A.8).
 
-    h is a Gaussian of unit sum, `width` of the image wide; s is the veil's share of all light.
+    h is a sum of three Gaussians of unit sum (`WIDTHS`), which follows narrow cores with long
+    tails alike; each share is that part's of all light. Frequency matters: light from a quarter
+    of a wave away turns the phase most, from half a wave not at all.
     """
 
     NAME: ClassVar[str] = "lens_scatter"
     LOCAL: ClassVar[bool] = False
-    LINEAR: ClassVar[tuple[str, ...]] = ("share",)
+    LINEAR: ClassVar[tuple[str, ...]] = ("halo", "middle", "veil")
 
-    share: float = param(0.0, "share of the light that is scattered", low=0.0, high=0.5)
-    width: float = param(0.3, "standard deviation of the veil over the image's width", low=0.01, high=10.0)
-    modulation_mhz: float = param(60.0, "modulation frequency (weak influence)", unit="MHz", low=5.0, high=400.0)
+    halo: float = param(0.0, "share scattered nearby", low=-0.1, high=0.5)
+    middle: float = param(0.0, "share scattered over a fifth of the image", low=-0.1, high=0.5)
+    veil: float = param(0.0, "share scattered over the whole image", low=-0.1, high=0.5)
+    modulation_mhz: float = param(60.0, "modulation frequency", unit="MHz", low=5.0, high=400.0)
 
     def columns(self, frame: Frame) -> Float:
-        """First order in the share: Im(veil / own) over the wave number."""
+        """First order in the shares: Im(veil / own) over the wave number, along z."""
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         light = np.where(frame.valid, frame.amplitude, 0.0)
-        own = light * np.exp(1j * wave * np.nan_to_num(frame.radial))
-        veil = blurred(own, self.width * frame.camera.width)
+        turn = np.exp(1j * wave * np.nan_to_num(frame.radial))
         dark = np.maximum(light, 1e-3 * np.max(light, initial=1e-12))
-        turn = np.imag(veil * np.exp(-1j * wave * np.nan_to_num(frame.radial))) / dark
-        return stack([np.where(frame.valid, turn / wave, 0.0) / frame.length], frame)
+        veils = [blurred(light * turn, width * frame.camera.width) for width in WIDTHS]
+        return stack([np.where(frame.valid, np.imag(v * turn.conj()) / dark / wave, 0.0) / frame.length for v in veils], frame)
 
 
 def blurred(own: ComplexImage, sigma: float) -> ComplexImage:
