@@ -10,6 +10,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -73,38 +74,45 @@ def rest(stream: IO[str]) -> list[str]:
     return [line for line in stream.read().splitlines(keepends=True) if line.endswith("\n")]
 
 
+class SystemCalls:
+    """Counts every sync and rename; at `full_at` and after it the disk is full, at `dies_at` the process is killed."""
+
+    full_at = dies_at = 0
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self._lock, self._count = threading.Lock(), 0
+        for owner, name in ((os, "fsync"), (Path, "replace")):
+            patch.setattr(owner, name, self._counted(getattr(owner, name)))
+
+    def start(self, *, full_at: int = 0, dies_at: int = 0) -> None:
+        self._count, self.full_at, self.dies_at = 0, full_at, dies_at
+
+    def _counted(self, real: Callable[..., object]) -> Callable[..., object]:
+        def call(*args: object) -> object:
+            with self._lock:
+                self._count += 1
+                if self._count == self.dies_at:
+                    os.kill(os.getpid(), signal.SIGKILL)
+                if self.full_at and self._count >= self.full_at:
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return real(*args)
+
+        return call
+
+
 @pytest.fixture
-def system_calls(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """A countdown over every sync and rename: at zero the disk is full; counting up to zero, the process dies."""
-    left = [10**9]
-
-    def counted(name: str, owner: object) -> None:
-        real = getattr(owner, name)
-
-        def call(*args: object, **kwargs: object) -> object:
-            dying = left[0] < 0
-            left[0] += 1 if dying else -1
-            if left[0] == 0 and dying:
-                os.kill(os.getpid(), signal.SIGKILL)
-            if left[0] <= 0 and not dying:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            return real(*args, **kwargs)
-
-        monkeypatch.setattr(owner, name, call)
-
-    counted("fsync", os)
-    counted("replace", Path)
-    return left
+def system_calls(monkeypatch: pytest.MonkeyPatch) -> SystemCalls:
+    return SystemCalls(monkeypatch)
 
 
 @pytest.mark.parametrize("kind", ["capture", "view"])
-def test_a_disk_that_fills_at_any_write_costs_the_frame_alone(tmp_path: Path, system_calls: list[int], kind: str) -> None:
+def test_a_disk_that_fills_at_any_write_costs_the_frame_alone(tmp_path: Path, system_calls: SystemCalls, kind: str) -> None:
     path, said = tmp_path / "d", set[str]()
     with DatasetWriter(path, CAMERA, ATTRIBUTES) as writer:
         append_one(writer, kind)
         for fails_at in range(1, 1000):
             kept = writer.captures + writer.views
-            system_calls[0] = fails_at
+            system_calls.start(full_at=fails_at)
             try:
                 append_one(writer, kind)
             except DatasetError as error:
@@ -114,7 +122,7 @@ def test_a_disk_that_fills_at_any_write_costs_the_frame_alone(tmp_path: Path, sy
                 assert data.captures + data.views in {kept, kept + 1}
             else:
                 break
-        system_calls[0] = 10**9
+        system_calls.start()
     assert fails_at > 20, "every file of the frame was made to fail"
     assert said == {
         f"{path}: cannot be written (No space left on device); every frame before is kept; free some space or name another folder"
@@ -126,7 +134,7 @@ def test_a_disk_that_fills_at_any_write_costs_the_frame_alone(tmp_path: Path, sy
 
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
 @pytest.mark.parametrize("kind", ["capture", "view"])
-def test_a_kill_between_any_two_writes_leaves_a_whole_dataset(tmp_path: Path, system_calls: list[int], kind: str) -> None:
+def test_a_kill_between_any_two_writes_leaves_a_whole_dataset(tmp_path: Path, system_calls: SystemCalls, kind: str) -> None:
     path = tmp_path / "d"
     DatasetWriter(path, CAMERA, ATTRIBUTES).close()
     for dies_at in range(1, 1000, 1 if kind == "capture" else 3):
@@ -149,11 +157,11 @@ def append_one(writer: DatasetWriter, kind: str) -> None:
         writer.append_view(view(writer.views), label(writer.views))
 
 
-def in_a_child_that_dies(at: int, system_calls: list[int], work: Callable[[], None]) -> bool:
+def in_a_child_that_dies(at: int, system_calls: SystemCalls, work: Callable[[], None]) -> bool:
     """Do the work in a fork that kills itself at that system call; whether it got to its end."""
     child = os.fork()
     if child == 0:
-        system_calls[0] = -at
+        system_calls.start(dies_at=at)
         work()
         os._exit(0)
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
@@ -181,8 +189,8 @@ def test_a_real_limit_of_the_system_is_one_line_and_the_writer_goes_on(tmp_path:
     np.testing.assert_array_equal(data.frame("captures/raw", 1), noisy.depth)
 
 
-def test_a_dataset_that_cannot_be_made_leaves_nothing(tmp_path: Path, system_calls: list[int]) -> None:
-    system_calls[0] = 1
+def test_a_dataset_that_cannot_be_made_leaves_nothing(tmp_path: Path, system_calls: SystemCalls) -> None:
+    system_calls.start(full_at=1)
     with pytest.raises(DatasetError, match="No space left"):
         DatasetWriter(tmp_path / "d", CAMERA, ATTRIBUTES)
     assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
