@@ -21,6 +21,8 @@ ROUNDS = 5
 CLOSE = 0.02
 """Relative error of the RMS at which the search stops."""
 MOST_CAPTURES = 12
+NOTHING_M = 1e-7
+"""Below this, a pixel's depth has not changed."""
 
 
 def calibrate(session: Session) -> None:
@@ -60,13 +62,15 @@ def _measured(session: Session, effect: Effect, indices: Sequence[int]) -> Calla
 
 
 def _geometric(session: Session, effect: Effect, indices: Sequence[int]) -> Callable[[], Float]:
-    """The same where what is seen changes; away from edges, where depth would jump."""
+    """The same where what is seen changes; away from edges and from what moved over or off an edge."""
     few = indices[:: max(len(indices) // 6, 1)]
-    before = [_inside(session, i, ()) for i in few]
 
     def error() -> Float:
         session.forget()
-        return np.concatenate([_inside(session, i, (effect,)) - b for i, b in zip(few, before, strict=True)])
+        change = np.concatenate([_inside(session, i, (effect,)) - _inside(session, i, ()) for i in few])
+        size = np.abs(change)
+        usual = np.median(size[size > NOTHING_M]) if (size > NOTHING_M).any() else np.inf
+        return np.where(size > 8 * usual, np.nan, change)
 
     return error
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Bytes, Float
     from tof_virtual.config import VirtualConfig
     from tof_virtual.session import Session
+    from tof_virtual.sight import World
 
 AMBIENT = 0.35
 """Share of light that comes from everywhere."""
@@ -41,30 +42,38 @@ def paint(albedo: float) -> Float:
     return np.asarray(np.clip(albedo * tint / tint.mean(), 0, 1))
 
 
-def photograph(session: Session, index: int) -> Bytes:
-    """RGB image (480, 640, 3) at the moment of a capture."""
-    shutter = session.shutters[index]
+def photograph(session: Session, T_cell_depth: Float, station: int, index: int) -> Bytes:
+    """RGB image (480, 640, 3) taken while the depth camera really is at `T_cell_depth`, in the light of a station."""
     world, camera = session.world(session.effects), colour_camera(session.config)
-    T = session.true_pose(shutter) @ se3.inverse(HAND_OF_CAMERA) @ HAND_OF_COLOUR
+    T = T_cell_depth @ se3.inverse(HAND_OF_CAMERA) @ HAND_OF_COLOUR
     rays = camera.rays().reshape(-1, 3) @ T[:3, :3].T
     z, face = world.tree.cast(np.ascontiguousarray(T[:3, 3]), rays)
     hit = np.flatnonzero(face >= 0)
-    normal = world.soup.normals[face[hit]]
-    normal = normal * -np.sign(np.einsum("ij,ij->i", normal, rays[hit]))[:, None]
-    points = T[:3, 3] + rays[hit] * z[hit, None] + 1e-5 * normal
-    light = np.full((hit.size, 3), AMBIENT)
-    for lamp, rgb in _lamps(session, session.stops[shutter.stop].station):
-        way = lamp - points
-        shading = np.clip(np.einsum("ij,ij->i", way, normal) / np.linalg.norm(way, axis=1), 0, None)
-        lit = np.flatnonzero(shading > 0)
-        shading[lit] *= ~world.tree.blocked(points[lit], np.broadcast_to(lamp, (lit.size, 3)))
-        light += shading[:, None] * rgb
-    paints = np.stack([paint(b.albedo) for b in session.bodies])
     linear = np.full((face.size, 3), BACKGROUND)
+    points = T[:3, 3] + rays[hit] * z[hit, None]
+    paints = np.stack([paint(b.albedo) for b in session.bodies])
+    light = _light(world, points, _facing(world.soup.normals[face[hit]], rays[hit]), _lamps(session, station))
     linear[hit] = paints[world.soup.body[face[hit]]] * light
     noise = np.random.default_rng([session.config.seed, 99, index]).standard_normal(linear.shape, dtype=np.float32)
     grey = 255 * np.clip(linear, 0, 1) ** (1 / 2.2) + NOISE * noise
     return np.asarray(np.clip(grey + 0.5, 0, 255), np.uint8).reshape(*camera.shape, 3)
+
+
+def _facing(normals: Float, rays: Float) -> Float:
+    return np.asarray(normals * -np.sign(np.einsum("ij,ij->i", normals, rays))[:, None])
+
+
+def _light(world: World, points: Float, normals: Float, lamps: list[tuple[Float, Float]]) -> Float:
+    """Linear RGB light (n, 3) on points: from everywhere, and from each lamp that is not hidden."""
+    light = np.full((len(points), 3), AMBIENT)
+    above = points + 1e-5 * normals
+    for lamp, rgb in lamps:
+        way = lamp - above
+        shading = np.clip(np.einsum("ij,ij->i", way, normals) / np.linalg.norm(way, axis=1), 0, None)
+        lit = np.flatnonzero(shading > 0)
+        shading[lit] *= ~world.tree.blocked(above[lit], np.broadcast_to(lamp, (lit.size, 3)))
+        light += shading[:, None] * rgb
+    return light
 
 
 def _lamps(session: Session, station: int) -> list[tuple[Float, Float]]:

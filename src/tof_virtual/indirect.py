@@ -29,6 +29,9 @@ WIDER = 1.3
 STRIDE = 4
 """Pixels between the points at which the light is gathered; between them it is interpolated on the surface."""
 GRAZING = 0.05
+"""Least incidence cosine of a cone, so that no patch becomes endless."""
+NEAR, CUT = 8.0, 5
+"""Patches whose area is more than an eighth of their squared distance are cut into 5 x 5."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,24 +48,26 @@ class Patches:
     power: NDArray[np.complex128]
 
 
-def irradiance(world: World, sight: Sight, rays: Float, wavenumber: float, *, bounces: int = 4) -> NDArray[np.complex128]:
+def irradiance(
+    world: World, sight: Sight, rays: Float, wavenumber: float, *, bounces: int = 4, wider: float = WIDER, cones: tuple[int, int] = CONES,
+) -> NDArray[np.complex128]:
     """Indirect irradiance (P,) of the main surfaces over the emitter's intensity, per square metre.
 
     Its argument is the phase by which the indirect path is longer than the direct one. `wavenumber` is phase per metre of
-    distance (half the path). `rays` (H, W, 3) are the camera's.
+    distance (half the path). `rays` (H, W, 3) are the camera's; the beam is `wider` than they are, cut into `cones`.
     """
-    patches = _patches(world, sight, rays, wavenumber)
+    patches = _patches(world, sight, rays, wavenumber, wider, cones)
     patches = _bounce(world, patches, wavenumber, bounces)
     return _spread(world, sight, patches, wavenumber)
 
 
-def _patches(world: World, sight: Sight, rays: Float, wavenumber: float) -> Patches:
+def _patches(world: World, sight: Sight, rays: Float, wavenumber: float, wider: float, cones: tuple[int, int]) -> Patches:
     """Cast one jittered ray into each cone of the beam."""
-    rows, columns = CONES
+    rows, columns = cones
     low, high = rays[..., :2].min(axis=(0, 1)), rays[..., :2].max(axis=(0, 1))
-    middle, half = 0.5 * (low + high), 0.5 * WIDER * (high - low)
+    middle, half = 0.5 * (low + high), 0.5 * wider * (high - low)
     rng = np.random.default_rng(len(world.soup.normals))
-    j, i = (g + rng.uniform(-0.4, 0.4, CONES) for g in np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij"))
+    j, i = (g + rng.uniform(-0.4, 0.4, cones) for g in np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij"))
     x = middle[0] + half[0] * (2 * (i.ravel() + 0.5) / columns - 1)
     y = middle[1] + half[1] * (2 * (j.ravel() + 0.5) / rows - 1)
     local = np.stack([x, y, np.ones_like(x)], axis=1)
@@ -143,31 +148,57 @@ def _light(
     for p in range(points.shape[0]):
         px, py, pz = points[p, 0], points[p, 1], points[p, 2]
         nx, ny, nz = normals[p, 0], normals[p, 1], normals[p, 2]
-        real, imag = 0.0, 0.0
+        total = 0j
         for s in range(sources.shape[0]):
             dx, dy, dz = sources[s, 0] - px, sources[s, 1] - py, sources[s, 2] - pz
             here = nx * dx + ny * dy + nz * dz
             there = -(facing[s, 0] * dx + facing[s, 1] * dy + facing[s, 2] * dz)
             d2 = dx * dx + dy * dy + dz * dz
-            if here <= 1e-9 or there <= 1e-9 or d2 < 1e-12:
+            near = d2 < NEAR * area[s]
+            if not near and (here <= 1e-9 or there <= 1e-9 or here * there < 1e-7 * np.pi * d2 * d2):
                 continue
-            d = np.sqrt(d2)
-            # a patch is a disc: seen from near it fills at most half of the sky
-            weight = here * there / (d2 * (np.pi * d2 + area[s]))
-            if weight < 1e-7:
+            z = _near(points[p], normals[p], sources[s], facing[s], area[s], wavenumber) if near else _far(here, there, d2, area[s], wavenumber)
+            if z == 0:
                 continue
             found = shadow(boxes, links, tri, stack, hint, px + 1e-6 * nx, py + 1e-6 * ny, pz + 1e-6 * nz, dx, dy, dz)
             if found >= 0:
                 hint = found
                 continue
-            # (emitter, patch, point, camera) halved, less the direct way; the emitter's share is in the power
-            turn = 0.5 * wavenumber * (d - distance[p])
-            c, si = np.cos(turn), np.sin(turn)
-            z = power[s]
-            real += weight * (z.real * c - z.imag * si)
-            imag += weight * (z.real * si + z.imag * c)
-        out[p] = complex(real, imag)
+            total += power[s] * z
+        # (emitter, patch, point, camera) halved, less the direct way; the emitter's share is in the power
+        turn = -0.5 * wavenumber * distance[p]
+        out[p] = total * complex(np.cos(turn), np.sin(turn))
     return out
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _far(here: float, there: float, d2: float, area: float, wavenumber: float) -> complex:
+    """Irradiance per power over a distance, with half its phase; a patch is a disc that fills at most half of the sky."""
+    turn = 0.5 * wavenumber * np.sqrt(d2)
+    return here * there / (d2 * (np.pi * d2 + area)) * complex(np.cos(turn), np.sin(turn))
+
+
+@njit(cache=True, error_model="numpy")
+def _near(point: Float, normal: Float, source: Float, facing: Float, area: float, wavenumber: float) -> complex:
+    """The same of a patch that is large for its distance: cut into squares on its tangent plane."""
+    i = int(np.argmin(np.abs(facing)))
+    x = np.zeros(3)
+    x[i] = 1.0
+    x -= facing[i] * facing
+    x /= np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
+    y = np.array([facing[1] * x[2] - facing[2] * x[1], facing[2] * x[0] - facing[0] * x[2], facing[0] * x[1] - facing[1] * x[0]])
+    side, total, facing_us = np.sqrt(area) / CUT, 0j, 0
+    for j in range(CUT):
+        for k in range(CUT):
+            d = source + (j - 0.5 * (CUT - 1)) * side * x + (k - 0.5 * (CUT - 1)) * side * y - point
+            here = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2]
+            there = -(facing[0] * d[0] + facing[1] * d[1] + facing[2] * d[2])
+            d2 = d[0] ** 2 + d[1] ** 2 + d[2] ** 2
+            if here > 0 and there > 0 and d2 > 1e-12:
+                total += _far(here, there, d2, area / CUT**2, wavenumber)
+                facing_us += 1
+    # squares behind the point's plane are beyond a corner, where the cone really ended on this side of it
+    return total / max(facing_us, 1)
 
 
 @njit(cache=True, error_model="numpy")

@@ -139,7 +139,7 @@ def _captures(session: Session, truth: Truth) -> Iterator[Event]:
         stamp = stamp_ns(session, session.stamp_s(shutter))
         yield Event(shutter.time_s, 2, lambda bag, taken=taken, stamp=stamp: _write(bag, session, taken, stamp))  # type: ignore[misc]
         if c.output.colour and (index == 0 or session.shutters[index - 1].stop != shutter.stop):
-            shot = photograph(session, index)
+            shot = photograph(session, session.true_pose(shutter), session.stops[shutter.stop].station, index)
             yield Event(shutter.time_s, 3, lambda bag, shot=shot, stamp=stamp: _write_colour(bag, session, shot, stamp))  # type: ignore[misc]
 
 

@@ -158,7 +158,7 @@ class Session:
         return Moment(
             index=index, view=shutter.stop, time_s=shutter.time_s, temperature=self.temperature(shutter.time_s),
             world=self.world(effects), config=self.config, camera=self.camera,
-            sights=(*(self.sight(shutter, effects, s, subsamples=1) for s in shifts), self.sight(shutter, effects, subsamples=subsamples)),
+            sights=tuple(self.sight(shutter, effects, s, subsamples=subsamples) for s in [*shifts, 0.0]),
         )
 
     def bias(self, index: int, effect: Effect) -> Float:

@@ -7,7 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.config import from_mapping
 from tof_virtual.body import Body
+from tof_virtual.calibrate import calibrate
+from tof_virtual.config import VirtualConfig
+from tof_virtual.session import Session
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -51,3 +55,22 @@ def looking(x: float, y: float = 0.0, z: float = 0.8) -> Float:
     T[:3, :3] = np.array([[0.0, 0, -1], [1, 0, 0], [0, -1, 0]])
     T[:3, 3] = x, y, z
     return T
+
+
+def config(**extra: object) -> VirtualConfig:
+    """A small session; settings with double underscores for dots."""
+    small = {"camera.width": 80, "camera.height": 60, "plan.views": 4, "output.encoding": "32FC1"}
+    return from_mapping(VirtualConfig, small | {k.replace("__", "."): v for k, v in extra.items()})
+
+
+def session(effects: dict[str, float], bodies: list[Body] | None = None, **extra: object) -> Session:
+    """A planned session with its effects at the size that their strength asks for."""
+    made = Session(bodies or bench(), config(**extra), effects)
+    calibrate(made)
+    return made
+
+
+def biases(made: Session, name: str) -> Float:
+    """(V, P) what an effect adds, per capture."""
+    effect = next(e for e in made.effects if e.name == name)
+    return np.stack([made.bias(i, effect) for i in range(len(made.shutters))])

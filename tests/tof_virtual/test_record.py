@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tests.tof_virtual.made import bench
+from tests.tof_virtual.made import bench, config
 from tof_core import se3
-from tof_core.config import from_mapping
-from tof_virtual.config import VirtualConfig
 from tof_virtual.pipeline import expose
 from tof_virtual.record import record
 from tof_virtual.session import Session
@@ -20,18 +18,11 @@ from tof_virtual.truth import load_truth
 if TYPE_CHECKING:
     from pathlib import Path
 
-SMALL = {"camera.width": 96, "camera.height": 72, "plan.views": 4}
-
-
-def config(**extra: Any) -> VirtualConfig:
-    return from_mapping(VirtualConfig, SMALL | {k.replace("__", "."): v for k, v in extra.items()})
-
-
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A bag of four views with three captures each, with everything that can be published, and its truth."""
     bag = tmp_path_factory.mktemp("virtual") / "bag"
-    record(bench(), bag, config(plan__captures=3, output__namespace="spot", output__colour=True, output__points=True))
+    record(bench(), bag, config(plan__captures=3, output__encoding="16UC1", output__namespace="spot", output__colour=True, output__points=True))
     return bag, load_truth(bag.with_name("bag.truth"))[0]
 
 
@@ -53,7 +44,7 @@ def test_topics_are_spot_ros2s_in_the_namespace(recorded: tuple[Path, dict[str, 
     }
     depth = found["/spot/depth/hand/image"]
     assert len(depth) == 12
-    assert {(m.encoding, m.header.frame_id, m.width, m.height) for m in depth} == {("16UC1", "spot/hand_depth_sensor", 96, 72)}
+    assert {(m.encoding, m.header.frame_id, m.width, m.height) for m in depth} == {("16UC1", "spot/hand_depth_sensor", 80, 60)}
     assert found["/spot/ir/hand/image"][0].encoding == "mono16"
     assert found["/spot/camera/hand/image"][0].encoding == "rgb8"
     frames = {t.child_frame_id: t.header.frame_id for m in found["/tf"] + found["/tf_static"] for t in m.transforms}
@@ -150,7 +141,7 @@ def test_equal_seeds_give_equal_bags_and_others_do_not(tmp_path: Path) -> None:
 
 def test_depth_in_the_bag_is_the_true_depth_in_millimetres(recorded: tuple[Path, dict[str, Any]]) -> None:
     bag, truth = recorded
-    depth = [np.frombuffer(m.data, "<u2").reshape(72, 96) for m in messages(bag)["/spot/depth/hand/image"]]
+    depth = [np.frombuffer(m.data, "<u2").reshape(60, 80) for m in messages(bag)["/spot/depth/hand/image"]]
     for k in range(4):
         error = depth[3 * k + 2].astype(float) - 1e3 * truth["depth"][k]
         seen = (depth[3 * k + 2] > 0) & np.isfinite(error)
