@@ -104,7 +104,7 @@ def edge_band(frame: Frame, width: int) -> Mask:
     return binary_dilation(seam, iterations=width) if width else seam
 
 
-def scatter(residual: Float, smooth: Mask, amplitude: Float, bins: int = 24) -> Float:
+def scatter(residual: Float, smooth: Mask, amplitude: Float, bins: int = 32) -> Float:
     """(H, W) metres: white scatter of the residual, by amplitude.
 
     Second differences along rows and columns remove anything smooth; their robust size in bins
@@ -136,10 +136,10 @@ def scatter(residual: Float, smooth: Mask, amplitude: Float, bins: int = 24) -> 
 
 
 def robust_std(values: Float) -> float:
-    """Standard deviation of a normal core: tails beyond 3.5 of the MAD's scale are cut, and the
-    cut's loss is given back."""
+    """Standard deviation with what lies beyond five of the MAD's scale cut: outliers go, the tails of
+    a mixture of scatters stay."""
     mad = 1.4826 * float(np.median(np.abs(values - np.median(values))))
     if mad <= 0:
         return float(values.std())
-    core = values[np.abs(values) < 3.5 * mad]
-    return float(np.sqrt((core * core).mean()) * 1.0025)
+    core = values[np.abs(values) < 5.0 * mad]
+    return float(np.sqrt((core * core).mean()))

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`python -m benchmarks.gap_check`: record and seal, diagnose, score; each step a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+FORMS = {"short": 40, "long": 500}
+
+
+def main() -> int:
+    """Run all steps, or one."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.gap_check", description=__doc__)
+    parser.add_argument("--form", choices=sorted(FORMS), default="short", help="how many cases")
+    parser.add_argument("--count", type=int, help="how many cases, instead of a form")
+    parser.add_argument("--out", type=Path, default=Path("out/gap-check"), help="folder of cases and reports; what is done is kept")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the draw")
+    parser.add_argument("--size", default="224x171", help="pixels of the camera")
+    parser.add_argument("--step", choices=("record", "examine", "score"), help="one step alone")
+    parser.add_argument("--write", action="store_true", help="write docs/gap_check.md")
+    args = parser.parse_args()
+    if args.step is None:
+        for step in ("record", "examine", "score"):
+            if code := subprocess.call([sys.executable, "-m", "benchmarks.gap_check", "--step", step, *sys.argv[1:]]):
+                return code
+        return 0
+    return {"record": _record, "examine": _examine, "score": _score}[args.step](args)
+
+
+def _record(args: argparse.Namespace) -> int:
+    from benchmarks.gap_check.cases import draw
+    from benchmarks.gap_check.record import record_all
+    from tof_scene.builtin import builtin_names
+
+    cases = draw(args.count or FORMS[args.form], tuple(builtin_names()), args.seed)
+    width, height = (int(x) for x in args.size.split("x"))
+    record_all(cases, args.out, (width, height))
+    return 0
+
+
+def _examine(args: argparse.Namespace) -> int:
+    from benchmarks.gap_check.examine import examine_all
+
+    examine_all(args.out)
+    return 0
+
+
+def _score(args: argparse.Namespace) -> int:
+    from benchmarks.gap_check.score import score_all
+    from benchmarks.gap_check.table import page, summary
+
+    rows = score_all(args.out)
+    (args.out / "scores.json").write_text(json.dumps([asdict(r) for r in rows], indent=1))
+    print(summary(rows))
+    if args.write:
+        Path("docs/gap_check.md").write_text(page(rows, f"make gap-check ARGS='--form {args.form} --seed {args.seed}'"))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Second process: the diagnosis runs on the bags alone."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING
+
+from benchmarks.gap_check.record import BAGS
+from tof_core.errors import ToftwinError
+from tof_core.progress import progress
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+REPORTS = "reports"
+
+
+def examine_all(folder: Path) -> None:
+    """A report per bag under `reports/`; done ones are kept."""
+    cases = sorted((folder / BAGS).iterdir())
+    for case in progress(cases, "diagnosing", len(cases)):
+        out = folder / REPORTS / case.name
+        if not (out / "seconds.json").exists():
+            examine(case, out)
+
+
+def examine(case: Path, out: Path) -> None:
+    """One bag to one report; a refusal is an answer too."""
+    from tof_gap.report import write
+    from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
+    from toftwin.inputs import opened
+
+    config = GapPipelineConfig()
+    left_out = frozenset(json.loads((case / "list.json").read_text())["left_out"])
+    out.mkdir(parents=True, exist_ok=True)
+    started = time.perf_counter()
+    try:
+        with opened(case / "bag", case / "scene" / "scene.yaml", config) as (reader, scene):
+            assert scene is not None
+            diagnosis, caster = diagnose_bag(reader, scene, config, left_out=left_out)
+        write(diagnosis, caster, out, [])
+    except ToftwinError as error:
+        (out / "refused.txt").write_text(str(error))
+    (out / "seconds.json").write_text(json.dumps({"wall_s": time.perf_counter() - started, "cpu_s": time.process_time()}))

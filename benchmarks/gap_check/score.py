@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Third process: open the answers and score every report against them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.gap_check.record import SEAL, SEALED, digest
+from benchmarks.gap_check.separable import Truth, inseparable
+from tof_core.errors import DatasetError
+from tof_core.progress import progress
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tof_core.arrays import Float
+
+LOCALISED = frozenset({"multipath", "flying_pixels", "lens_scatter", "specular", "cad_deviation", "dropout"})
+EVERYWHERE = frozenset({"wiggling", "amplitude_bias", "temperature_drift", "fixed_pattern", "intrinsics", "hand_eye", "range_offset",
+                        "depth_scale", "radial_depth"})
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """How one case went; figures that do not apply are None."""
+
+    name: str
+    kind: str
+    scene: str
+    truth: tuple[str, ...]
+    verdict: tuple[str, ...]
+    hit: bool
+    miss: str
+    place: float | None
+    likeness: float | None
+    shrink: float | None
+    true_shrink: float | None
+    covered: bool | None
+    left_over_floor: float | None
+    seconds: float
+
+
+def score_all(folder: Path, *, only: str = "") -> list[Row]:
+    """A row per case; the seals are checked first."""
+    seals = json.loads((folder / SEAL).read_text())
+    rows = []
+    for name in progress(sorted(seals), "scoring", len(seals)):
+        sealed, out = folder / SEALED / name, folder / "reports" / name
+        if only not in name or not (out / "seconds.json").exists():
+            continue
+        if digest(sealed) != seals[name]:
+            raise DatasetError("was changed after it was sealed", where=sealed, todo="record the case again")
+        rows.append(score(sealed, folder / "bags" / name, out))
+    return rows
+
+
+def score(sealed: Path, bag: Path, out: Path) -> Row:
+    """One case."""
+    case = json.loads((sealed / "case.json").read_text())
+    seconds = json.loads((out / "seconds.json").read_text())["wall_s"]
+    effects = tuple(sorted(case["effects"]))
+    if not (out / "gap.json").exists():
+        return Row(case["name"], case["kind"], case["scene"], effects, ("refused",), hit=False, miss="refused", place=None,
+                   likeness=None, shrink=None, true_shrink=None, covered=None, left_over_floor=None, seconds=seconds)
+    report = json.loads((out / "gap.json").read_text())
+    truth = Truth(sealed, bag)
+    verdict = tuple(report["verdict"])
+    miss = judge(case, verdict, truth)
+    maps = np.load(out / "gap_maps.npz")
+    place, likeness = _maps(effects, maps, truth) if not case["left_out"] else (_unknown_place(case, report, truth), None)
+    stated, true, covered = _shrinks(effects, report, maps, truth) if not case["left_out"] else (None, None, None)
+    over = None
+    if not miss and effects and not case["left_out"]:
+        over = report["gap"]["after_mm"]["rmse"] / max(report["gap"]["floor_mm"], 1e-9)
+    return Row(case["name"], case["kind"], case["scene"], effects, verdict, hit=not miss, miss=miss, place=place, likeness=likeness,
+               shrink=stated, true_shrink=true, covered=covered, left_over_floor=over, seconds=seconds)
+
+
+def judge(case: dict[str, Any], verdict: tuple[str, ...], truth: Truth) -> str:
+    """The kind of miss, or nothing: what issue 3 calls a hit."""
+    effects = set(case["effects"])
+    entries = [set(v.split("|")) for v in verdict]
+    if not effects:
+        return "" if verdict == ("none",) else "false alarm"
+    if case["left_out"]:
+        return "" if "unknown" in verdict else ("taken for another" if verdict != ("none",) else "overlooked")
+    for effect in sorted(effects):
+        mine = [e for e in entries if effect in e]
+        if not mine:
+            return f"{effect} not named"
+        wide = [other for other in sorted(mine[0] - {effect}) if not inseparable(truth, effect, other)]
+        if wide:
+            return f"tie too wide: {effect}|{'|'.join(wide)}"
+    extra = [e for e in entries if not e & effects]
+    if extra:
+        return "unknown beside a sufficient answer" if extra == [{"unknown"}] else f"also named {'|'.join(sorted(extra[0]))}"
+    return ""
+
+
+def _maps(effects: tuple[str, ...], maps: Any, truth: Truth) -> tuple[float | None, float | None]:
+    """AUROC of localised effects, correlation of those everywhere: the least over the case's effects."""
+    places, alike = [], []
+    for effect in effects:
+        true = truth.map(effect)
+        if true is None or effect not in maps:
+            continue
+        named = maps[effect].astype(float)
+        if effect in LOCALISED:
+            places.append(auroc(named, true))
+        elif effect in EVERYWHERE:
+            alike.append(truth.correlation(named, true))
+    return (min(places) if places else None), (min(alike) if alike else None)
+
+
+def auroc(named: Float, true: Float) -> float:
+    """How well |named| ranks the worst tenth of |true| above the rest."""
+    from scipy.stats import rankdata
+
+    seen = np.isfinite(named) & np.isfinite(true)
+    size, worst = np.abs(named[seen]), np.abs(true[seen])
+    positive = worst > np.quantile(worst, 0.9)
+    if not positive.any() or positive.all():
+        return float("nan")
+    rank = rankdata(size)
+    n, m = int(positive.sum()), int((~positive).sum())
+    return float((rank[positive].sum() - n * (n + 1) / 2) / (n * m))
+
+
+def _unknown_place(case: dict[str, Any], report: dict[str, Any], truth: Truth) -> float | None:
+    """1 where the part that carries most of the withheld effect is among those named, else 0."""
+    if "unknown" not in report["verdict"]:
+        return None
+    part = truth.worst_part(next(iter(case["effects"])))
+    return None if part is None else float(part in report["unexplained"]["where"])
+
+
+def _shrinks(
+    effects: tuple[str, ...], report: dict[str, Any], maps: Any, truth: Truth,
+) -> tuple[float | None, float | None, bool | None]:
+    """Stated shrink, the one that taking off the true effect would give, and whether the interval holds it."""
+    stated, held = report["gap"]["shrink"], report["split"]["held_out_views"]
+    true_maps = [m for e in effects if (m := truth.map(e)) is not None]
+    if stated is None or len(true_maps) != len(effects):
+        return None, None, None
+    residual = maps["residual_m"].astype(float)[held]
+    seen = np.isfinite(residual)
+    left = (residual - np.sum([np.nan_to_num(m[held]) for m in true_maps], axis=0))[seen]
+    before2, after2 = float((residual[seen] ** 2).mean()), float((left**2).mean())
+    floor2 = (report["gap"]["floor_mm"] * 1e-3) ** 2
+    true = 1 - (after2 - floor2) / max(before2 - floor2, 1e-12)
+    low, high = report["gap"]["shrink_ci95"]
+    return stated, true, bool(low <= true <= high)

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether two effects can be told apart in a session, from the true maps: never from the diagnosis."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tof_core.arrays import Float
+    from tof_gap.columns import ColumnStore
+    from tof_gap.joint import Chain
+
+LEFT = 0.25
+"""Share of a map's energy that must stand after pose and the other effect for the two to be separable."""
+
+
+class Truth:
+    """The sealed truth of a case, beside the bag that the diagnosis saw."""
+
+    def __init__(self, sealed: Path, bag: Path) -> None:
+        """Open the sealed files."""
+        self.sealed, self.bag = sealed, bag
+        with np.load(sealed / "truth.npz") as data:
+            self.arrays = {k: data[k] for k in data.files}
+        self.meta = json.loads((sealed / "truth.json").read_text())
+        self._session: tuple[ColumnStore, Chain] | None = None
+
+    def map(self, effect: str) -> Float | None:
+        """(V, H, W) metres (or share of captures lost) that the effect adds, None where it is in no view."""
+        for kind in ("bias", "loss", "scatter"):
+            if f"{kind}_{effect}" in self.arrays:
+                return self.arrays[f"{kind}_{effect}"].astype(float)
+        return None
+
+    def worst_part(self, effect: str) -> str | None:
+        """Name of the part that carries most of an effect's energy."""
+        true = self.map(effect)
+        if true is None:
+            return None
+        part = self.arrays["part"]
+        seen = np.isfinite(true) & (part >= 0)
+        energy = np.bincount(part[seen].astype(int), true[seen] ** 2)
+        return str(self.meta["parts"][int(np.argmax(energy))])
+
+    def session(self) -> tuple[ColumnStore, Chain]:
+        """Evidence at the true poses with noise-free depth, to project maps in."""
+        if self._session is None:
+            self._session = _session(self)
+        return self._session
+
+    def correlation(self, named: Float, true: Float) -> float:
+        """Correlation of two maps over the session after each lost what a pose of the chain can absorb."""
+        from tof_sensor.geometry import pose_columns
+
+        store, chain = self.session()
+        a, b, J = [], [], []
+        for v, view in enumerate(store.views):
+            x, y = named[v].ravel()[view.pixels], true[v].ravel()[view.pixels]
+            seen = np.isfinite(x) & np.isfinite(y)
+            shared, _ = chain.links(v)
+            block = np.zeros((int(seen.sum()), 6 * len(chain.names)))
+            s = int(chain.station[v])
+            block[:, 6 * s : 6 * s + 6] = (pose_columns(view.frame.take(view.pixels))[0] @ shared[:, :6])[seen]
+            a.append(x[seen])
+            b.append(y[seen])
+            J.append(block)
+        A, M = np.stack([np.concatenate(a), np.concatenate(b)], axis=1), np.concatenate(J)
+        left = A - M @ np.linalg.lstsq(M, A, rcond=1e-9)[0]
+        return float(left[:, 0] @ left[:, 1] / np.sqrt((left[:, 0] ** 2).sum() * (left[:, 1] ** 2).sum() + 1e-30))
+
+
+def inseparable(truth: Truth, effect: str, other: str) -> bool:
+    """Whether pose and every shape of `other` leave less than a quarter of the true map of `effect`.
+
+    The energy is that of the true map after pose alone.
+    """
+    from tof_gap.candidates import Candidate, candidates
+    from tof_gap.columns import build
+    from tof_gap.config import GapConfig
+    from tof_gap.system import fit
+
+    true = truth.map(effect)
+    if true is None:
+        return False
+    store, chain = truth.session()
+    hand_sd = GapConfig().hand_sd
+    for v, view in enumerate(store.views):
+        view.residual[...] = np.nan_to_num(true[v])
+    tested: list[Candidate] = [c for c in candidates(store.views, store.scene) if c.name == other]  # type: ignore[attr-defined]
+    design = build(store, tested, chain, hand_sd)
+    alone = fit(design.system, np.zeros(0, np.int64)).energy
+    best = min((fit(design.system, g, free_hand=c.effect is None).energy for c, g in zip(tested, design.groups, strict=True)),
+               default=np.inf)
+    return bool(best < LEFT * alone)
+
+
+def _session(truth: Truth) -> tuple[ColumnStore, Chain]:
+    from dataclasses import replace
+
+    from tof_align.chain import chain_of
+    from tof_core.se3 import inverse
+    from tof_gap.columns import ColumnStore
+    from tof_gap.config import GapConfig
+    from tof_gap.joint import observe
+    from tof_gap.select import SelectConfig, deal
+    from tof_scene.raycast import Raycaster
+    from toftwin.diagnosis import GapPipelineConfig
+    from toftwin.inputs import opened
+    from toftwin.pipeline import raw_views
+
+    config = GapPipelineConfig()
+    with opened(truth.bag / "bag", truth.bag / "scene" / "scene.yaml", config) as (reader, scene):
+        assert scene is not None
+        views = raw_views(reader, config)
+    caster = Raycaster(scene)
+    seed = chain_of(views, config.align.priors)
+    arm = np.stack([inverse(seed.robot[v]) @ T for v, T in enumerate(truth.arrays["T_cell_camera"])])
+    evidence = observe(views, caster, replace(seed, arm=arm), GapConfig())
+    # The true map takes the residual's place; priors hold around the true poses.
+    true = replace(seed, robot=truth.arrays["T_cell_camera"].astype(float))
+    store = ColumnStore(evidence, deal(true.station.tolist(), SelectConfig().folds))
+    store.scene = caster.scene  # type: ignore[attr-defined]
+    return store, true
