@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,6 +23,7 @@ class Body:
     """One rigid thing: vertices (n, 3) in metres in the cell frame, faces (m, 3) indices, diffuse albedo 0..1.
 
     `roughness` 1 is a perfectly matt surface; smaller ones shine where the `specular` effect is on.
+    `subject`: the robot comes to look at this one (at all of them if none is marked).
     """
 
     name: str
@@ -30,30 +31,40 @@ class Body:
     faces: NDArray[np.int32]
     albedo: float = 0.5
     roughness: float = 1.0
+    subject: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Soup:
-    """All bodies as triangles: corners (m, 3, 3), unit normals (m, 3), and per face its body, albedo and roughness."""
+    """All bodies as triangles: corners (m, 3, 3), unit normals (m, 3), and per face its body, albedo and roughness.
+
+    `subject` (bodies,) marks those that are looked at, `names` (bodies,) names all.
+    """
 
     corners: Float
     normals: Float
     body: NDArray[np.int32]
     albedo: Float
     roughness: Float
+    subject: Mask
     names: tuple[str, ...]
 
     @property
+    def box(self) -> tuple[Float, Float]:
+        """Lowest and highest corner of what is looked at."""
+        points = self.corners[self.subject[self.body]].reshape(-1, 3)
+        return points.min(axis=0), points.max(axis=0)
+
+    @property
     def centre(self) -> Float:
-        """Middle of the bounding box (3,)."""
-        flat = self.corners.reshape(-1, 3)
-        return np.asarray(0.5 * (flat.min(axis=0) + flat.max(axis=0)))
+        """Middle (3,) of what is looked at."""
+        low, high = self.box
+        return np.asarray(0.5 * (low + high))
 
     @property
     def extent(self) -> float:
-        """Diagonal of the bounding box in metres."""
-        flat = self.corners.reshape(-1, 3)
-        return float(np.linalg.norm(np.ptp(flat, axis=0)))
+        """Diagonal of everything in metres."""
+        return float(np.linalg.norm(np.ptp(self.corners.reshape(-1, 3), axis=0)))
 
 
 def soup(bodies: Sequence[Body]) -> Soup:
@@ -79,5 +90,6 @@ def soup(bodies: Sequence[Body]) -> Soup:
         body=per_face([float(i) for i in range(len(bodies))]).astype(np.int32),
         albedo=per_face([b.albedo for b in bodies]),
         roughness=per_face([b.roughness for b in bodies]),
+        subject=np.array([b.subject for b in bodies]) | (not any(b.subject for b in bodies)),
         names=tuple(b.name for b in bodies),
     )

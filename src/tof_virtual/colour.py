@@ -82,7 +82,7 @@ def _lamps(session: Session, station: int) -> list[tuple[Float, Float]]:
     target = session.nominal.soup.centre
     sides = np.radians(session.config.plan.facing_deg + np.array([-60, 60]) + rng.uniform(-30, 30, 2))
     lamps = []
-    for side, strength in zip(sides, rng.uniform(0.5, 1.1, 2), strict=True):
+    for side, strength in zip(sides, rng.uniform(0.35, 0.8, 2), strict=True):
         away = np.array([2.5 * np.cos(side), 2.5 * np.sin(side), rng.uniform(1.5, 2.5)])
         lamps.append((target + away, strength * (1 + 0.08 * rng.uniform(-1, 1, 3))))
     return lamps

@@ -41,7 +41,8 @@ def plan(world: World, config: PlanConfig, rays: Float, rng: np.random.Generator
     if config.sweep_deg > 0:
         return _sweep(world, config)
     target = _target(world, config)
-    extent = config.spread * np.minimum(0.5 * np.ptp(world.soup.corners.reshape(-1, 3), axis=0), 0.6)
+    low, high = world.soup.box
+    extent = config.spread * np.minimum(0.5 * (high - low), 0.6)
     station = np.arange(config.views) * min(config.stations, config.views) // config.views
     ranges = _spread(config.range_min_m, config.range_max_m, station, rng)
     elevations = _spread(config.elevation_min_deg, config.elevation_max_deg, station, rng)
@@ -126,13 +127,15 @@ def _view(
         away = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
         point = target + rng.uniform(-1, 1, 3) * extent
         far = point + away * (world.soup.extent + 3.0)
-        t, _ = world.tree.cast(far, -away[None])
+        t, hit = world.tree.cast(far, -away[None])
         surface = far - away * (t[0] if np.isfinite(t[0]) else np.linalg.norm(far - point))
         T = look_at(surface + away * range_m, surface, np.radians(rng.uniform(-1, 1) * config.roll_deg))
         z, _ = world.tree.cast(T[:3, 3], rays @ T[:3, :3].T)
         seen = float(np.isfinite(z).mean())
         if np.nanmin(z, initial=np.inf) < CLEAR_M or T[2, 3] < 0.1:
             seen -= 1
+        if hit[0] < 0 or not world.soup.subject[world.soup.body[hit[0]]]:
+            seen -= 0.5  # the axis goes past what is to be looked at
         if seen > most:
             best, most = T, seen
         if most > SEEN:

@@ -91,7 +91,7 @@ def bodies_of(scene: Scene) -> list[Body]:
     """The scene's parts as the virtual robot takes them."""
     from tof_virtual.body import Body
 
-    return [Body(p.name, p.vertices, p.faces, p.material.albedo, p.material.roughness) for p in scene.parts]
+    return [Body(p.name, p.vertices, p.faces, p.material.albedo, p.material.roughness, p.inspect) for p in scene.parts]
 
 
 def _with_flags(config: VirtualConfig, args: argparse.Namespace) -> VirtualConfig:
