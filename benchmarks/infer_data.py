@@ -25,7 +25,7 @@ CAMERA_SEED = 2
 EXACT_ROBOT = {f"robot.{name}": 0.0 for name in ("base_min_mm", "base_max_mm", "base_deg", "base_tilt_deg", "base_height_mm", "arm_mm", "arm_deg",
                                                  "repeat_mm", "repeat_deg")}
 """A robot that stands where it believes to stand: its poses label the training data, and no truth is opened."""
-SWEEP = {"plan.views": 11, "plan.stations": 1, "plan.sweep_deg": 20.0, "plan.range_min_m": 0.7, "plan.range_max_m": 0.9}
+SWEEP = {"plan.views": 11, "plan.captures": 10, "plan.stations": 1, "plan.sweep_deg": 20.0, "plan.range_min_m": 0.7, "plan.range_max_m": 0.9}
 """The paper's figure 9: 0 to 20 degrees in steps of 2."""
 
 

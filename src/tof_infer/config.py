@@ -65,8 +65,8 @@ class TrainConfig:
     loss: str = param("laplace", "negative log-likelihood of a Laplace or a normal error, or the mean square",
                       choices=("laplace", "normal", "mse"))
     epochs: int = param(60, "passes over the captures", low=1, high=100000)
-    batch: int = param(4, "captures of one step", low=1, high=256)
-    rate: float = param(2e-3, "largest learning rate; it warms up and falls as a cosine", low=1e-6, high=1.0)
+    batch: int = param(2, "captures of one step", low=1, high=256)
+    rate: float = param(3e-3, "largest learning rate; it warms up and falls as a cosine", low=1e-6, high=1.0)
     decay: float = param(1e-4, "weight decay", low=0.0, high=1.0)
     seed: int = param(0, "seed of the split, the weights and the order", low=0)
     drop: float = param(0.1, "share of training captures from which amplitude or temperature is hidden", low=0.0, high=1.0)

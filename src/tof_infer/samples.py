@@ -182,7 +182,7 @@ def _material(dataset: Dataset, view: int) -> Image:
     part = dataset.frame("views/part", view)
     if not albedo:
         return np.full(part.shape, np.nan, np.float32)
-    return np.append(np.asarray(albedo, np.float32), np.float32(np.nan))[part]
+    return np.asarray(np.append(np.asarray(albedo, np.float32), np.float32(np.nan))[part])
 
 
 def _same_camera(camera: Camera, dataset: Dataset, first: Dataset) -> None:

@@ -118,7 +118,7 @@ def _samples(pool: Pool, split: Split, config: TrainConfig) -> tuple[Samples, Sa
 
 def thinned(views: Ints, count: int) -> Ints:
     """So many of the views, spread evenly."""
-    return views[np.unique(np.linspace(0, len(views) - 1, min(count, len(views))).astype(int))]
+    return np.asarray(views[np.unique(np.linspace(0, len(views) - 1, min(count, len(views))).astype(int))])
 
 
 def _prepare(config: TrainConfig) -> torch.device:
@@ -158,7 +158,7 @@ def _epoch(state: State, batcher: Batcher, config: TrainConfig, device: torch.de
         depth, log_scale = state.net(images)
         loss = loss_of(config.loss, depth, log_scale, images, {k: v.to(device) for k, v in target.items()})
         state.optimiser.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         torch.nn.utils.clip_grad_norm_(state.net.parameters(), CLIP)
         state.optimiser.step()
         _average(state, state.epoch * per_epoch + number)

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin evaluate`: raw, rules and a network against the true depth: the paper's figure 9, and where each of them fails."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Mapping
+
+NAME = "evaluate"
+HELP = "compare raw depth, filters and a network with the true depth, by capture, part, range, incidence, albedo and edge"
+EXAMPLE = "toftwin evaluate out/sweep --scene cell/scene.yaml --methods raw,rules,model --truth out/sweep.truth.npz --out out/evaluation"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the flags."""
+    from toftwin.options import add_bag_arguments, add_config_arguments
+
+    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
+    parser.add_argument("--scene", type=Path, required=True, metavar="FILE", help="scene.yaml of the cell")
+    parser.add_argument("--methods", default="raw,rules,model", metavar="LIST", help="of raw, rules, corrected, model (default: raw,rules,model)")
+    parser.add_argument("--truth", type=Path, metavar="FILE", help="truth .npz of a virtual session; without it, the session's own label")
+    parser.add_argument("--model", default="default", metavar="FILE", help="an .onnx file of `toftwin train` (default: the one in the package)")
+    parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml for the method 'corrected'")
+    parser.add_argument("--frames", type=int, default=1, metavar="N", help="show the rules with N captures of a dwell besides (default: 1)")
+    parser.add_argument("--force", action="store_true", help="run a model made for another camera or range")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for evaluation.json and report.html")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    add_bag_arguments(parser)
+    add_config_arguments(parser, _settings)
+
+
+def _settings() -> type[Any]:
+    from toftwin.pipeline import PipelineConfig
+
+    return PipelineConfig
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate, print the table."""
+    from tof_infer.config import InferConfig
+    from tof_infer.session import Session
+    from tof_scene.raycast import Raycaster
+    from toftwin.evaluation.evaluate import evaluate_bag
+    from toftwin.evaluation.methods import make_methods
+    from toftwin.inputs import opened
+    from toftwin.options import load_config
+    from toftwin.pipeline import PipelineConfig
+
+    config = load_config(PipelineConfig, args)
+    names = [n.strip() for n in args.methods.split(",") if n.strip()]
+    session = Session(InferConfig(model=args.model, force=args.force)) if "model" in names else None
+    methods = make_methods(names, config.preproc, session, args.sensor, args.frames)
+    with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
+        assert scene is not None
+        evaluation = evaluate_bag(reader, Raycaster(scene), methods, config, truth=args.truth)
+    result = {**evaluation.result, "bag": Path(args.bag).name}
+    if args.out is not None:
+        from toftwin.evaluation.report import write
+
+        write(args.out, result, evaluation.shown)
+    if args.json:
+        import json
+
+        print(json.dumps(result, indent=1))
+    else:
+        print(text(result))
+        if args.out is not None:
+            print(f"report: {args.out / 'report.html'}")
+    return 0
+
+
+def text(result: Mapping[str, Any]) -> str:
+    """The tables for a terminal."""
+    methods = result["methods"]
+    lines = [f"{result['views']} views, compared with {result['reference']}", "",
+             f"{'method':<14}{'MAE mm':>9}{'bias mm':>9}{'RMSE mm':>9}{'complete':>10}{'align %':>9}{'equal cov. MAE':>16}{'flying left':>13}{'ms':>8}"]
+    for name, m in methods.items():
+        a = m["all"]
+        lines.append(f"{name:<14}{_n(a['mae_mm']):>9}{_n(a['bias_mm']):>9}{_n(a['rmse_mm']):>9}{_p(a['completeness']):>10}{_n(a['alignment'], 3):>9}"
+                     f"{_n(m['equal_coverage']['mae_mm']):>16}{_p(m['flying_left_wrong']):>13}{_n(m['ms_per_frame'], 1):>8}")
+    lines += ["", "alignment rate per capture, at equal coverage (the paper's figure 9)", f"{'capture':<10}" + "".join(f"{name:>12}" for name in methods)]
+    rows = zip(*(m["captures_equal_coverage"] for m in methods.values()), strict=True)
+    lines += [f"{k:<10}" + "".join(f"{_n(c['alignment'], 3):>12}" for c in row) for k, row in enumerate(rows, 1)]
+    return "\n".join(lines)
+
+
+def _n(value: float | None, digits: int = 2) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def _p(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1%}"

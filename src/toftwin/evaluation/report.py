@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The evaluation as `evaluation.json` and as `report.html`: figure 9, the tables, one view in pictures."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import pyplot as plt
+
+from toftwin import pictures
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from toftwin.evaluation.methods import Estimate
+    from toftwin.evaluation.reference import Judged
+
+AXES = {"range_m": "range, m", "incidence_deg": "incidence, degrees", "albedo": "albedo", "edge_px": "pixels to an edge", "part": "part"}
+COLOURS = {"raw": "#868e96", "rules": "#e8590c", "corrected": "#7048e8", "model": "#0b7285"}
+
+
+def write(folder: Path, result: Mapping[str, Any], shown: tuple[Judged, Mapping[str, Estimate]]) -> Path:
+    """Write both files; returns the report's path."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "evaluation.json").write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    environment = Environment(loader=PackageLoader("toftwin"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    tables = {AXES[axis]: _rows(result["methods"], axis) for axis in AXES}
+    html = environment.get_template("evaluation.html.j2").render(
+        result=result, methods=result["methods"], tables={k: v for k, v in tables.items() if v}, sweep=sweep_plot(result["methods"]),
+        by=by_plot(result["methods"]), view=view_picture(*shown), names=list(result["methods"]),
+    )
+    path = folder / "report.html"
+    path.write_text(html, encoding="utf-8")
+    return path
+
+
+def _rows(methods: Mapping[str, Any], axis: str) -> list[tuple[str, list[Any]]]:
+    """(bin, one entry per method or None), in order of the bins."""
+    first: list[str] = list(dict.fromkeys(name for m in methods.values() for name in m["by"].get(axis, {})))
+    return [(name, [m["by"].get(axis, {}).get(name) for m in methods.values()]) for name in _ordered(first)]
+
+
+def _ordered(names: Sequence[str]) -> list[str]:
+    def key(name: str) -> tuple[float, str]:
+        head = name.removeprefix("from ").split(" ")[0]
+        try:
+            return float(head), name
+        except ValueError:
+            return 0.0, name
+
+    return sorted(names, key=key)
+
+
+def _colour(name: str) -> str:
+    return COLOURS.get(name.rstrip("0123456789"), "#495057")
+
+
+def sweep_plot(methods: Mapping[str, Any]) -> str:
+    """Figure 9 of the paper: alignment rate of every capture, and beside it the mean absolute error."""
+    figure, axes = plt.subplots(1, 2, figsize=(11, 3.2), layout="constrained")
+    for ax, key, label in zip(axes, ("alignment", "mae_mm"), ("alignment rate, %", "mean absolute error, mm"), strict=True):
+        for name, m in methods.items():
+            values = [np.nan if c[key] is None else c[key] for c in m["captures_equal_coverage"]]
+            style = "--" if name[-1].isdigit() else "-"
+            ax.plot(range(1, len(values) + 1), values, style, marker="o", ms=4, color=_colour(name), label=name)
+        ax.set_xlabel("capture")
+        ax.set_ylabel(label)
+        ax.grid(axis="y", color="#e9ecef", lw=0.8)
+        ax.set_axisbelow(True)
+    axes[1].set_ylim(bottom=0)
+    axes[0].legend(frameon=False, ncols=2)
+    return pictures.data_uri(figure)
+
+
+def by_plot(methods: Mapping[str, Any]) -> str:
+    """Mean absolute error and its bias against range, incidence, albedo and edge."""
+    axes_shown = [axis for axis in ("range_m", "incidence_deg", "albedo", "edge_px") if any(axis in m["by"] for m in methods.values())]
+    figure, axes = plt.subplots(1, max(len(axes_shown), 1), figsize=(11, 2.9), layout="constrained", squeeze=False, sharey=True)
+    for ax, axis in zip(axes[0], axes_shown, strict=True):
+        rows = _rows(methods, axis)
+        for k, name in enumerate(methods):
+            values = [np.nan if r[1][k] is None or r[1][k]["mae_mm"] is None else r[1][k]["mae_mm"] for r in rows]
+            ax.plot(range(len(rows)), values, "--" if name[-1].isdigit() else "-", marker="o", ms=4, color=_colour(name), label=name)
+        ax.set_xticks(range(len(rows)), [r[0] for r in rows], rotation=35, ha="right")
+        ax.set_title(AXES[axis], loc="left")
+        ax.grid(axis="y", color="#e9ecef", lw=0.8)
+    axes[0][0].set_ylabel("mean absolute error, mm")
+    axes[0][0].set_yscale("log")
+    return pictures.data_uri(figure)
+
+
+def view_picture(judged: Judged, estimates: Mapping[str, Estimate]) -> str:
+    """One view: what each method makes of it, and its error."""
+    true = judged.reference
+    images: list[tuple[str, Any, str]] = [(f"{name}: error", e.depth - true, "error") for name, e in estimates.items()]
+    return pictures.panels(images, columns=min(len(images), 4))
