@@ -21,6 +21,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("out/gap-check"), help="folder of cases and reports; what is done is kept")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw")
     parser.add_argument("--size", default="224x171", help="pixels of the camera")
+    parser.add_argument("--scenes", default="", help="built-in scenes, joined by commas; all if empty")
     parser.add_argument("--step", choices=("record", "examine", "score"), help="one step alone")
     parser.add_argument("--write", action="store_true", help="write docs/gap_check.md")
     args = parser.parse_args()
@@ -37,7 +38,8 @@ def _record(args: argparse.Namespace) -> int:
     from benchmarks.gap_check.record import record_all
     from tof_scene.builtin import builtin_names
 
-    cases = draw(args.count or FORMS[args.form], tuple(builtin_names()), args.seed)
+    scenes = tuple(args.scenes.split(",")) if args.scenes else tuple(builtin_names())
+    cases = draw(args.count or FORMS[args.form], scenes, args.seed)
     width, height = (int(x) for x in args.size.split("x"))
     record_all(cases, args.out, (width, height))
     return 0

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -107,8 +107,11 @@ def _where_wrapped(views: Sequence[ViewEvidence], size: float, short: bool, conf
     return start, float(wrapped[inside].mean())
 
 
+FLYING_MHZ = (15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0)
+
+
 def _flying(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | None:
-    """Regress where mixed pixels lie between their two surfaces on how mixed they are."""
+    """Mixed pixels that lie on neither of their surfaces; then the frequency whose mixture fits them best."""
     lying, mixed = _between(views, config)
     if len(mixed) < 80:
         return None
@@ -117,9 +120,26 @@ def _flying(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | N
     share = float(inside.mean() / max(((mixed > 0.15) & (mixed < 0.5)).mean(), 1e-3))
     if share < config.flying_share:
         return None
-    effect = FlyingPixels(share=float(np.clip(share, 0.0, 1.5)))
-    maps = np.stack([np.where(v.frame.valid, effect.bias(v.frame), np.nan) for v in views])
-    return Finding(effect, float(min(1.0, share)), {"share": float(1 / np.sqrt(len(mixed)))}, maps, corrects=True)
+    best = min((_fitted(views, mhz) for mhz in FLYING_MHZ), key=lambda fitted: fitted[1])[0]
+    maps = np.stack([np.where(v.frame.valid, best.bias(v.frame), np.nan) for v in views])
+    return Finding(best, float(min(1.0, share / config.flying_share / 2)), {"share": float(1 / np.sqrt(len(mixed)))}, maps, corrects=True)
+
+
+def _fitted(views: Sequence[ViewEvidence], mhz: float) -> tuple[FlyingPixels, float]:
+    """The effect at a frequency with its share by weighted median, and the mean absolute error left."""
+    effect = FlyingPixels(share=1.0, modulation_mhz=mhz)
+    model, seen = [], []
+    for v in views:
+        here = (v.rendering.mixed > 0.02) & np.isfinite(v.residual)
+        model.append(effect.bias(v.frame)[here])
+        seen.append(v.residual[here])
+    x, y = np.concatenate(model), np.concatenate(seen)
+    usable = np.abs(x) > 2e-3
+    ratio, weight = y[usable] / x[usable], np.abs(x[usable])
+    order = np.argsort(ratio)
+    middle = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
+    share = float(np.clip(ratio[order][min(middle, len(order) - 1)], 0.0, 1.5)) if len(order) else 0.0
+    return replace(effect, share=share), float(np.abs(y - share * x).mean())
 
 
 def _between(views: Sequence[ViewEvidence], config: MissingConfig) -> tuple[Float, Float]:

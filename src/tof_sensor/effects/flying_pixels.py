@@ -13,7 +13,7 @@ from tof_sensor.effect import Effect, stack
 from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Image
     from tof_sensor.frame import Frame
 
 
@@ -21,10 +21,12 @@ if TYPE_CHECKING:
 class FlyingPixels(Effect):
     """(1 - m) A1 e^{j phi1} + m A2 e^{j phi2}, m the second surface's share (TOF_EFFECTS A.6).
 
-    `share` blends from the surface that fills most (0) to the full mixture (1).
+    `share` blends from the surface that fills most (0) to the full mixture (1). A1 and A2 are the
+    amplitudes of unmixed pixels beside the edge that see the one surface and the other.
     """
 
     NAME: ClassVar[str] = "flying_pixels"
+    LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("share",)
 
     share: float = param(0.0, "1: the footprint's phasors add in full", low=0.0, high=1.5)
@@ -32,11 +34,38 @@ class FlyingPixels(Effect):
 
     def columns(self, frame: Frame) -> Float:
         """The mixture's depth minus the larger surface's, on mixed pixels."""
-        length = frame.length
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         m = np.nan_to_num(frame.rendering.mixed).astype(np.float64)
-        near, second = frame.radial, frame.rendering.second.astype(np.float64) * length
-        # Equal albedo and tilt: only the fall-off with range tells the two returns apart.
-        ratio = m / np.maximum(1 - m, 1e-6) * (near / second) ** 2
-        mixed = np.angle(1 + ratio * np.exp(1j * wave * (second - near))) / wave
-        return stack([np.where(m > 0, mixed, 0.0) / length], frame)
+        own, second = frame.radial, frame.rendering.second.astype(np.float64) * frame.length
+        A1, A2 = neighbour_amplitude(frame, frame.depth), neighbour_amplitude(frame, frame.rendering.second)
+        fall_off = (own / second) ** 2
+        ratio = m / np.maximum(1 - m, 1e-6) * np.where((A1 > 0) & (A2 > 0), A2 / np.maximum(A1, 1e-12), fall_off)
+        mixed = np.angle(1 + ratio * np.exp(1j * wave * (second - own))) / wave
+        return stack([np.where(m > 0, mixed, 0.0) / frame.length], frame)
+
+
+REACH_PX = 3
+"""How far from a mixed pixel its surfaces are looked for."""
+
+
+def neighbour_amplitude(frame: Frame, depth: Float | Image) -> Float:
+    """(H, W) amplitude of the nearest-in-depth unmixed neighbour of a surface at `depth`; 0 where there is none.
+
+    Filled on mixed pixels alone.
+    """
+    clean = frame.valid & ~(np.nan_to_num(frame.rendering.mixed) > 0)
+    rows, columns = np.nonzero(np.nan_to_num(frame.rendering.mixed) > 0)
+    target = np.asarray(depth, float)[rows, columns]
+    best, found = np.full(len(rows), np.inf), np.zeros(len(rows))
+    height, width = frame.depth.shape
+    for dv in range(-REACH_PX, REACH_PX + 1):
+        for du in range(-REACH_PX, REACH_PX + 1):
+            v, u = np.clip(rows + dv, 0, height - 1), np.clip(columns + du, 0, width - 1)
+            # A surface that goes on may slope; among near ones the nearer pixel is better.
+            miss = np.abs(frame.depth[v, u] - target) + 1e-3 * np.hypot(dv, du)
+            better = clean[v, u] & (miss < best) & (miss < 0.05)
+            best = np.where(better, miss, best)
+            found = np.where(better, frame.amplitude[v, u], found)
+    out = np.zeros(frame.depth.shape)
+    out[rows, columns] = found
+    return out
