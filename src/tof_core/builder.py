@@ -84,7 +84,8 @@ class CaptureBuilder:
         chain: frames and transforms; None yields captures without a robot pose.
         topics: which topics there are: amplitude and colour are waited for only where named.
         need_tf: skip (and count) frames that TF has no answer for, instead of `robot=None`.
-        wait_s: how far the depth stamps may run ahead of a frame before it stops waiting.
+        wait_s: how far the depth stamps may run ahead of a frame before it stops waiting; infinite leaves that to
+            `overdue`, the stamp up to which no frame waits any longer.
         ahead_s: TF must reach this far beyond a frame before it is given out, so that the motion
             gate (`motion.is_still`) sees the same live as offline.
 
@@ -101,7 +102,7 @@ class CaptureBuilder:
         self.on_skip: Callable[[int, str], None] = lambda _stamp, _reason: None
         self.last_error = ""
         self.camera: Camera | None = None
-        self._wait_ns, self._ahead_ns = round(wait_s * 1e9), round(ahead_s * 1e9)
+        self._wait_ns, self._ahead_ns = wait_s * 1e9, round(ahead_s * 1e9)
         self._join_ns, self._colour_join_ns = round(options.join_s * 1e9), round(options.colour_join_s * 1e9)
         self._cameras: dict[bytes, Camera] = {}
         self.reset()
@@ -112,7 +113,7 @@ class CaptureBuilder:
         self._amplitude, self._colour = _Joined([], []), _Joined([], [])
         self._temperatures: list[tuple[int, float]] = []
         self._colour_camera: Camera | None = None
-        self.last_stamp, self._newest = -(2**62), -(2**62)
+        self.last_stamp, self._newest, self.overdue = -(2**62), -(2**62), -(2**62)
         self._last_content: Bytes | None = None
 
     def info(self, msg: Any) -> None:
@@ -182,7 +183,7 @@ class CaptureBuilder:
             self._frames = deque(sorted(self._frames, key=lambda f: f.stamp))
 
     def _complete(self, frame: _Frame) -> bool:
-        if self._newest > frame.stamp + self._wait_ns:
+        if self._newest > frame.stamp + self._wait_ns or frame.stamp <= self.overdue:
             return True
         return (
             self.camera is not None

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,14 +12,14 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2, Temperature, TimeRef
 from tf2_msgs.msg import TFMessage
 
 from tof_core.builder import NO_TRANSFORM
-from tof_core.config import param, section
 from tof_core.decode import stamp_ns
 from tof_core.options import NOT_WANTED
 from tof_core.tf import TransformBuffer
-from tof_core.topics import Topics
-from tof_preproc.stream import PreprocStream, Processed, StreamConfig
+from tof_preproc.live import PreprocNodeConfig, input_topics
+from tof_preproc.stream import PreprocStream, Processed
 from tof_ros import messages, qos
 from tof_ros.base import RoomNode
+from tof_ros.patience import PERIOD_S, Patience
 from tof_ros.recorder import RecordService
 from tof_ros.transforms import TransformListener
 
@@ -29,26 +29,17 @@ if TYPE_CHECKING:
     from tof_core.capture import View
 
 NAME = "preproc"
-OUTPUTS = {"depth": Image, "sigma": Image, "count": Image, "reason": Image, "amplitude": Image, "camera_info": CameraInfo,
-           "points": PointCloud2, "dwell": TimeReference}
+OUTPUTS = {
+    "depth": Image,
+    "sigma": Image,
+    "count": Image,
+    "reason": Image,
+    "amplitude": Image,
+    "camera_info": CameraInfo,
+    "points": PointCloud2,
+    "dwell": TimeReference,
+}
 """Topics under `preproc/`. `dwell` names the view: time_ref is its first capture's stamp, source the rest of what it is."""
-
-
-@dataclass(frozen=True, slots=True)
-class LiveConfig:
-    """What only a running node has."""
-
-    reliable: bool = param(False, "hear sensors reliably: loses nothing of a reliable publisher, hears no best-effort one")
-    need_tf: bool = param(True, "skip frames without a transform; false accumulates them as if nothing moved")
-    keep_tf_s: float = param(30.0, "history of TF", unit="s", low=1.0, high=3600.0)
-    record: str = param("", "folder in which ~/start_recording makes a bag of the raw topics")
-
-
-@dataclass(frozen=True, slots=True)
-class PreprocNodeConfig(StreamConfig):
-    """Parameters of the node."""
-
-    live: LiveConfig = section(LiveConfig, "the running node")
 
 
 CONFIG = PreprocNodeConfig
@@ -60,28 +51,24 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
     def __init__(self, **options: Any) -> None:
         """Subscribe; topics are relative and remappable, spot_ros2's names by default."""
         super().__init__(NAME, "preproc", PreprocNodeConfig, fixed=("input.", "still.", "station.", "live."), **options)
-        self._topics = self._input_topics()
+        self._topics = input_topics(self.config.input)
         self._arrivals: dict[int, float] = {}
-        self._last_info = float("-inf")
+        self._patience = Patience(self.config.live.patience_s)
+        self._last_info, self._since_info = float("-inf"), 0
         self._stream = PreprocStream(
-            self.config, replace(self._topics, amplitude=self.config.input.amplitude_topic.removesuffix(NOT_WANTED)),
-            TransformBuffer(self.config.input.max_gap_s, keep_s=self.config.live.keep_tf_s), need_tf=self.config.live.need_tf,
+            self.config,
+            replace(self._topics, amplitude=self.config.input.amplitude_topic.removesuffix(NOT_WANTED)),
+            TransformBuffer(self.config.input.max_gap_s, keep_s=self.config.live.keep_tf_s),
+            need_tf=self.config.live.need_tf,
         )
         self._tf = TransformListener(self, self._stream.transforms, self._advance)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         self._subscribe()
+        self.timer(PERIOD_S, self._tick)
         self.service("capture", self._end_dwell)
         self.service("flush", self.flush)
-        RecordService(self, self.config.live.record, "session", self._raw_topics(), qos.sensor(reliable=self.config.live.reliable, depth=64))
-
-    def _input_topics(self) -> Topics:
-        o = self.config.input
-        cloud = o.points_topic and not o.depth_topic
-        depth = "" if cloud else o.depth_topic or "depth/hand/image"
-        return Topics(
-            depth=depth, points=o.points_topic if cloud else "",
-            info=o.info_topic or f"{(depth or o.points_topic).rpartition('/')[0]}/camera_info",
-            amplitude=_wanted(o.amplitude_topic, "ir/hand/image"), temperature=_wanted(o.temperature_topic, "hand/temperature"),
+        RecordService(
+            self, self.config.live.record, "session", self._raw_topics(), qos.sensor(reliable=self.config.live.reliable, depth=64)
         )
 
     def _raw_topics(self) -> list[tuple[str, type[Any]]]:
@@ -104,13 +91,15 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
 
     def _frame(self, message: Any, take: Any) -> None:
         arrived = self.tally.arrived()
+        self._since_info += 1
         self._arrivals[stamp_ns(message)] = arrived
+        self._patience.start(stamp_ns(message))
         take(message)
         self._advance()
 
     def _info(self, message: CameraInfo) -> None:
         self._stream.builder.info(message)
-        self._last_info = time.monotonic()
+        self._last_info, self._since_info = time.monotonic(), 0
         self._advance()
 
     def _amplitude(self, message: Image) -> None:
@@ -128,8 +117,14 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
             self.get_logger().warning("stamps jumped back: starting afresh")
             self.reset()
 
+    def _tick(self) -> None:
+        """Give up waiting for what does not come."""
+        self._stream.give_up(self._patience.tick())
+        self._advance()
+
     def _publish(self, processed: Processed) -> None:
         arrived = self._arrivals.pop(processed.stamp_ns, time.monotonic())
+        self._patience.end(processed.stamp_ns)
         if processed.view is None:
             self.skip(processed.stamp_ns, processed.fate, processed.why)
             return
@@ -138,7 +133,12 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
 
     def _publish_view(self, view: View) -> None:
         head = messages.header(view.stamp_ns, view.camera.frame_id)
-        images = {"depth": (view.depth, "32FC1"), "sigma": (view.sigma, "32FC1"), "count": (view.count, "16UC1"), "reason": (view.reason, "8UC1")}
+        images = {
+            "depth": (view.depth, "32FC1"),
+            "sigma": (view.sigma, "32FC1"),
+            "count": (view.count, "16UC1"),
+            "reason": (view.reason, "8UC1"),
+        }
         if view.amplitude is not None:
             images["amplitude"] = (view.amplitude, "32FC1")
         for name, (array, encoding) in images.items():
@@ -158,6 +158,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         if hasattr(self, "_stream"):
             self._stream.reset()
             self._arrivals.clear()
+            self._patience.clear()
         return "dwell, stations and transforms are forgotten"
 
     def flush(self) -> str:
@@ -178,16 +179,12 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
     def warnings(self) -> list[str]:
         """Frames without camera_info or without TF."""
         out, t = [], self._topics
-        if self.tally.last_arrival - max(self._last_info, self.tally.first_arrival) > 2.0:
+        if self._since_info >= 3 and self.tally.last_arrival - max(self._last_info, self.tally.first_arrival) > 2.0:
             frames, info = self.resolve_topic_name(t.depth or t.points), self.resolve_topic_name(t.info)
             out.append(f"{frames} is seen, but no {info} for 2 s: is it published, and heard (QoS)?")
         if self._stream.builder.skipped[NO_TRANSFORM]:
             out.append(f"transform: {self._stream.builder.last_error}")
         return out
-
-
-def _wanted(name: str, default: str) -> str:
-    return "" if name == NOT_WANTED else name or default
 
 
 def make_node(**options: Any) -> PreprocNode:

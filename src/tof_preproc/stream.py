@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tof_core.builder import FROZEN, LATE, CaptureBuilder
 from tof_core.config import section
-from tof_core.errors import ToftwinError, TransformError
+from tof_core.errors import ToftwinError
 from tof_core.motion import MotionConfig, StationConfig, StationTracker, is_still
 from tof_core.options import BagOptions
 from tof_core.robot import RobotChain
@@ -60,11 +61,11 @@ class PreprocStream:
         """Nothing received yet."""
         self.config, self.transforms = config, transforms
         self.chain = RobotChain(transforms, config.input.cell_frame, config.input.body_frame)
-        self.builder = CaptureBuilder(config.input, self.chain, topics, need_tf=need_tf)
+        self.builder = CaptureBuilder(config.input, self.chain, topics, need_tf=need_tf, wait_s=math.inf, ahead_s=config.still.window_s)
         self.builder.on_skip = self._skipped
         self.preprocessor = Preprocessor(config.preproc)
         self._stations = StationTracker(config.station)
-        self._waiting: deque[Capture] = deque()
+        self._ready: deque[Capture] = deque()
         self._fates: deque[Processed] = deque()
         self._late: list[int] = []
 
@@ -74,7 +75,7 @@ class PreprocStream:
         self.preprocessor.reset()
         self._stations.reset()
         self.transforms.clear_dynamic()
-        self._waiting.clear()
+        self._ready.clear()
         self._late.clear()
 
     @property
@@ -90,19 +91,23 @@ class PreprocStream:
         """The next frame begins a new dwell."""
         self.preprocessor = Preprocessor(self.preprocessor.config)
 
+    def give_up(self, stamp_ns: int) -> None:
+        """Frames up to this stamp wait no longer: what they lack will not come."""
+        self.builder.overdue = max(self.builder.overdue, stamp_ns)
+
     def ready(self, *, final: bool = False) -> Iterator[Processed]:
         """What became of the frames that are ready, oldest first; `final` waits for nothing."""
         self._build(final=final)
         yield from self._drain()
-        while self._waiting and (final or self._settled(self._waiting[0])):
-            yield self._process(self._waiting.popleft())
+        while self._ready:
+            yield self._process(self._ready.popleft())
 
     def _build(self, *, final: bool) -> None:
         """Captures from the builder; one that cannot be read costs that frame only."""
         while True:
             try:
                 for capture in self.builder.ready(final=final):
-                    self._waiting.append(capture)
+                    self._ready.append(capture)
                     self._late.clear()
             except ToftwinError as error:
                 reason = type(error).__name__.removesuffix("Error").lower()
@@ -119,17 +124,6 @@ class PreprocStream:
     def _drain(self) -> Iterator[Processed]:
         while self._fates:
             yield self._fates.popleft()
-
-    def _settled(self, capture: Capture) -> bool:
-        """Whether TF covers the capture's motion window, or will not any more."""
-        after = capture.stamp_ns + round(self.config.still.window_s * 1e9)
-        if capture.robot is None or self.transforms.settled(after):
-            return True
-        try:
-            self.chain.pose(capture.camera.frame_id, after)
-        except TransformError:
-            return False
-        return True
 
     def _process(self, capture: Capture) -> Processed:
         still, station = self.standing(capture)

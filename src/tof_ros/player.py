@@ -30,14 +30,8 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_core.bag import RawMessage
 
-MOST_IN_FLIGHT = 24
-"""Frames open at a time in any case: sensors' queues are 32 deep."""
 DISCOVERY_S = 0.5
 """The nodes among themselves have found each other so long after they found us."""
-SETTLE_S = 1.0
-"""Silence after which nodes are asked for what they hold: all that was sent has then been taken."""
-SILENCE_S = 10.0
-"""At the end, a frame that so long after all others has no answer is lost."""
 MERGED = 200
 """So many /tf messages between two frames travel as one: a burst cannot overrun a listener's queue."""
 
@@ -53,18 +47,14 @@ class PlayOptions:
     Args:
         realtime: keep the bag's pace and wait for nobody; frames may be lost.
         rate: speed in real time, as a multiple of the bag's.
-        in_flight: frames sent ahead of the graph's answers; below every queue's depth.
-        ahead_s: how far the bag may run ahead of the oldest frame that is not answered, in its own time.
-        patience_s: how long the graph may be silent before more is sent (it may wait for later transforms).
-        give_up_s: how long it may be silent before the replay ends with an error.
+        in_flight: frames sent ahead of the graph's answers; below the depth of every queue between nodes.
+        give_up_s: how long the graph may be silent; frames then open are lost.
     """
 
     realtime: bool = False
     rate: float = 1.0
-    in_flight: int = 6
-    ahead_s: float = 5.0
-    patience_s: float = 0.25
-    give_up_s: float = 120.0
+    in_flight: int = 8
+    give_up_s: float = 60.0
 
 
 @dataclass(slots=True)
@@ -89,7 +79,7 @@ class Player(Node):
         self._changed = threading.Condition()
         self._out: dict[str, Publisher] = {}
         self._transforms: list[Any] = []
-        self._clock_ns, self._heard, self._limit = 0, float("-inf"), options.in_flight
+        self._clock_ns, self._heard = 0, float("-inf")
         self._alive: Callable[[], bool] = lambda: True
         self._ticker = self.create_publisher(Clock, "/clock", qos.OUTPUT)
         self.report = PlayReport()
@@ -154,43 +144,30 @@ class Player(Node):
         self.report.seconds = time.monotonic() - begin
 
     def _open_frame(self, stamp_ns: int) -> None:
+        """Wait for room, then note that an answer is due."""
         with self._changed:
-            if not self._options.realtime and not self._wait(lambda: self._room(stamp_ns), self._options.patience_s):
-                self._limit = min(self._limit + 1, MOST_IN_FLIGHT)
+            if not self._options.realtime and not self._wait(lambda: len(self._open) < self._options.in_flight):
+                raise ReplayError(f"the graph has not answered for {self._options.give_up_s:.0f} s", todo="its messages are above")
             self._open[stamp_ns] = {self._first}
 
-    def _room(self, stamp_ns: int) -> bool:
-        """Whether the graph has kept up well enough to be sent what is stamped so."""
-        oldest = min(self._open, default=stamp_ns)
-        return len(self._open) < self._limit and stamp_ns - oldest < self._options.ahead_s * 1e9
-
-    def _wait(self, done: Callable[[], bool], silence_s: float) -> bool:
-        """With the lock held: until `done` (true), or nothing was answered for `silence_s` (false)."""
+    def _wait(self, done: Callable[[], bool]) -> bool:
+        """With the lock held: until `done` (true), or nothing was answered for long (false)."""
         began = time.monotonic()
         while not done():
             self._changed.wait(0.05)
             if not self._alive():
                 raise ReplayError("the graph stopped during the replay", todo="its messages are above")
-            silent = time.monotonic() - max(self._heard, began)
-            if silent > silence_s and len(self._open) < MOST_IN_FLIGHT:
+            if time.monotonic() - max(self._heard, began) > self._options.give_up_s:
                 return False
-            if silent > self._options.give_up_s:
-                raise ReplayError(f"the graph has not answered for {silent:.0f} s, {len(self._open)} frames are open")
         return True
 
     def finish(self, flush: Sequence[str]) -> None:
-        """Wait for the last answers; `flush` services, in order, make nodes give out what they still hold."""
-        for service in flush:
-            began = time.monotonic()
-            while not self._answered_all(SETTLE_S) and time.monotonic() - began < SILENCE_S:
-                self._call(service)
-            self._call(service)
+        """Wait for the last answers, then call the `flush` services, which make nodes give out what they hold."""
         with self._changed:
+            self._wait(lambda: not self._open)
             self.report.lost = len(self._open)
-
-    def _answered_all(self, silence_s: float) -> bool:
-        with self._changed:
-            return self._wait(lambda: not self._open, silence_s)
+        for service in flush:
+            self._call(service)
 
     def _call(self, service: str) -> None:
         client = self.create_client(Trigger, service)
@@ -214,8 +191,6 @@ class Player(Node):
         if not self._transforms:
             return
         newest = messages.to_ns(self._transforms[-1].transforms[-1].header.stamp)
-        with self._changed:
-            self._wait(lambda: self._room(newest) or len(self._open) >= self._limit, self._options.patience_s)
         merged = TFMessage(transforms=[t for m in self._transforms for t in m.transforms])
         self._transforms.clear()
         self._publisher("/tf", TFMessage).publish(merged)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,19 +13,19 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, TimeReference
 
 from tof_core.capture import View
-from tof_core.config import param, section
-from tof_core.decode import camera_from_info, pixels, stamp_ns
+from tof_core.decode import stamp_ns
 from tof_core.errors import TransformError, UsageError
 from tof_core.robot import RobotChain
 from tof_core.tf import TransformBuffer
 from tof_ros import messages, qos
 from tof_ros.base import RoomNode
 from tof_ros.joiner import StampJoiner
+from tof_ros.patience import NEVER, PERIOD_S, Patience
 from tof_ros.recorder import RecordService
 from tof_ros.transforms import TransformListener
 from tof_scene.raycast import Raycaster
 from tof_scene.scene_file import load_scene
-from tof_sim_label.labeller import LabellerConfig
+from tof_sim_label.live import LabelNodeConfig, view_of
 from tof_sim_label.stream import Labelled, LabelStream
 
 if TYPE_CHECKING:
@@ -35,32 +34,17 @@ if TYPE_CHECKING:
     from tof_sim_label.label import Label
 
 NAME = "sim_label"
-OUTPUTS = {"depth": Image, "mask": Image, "part": Image, "sigma": Image, "camera_info": CameraInfo, "points": PointCloud2,
-           "pose": PoseWithCovarianceStamped}
+OUTPUTS = {
+    "depth": Image,
+    "mask": Image,
+    "part": Image,
+    "sigma": Image,
+    "camera_info": CameraInfo,
+    "points": PointCloud2,
+    "pose": PoseWithCovarianceStamped,
+}
 """Topics under `label/`, once per view, with the stamp of its last capture."""
 REQUIRED = ("depth", "sigma", "count", "reason", "camera_info", "dwell")
-
-
-@dataclass(frozen=True, slots=True)
-class LiveConfig:
-    """What only a running node has."""
-
-    scene: str = param("", "scene.yaml of the cell, or its folder")
-    cell_frame: str = param("", "TF frame of the cell; empty: the scene's")
-    body_frame: str = param("", "TF frame of the robot's base; empty: 'body' or 'base_link' on the way")
-    max_gap_s: float = param(0.2, "longest pause of TF that is interpolated", unit="s", low=0.001, high=10.0)
-    keep_tf_s: float = param(30.0, "history of TF", unit="s", low=1.0, high=3600.0)
-    settle_s: float = param(
-        2.5, "a view is labelled when so long no other came; 0: only when the next dwell begins", unit="s", low=0.0, high=3600.0
-    )
-    record: str = param("", "folder in which ~/start_recording makes a bag of the labels")
-
-
-@dataclass(frozen=True, slots=True)
-class LabelNodeConfig(LabellerConfig):
-    """Parameters of the node."""
-
-    live: LiveConfig = section(LiveConfig, "the running node")
 
 
 CONFIG = LabelNodeConfig
@@ -87,6 +71,7 @@ class LabelNode(RoomNode[LabelNodeConfig]):
         self._joiner = StampJoiner(REQUIRED, patience_s=2.0)
         self._waiting: deque[tuple[int, dict[str, Any]]] = deque()
         self._arrivals: dict[int, float] = {}
+        self._patience, self._overdue = Patience(live.patience_s), NEVER
         self._verdicts: Counter[str] = Counter()
         self._labelled = time.monotonic()
         self._tf = TransformListener(self, self._chain.transforms, self._advance)
@@ -96,31 +81,42 @@ class LabelNode(RoomNode[LabelNodeConfig]):
         self.service("capture", self.flush)
         self.service("flush", self.flush)
         RecordService(self, live.record, "labels", [(f"label/{name}", kind) for name, kind in OUTPUTS.items()])
-        self.timer(0.5, self._settle)
+        self.timer(PERIOD_S, self._tick)
 
     def _part(self, part: str, message: Any) -> None:
         stamp = stamp_ns(message)
         if part == "depth":
             self._arrivals[stamp] = self.tally.arrived()
+            self._patience.start(stamp)
         if part == "dwell" and "amplitude=1" in message.source:
             self._joiner.expect("amplitude")
         self._joiner.add(part, stamp, message)
-        self._waiting.extend(self._joiner.take())
         self._advance()
 
-    def _advance(self, *, final: bool = False) -> None:
+    def _tick(self) -> None:
+        """Give up waiting for what does not come; label a view that has long been the last."""
+        self._overdue = max(self._overdue, self._patience.tick())
+        self._advance()
+        settle = self.config.live.settle_s
+        if settle and time.monotonic() - self._labelled > settle:
+            self._publish(self._stream.flush())
+
+    def _advance(self) -> None:
         """Take every view whose transform is there."""
+        self._waiting.extend(self._joiner.take())
         while self._waiting:
             stamp, parts = self._waiting[0]
             try:
                 view = view_of(stamp, parts, self._chain)
             except TransformError as error:
-                if not final and not self._chain.transforms.settled(stamp):
+                if stamp > self._overdue and not self._chain.transforms.settled(stamp):
                     return
                 self._waiting.popleft()
+                self._patience.end(stamp)
                 self.skip(stamp, "no transform", str(error))
                 continue
             self._waiting.popleft()
+            self._patience.end(stamp)
             self._publish(self._stream.push(view))
             self._labelled = time.monotonic()
             self.done(stamp, self._arrivals.pop(stamp, self._labelled))
@@ -151,15 +147,9 @@ class LabelNode(RoomNode[LabelNodeConfig]):
         cell = self._chain.cell or self._scene.frame
         self._outputs["pose"].publish(messages.pose(label.posed, messages.header(view.stamp_ns, cell)))
 
-    def _settle(self) -> None:
-        settle = self.config.live.settle_s
-        if settle and time.monotonic() - self._labelled > settle:
-            self._publish(self._stream.flush())
-
     def flush(self) -> str:
         """Label what has been accumulated, now."""
-        self._waiting.extend(self._joiner.take(force=True))
-        self._advance(final=True)
+        self._advance()
         before = self._verdicts.total()
         self._publish(self._stream.flush())
         return f"{self._verdicts.total() - before} view labelled"
@@ -175,6 +165,8 @@ class LabelNode(RoomNode[LabelNodeConfig]):
             self._joiner.clear()
             self._waiting.clear()
             self._arrivals.clear()
+            self._patience.clear()
+            self._overdue = NEVER
             self._chain.transforms.clear_dynamic()
         return "the session is forgotten"
 
@@ -188,27 +180,6 @@ class LabelNode(RoomNode[LabelNodeConfig]):
             "incomplete": str(self._joiner.incomplete),
             **verdicts,
         }
-
-
-def view_of(stamp: int, parts: Mapping[str, Any], chain: RobotChain) -> View:
-    """The view that `preproc` published in parts; the robot's pose comes from TF."""
-    camera = camera_from_info(parts["camera_info"], "preproc/camera_info")
-    dwell = parts["dwell"]
-    about = dict(pair.split("=", 1) for pair in dwell.source.split())
-    amplitude = parts.get("amplitude")
-    return View(
-        stamp_ns=stamp,
-        dwell_ns=messages.to_ns(dwell.time_ref),
-        camera=camera,
-        robot=chain.pose(camera.frame_id, stamp),
-        depth=pixels(parts["depth"]),
-        sigma=pixels(parts["sigma"]),
-        count=pixels(parts["count"]),
-        reason=pixels(parts["reason"]),
-        station=int(about["station"]),
-        captures=int(about["captures"]),
-        amplitude=None if amplitude is None else pixels(amplitude),
-    )
 
 
 def make_node(**options: Any) -> LabelNode:

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from tof_core.arrays import Bytes, Float, Image, Mask
     from tof_core.bag import BagReader
-    from tof_core.capture import Posed, View
+    from tof_core.capture import View
     from tof_core.metrics import DepthError
     from tof_scene.raycast import Raycaster
     from tof_sim_label.dataset import DatasetWriter
@@ -32,12 +33,17 @@ if TYPE_CHECKING:
 
 MODES = {"final": "session", "causal": "session", "per_view": "per_view", "robot": "robot"}
 """Modes of labelling and the alignment mode of each."""
+CERTAIN_M = 0.01
+"""Labels less certain than this (one standard deviation) take no part in the figures."""
 POSE_SOURCES = {"final": "session, final", "causal": "session, causal", "per_view": "per view", "robot": "robot"}
 
 
 @dataclass(slots=True)
 class LabelResult:
-    """What came of a bag: counts, depth errors against the label, each view's verdict."""
+    """What came of a bag: counts, depth errors against the label, each view's verdict.
+
+    `others` holds each view's `T_cell_camera` by the other ways of posing that were asked for.
+    """
 
     dataset: Path
     captures: int = 0
@@ -46,6 +52,7 @@ class LabelResult:
     verdicts: Counter[str] = field(default_factory=Counter)
     raw: PooledError = field(default_factory=PooledError)
     filtered: PooledError = field(default_factory=PooledError)
+    others: dict[str, list[Float]] = field(default_factory=dict)
     note: str = ""
 
     @property
@@ -61,10 +68,13 @@ class LabelResult:
         }
 
 
-def label_bag(reader: BagReader, caster: Raycaster, config: PipelineConfig, out: Path, *, mode: str = "final") -> LabelResult:
+def label_bag(
+    reader: BagReader, caster: Raycaster, config: PipelineConfig, out: Path, *, mode: str = "final", also: Sequence[str] = (),
+) -> LabelResult:
     """Label a bag into `out`: dataset.zarr, config.yaml, poses.json, metrics.json.
 
     The dataset appears under its name once it is whole; what was there before is kept until then.
+    `also` names other modes whose poses are wanted beside (`LabelResult.others`), with mode final.
 
     Raises:
         RefusedError: the bag has no usable frame, or the session fits the CAD nowhere.
@@ -81,6 +91,7 @@ def label_bag(reader: BagReader, caster: Raycaster, config: PipelineConfig, out:
     attributes = Attributes(caster.scene.digest, digest_config(config), POSE_SOURCES[mode], caster.scene.names)
     result = LabelResult(whole, note=reader.note)
     with DatasetWriter(part, reader.camera, attributes) as dataset:
+        result.others = {name: [] for name in also}
         labelled = _final if mode != "causal" else _causal
         poses = [_appended(dataset, view, label, result) for view, label in labelled(reader, caster, config, dataset, result)]
     _score_raw(part, result)
@@ -118,12 +129,14 @@ def _final(
 ) -> Iterator[tuple[View, Label]]:
     """Poses from one solution of the whole session."""
     from tof_align.session import solve_session
-    from tof_sim_label.label import label_view
+    from tof_sim_label.labeller import label_session
 
     views = list(views_of(reader, config, dataset, result))
-    posed: Sequence[Posed] = solve_session(views, caster, config.align).posed
-    for view, pose in progress(zip(views, posed, strict=True), "labels", len(views)):
-        yield view, label_view(view, pose, caster, config.label)
+    _, labels = label_session(views, caster, config.labeller)
+    for name, found in result.others.items():
+        other = solve_session(views, caster, replace(config.align, mode=MODES[name]))
+        found.extend(p.T_cell_camera for p in other.posed)
+    yield from progress(labels, "labels", len(views))
 
 
 def _causal(
@@ -150,7 +163,7 @@ def causal_labels(views: Iterator[View], caster: Raycaster, config: PipelineConf
 def _appended(dataset: DatasetWriter, view: View, label: Label, result: LabelResult) -> dict[str, Any]:
     dataset.append_view(view, label)
     result.verdicts[label.posed.verdict] += 1
-    result.filtered.add(view.depth, label.depth, label.mask > 0)
+    result.filtered.add(view.depth, label.depth, certain(label.mask, label.sigma))
     assert view.robot is not None
     return {
         "stamp_ns": view.stamp_ns, "station": view.station, "captures": view.captures, "verdict": label.posed.verdict,
@@ -159,20 +172,29 @@ def _appended(dataset: DatasetWriter, view: View, label: Label, result: LabelRes
     }
 
 
+def certain(mask: Bytes, sigma: Image) -> Mask:
+    """Pixels (H, W) over which depth is compared with its label: trainable, and the label known to a centimetre.
+
+    What is left out are silhouettes, where a pose error of a tenth of a millimetre jumps to the next surface.
+    """
+    return np.asarray((mask > 0) & (sigma <= CERTAIN_M))
+
+
 def _score_raw(path: Path, result: LabelResult) -> None:
     """Every single capture against the label of its view."""
     from tof_sim_label.dataset import open_dataset
 
     dataset = open_dataset(path)
     number, last = dataset.column("captures/view"), -1
-    label = mask = np.zeros(0)
+    label, mask = np.zeros((0, 0), np.float32), np.zeros((0, 0), bool)
     for capture in range(dataset.captures):
         if not 0 <= number[capture] < dataset.views:
             continue
         if number[capture] != last:
             last = int(number[capture])
-            label, mask = dataset.frame("views/label", last), dataset.frame("views/mask", last)
-        result.raw.add(dataset.frame("captures/raw", capture), label, mask > 0)
+            label = dataset.frame("views/label", last)
+            mask = certain(dataset.frame("views/mask", last), dataset.frame("views/label_sigma", last))
+        result.raw.add(dataset.frame("captures/raw", capture), label, mask)
 
 
 def _swap(part: Path, whole: Path) -> None:

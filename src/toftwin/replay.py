@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from tof_ros.player import PlayOptions, PlayReport
     from toftwin.pipeline import PipelineConfig
 
+PATIENCE_S = 1.5
+"""A frame without its transform is given up so long after everything before it was sent."""
 NOT_PLAYED = ("/clock", "/diagnostics", "/rosout", "/parameter_events")
 
 
@@ -42,12 +44,12 @@ def graph_for(reader: BagReader, config: PipelineConfig, scene: Path | None) -> 
     names = {"depth_topic": t.depth, "points_topic": t.points, "info_topic": t.info, "amplitude_topic": t.amplitude or NOT_WANTED,
              "temperature_topic": t.temperature or NOT_WANTED, "cell_frame": cell}
     preproc = {k: v for k, v in values.items() if k.startswith(("input.", "still.", "station.", "preproc."))}
-    preproc |= {f"input.{k}": v for k, v in names.items()} | {"live.reliable": True, "live.keep_tf_s": 3600.0, "live.need_tf": bool(cell)}
+    preproc |= {f"input.{k}": v for k, v in names.items()} | {"live.reliable": True, "live.keep_tf_s": 3600.0, "live.patience_s": PATIENCE_S, "live.need_tf": bool(cell)}
     if scene is None:
         return GraphSpec(("preproc",), {"preproc": preproc}, use_sim_time=True)
     label = {k: v for k, v in values.items() if k.startswith(("align.", "label."))}
     label |= {"live.scene": str(scene), "live.cell_frame": cell, "live.body_frame": config.input.body_frame,
-              "live.max_gap_s": config.input.max_gap_s, "live.settle_s": 0.0, "live.keep_tf_s": 3600.0}
+              "live.max_gap_s": config.input.max_gap_s, "live.settle_s": 0.0, "live.keep_tf_s": 3600.0, "live.patience_s": PATIENCE_S}
     return GraphSpec(("preproc", "sim_label"), {"preproc": preproc, "sim_label": label}, use_sim_time=True)
 
 
@@ -112,7 +114,7 @@ def replay(
             player.place(placed.frame, reader.chain.cell or "cell", placed.T_frame_cell)
         for _ in progress(player.play(reader.messages(tuple(played)), graph.alive), "replay", reader.frame_count):
             pass
-        player.finish([f"{node}/flush" for node in spec.nodes])
+        player.finish([f"{node}/flush" for node in spec.nodes if node != "preproc"])
         if recorder is not None:
             recorder.settle()
         memory = graph.memory_bytes()

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin demo`: the main job shown from end to end, on a virtual robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import argparse
+
+NAME = "demo"
+HELP = "record a virtual session, replay it through the ROS graph, label it, and write a report with pictures"
+EXAMPLE = "toftwin demo --out out/demo"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the flags."""
+    from toftwin.options import add_config_arguments
+
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder that is made anew (default: out/demo)")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    add_config_arguments(parser, _settings)
+
+
+def _settings() -> type[Any]:
+    from toftwin.demo import DemoConfig
+
+    return DemoConfig
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run it, print the table."""
+    from tof_core.errors import UsageError
+    from toftwin.demo import MARK, DemoConfig, run_demo, summary
+    from toftwin.options import load_config
+
+    config = load_config(DemoConfig, args)
+    if args.out.exists() and not (args.out / MARK).exists() and (not args.out.is_dir() or any(args.out.iterdir())):
+        raise UsageError("is not a demo's folder and would be replaced", where=args.out, todo="name another with --out")
+    result = run_demo(args.out, config)
+    if args.json:
+        import json
+
+        rows = {name: error.to_dict() for name, error in result.evaluation.rows}
+        poses = {p.name: {"mm": p.millimetres.tolist(), "deg": p.degrees.tolist()} for p in result.evaluation.poses}
+        print(json.dumps({"depth": rows, "poses": poses, "honest": result.evaluation.honest, "seconds": result.seconds}, indent=1))
+        return 0
+    print(summary(result))
+    print(f"report: {args.out / 'report.html'}")
+    return 0

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demonstration: a virtual session recorded, replayed through the graph over DDS, labelled, judged, reported."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from tof_core.config import from_mapping, param
+from toftwin.evaluate import Evaluation, evaluate, pose_table
+from toftwin.inputs import opened
+from toftwin.labelling import LabelResult, label_bag
+from toftwin.pipeline import PipelineConfig
+from toftwin.replay import ReplayResult, replay
+from toftwin.scores import table
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MARK = "made-by-toftwin-demo"
+
+
+@dataclass(frozen=True, slots=True)
+class DemoConfig:
+    """What the demonstration records."""
+
+    scene: str = param("body_section", "built-in scene")
+    width: int = param(400, "columns of the camera", unit="px", low=32, high=1000)
+    height: int = param(300, "rows of the camera", unit="px", low=32, high=1000)
+    views: int = param(12, "views of the session", low=1, high=200)
+    stations: int = param(3, "stations of the base", low=1, high=50)
+    captures: int = param(8, "captures of each view", low=1, high=100)
+    effects: str = param("wiggling=1,multipath=1", "effects of the camera and their strengths")
+    seed: int = param(1, "seed of everything random", low=0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DemoResult:
+    """Everything the report shows."""
+
+    config: DemoConfig
+    folder: Path
+    replayed: ReplayResult
+    labelled: LabelResult
+    evaluation: Evaluation
+    seconds: dict[str, float]
+
+
+def run_demo(out: Path, config: DemoConfig) -> DemoResult:
+    """Leave bag, scene, graph outputs, dataset and report.html in `out`, which is replaced as a whole."""
+    part = out.with_name(out.name + ".part")
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir(parents=True)
+    (part / MARK).touch()
+    seconds: dict[str, float] = {}
+    scene = _timed(seconds, "record", lambda: _record(part, config))
+    replayed = _timed(seconds, "replay", lambda: _replay(part, scene))
+    labelled = _timed(seconds, "label", lambda: _label(part, scene))
+    poses = {"per-view ICP": labelled.others["per_view"], **live_poses(part / "graph")}
+    evaluation = _timed(seconds, "evaluate", lambda: evaluate(part / "dataset.zarr", part / "truth", poses))
+    result = DemoResult(config, part, replayed, labelled, evaluation, seconds)
+    _timed(seconds, "report", lambda: _report(result, scene))
+    if out.exists():
+        shutil.rmtree(out)
+    part.replace(out)
+    return result
+
+
+def _timed(seconds: dict[str, float], name: str, work: Any) -> Any:
+    print(f"{name} ...", file=sys.stderr, flush=True)
+    began = time.monotonic()
+    out = work()
+    seconds[name] = time.monotonic() - began
+    return out
+
+
+def _record(folder: Path, config: DemoConfig) -> Path:
+    from tof_scene.builtin import write_builtin
+    from tof_scene.scene_file import load_scene
+    from tof_virtual.config import VirtualConfig
+    from tof_virtual.record import record
+    from toftwin.commands.simulate import bodies_of, parse_effects
+
+    scene = write_builtin(config.scene, folder / "scene")
+    values = {"camera.width": config.width, "camera.height": config.height, "plan.views": config.views, "plan.stations": config.stations,
+              "plan.captures": config.captures, "output.colour": True, "seed": config.seed}
+    effects = parse_effects([e for e in config.effects.split(",") if e])
+    record(bodies_of(load_scene(scene)), folder / "bag", from_mapping(VirtualConfig, values), effects=effects, truth_path=folder / "truth")
+    return scene
+
+
+def _replay(folder: Path, scene: Path) -> ReplayResult:
+    from tof_ros.player import PlayOptions
+
+    config = PipelineConfig()
+    with opened(folder / "bag", scene, config) as (reader, _):
+        return replay(reader, config, scene=scene, options=PlayOptions(), record=folder / "graph")
+
+
+def _label(folder: Path, scene: Path) -> LabelResult:
+    from tof_scene.raycast import Raycaster
+
+    config = PipelineConfig()
+    with opened(folder / "bag", scene, config) as (reader, loaded):
+        assert loaded is not None
+        return label_bag(reader, Raycaster(loaded), config, folder, also=("per_view",))
+
+
+def live_poses(run: Path) -> dict[str, list[Any]]:
+    """Poses that the graph published, by stamp."""
+    from tof_core.se3 import from_quat
+    from toftwin.compare import parts, read_run
+
+    found = sorted((stamp, parts(message)["pose"]) for (stamp, topic), message in read_run(run).items() if topic.endswith("label/pose"))
+    return {"graph, live": [from_quat(p[:3], p[3:]) for _, p in found]}
+
+
+def _report(result: DemoResult, scene: Path) -> None:
+    from toftwin.demo_report import write_report
+
+    write_report(result, scene)
+
+
+def summary(result: DemoResult) -> str:
+    """The table that the command prints."""
+    r = result.replayed
+    return "\n".join([
+        f"over DDS: {r.report.sent} frames sent, {r.report.fates['kept']} kept, {r.report.lost} lost; the graph used {r.memory_bytes / 1e6:.0f} MB",
+        table(result.evaluation.rows),
+        pose_table(result.evaluation.poses),
+        f"labels within two of their own sigmas of the truth: {result.evaluation.honest:.1%}",
+        "seconds: " + ", ".join(f"{name} {s:.0f}" for name, s in result.seconds.items()),
+    ])

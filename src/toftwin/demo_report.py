@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demonstration's report.html: pictures and figures, nothing from the network."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core.reasons import Reason
+from tof_scene.raycast import Raycaster
+from tof_scene.render import render
+from tof_scene.scene_file import load_scene
+from tof_sim_label.dataset import open_dataset
+from tof_virtual.truth import load_truth
+from toftwin import pictures
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from tof_sim_label.dataset import Dataset
+    from toftwin.demo import DemoResult
+
+GALLERY = 12
+
+
+def write_report(result: DemoResult, scene: Path) -> Path:
+    """Write `report.html` into the demo's folder."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    dataset, (truth, meta) = open_dataset(result.folder / "dataset.zarr"), load_truth(result.folder / "truth")
+    caster = Raycaster(load_scene(scene))
+    view = _telling_view(dataset)
+    environment = Environment(loader=PackageLoader("toftwin"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    html = environment.get_template("demo.html.j2").render(
+        config=result.config, rows=result.evaluation.rows, poses=[_pose_row(p) for p in result.evaluation.poses],
+        honest=result.evaluation.honest, seconds=result.seconds, replayed=result.replayed, labelled=result.labelled, effects=meta["effects"],
+        view=view, scene_names=caster.scene.names, backend=caster.backend, camera=dataset.camera,
+        hero=hero(dataset, truth, caster, view), pose_plot=pictures.pose_plot(result.evaluation.poses),
+        histogram=_histogram(dataset, truth), reasons=_reasons(result.folder / "graph"), gallery=_gallery(dataset, truth),
+        stations=sorted(set(dataset.column("views/station").tolist())),
+    )
+    path = result.folder / "report.html"
+    path.write_text(html, encoding="utf-8")
+    return path
+
+
+def _telling_view(dataset: Dataset) -> int:
+    """The view whose label covers most parts."""
+    return int(np.argmax([len(np.unique(dataset.frame("views/part", v))) for v in range(dataset.views)]))
+
+
+def _pose_row(pose: Any) -> dict[str, Any]:
+    return {"name": pose.name, "mm": float(np.median(pose.millimetres)), "mm_max": float(pose.millimetres.max()),
+            "deg": float(np.median(pose.degrees)), "deg_max": float(pose.degrees.max())}
+
+
+def hero(dataset: Dataset, truth: dict[str, Any], caster: Raycaster, v: int) -> str:
+    """One view from raw to label, and its errors before and after."""
+    raw = _raw(dataset, v)
+    depth, label, part = (dataset.frame(f"views/{n}", v) for n in ("depth", "label", "part"))
+    true, robot = truth["depth"][v], render(caster, dataset.camera, truth["T_robot"][v], footprints=False).depth
+    return pictures.panels([
+        ("raw, one capture", raw, "depth"), ("accumulated and filtered", depth, "depth"), ("label: CAD at the solved pose", label, "depth"),
+        ("its parts", part, "part"),
+        ("before: filtered − CAD where the robot believes to be", depth - robot, "error"), ("after: filtered − label", depth - label, "error"),
+        ("filtered − truth", depth - true, "error"), ("label − truth", label - true, "error"),
+    ], columns=4, width=13.5)
+
+
+def _raw(dataset: Dataset, v: int) -> NDArray[Any]:
+    return dataset.frame("captures/raw", int(np.flatnonzero(dataset.column("captures/view") == v)[-1]))
+
+
+def _histogram(dataset: Dataset, truth: dict[str, Any]) -> str:
+    raw = np.concatenate([_errors(_raw(dataset, v), truth["depth"][v]) for v in range(dataset.views)])
+    filtered = np.concatenate([_errors(dataset.frame("views/depth", v), truth["depth"][v]) for v in range(dataset.views)])
+    return pictures.error_histogram([("raw", raw), ("filtered", filtered)])
+
+
+def _errors(measured: NDArray[Any], true: NDArray[Any]) -> NDArray[Any]:
+    errors = (measured - true)[np.isfinite(measured) & np.isfinite(true)] * 1e3
+    return errors[np.abs(errors) < 50]
+
+
+def _reasons(run: Path) -> str:
+    """Why pixels have no depth, over all running views of the graph."""
+    from tof_core.decode import pixels
+    from toftwin.compare import read_run
+
+    counts = np.zeros(256, np.int64)
+    for (_, topic), message in read_run(run).items():
+        if topic.endswith("preproc/reason"):
+            counts += np.bincount(pixels(message).ravel(), minlength=256)
+    named = [(r.name.lower().replace("_", " "), 100.0 * counts[r] / max(counts.sum(), 1)) for r in Reason if r != Reason.VALID and counts[r]]
+    return pictures.bars(named, "share of all pixels, %")
+
+
+def _gallery(dataset: Dataset, truth: dict[str, Any]) -> str:
+    chosen = np.unique(np.linspace(0, dataset.views - 1, min(GALLERY, dataset.views)).round().astype(int))
+    stations = dataset.column("views/station")
+    images = [(f"view {v}, station {stations[v]}", dataset.frame("views/depth", int(v)) - truth["depth"][v], "error") for v in chosen]
+    return pictures.panels(images, columns=4, width=13.5)
