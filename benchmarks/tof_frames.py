@@ -73,7 +73,13 @@ def plane(camera: Camera = CAMERA, incidence_deg: float = 30.0, z: float = 1.0, 
 
 
 def captures(
-    truth: Truth, count: int = 1, *, seed: int = 0, noise: float = 1.0, spikes: float = 0.0, dropouts: float = 0.0,
+    truth: Truth,
+    count: int = 1,
+    *,
+    seed: int = 0,
+    noise: float = 1.0,
+    spikes: float = 0.0,
+    dropouts: float = 0.0,
     quantum: float = 0.0,
 ) -> list[Capture]:
     """Captures at 15 Hz with photon noise (times `noise`); shares of pixels thrown anywhere, or lost; codes of `quantum`."""

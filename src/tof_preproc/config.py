@@ -49,8 +49,7 @@ class SelfConfig:
 class AccumulateConfig:
     """How the captures of a dwell become one depth per pixel."""
 
-    method: str = param("mean", "mean or median of the captures kept, or the paper's equation 1",
-                        choices=("mean", "median", "paper"))
+    method: str = param("mean", "mean or median of the captures kept, or the paper's equation 1", choices=("mean", "median", "paper"))
     max_captures: int = param(15, "captures after which a new dwell begins", low=1, high=256)
     min_share: float = param(0.3, "least share of the captures in which a pixel must have a depth", low=0.0, high=1.0)
 
@@ -60,8 +59,9 @@ class IqrConfig:
     """Captures of a pixel far from its quantiles over the dwell are rejected (IQR)."""
 
     enable: bool = param(True, "reject by quantiles over time")
-    method: str = param("tukey", "tukey: beyond fences outside the quantiles; paper: outside the band between them",
-                        choices=("tukey", "paper"))
+    method: str = param(
+        "tukey", "tukey: beyond fences outside the quantiles; paper: outside the band between them", choices=("tukey", "paper")
+    )
     low: float = param(0.2, "lower quantile", low=0.0, high=0.5)
     high: float = param(0.8, "upper quantile", low=0.5, high=1.0)
     fence: float = param(1.5, "distance of the fences from the quantiles, in widths of the band", low=0.0, high=100.0)
@@ -73,8 +73,11 @@ class Sigma3Config:
     """Captures of a pixel further than so many standard deviations from its centre are rejected (THREE_SIGMA)."""
 
     enable: bool = param(True, "reject by standard deviations over time")
-    method: str = param("robust", "robust: from the median, deviation by MAD but no less than the expected noise; "
-                        "paper: from the mean, by the standard deviation", choices=("robust", "paper"))
+    method: str = param(
+        "robust",
+        "robust: from the median, deviation by MAD but no less than the expected noise; paper: from the mean, by the standard deviation",
+        choices=("robust", "paper"),
+    )
     ratio: float = param(3.0, "standard deviations", low=0.5, high=20.0)
     min_captures: int = param(3, "with fewer captures the stage passes", low=2, high=256)
 
@@ -85,8 +88,7 @@ class FlyingConfig:
 
     enable: bool = param(True, "remove mixed pixels at depth edges")
     ratio: float = param(4.0, "deviation from each side's surface, in its standard deviations", low=1.0, high=50.0)
-    slope_deg: float = param(70.0, "a step is what rises more steeply than a surface at this incidence",
-                             unit="deg", low=30.0, high=89.0)
+    slope_deg: float = param(70.0, "a step is what rises more steeply than a surface at this incidence", unit="deg", low=30.0, high=89.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +104,11 @@ class SorConfig:
     """Points far from their nearest neighbours are removed (SOR)."""
 
     enable: bool = param(True, "remove statistical outliers of the cloud")
-    method: str = param("scaled", "scaled: distances in units of the point spacing expected there; "
-                        "paper: distances in metres (Open3D's remove_statistical_outlier)", choices=("scaled", "paper"))
+    method: str = param(
+        "scaled",
+        "scaled: distances in units of the point spacing expected there; paper: distances in metres (Open3D's remove_statistical_outlier)",
+        choices=("scaled", "paper"),
+    )
     neighbours: int = param(20, "nearest neighbours, the point itself among them (as Open3D counts)", low=2, high=100)
     ratio: float = param(2.0, "standard deviations above the mean distance", low=0.1, high=20.0)
 
@@ -129,8 +134,7 @@ class FrozenConfig:
 class PreprocConfig:
     """All of preprocessing."""
 
-    preset: str = param("default", "paper: the paper's order and methods stand in place of those given here",
-                        choices=("default", "paper"))
+    preset: str = param("default", "paper: the paper's order and methods stand in place of those given here", choices=("default", "paper"))
     order: str = param(ORDER, "the stages in their order, joined by commas; one left out is off")
     range: RangeConfig = section(RangeConfig)
     amplitude: AmplitudeConfig = section(AmplitudeConfig)
@@ -157,8 +161,12 @@ class PreprocConfig:
         if self.preset == "default":
             return self
         return replace(
-            self, preset="default", order=PAPER_ORDER, accumulate=replace(self.accumulate, method="paper", min_share=0.0),
-            iqr=replace(self.iqr, method="paper"), sigma3=replace(self.sigma3, method="paper"),
+            self,
+            preset="default",
+            order=PAPER_ORDER,
+            accumulate=replace(self.accumulate, method="paper", min_share=0.0),
+            iqr=replace(self.iqr, method="paper"),
+            sigma3=replace(self.sigma3, method="paper"),
             sor=replace(self.sor, method="paper"),
         )
 
@@ -177,7 +185,7 @@ def stages_of(order: str) -> tuple[str, ...]:
             raise ConfigError(msg, where="preproc.order", todo=f"stages: {', '.join(known)}")
     if "accumulate" not in stages:
         raise ConfigError("has no 'accumulate'", where="preproc.order", todo=f"for example {ORDER}")
-    late = [s for s in SAMPLE if s in stages[stages.index("accumulate"):]]
+    late = [s for s in SAMPLE if s in stages[stages.index("accumulate") :]]
     if late:
         msg = f"stage '{late[0]}' compares captures and so comes before 'accumulate'"
         raise ConfigError(msg, where="preproc.order")

@@ -76,9 +76,19 @@ class Dwell:
         stages.apply(self._after, frame, self._config, report)
         valid = np.isfinite(frame.depth)
         view = View(
-            stamp_ns=last.stamp_ns, dwell_ns=self.first.stamp_ns, camera=last.camera, depth=frame.depth, sigma=frame.sigma,
-            count=np.where(valid, result.count, 0).astype(np.uint16), reason=frame.reason, robot=last.robot, station=self.station,
-            captures=self._stack.captures, amplitude=amplitude, colour=last.colour, temperature=last.temperature,
+            stamp_ns=last.stamp_ns,
+            dwell_ns=self.first.stamp_ns,
+            camera=last.camera,
+            depth=frame.depth,
+            sigma=frame.sigma,
+            count=np.where(valid, result.count, 0).astype(np.uint16),
+            reason=frame.reason,
+            robot=last.robot,
+            station=self.station,
+            captures=self._stack.captures,
+            amplitude=amplitude,
+            colour=last.colour,
+            temperature=last.temperature,
             noise=np.where(valid, result.noise, np.nan).astype(np.float32),
         )
         return view, report

@@ -55,7 +55,7 @@ def _pitch(camera: Camera) -> float:
     """Least step between neighbouring rays at z = 1."""
     rays = camera.rays()
     steps = [np.abs(np.diff(rays[..., axis], axis=1 - axis)) for axis in (0, 1)]
-    return float(min(np.nanmin(s) if s.size else np.inf for s in steps))
+    return float(min((np.nanmin(s) for s in steps if s.size), default=camera.pixel_angle))
 
 
 @njit(cache=True)
@@ -87,8 +87,18 @@ def _inside(cloud, pitch, k, radius, pad, out):  # type: ignore[no-untyped-def] 
     """Fill `out` where the window holds the k nearest; return the other pixels (n, 2)."""
     height, width = out.shape
     d2 = np.empty(((2 * radius + 1) ** 2, LANES), np.float32)
-    reach2, mean, lo, n_lo = np.empty(LANES, np.float32), np.empty(LANES, np.float32), np.empty(LANES, np.float32), np.empty(LANES, np.float32)
-    n_hi, guess, n, total = np.empty(LANES, np.float32), np.empty(LANES, np.float32), np.empty(LANES, np.float32), np.empty(LANES, np.float32)
+    reach2, mean, lo, n_lo = (
+        np.empty(LANES, np.float32),
+        np.empty(LANES, np.float32),
+        np.empty(LANES, np.float32),
+        np.empty(LANES, np.float32),
+    )
+    n_hi, guess, n, total = (
+        np.empty(LANES, np.float32),
+        np.empty(LANES, np.float32),
+        np.empty(LANES, np.float32),
+        np.empty(LANES, np.float32),
+    )
     rest = np.empty((height * width, 2), np.int32)
     waiting = 0
     for v in range(height):
@@ -225,9 +235,9 @@ def _outwards(cloud, pitch, k, radius, pad, rest, out):  # type: ignore[no-untyp
 
 @njit(cache=True, fastmath=True)
 def _box_distance2(box, x, y, z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    dx = max(max(box[0] - x, x - box[3]), np.float32(0.0))
-    dy = max(max(box[1] - y, y - box[4]), np.float32(0.0))
-    dz = max(max(box[2] - z, z - box[5]), np.float32(0.0))
+    dx = max(box[0] - x, x - box[3], np.float32(0.0))
+    dy = max(box[1] - y, y - box[4], np.float32(0.0))
+    dz = max(box[2] - z, z - box[5], np.float32(0.0))
     return dx * dx + dy * dy + dz * dz
 
 

@@ -85,7 +85,7 @@ def law_of_dwell(stack: Stack, amplitude: Image | None, quantum: float) -> Noise
     if not some.size:
         return NoiseLaw((max(quantum**2 / 12, TINY), 0.0, 0.0), 1.0, 1.0, by_range=amplitude is None)
     light = _light(values.mean(axis=1), None if amplitude is None else amplitude.ravel()[some])
-    return _fit(values.var(axis=1, ddof=1), light, n - 1, quantum, by_range=amplitude is None)
+    return _fit(values.var(axis=1, ddof=1), np.asarray(light, float), n - 1, quantum, by_range=amplitude is None)
 
 
 def _fit(scatter2: Float, light: Float, dof: int, quantum: float, *, by_range: bool) -> NoiseLaw:

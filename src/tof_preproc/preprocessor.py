@@ -8,15 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.camera import Camera
+from tof_core.capture import Capture
 from tof_core.motion import StationTracker
 from tof_preproc.config import PreprocConfig
 from tof_preproc.dwell import Dwell
 from tof_preproc.frame import Report
+from tof_preproc.surface import cos_incidence
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from tof_core.capture import Capture, View
+    from tof_core.capture import View
 
 
 class DwellKeeper:
@@ -83,8 +86,11 @@ class Preprocessor:
 
 
 def accumulate_views(
-    captures: Iterable[Capture], config: PreprocConfig | None = None, *,
-    still: Callable[[Capture], bool] | None = None, stations: StationTracker | None = None,
+    captures: Iterable[Capture],
+    config: PreprocConfig | None = None,
+    *,
+    still: Callable[[Capture], bool] | None = None,
+    stations: StationTracker | None = None,
 ) -> Iterator[View]:
     """The final view of each dwell of a session, in order of time: what `Preprocessor.push` gives with its last capture.
 
@@ -103,6 +109,23 @@ def accumulate_views(
         current = dwell
     if current is not None:
         yield current.view()[0]
+
+
+def warm_up(camera: Camera | None = None) -> None:
+    """Load (the first time ever: compile, some 20 s) all kernels, and what is kept per camera, before frames flow."""
+    shape = (24, 32)
+    small = Camera(shape[1], shape[0], 30.0, 30.0, 15.5, 11.5)
+    rng = np.random.default_rng(0)
+    for preset in ("default", "paper"):
+        preprocessor = Preprocessor(PreprocConfig(preset=preset))
+        for i in range(6):
+            depth = (1 + 0.01 * rng.standard_normal(shape)).astype(np.float32)
+            depth[5, i] = np.nan
+            reason = np.where(np.isnan(depth), np.uint8(1), np.uint8(0))
+            preprocessor.push(Capture(1 + i, small, depth, reason, amplitude=np.ones(shape, np.float32)))
+    if camera is not None:
+        cos_incidence(np.ones(camera.shape, np.float32), camera)
+        camera.ray_length()
 
 
 def is_repeated(last: Capture, capture: Capture) -> bool:

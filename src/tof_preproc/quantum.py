@@ -26,9 +26,7 @@ def quantum_of(depth: Image, samples: int = 20000) -> float:
     gaps = gaps[gaps > FINEST / 2]
     if gaps.size < 2:
         return 0.0
-    step = float(gaps.min())
-    span = values[-1] - values[0]
-    step = span / round(span / step)
+    step = float(gaps.sum() / np.round(gaps / gaps.min()).sum())
     steps = values / step
     rounding = np.spacing(np.float32(values[-1])) / step
     on_code = np.abs(steps - np.round(steps)).max() < 0.02 + 2 * rounding
@@ -36,8 +34,8 @@ def quantum_of(depth: Image, samples: int = 20000) -> float:
 
 
 @njit(cache=True)
-def mean_error2(variance: float, factor: float, quantum: float) -> float:
-    """Squared standard error of a mean of quantised values.
+def mean_error2(variance: float, factor: float, quantum: float, on_code: bool) -> float:  # noqa: FBT001  (compiled: positional)
+    """Squared standard error of a mean of quantised values; of a median (`on_code`), which is a code itself.
 
     `variance` is one value's, its quantisation included; `factor` the sum of the squared weights. Noise well above the
     step dithers it away; what is left is a bias that no number of captures averages out, whose mean square over all
@@ -49,7 +47,7 @@ def mean_error2(variance: float, factor: float, quantum: float) -> float:
     q2 = quantum * quantum
     ratio = max(variance - q2 / 12, 0.0) / q2
     bias2 = q2 / 12
-    if ratio > 1e-3:
+    if ratio > 1e-3 and not on_code:
         bias2 = 0.0
         for k in range(1, 12):
             bias2 += np.exp(-4 * np.pi**2 * k * k * ratio) / (k * k)

@@ -17,8 +17,12 @@ if TYPE_CHECKING:
 
 Stage: TypeAlias = "Callable[[Frame, PreprocConfig], int]"
 RASTER: dict[str, Stage] = {
-    "range": remove_range, "amplitude": remove_amplitude, "self": remove_self,
-    "flying": remove_flying, "grazing": remove_grazing, "sor": remove_sor,
+    "range": remove_range,
+    "amplitude": remove_amplitude,
+    "self": remove_self,
+    "flying": remove_flying,
+    "grazing": remove_grazing,
+    "sor": remove_sor,
 }
 
 

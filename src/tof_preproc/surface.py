@@ -46,8 +46,9 @@ def cos_incidence(depth: Image, camera: Camera) -> Image:
     grazing surface.
     """
     inverse = np.full((depth.shape[0] + 2, depth.shape[1] + 2), np.float32(np.nan))
-    np.divide(np.float32(1), depth, out=inverse[1:-1, 1:-1])
-    return _cosine(inverse, *_raster(camera))
+    with np.errstate(divide="ignore"):
+        np.divide(np.float32(1), depth, out=inverse[1:-1, 1:-1])
+    return np.asarray(_cosine(inverse, *_raster(camera)))
 
 
 @lru_cache(maxsize=16)

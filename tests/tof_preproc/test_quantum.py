@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The step of the depth code is found where there is one, and its error told as simulation finds it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tof_preproc.quantum import mean_error2, quantum_of
+
+
+@pytest.mark.parametrize("step", [0.001, 0.00025, 0.004])
+def test_a_code_is_found_through_float32(step: float) -> None:
+    rng = np.random.default_rng(0)
+    depth = (np.round(rng.uniform(0.5, 4.0, (60, 80)) / step) * step).astype(np.float32)
+    depth[::7] = np.nan
+    assert quantum_of(depth) == pytest.approx(step, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "depth",
+    [
+        np.random.default_rng(0).uniform(0.5, 4.0, (60, 80)),
+        np.full((4, 4), np.nan),
+        np.ones((4, 4)),
+        np.zeros((0, 0)),
+    ],
+)
+def test_values_that_follow_no_code_have_no_step(depth: np.ndarray) -> None:
+    assert quantum_of(depth.astype(np.float32)) == 0.0
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.2, 0.3, 0.5, 1.0])
+@pytest.mark.parametrize("captures", [1, 4, 30])
+def test_the_error_of_a_mean_of_codes_is_what_simulation_gives(noise: float, captures: int) -> None:
+    rng = np.random.default_rng(1)
+    truth = rng.uniform(0, 1, 20000)
+    codes = np.round(truth[:, None] + noise * rng.standard_normal((20000, captures)))
+    simulated = np.mean((codes.mean(axis=1) - truth) ** 2)
+    told = mean_error2(noise**2 + 1 / 12, 1 / captures, 1.0, False)  # noqa: FBT003
+    assert told == pytest.approx(simulated, rel=0.08)
+
+
+def test_no_number_of_captures_averages_a_code_without_noise_away() -> None:
+    assert mean_error2(1 / 12, 1e-9, 1.0, False) == pytest.approx(1 / 12)  # noqa: FBT003
