@@ -33,9 +33,7 @@ class RadialGate:
             return
         found = radial_evidence(view.depth, view.camera)
         if found.suspicion > SURE:
-            msg = (
-                f"a plane bends: the depth looks radial (flat parts are off by {found.bend_z_mm:.1f} mm as z, "
-                f"by {found.bend_radial_mm:.1f} mm as distance along the ray)"
-            )
+            bends = f"{found.bend_z_mm:.0f} mm as z, {found.bend_radial_mm:.0f} mm as distance along the ray"
+            msg = f"a plane bends: the depth looks radial (what is flat is off by {bends})"
             raise RefusedError(msg, where=f"depth at {view.stamp_ns * 1e-9:.3f} s", todo="pass --depth radial")
         self._left = 0 if found.suspicion < 1 - SURE else self._left - 1

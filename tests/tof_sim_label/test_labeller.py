@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -15,6 +16,9 @@ from tof_core.errors import RefusedError, TransformError
 from tof_scene.raycast import Raycaster
 from tof_scene.scene import Part, Scene
 from tof_sim_label.labeller import Labeller, label_session
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
 
 CAMERA = Camera(width=120, height=90, fx=110.0, fy=110.0, cx=59.5, cy=44.5)
 BASE = se3.exp([0.03, -0.02, 0.005, 0.002, -0.003, 0.02])
@@ -31,14 +35,14 @@ def corner() -> Scene:
     return Scene("cell", tuple(Part(name, mesh, faces) for name, mesh in (("back", a), ("floor", b), ("side", c))))
 
 
-def depth_of(T: np.ndarray) -> np.ndarray:
+def depth_of(T: Float) -> Float:
     """z-depth (H, W) of the corner seen from T, by formula."""
     rays, o = CAMERA.rays() @ T[:3, :3].T, T[:3, 3]
     ways = [(wall - o[axis]) / rays[..., axis] for axis, wall in ((0, -0.4), (1, 0.3), (2, 1.2))]
-    return np.min([np.where(way > 0, way, np.inf) for way in ways], axis=0)
+    return np.asarray(np.min([np.where(way > 0, way, np.inf) for way in ways], axis=0))
 
 
-def session(noise: float = 1e-3) -> tuple[list[View], list[np.ndarray]]:
+def session(noise: float = 1e-3) -> tuple[list[View], list[Float]]:
     """Four views of one station and their true depths."""
     rng = np.random.default_rng(5)
     views, true = [], []
