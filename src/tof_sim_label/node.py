@@ -5,14 +5,12 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, TimeReference
 
-from tof_core.capture import View
 from tof_core.decode import stamp_ns
 from tof_core.errors import TransformError, UsageError
 from tof_core.robot import RobotChain
@@ -23,14 +21,15 @@ from tof_ros.joiner import StampJoiner
 from tof_ros.patience import NEVER, PERIOD_S, Patience
 from tof_ros.recorder import RecordService
 from tof_ros.transforms import TransformListener
+from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
-from tof_scene.scene_file import load_scene
 from tof_sim_label.live import LabelNodeConfig, view_of
 from tof_sim_label.stream import Labelled, LabelStream
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from tof_core.capture import View
     from tof_sim_label.label import Label
 
 NAME = "sim_label"
@@ -59,7 +58,7 @@ class LabelNode(RoomNode[LabelNodeConfig]):
         live = self.config.live
         if not live.scene:
             raise UsageError("no scene given", where="sim_label", todo="start it with --scene, or -p live.scene:=FILE")
-        self._scene = load_scene(Path(live.scene))
+        self._scene = open_scene(live.scene)
         self._caster = Raycaster(self._scene)
         self._stream = LabelStream(self._caster, self.config)
         self._chain = RobotChain(

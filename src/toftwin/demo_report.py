@@ -65,8 +65,8 @@ def hero(dataset: Dataset, truth: dict[str, Any], caster: Raycaster, v: int) -> 
     return pictures.panels([
         ("raw, one capture", raw, "depth"), ("accumulated and filtered", depth, "depth"), ("label: CAD at the solved pose", label, "depth"),
         ("its parts", part, "part"),
-        ("before: filtered − CAD where the robot believes to be", depth - robot, "error"), ("after: filtered − label", depth - label, "error"),
-        ("filtered − truth", depth - true, "error"), ("label − truth", label - true, "error"),
+        ("before: minus CAD at the robot's pose", depth - robot, "error"), ("after: minus label (CAD at the solved pose)", depth - label, "error"),
+        ("filtered minus truth", depth - true, "error"), ("label minus truth", label - true, "error"),
     ], columns=4, width=13.5)
 
 

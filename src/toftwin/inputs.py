@@ -26,9 +26,9 @@ def opened(bag: str | Path, scene_path: Path | None, config: PipelineConfig, ini
 
     scene = None
     if scene_path is not None:
-        from tof_scene.scene_file import load_scene
+        from tof_scene.builtin import open_scene
 
-        scene = load_scene(scene_path)
+        scene = open_scene(scene_path)
     cell = scene.frame if scene else ""
     with open_bag(bag, config.input, cell_frame=cell, placed=scene.placed_in if scene else None) as reader:
         if placed := parse_placement(initial_pose, reader.camera.frame_id):

@@ -49,13 +49,15 @@ def panels(images: Sequence[tuple[str, NDArray[Any], str]], *, columns: int, spa
     low, high = np.percentile(depths, [1, 99]) if depths.size else (0.0, 1.0)
     for ax in axes.flat:
         ax.axis("off")
-    shown: dict[str, list[Any]] = {}
-    for ax, (title, array, kind) in zip(axes.flat, images, strict=False):
+    shown: dict[str, tuple[set[int], Any]] = {}
+    for i, (ax, (title, array, kind)) in enumerate(zip(axes.flat, images, strict=False)):
         ax.set_title(title, loc="left")
-        shown.setdefault(kind, []).append((ax, _show(ax, array, kind, (float(low), float(high)), span_mm)))
+        drawn = _show(ax, array, kind, (float(low), float(high)), span_mm)
+        shown[kind] = (shown.get(kind, (set(), None))[0] | {i // columns}, drawn)
     for kind, label in (("depth", "m along the optical axis"), ("error", "mm, positive: too far")):
         if kind in shown:
-            bar = figure.colorbar(shown[kind][-1][1], ax=[ax for ax, _ in shown[kind]], shrink=0.7, pad=0.01, aspect=30)
+            in_rows, drawn = shown[kind]
+            bar = figure.colorbar(drawn, ax=axes[sorted(in_rows)].ravel().tolist(), shrink=0.8, pad=0.012, aspect=18 * len(in_rows))
             bar.set_label(label)
             bar.outline.set_visible(False)  # type: ignore[operator]
     return data_uri(figure)

@@ -34,3 +34,10 @@ def write_builtin(name: str, folder: Path | str) -> Path:
     from tof_scene.scene_file import save_scene
 
     return save_scene(make_builtin(name), folder)
+
+
+def open_scene(name: Path | str) -> Scene:
+    """The built-in scene of that name, or the scene of that file or folder."""
+    from tof_scene.scene_file import load_scene
+
+    return make_builtin(str(name)) if str(name) in NAMES else load_scene(name)

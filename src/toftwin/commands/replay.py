@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from toftwin.options import add_bag_arguments, add_config_arguments
 
     parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
-    parser.add_argument("--scene", type=Path, metavar="FILE", help="scene.yaml of the cell; without it preproc runs alone")
+    parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene.yaml of the cell, or a built-in scene's name; without it preproc runs alone")
     parser.add_argument("--record", type=Path, metavar="OUT", help="keep what the graph publishes in a new bag")
     parser.add_argument("--against", type=Path, metavar="OUT", help="compare with what an earlier run kept; 1 if it differs")
     parser.add_argument("--realtime", action="store_true", help="keep the bag's pace and wait for nobody; frames may be lost")

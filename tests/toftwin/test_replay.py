@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The graph over DDS: the golden bag gives its golden outputs, the same as offline, and no frame is lost."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tof_core.bag import open_bag
+from tof_core.bag_writer import BagWriter
+from tof_core.se3 import from_quat
+from tof_scene.raycast import Raycaster
+from toftwin import cli
+from toftwin.compare import parts, read_run
+from toftwin.inputs import opened
+from toftwin.offline import graph_outputs
+from toftwin.pipeline import PipelineConfig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tof_core.bag import RawMessage
+
+GOLDEN = Path(__file__).parents[1] / "data" / "golden"
+BAG = str(GOLDEN / "bag")
+
+pytestmark = pytest.mark.dds
+
+
+@pytest.mark.slow
+def test_the_golden_bag_gives_its_golden_outputs(ros_domain: int, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["replay", BAG, "--scene", "body_section", "--against", str(GOLDEN / "outputs")]) == 0
+    out = capsys.readouterr().out
+    assert "12 frames sent, 12 kept, 0 lost" in out
+    assert "the runs agree" in out
+
+
+@pytest.mark.slow
+def test_replay_over_dds_gives_the_numbers_of_the_offline_graph(ros_domain: int, tmp_path: Path) -> None:
+    assert cli.main(["replay", BAG, "--scene", "body_section", "--record", str(tmp_path / "run")]) == 0
+    recorded = read_run(tmp_path / "run")
+    seen: dict[str, int] = {}
+    with opened(BAG, Path("body_section"), PipelineConfig()) as (reader, scene):
+        assert scene is not None
+        for output in graph_outputs(reader, PipelineConfig(), Raycaster(scene)):
+            found = parts(recorded.pop((output.stamp_ns, output.topic)))
+            if output.topic == "/label/pose":
+                pose = from_quat(found["pose"][:3], found["pose"][3:])
+                np.testing.assert_allclose(np.concatenate([pose.ravel(), found["covariance"]]), output.values, atol=1e-9)
+            else:
+                np.testing.assert_array_equal(found["pixels"], output.values)
+            seen[output.topic] = seen.get(output.topic, 0) + 1
+    assert seen == dict.fromkeys(("/preproc/depth", "/preproc/sigma", "/preproc/count", "/preproc/reason", "/preproc/amplitude"), 12) | dict.fromkeys(
+        ("/label/depth", "/label/sigma", "/label/mask", "/label/part", "/label/pose"), 4)
+    assert {topic for _, topic in recorded} == {"/preproc/camera_info", "/preproc/dwell", "/label/camera_info"}
+
+
+@pytest.mark.slow
+def test_a_gap_in_tf_costs_the_frames_in_it_and_is_said(ros_domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    stamps = frame_stamps(Path(BAG))
+    gap = (stamps[5] - 150_000_000, stamps[5] + 150_000_000)
+    inside = [s for s in stamps if gap[0] < s < gap[1]]
+    copy(Path(BAG), tmp_path / "gap", lambda m: m.topic != "/tf" or not gap[0] < m.stamp_ns < gap[1])
+    assert cli.main(["replay", str(tmp_path / "gap"), "--scene", "body_section", "--json"]) == 0
+    said = capfd.readouterr()
+    facts = json.loads(said.out)
+    assert facts["fates"] == {"kept": 12 - len(inside), "no transform": len(inside)}
+    assert facts["lost"] == 0
+    assert "has a gap of" in said.err
+
+
+def frame_stamps(bag: Path) -> list[int]:
+    with open_bag(bag) as reader:
+        return [m.stamp_ns for m in reader.messages((reader.topics.depth,))]
+
+
+def copy(source: Path, target: Path, keep: Callable[[RawMessage], bool]) -> None:
+    """The messages of a bag for which `keep` says so."""
+    with open_bag(source) as reader, BagWriter(target) as writer:
+        for message in reader.messages():
+            if keep(message):
+                writer.raw(message.topic, message.type, message.cdr, message.log_ns)
