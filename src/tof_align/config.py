@@ -57,6 +57,7 @@ class WeightConfig:
     kernel: float = param(4.7, "residuals beyond this many robust scales do not count (Tukey)", low=1.0)
     kernel_floor_mm: float = param(4.0, "the kernel never gets narrower than this", unit="mm", low=0.01)
     kernel_far_mm: float = param(150.0, "kernel at the start, shrinking from there", unit="mm", low=1.0)
+    misfit: float = param(0.05, "share of an unmodelled smooth error that its columns are taken to get wrong", low=0.0, high=1.0)
     grazing_deg: float = param(78.0, "surfaces seen flatter than this do not count", unit="deg", low=10.0, high=90.0)
     edge_mm: float = param(6.0, "a neighbour on the raster off the surface's plane by more is an edge", unit="mm", low=0.1)
 
@@ -69,7 +70,7 @@ class DiscrepancyConfig:
     start_mm: float = param(1.0, "size assumed before the data are asked", unit="mm", low=1e-3)
     floor_mm: float = param(0.01, "never believed smaller than this", unit="mm", low=1e-5)
     ceiling_mm: float = param(50.0, "never believed larger than this", unit="mm", low=0.1)
-    range_m: float = param(0.2, "correlation length of errors that depend on range", unit="m", low=0.01)
+    range_m: float = param(0.12, "correlation length of errors that depend on range", unit="m", low=0.01)
     object_m: float = param(0.15, "correlation length of errors that stick to the surface", unit="m", low=0.01)
     centres: int = param(40, "points of the surface that carry those errors", low=0)
     image_order: int = param(5, "highest order of errors that are smooth in the image", low=0, high=12)

@@ -13,6 +13,7 @@ neighbours with the same error count as thousands of witnesses and drown every p
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,17 +27,17 @@ if TYPE_CHECKING:
 
 SHARED = ("range", "amplitude", "object", "image")
 """Kinds whose coefficients all views share, in the order of their columns."""
-LOCAL = ("offset", "smooth")
-"""Kinds whose coefficients are one view's own."""
+LOCAL = ("offset", "bend", "smooth")
+"""Kinds whose coefficients are one view's own: a constant, cosines of orders 1 and 2, the higher ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Basis:
     """Fixes the columns for a session, so that every view writes the same ones.
 
-    knots_range (metres), knots_amplitude (ln amplitude): where linear hat functions stand;
+    knots_range (metres), knots_amplitude (ln amplitude): where cubic B-splines stand;
     centres (m, 6): place and scaled normal of points of the surface; root_*: Cholesky-like
-    factors that turn hats into unit-variance coefficients.
+    factors that turn them into unit-variance coefficients.
     """
 
     knots_range: Float
@@ -57,7 +58,10 @@ class Basis:
     @property
     def local(self) -> tuple[int, ...]:
         """Columns per kind of `LOCAL`."""
-        return (1, _image_count(self.order)) if self.order >= 0 else (0, 0)
+        if self.order < 0:
+            return 0, 0, 0
+        bend = _image_count(min(self.order, 2))
+        return 1, bend, _image_count(self.order) - bend
 
 
 def empty_basis() -> Basis:
@@ -87,10 +91,10 @@ def shared_columns(basis: Basis, view: Linearised) -> Float:
     """(n, sum(basis.shared)) columns of the kinds all views share; unit-variance coefficients."""
     parts = []
     if basis.root_range.size:
-        parts.append(_hats(basis.knots_range, view.depth * view.ray_length) @ basis.root_range)
+        parts.append(_splines(basis.knots_range, view.depth * view.ray_length) @ basis.root_range)
     if basis.root_amplitude.size:
         a = view.log_amplitude if view.log_amplitude is not None else np.full(len(view.residual), np.nan)
-        parts.append(_hats(basis.knots_amplitude, a) @ basis.root_amplitude)
+        parts.append(_splines(basis.knots_amplitude, a) @ basis.root_amplitude)
     if basis.root_object.size:
         parts.append(_near(basis, view) @ basis.root_object)
     if basis.order > 0:
@@ -107,23 +111,26 @@ def local_columns(basis: Basis, view: Linearised) -> Float:
 
 
 def _line(values: Float, *, step: float, length: float) -> tuple[Float, Float]:
-    """Knots over what `values` span, and the root of an exponential covariance between them."""
+    """Knots of cubic B-splines over what `values` span, and the root of a Matern 3/2 covariance between them."""
     if len(values) < 2:
         return np.zeros(0), np.zeros((0, 0))
     low, high = np.quantile(values, [0.002, 0.998])
-    count = int(np.clip(np.ceil((high - low) / step), 1, 40)) + 1
-    knots = np.linspace(low, high, count)
-    return knots, np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots[None]) / length) + 1e-9 * np.eye(count))
+    count = int(np.clip(np.ceil((high - low) / step), 1, 60))
+    knots = low + (high - low) / count * np.arange(-1, count + 2)
+    r = np.sqrt(3.0) * np.abs(knots[:, None] - knots[None]) / length
+    return knots, np.linalg.cholesky((1.0 + r) * np.exp(-r) + 1e-9 * np.eye(len(knots)))
 
 
-def _hats(knots: Float, x: Float) -> Float:
-    """(n, k) linear interpolation weights of x among the knots; zero where x is NaN."""
+def _splines(knots: Float, x: Float) -> Float:
+    """(n, k) uniform cubic B-splines about the knots at x, constant beyond the outer ones; zero where x is NaN."""
     out = np.zeros((len(x), len(knots)))
     known = np.flatnonzero(np.isfinite(x))
-    position = np.clip((x[known] - knots[0]) / (knots[1] - knots[0]), 0, len(knots) - 1 - 1e-9)
+    position = np.clip((x[known] - knots[1]) / (knots[1] - knots[0]), 0, len(knots) - 3 - 1e-9)
     left = position.astype(int)
-    out[known, left] = 1 - (position - left)
-    out[known, left + 1] = position - left
+    t = position - left
+    s = 1.0 - t
+    for k, value in enumerate((s**3, 3 * t**3 - 6 * t**2 + 4, 3 * s**3 - 6 * s**2 + 4, t**3)):
+        out[known, left + k] = value / 6.0
     return out
 
 
@@ -164,14 +171,18 @@ def _image_count(order: int) -> int:
 
 
 def _image(view: Linearised, order: int) -> Float:
-    """(n, k) cosines over the image up to an order, fading as 1 / (1 + order^2)^0.75, without the constant."""
-    h, w = view.raster
-    y, x = np.divmod(view.cell, w)
-    cos_x = np.cos(np.pi * np.arange(order + 1)[:, None] * (x + 0.5) / w)
-    cos_y = np.cos(np.pi * np.arange(order + 1)[:, None] * (y + 0.5) / h)
-    pairs = [(i, j) for i in range(order + 1) for j in range(order + 1 - i) if i + j]
-    columns = [cos_x[i] * cos_y[j] * fading(i, j) for i, j in pairs]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(x), 0))
+    """(n, k) cosines over the image up to an order, fading, without the constant."""
+    return _cosines(*view.raster, order)[view.cell]
+
+
+@lru_cache(maxsize=8)
+def _cosines(h: int, w: int, order: int) -> Float:
+    """(h*w, k) the same for every raster pixel."""
+    x = np.cos(np.pi * np.outer(np.arange(w) + 0.5, np.arange(order + 1)) / w)
+    y = np.cos(np.pi * np.outer(np.arange(h) + 0.5, np.arange(order + 1)) / h)
+    pairs = [(i, total - i) for total in range(1, order + 1) for i in range(total + 1)]
+    columns = [np.outer(y[:, j], x[:, i]).ravel() * fading(i, j) for i, j in pairs]
+    return np.stack(columns, axis=1) if columns else np.zeros((h * w, 0))
 
 
 def fading(i: int, j: int) -> float:

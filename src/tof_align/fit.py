@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from tof_align.discrepancy import basis_of
 from tof_align.linearise import linearise
 from tof_align.mixed import estimate
 from tof_align.robust import first_look, weigh
-from tof_align.system import R, SessionSystem
+from tof_align.system import R, SessionSystem, assemble, unmodelled, weighted_gram
 from tof_core.arrays import Float
 from tof_core.errors import RefusedError
 
@@ -22,23 +23,27 @@ if TYPE_CHECKING:
 
     from tof_align.config import AlignConfig
     from tof_align.linearise import Linearised
-    from tof_align.mixed import Mixed
+    from tof_align.discrepancy import Basis
+    from tof_align.mixed import Mixed, Normal
     from tof_align.pixels import Pixels
     from tof_scene.raycast import Raycaster
 
+WORKERS = 2
+"""Views are cast and multiplied out in as many threads (NumPy and the casters let go of the interpreter)."""
 Columns = Callable[[int, "Linearised"], Float]
 """Extra columns (n, k) of view v at its linearisation, metres of z per unit."""
 
 
 @dataclass(slots=True, eq=False)
 class Fitter:
-    """Views to fit, and what stays warm between linearisations (the discrepancy's sizes)."""
+    """Views to fit, and what stays between linearisations: basis and sizes of the discrepancy."""
 
     pixels: Sequence[Pixels]
     caster: Raycaster
     config: AlignConfig
     columns: Columns | None = None
     theta_std: Float | None = None
+    basis: Basis | None = None
     sizes: dict[str, float] | None = None
 
     def fit(self, rig: R, iterations: int) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
@@ -46,36 +51,39 @@ class Fitter:
 
         Returns the last system, its answer (whose step is not taken yet), and the columns.
         """
+        answer: Mixed | None = None
         for _ in range(iterations):
-            system, answer, _ = self.once(rig)
+            system, answer, _ = self.once(rig, answer)
             rig = rig.moved(answer.x, answer.own)
             if float(np.abs(system.camera_steps(answer)).max()) < 2e-6:
                 break
-        return self.once(rig)
+        return self.once(rig, answer)
 
-    def once(self, rig: R) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
-        """Cast, linearise, weigh, solve; weigh anew by what is left, solve again."""
-        views = tuple(linearise(p, rig.pose(v), self.caster, self.config.weights) for v, p in enumerate(self.pixels))
-        if not any(len(v.residual) for v in views):
-            raise RefusedError("no view sees the CAD", where="alignment", todo="check the scene's frame and the robot's pose")
-        columns = None if self.columns is None else [self.columns(v, view) for v, view in enumerate(views)]
-        weights = tuple(weigh(v, first_look(v), self.config.weights) for v in views)
-        basis = basis_of(views, self.config.discrepancy)
-        system = SessionSystem(rig, views, weights, basis, {}, self.theta_std)
-        answer = self._solve(system, columns)
-        left = system.remaining(answer, columns)
-        weights = tuple(weigh(v, e, self.config.weights) for v, e in zip(views, left, strict=True))
-        system = replace(system, weights=weights)
-        answer = self._solve(system, columns)
-        return replace(system, sizes=answer.sizes), answer, columns
+    def once(self, rig: R, before: Mixed | None = None) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
+        """Cast, linearise, weigh by what the last answer left (the first time: a free pose), solve."""
+        with ThreadPoolExecutor(WORKERS) as pool:
+            views = tuple(pool.map(lambda v: linearise(self.pixels[v], rig.pose(v), self.caster, self.config.weights), range(len(self.pixels))))
+            if not any(len(v.residual) for v in views):
+                raise RefusedError("no view sees the CAD", where="alignment", todo="check the scene's frame and the robot's pose")
+            self.basis = self.basis or basis_of(views, self.config.discrepancy)
+            columns = None if self.columns is None else [self.columns(v, view) for v, view in enumerate(views)]
+            system = SessionSystem(rig, views, tuple(np.zeros(0) for _ in views), self.basis, {}, self.theta_std)
+            weighed = list(pool.map(lambda v: self._weighed(system, before, columns, v), range(len(views))))
+        theta_info = system.theta_info(0 if columns is None else columns[0].shape[1])
+        answer = self._solve(assemble([gram for _, gram in weighed], rig, self.basis, theta_info))
+        return replace(system, weights=tuple(w for w, _ in weighed), sizes=answer.sizes), answer, columns
 
-    def _solve(self, system: SessionSystem[R], columns: list[Float] | None) -> Mixed:
+    def _weighed(self, system: SessionSystem[R], before: Mixed | None, columns: list[Float] | None, v: int) -> tuple[Float, Float]:
+        view = system.views[v]
+        smooth = None if before is None else unmodelled(system.rig, system.basis, view, before, v)
+        left = first_look(view) if before is None else view.residual - system.explained(before, v, columns)
+        weight = weigh(view, left, self.config.weights, smooth)
+        return weight, weighted_gram(view, weight, system.basis, None if columns is None else columns[v])
+
+    def _solve(self, normal: Normal) -> Mixed:
         d = self.config.discrepancy
-        normal = system.normal(columns)
         warm = self.sizes or {}
         sizes = {kind: warm.get(kind, d.start_mm * 1e-3) for kind in (*normal.kinds, *normal.own_kinds)}
         answer = estimate(normal, sizes, rounds=d.rounds, low=d.floor_mm * 1e-3, high=d.ceiling_mm * 1e-3)
         self.sizes = dict(answer.sizes)
         return answer
-
-

@@ -28,18 +28,27 @@ def tukey(error: Float, width: Float | float) -> Float:
     return np.where(np.abs(u) < 1.0, (1.0 - u * u) ** 2, 0.0)
 
 
-def kernel_width(view: Linearised, error: Float, config: WeightConfig, *, least: float = 0.0) -> Float:
+def kernel_width(view: Linearised, error: Float, config: WeightConfig) -> Float:
     """(n,) metres beyond which a pixel does not count, from what the fit leaves (n,)."""
     scale = np.maximum(view.sigma, mad(error))
-    return np.maximum(config.kernel * scale, max(config.kernel_floor_mm * 1e-3, least))
+    return np.maximum(config.kernel * scale, config.kernel_floor_mm * 1e-3)
 
 
-def weigh(view: Linearised, error: Float, config: WeightConfig, *, least: float = 0.0) -> Float:
-    """(n,) inverse variances, 1/m^2: robust, and honest about neighbours that err together."""
+def weigh(view: Linearised, error: Float, config: WeightConfig, unmodelled: Float | None = None) -> Float:
+    """(n,) inverse variances, 1/m^2: robust, and honest about neighbours that err together.
+
+    error (n,): what the fit left, metres; unmodelled (n,): what it explained by the discrepancy. Of
+    the latter a share is taken to be explained wrongly, alike within each sixteenth of the image:
+    columns never say all about an error nobody knows, and thousands of pixels would turn the
+    missing part into a pose.
+    """
     if not len(error):
         return np.zeros(0)
-    weight = tukey(error, kernel_width(view, error, config, least=least)) / view.sigma**2
-    return np.asarray(weight / inflation(view, error, weight))
+    accept = tukey(error, kernel_width(view, error, config))
+    weight = accept / view.sigma**2
+    misfit = 0.0 if unmodelled is None else config.misfit * float(unmodelled.std())
+    patch = view.raster[0] * view.raster[1] / 16.0
+    return np.asarray(accept / (inflation(view, error, weight) * view.sigma**2 + patch * misfit**2))
 
 
 def first_look(view: Linearised) -> Float:

@@ -87,9 +87,11 @@ class SessionSystem(Generic[R]):
             weighted_gram(view, weight, basis, None if columns is None else columns[v])
             for v, (view, weight) in enumerate(zip(self.views, self.weights, strict=True))
         ]
-        k = columns[0].shape[1] if columns else 0
-        theta_info = np.zeros(k) if self.theta_std is None or not k else np.asarray(self.theta_std, float) ** -2
-        return assemble(grams, self.rig, basis, theta_info)
+        return assemble(grams, self.rig, basis, self.theta_info(columns[0].shape[1] if columns else 0))
+
+    def theta_info(self, k: int) -> Float:
+        """(k,) inverse prior variances of the coefficients of k extra columns."""
+        return np.zeros(k) if self.theta_std is None or not k else np.asarray(self.theta_std, float) ** -2
 
     def solve(self, columns: Sequence[Float] | None = None, *, discrepancy: bool = True) -> Mixed:
         """Poses, discrepancy and the columns' coefficients together."""
