@@ -56,6 +56,8 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose a bag and write the report."""
     import json
 
+    from tof_gap.advice import advise
+    from tof_gap.page import write_page
     from tof_gap.report import write
     from tof_sensor.model import load_model
     from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
@@ -68,8 +70,10 @@ def run(args: argparse.Namespace) -> int:
     with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
         assert scene is not None
         diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=frozenset(args.leave_out), say=say)
-    content = write(diagnosis, caster, args.out, [])
-    print(json.dumps(content, indent=1) if args.json else summary(diagnosis))
+    say("advice and report")
+    content = write(diagnosis, caster, args.out, advise(diagnosis, caster))
+    page = write_page(diagnosis, content, args.out, Path(args.bag).name)
+    print(json.dumps(content, indent=1) if args.json else f"{summary(diagnosis)}\nreport: {page}")
     return 0
 
 
