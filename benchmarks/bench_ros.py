@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The graph over DDS: outputs against offline, frames lost at 15 Hz, memory, latency."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.figure import Figure, at_most
+from tof_core.se3 import from_quat
+from tof_ros.player import PlayOptions
+from tof_scene.raycast import Raycaster
+from toftwin import cli
+from toftwin.compare import parts, read_run
+from toftwin.inputs import opened
+from toftwin.offline import graph_outputs
+from toftwin.pipeline import PipelineConfig
+from toftwin.replay import ReplayResult, replay
+
+FRAMES = 300
+SCENE = Path("body_section")
+
+
+def run() -> list[Figure]:
+    """Record 300 captures at 15 Hz, replay them as fast as the graph takes them, then in real time."""
+    with tempfile.TemporaryDirectory() as folder:
+        bag, out = Path(folder) / "bag", Path(folder) / "run"
+        recorded = cli.main(["simulate", "--scene", "body_section", "--out", str(bag), "--views", "20", "--stations", "4", "--captures", "15",
+                             "--size", "224x171", "--seed", "2", "--quiet"])
+        assert recorded == 0
+        paced = play(bag, PlayOptions(), record=out)
+        differing, largest_pose, compared = against_offline(bag, out)
+        live = play(bag, PlayOptions(realtime=True))
+    lost = f"of {paced.report.sent}, {paced.report.sent / paced.report.seconds:.1f} frames/s"
+    return [
+        at_most("replay over DDS against offline, arrays that differ in any bit", differing, 0, "", remark=f"of {compared} images"),
+        at_most("replay over DDS against offline, label pose", largest_pose, 1e-9, "m", remark="a pose travels as a quaternion"),
+        at_most("frames lost in a replay over DDS", paced.report.lost, 0, "", remark=lost),
+        at_most("frames lost in real time, 300 at 15 Hz", live.report.lost, 0, "", remark=f"of {live.report.sent}, 224x171"),
+        at_most("memory of the whole graph (preproc, sim_label)", paced.memory_bytes / 1e9, 1.5, "GB"),
+    ]
+
+
+def play(bag: Path, options: PlayOptions, record: Path | None = None) -> ReplayResult:
+    """Replay a bag through a graph of its own."""
+    config = PipelineConfig()
+    with opened(bag, SCENE, config) as (reader, _):
+        return replay(reader, config, scene=SCENE, options=options, record=record)
+
+
+def against_offline(bag: Path, run_path: Path) -> tuple[int, float, int]:
+    """Images that differ in any bit, the largest difference of poses in metres, and images compared."""
+    recorded, config = read_run(run_path), PipelineConfig()
+    differing, largest, compared = 0, 0.0, 0
+    with opened(bag, SCENE, config) as (reader, scene):
+        assert scene is not None
+        for output in graph_outputs(reader, config, Raycaster(scene)):
+            message = recorded.pop((output.stamp_ns, output.topic), None)
+            if message is None:
+                differing += 1
+            elif output.topic == "/label/pose":
+                found = parts(message)["pose"]
+                largest = max(largest, float(np.abs(from_quat(found[:3], found[3:]).ravel() - output.values[:16]).max()))
+            else:
+                values = parts(message)["pixels"]
+                differing += not np.array_equal(values, output.values, equal_nan=values.dtype.kind == "f")
+                compared += 1
+    return differing, largest, compared
