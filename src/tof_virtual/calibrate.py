@@ -33,7 +33,8 @@ def calibrate(session: Session) -> None:
             continue
         error = _geometric(session, effect, indices) if effect.geometric or effect.tap_interval_s() else _measured(session, effect, indices)
         _solve(effect, error)
-    session.forget()
+    if any(e.geometric for e in session.effects):
+        session.forget()
 
 
 def _solve(effect: Effect, error: Callable[[], Float]) -> None:
@@ -63,7 +64,7 @@ def _measured(session: Session, effect: Effect, indices: Sequence[int]) -> Calla
 
 def _geometric(session: Session, effect: Effect, indices: Sequence[int]) -> Callable[[], Float]:
     """The same where what is seen changes; away from edges and from what moved over or off an edge."""
-    few = indices[:: max(len(indices) // 6, 1)]
+    few = indices[:: max(len(indices) // (3 if effect.tap_interval_s() else 6), 1)]
 
     def error() -> Float:
         session.forget()

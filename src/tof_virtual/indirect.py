@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_virtual.sight import Rays, Sight, World
 
-CONES = (28, 36)
+CONES = (24, 30)
 """Cones along the image's height and width."""
 WIDER = 1.3
 """The beam is so much wider than the image."""
-STRIDE = 4
-"""Pixels between the points at which the light is gathered; between them it is interpolated on the surface."""
+POINTS = 45
+"""Points across the image at which the light is gathered; between them it is interpolated on the surface."""
 GRAZING = 0.05
 """Least incidence cosine of a cone, so that no patch becomes endless."""
 NEAR, CUT = 8.0, 5
@@ -50,15 +50,17 @@ class Patches:
 
 def irradiance(
     world: World, sight: Sight, rays: Float, wavenumber: float, *, bounces: int = 4, wider: float = WIDER, cones: tuple[int, int] = CONES,
+    points: int = POINTS,
 ) -> NDArray[np.complex128]:
     """Indirect irradiance (P,) of the main surfaces over the emitter's intensity, per square metre.
 
     Its argument is the phase by which the indirect path is longer than the direct one. `wavenumber` is phase per metre of
-    distance (half the path). `rays` (H, W, 3) are the camera's; the beam is `wider` than they are, cut into `cones`.
+    distance (half the path). `rays` (H, W, 3) are the camera's; the beam is `wider` than they are, cut into `cones`; light is
+    gathered at about `points` columns.
     """
     patches = _patches(world, sight, rays, wavenumber, wider, cones)
     patches = _bounce(world, patches, wavenumber, bounces)
-    return _spread(world, sight, patches, wavenumber)
+    return _spread(world, sight, patches, wavenumber, max(sight.shape[1] // points, 1))
 
 
 def _patches(world: World, sight: Sight, rays: Float, wavenumber: float, wider: float, cones: tuple[int, int]) -> Patches:
@@ -100,20 +102,20 @@ def _bounce(world: World, lit: Patches, wavenumber: float, bounces: int) -> Patc
     return Patches(lit.points, lit.normals, lit.area, lit.albedo, total)
 
 
-def _spread(world: World, sight: Sight, lit: Patches, wavenumber: float) -> NDArray[np.complex128]:
+def _spread(world: World, sight: Sight, lit: Patches, wavenumber: float, stride: int) -> NDArray[np.complex128]:
     """Gather on a coarse raster, interpolate where surface and neighbours agree, gather what is left."""
     out = np.zeros(sight.z.size, np.complex128)
     if not lit.area.size:
         return out
     height, width = sight.shape
     main = sight.main
-    rows = np.unique(np.append(np.arange(0, height, STRIDE), height - 1))
-    columns = np.unique(np.append(np.arange(0, width, STRIDE), width - 1))
+    rows = np.unique(np.append(np.arange(0, height, stride), height - 1))
+    columns = np.unique(np.append(np.arange(0, width, stride), width - 1))
     coarse = (rows[:, None] * width + columns).ravel()
     normals = _toward(world, main)
     gathered = _gather(world, main, normals, coarse, lit, wavenumber)
     points = main.points
-    left = _interpolate(out, gathered, points, normals, main.face, rows, columns, height, width)
+    left = _interpolate(out, gathered, points, normals, main.face, rows, columns, width)
     rest = np.flatnonzero(left)
     out[rest] = _gather(world, main, normals, rest, lit, wavenumber)
     return out
@@ -232,18 +234,19 @@ def _transfer(
 @njit(cache=True)
 def _interpolate(
     out: NDArray[np.complex128], gathered: NDArray[np.complex128], points: Float, normals: Float, face: NDArray[np.int32],
-    rows: NDArray[np.int64], columns: NDArray[np.int64], height: int, width: int,
+    rows: NDArray[np.int64], columns: NDArray[np.int64], width: int,
 ) -> NDArray[np.bool_]:
     """Bilinear on the raster between coarse points of the same smooth surface; returns the pixels that have none."""
-    left = np.zeros(height * width, np.bool_)
-    for v in range(height):
-        a = min(v // STRIDE, rows.size - 2)
+    left = np.zeros(face.size, np.bool_)
+    stride = rows[1]
+    for v in range(face.size // width):
+        a = min(v // stride, rows.size - 2)
         fv = (v - rows[a]) / (rows[a + 1] - rows[a])
         for u in range(width):
             p = v * width + u
             if face[p] < 0:
                 continue
-            b = min(u // STRIDE, columns.size - 2)
+            b = min(u // stride, columns.size - 2)
             fu = (u - columns[b]) / (columns[b + 1] - columns[b])
             total, value = 0.0, 0j
             for k in range(4):
