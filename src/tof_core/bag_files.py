@@ -202,4 +202,4 @@ def _one_line(path: Path) -> Iterator[None]:
     except (ToftwinError, GeneratorExit):
         raise
     except Exception as error:  # noqa: BLE001 (foreign bytes, foreign parsers: any error is possible)
-        raise BagError(f"is damaged or no bag: {error or type(error).__name__}", where=path) from None
+        raise BagError(f"is damaged or no bag: {str(error) or type(error).__name__}", where=path) from None

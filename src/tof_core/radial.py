@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Is this depth z, or the distance along the ray? Flat surfaces tell: the wrong reading bends them.
+
+A plane's inverse z is linear in the normalised image coordinates (x, y). If what is stored is
+d = z L^a, with L the ray's length per metre of z, then a = 0 where it is z and a = 1 where it is
+radial, and L^a / d is what is linear. Planes are grown under both readings, so that neither is
+favoured; on each the exponent `a` is fitted beside the plane. A surface that is no plane gives an
+exponent far from both, and then says nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.planes import PlaneGrower, thinned
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tof_core.arrays import Float, Image, Ints, Mask
+    from tof_core.camera import Camera
+
+Z, RADIAL = 0.0, 1.0
+"""The two exponents that are asked about."""
+FAULT = 0.001
+"""Relative error (1 mm at 1 m) that a flat surface may show without being measured wrongly."""
+OUTLIER = 0.2
+"""Share of surfaces that are no planes: their exponents lie anywhere within ten of nought."""
+BLOCK = 6
+"""Pixels across the blocks whose means tell how far residuals hang together."""
+COPIES = 2.0
+"""Each surface is found under both readings: so many copies count once."""
+
+
+@dataclass(frozen=True, slots=True)
+class RadialEvidence:
+    """What the flat parts of a depth image say about its unit.
+
+    exponent: power of the ray length that fits them best: 0 is z, 1 is radial (-1: converted once too often).
+    std: its standard error; infinite where nothing flat and wide was seen.
+    planes: surfaces used.
+    bend_z_mm, bend_radial_mm: how far the surfaces that count bend (RMS along z) when the values are
+    read as z, and as radial.
+    log_odds: natural logarithm of how much likelier radial is than z.
+    """
+
+    exponent: float
+    std: float
+    planes: int
+    bend_z_mm: float
+    bend_radial_mm: float
+    log_odds: float
+
+    @property
+    def suspicion(self) -> float:
+        """Probability (0..1) that the values are radial rather than z; 0.5 says nothing."""
+        return float(1.0 / (1.0 + np.exp(-np.clip(self.log_odds, -50.0, 50.0))))
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """One surface: its exponent, the standard error, and its bend in metres read both ways."""
+
+    exponent: float
+    std: float
+    bend_z: float
+    bend_radial: float
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether either reading can be true of it; else it is curved, and its exponent means nothing."""
+        return min(abs(self.exponent - Z), abs(self.exponent - RADIAL)) < 1.0
+
+    @property
+    def log_odds(self) -> float:
+        return float(np.log(self._likelihood(RADIAL) / self._likelihood(Z))) if self.is_plane else 0.0
+
+    def _likelihood(self, a: float) -> float:
+        near = np.exp(-0.5 * ((self.exponent - a) / self.std) ** 2) / (self.std * np.sqrt(2 * np.pi))
+        return float((1 - OUTLIER) * near + OUTLIER / 20.0)
+
+
+def radial_suspicion(depth: Image, camera: Camera) -> float:
+    """Probability (0..1) that depth (H, W), taken for z in metres, is the distance along the ray."""
+    return radial_evidence(depth, camera).suspicion
+
+
+def radial_evidence(depth: Image, camera: Camera, surfaces: Ints | None = None) -> RadialEvidence:
+    """What the flat surfaces in depth (H, W), metres, say of the exponent.
+
+    Args:
+        depth: as stored, not converted; NaN invalid.
+        camera: its intrinsics; a narrow field tells little.
+        surfaces: (H, W) numbers of surfaces known to be flat (from CAD), 0 none; found here if not given.
+    """
+    step = thinned(depth.shape)
+    d, rays, length = (a[::step, ::step] for a in (depth.astype(np.float64), camera.rays(), camera.ray_length()))
+    parts = _numbered(surfaces[::step, ::step]) if surfaces is not None else _found(d, rays, length)
+    fits = [fit for on in parts if (fit := _fit(on, d, rays, length)) is not None]
+    if not any(f.is_plane for f in fits):
+        return RadialEvidence(float("nan"), float("inf"), 0, float("nan"), float("nan"), 0.0)
+    copies = 1.0 if surfaces is not None else COPIES
+    return _combined(fits, copies)
+
+
+def _combined(fits: list[_Fit], copies: float) -> RadialEvidence:
+    """Surfaces by what they can tell; those far from both readings are no planes and left out."""
+    w = np.array([f.std**-2 * f.is_plane for f in fits])
+    a, bends = np.array([f.exponent for f in fits]), np.array([[f.bend_z, f.bend_radial] for f in fits])
+    bend_z, bend_radial = 1e3 * np.sqrt(w @ bends**2 / w.sum())
+    return RadialEvidence(float(w @ a / w.sum()), float(np.sqrt(copies / w.sum())), int((w > 0).sum()), float(bend_z),
+                          float(bend_radial), sum(f.log_odds for f in fits) / copies)
+
+
+def _numbered(surfaces: Ints) -> Iterator[Mask]:
+    yield from (surfaces == k for k in np.unique(surfaces[surfaces > 0]))
+
+
+def _found(d: Float, rays: Float, length: Float) -> Iterator[Mask]:
+    for reading in (Z, RADIAL):
+        yield from PlaneGrower(length**reading / d, rays).planes()
+
+
+def _fit(on: Mask, d: Float, rays: Float, length: Float) -> _Fit | None:
+    """Fit a plane and the exponent to one surface, robustly; None where it is too small to tell."""
+    on = on & np.isfinite(d) & np.isfinite(length)
+    if on.sum() < 100:
+        return None
+    w, x, y, log_length = np.sqrt(length[on]) / d[on], rays[on][:, 0], rays[on][:, 1], np.log(length[on])
+    # First order about the exponent in the middle, from which both readings are equally far.
+    A = np.stack([np.ones_like(x), x, y, -w * log_length], axis=1)
+    solution, good = _robust(A, w)
+    plane, column = A[good, :3], A[good, 3]
+    level = float(np.median(w))
+    lever = float(np.sqrt(np.mean(_off_plane(plane, column) ** 2))) / level
+    residual = np.full(d.shape, np.nan)
+    residual[tuple(np.argwhere(on)[good].T)] = (w - A @ solution)[good] / level
+    std = float(np.linalg.norm([*_scatter(residual), FAULT])) / max(lever, 1e-9)
+    z, r = 1.0 / d[on][good], length[on][good] / d[on][good]
+    return _Fit(0.5 + float(solution[3]), std, _bend(plane, z, z), _bend(plane, r, z))
+
+
+def _robust(A: Float, w: Float, rounds: int = 8) -> tuple[Float, Mask]:
+    """Least squares over the pixels within three sigma: the solution, and which they are."""
+    good = np.ones(len(w), bool)
+    solution = np.linalg.lstsq(A, w, rcond=None)[0]
+    for _ in range(rounds):
+        residual = np.abs(w - A @ solution)
+        good = residual < 3.0 * max(1.4826 * float(np.median(residual[good])), 1e-9)
+        solution = np.linalg.lstsq(A[good], w[good], rcond=None)[0]
+    return solution, good
+
+
+def _scatter(residual: Float) -> tuple[float, float]:
+    """Of residuals (H, W; NaN elsewhere): the standard error of their mean, and what they have in common over blocks.
+
+    The second does not shrink with the number of pixels: a surface that waves by as much may bend by as much.
+    """
+    h, w = (n // BLOCK * BLOCK for n in residual.shape)
+    blocks = residual[:h, :w].reshape(h // BLOCK, BLOCK, w // BLOCK, BLOCK).transpose(0, 2, 1, 3).reshape(-1, BLOCK * BLOCK)
+    filled = blocks[np.isfinite(blocks).sum(axis=1) >= BLOCK * BLOCK // 2]
+    variance, n = float(np.nanvar(residual)), int(np.isfinite(residual).sum())
+    if len(filled) < 4:
+        return float(np.sqrt(variance / n)), float(np.sqrt(variance))
+    counts = np.isfinite(filled).sum(axis=1)
+    common = float(np.average(np.nanmean(filled, axis=1) ** 2 - variance / counts, weights=counts))
+    return float(np.sqrt(variance / n)), float(np.sqrt(max(common, 0.0)))
+
+
+def _off_plane(plane: Float, values: Float) -> Float:
+    return np.asarray(values - plane @ np.linalg.lstsq(plane, values, rcond=None)[0])
+
+
+def _bend(plane: Float, w: Float, inverse_depth: Float) -> float:
+    """RMS in metres of what no plane explains of the inverse depth w."""
+    return float(np.sqrt(np.mean((_off_plane(plane, w) / w / inverse_depth) ** 2)))
