@@ -135,7 +135,7 @@ def _window(cloud, v, at, radius, x, y, z, d2):  # type: ignore[no-untyped-def] 
 
 @njit(cache=True, fastmath=True)
 def _select(d2, k, hi, mean, lo, n_lo, n_hi, at, n, total):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """`mean` root of the k least d2 of each lane, or -1 where fewer than k lie within `hi`.
+    """`mean` root of the k least d2 of each lane, or -1 where fewer than k lie within `hi` or the k-th is not pinned down.
 
     The k-th least is bracketed by counting, all lanes at once: points of a surface lie evenly over its area, so that
     their number grows linearly with d2 and a secant finds it in a few steps. The roots between the last brackets
@@ -150,7 +150,8 @@ def _select(d2, k, hi, mean, lo, n_lo, n_hi, at, n, total):  # type: ignore[no-u
     _sums(d2, lo, hi, n, total)
     for c in range(LANES):
         share = (k - n_lo[c]) / np.maximum(n_hi[c] - n_lo[c], np.float32(1.0))
-        mean[c] = (n[c] + share * total[c]) / k if n_hi[c] >= k else np.float32(-1.0)
+        found = n_hi[c] >= k and (n_hi[c] - n_lo[c] <= np.float32(3.0) or hi[c] - lo[c] <= np.float32(0.1) * hi[c])
+        mean[c] = (n[c] + share * total[c]) / k if found else np.float32(-1.0)
 
 
 @njit(cache=True, fastmath=True)

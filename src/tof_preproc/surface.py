@@ -16,14 +16,15 @@ from numba import njit
 from tof_core.reasons import Reason
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Image
+    from tof_core.arrays import Float, Image
     from tof_core.camera import Camera
     from tof_preproc.config import PreprocConfig
     from tof_preproc.frame import Frame
 
 PAIR, FAN = float(np.sqrt(2.0)), float(np.sqrt(6.0))
 """Standard deviations of a difference, and of a second difference or the step to a line through two, in one pixel's."""
-AXES = np.array([[0, 1], [1, 0], [1, 1], [1, -1]])
+AXES = np.array([[0, 1], [1, 0]])
+"""Every edge crosses the rows or the columns; along a diagonal a clean corner would seem to belong to nothing."""
 
 
 def remove_grazing(frame: Frame, config: PreprocConfig) -> int:
@@ -52,15 +53,24 @@ def cos_incidence(depth: Image, camera: Camera) -> Image:
 
 
 @lru_cache(maxsize=16)
-def _raster(camera: Camera) -> tuple[Image, Image, Image, Image]:
-    """The rays' x and y at z = 1 (H, W), and what one pixel's step in them is worth: (H, W + 1) and (H + 1, W)."""
-    x, y = (np.ascontiguousarray(camera.rays()[..., i], np.float32) for i in (0, 1))
-    across, down = 1 / np.diff(camera.rays()[..., 0], axis=1), 1 / np.diff(camera.rays()[..., 1], axis=0)
-    return x, y, np.pad(across, ((0, 0), (1, 1))).astype(np.float32), np.pad(down, ((1, 1), (0, 0))).astype(np.float32)
+def _raster(camera: Camera) -> tuple[Image, ...]:
+    """The rays' x and y at z = 1 (H, W), what one pixel's step in them is worth, (H, W + 1) and (H + 1, W), and the skew.
+
+    A bent lens makes y change along a row: its share of x's change, and the other way round (H, W), to first order.
+    """
+    x, y = camera.rays()[..., 0], camera.rays()[..., 1]
+    across, down = np.pad(1 / np.diff(x, axis=1), ((0, 0), (1, 1))), np.pad(1 / np.diff(y, axis=0), ((1, 1), (0, 0)))
+    skew_x, skew_y = _gradient(y, 1) / _gradient(x, 1), _gradient(x, 0) / _gradient(y, 0)
+    return tuple(np.ascontiguousarray(a, np.float32) for a in (x, y, across, down, skew_x, skew_y))
+
+
+def _gradient(values: Float, axis: int) -> Float:
+    """Central differences; ones for a raster of one line, which has no step to share."""
+    return np.asarray(np.gradient(values, axis=axis)) if values.shape[axis] > 1 else np.ones_like(values)
 
 
 @njit(cache=True, error_model="numpy")
-def _cosine(inverse, x, y, across, down):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _cosine(inverse, x, y, across, down, skew_x, skew_y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Of 1/z (H + 2, W + 2) with a rim of NaN."""
     height, width = x.shape
     out = np.empty((height, width), np.float32)
@@ -69,6 +79,7 @@ def _cosine(inverse, x, y, across, down):  # type: ignore[no-untyped-def]  # noq
             w = inverse[v + 1, u + 1]
             gx = _gentler((w - inverse[v + 1, u]) * across[v, u], (inverse[v + 1, u + 2] - w) * across[v, u + 1])
             gy = _gentler((w - inverse[v, u + 1]) * down[v, u], (inverse[v + 2, u + 1] - w) * down[v + 1, u])
+            gx, gy = (gx - skew_x[v, u] * gy), (gy - skew_y[v, u] * gx)
             gz = w - gx * x[v, u] - gy * y[v, u]
             ray2 = x[v, u] * x[v, u] + y[v, u] * y[v, u] + np.float32(1)
             out[v, u] = w / np.sqrt((gx * gx + gy * gy + gz * gz) * ray2)
@@ -86,7 +97,11 @@ def _gentler(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 @njit(cache=True, error_model="numpy")
 def _mixed(depth, sigma, axes, ratio, pitch):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Pixels (H, W) that on some axis stand at a step and go with neither side of it."""
+    """Pixels (H, W) that on some axis stand at a step and go with neither side of it.
+
+    To go with a side is to be level with its first pixel or in line with its first two. (To be in line with one pixel of
+    each side says nothing: a half-mixed pixel is.)
+    """
     height, width = depth.shape
     out = np.zeros((height, width), np.bool_)
     for v in range(height):
@@ -102,11 +117,10 @@ def _mixed(depth, sigma, axes, ratio, pitch):  # type: ignore[no-untyped-def]  #
                 step = max(near if near == near else 0.0, far if far == far else 0.0)  # noqa: PLR0124  (not NaN)
                 if step < max(FAN * noise, z * pitch) or near < PAIR * noise or far < PAIR * noise:
                     continue
-                around = abs(1 / before + 1 / behind - 2 / z)
                 ahead = abs(2 / before - 1 / _at(depth, v - 2 * dv, u - 2 * du) - 1 / z)
                 after = abs(2 / behind - 1 / _at(depth, v + 2 * dv, u + 2 * du) - 1 / z)
                 limit = FAN * noise / (z * z)
-                if not (around < limit or ahead < limit or after < limit):
+                if not (ahead < limit or after < limit):
                     out[v, u] = True
                     break
     return out

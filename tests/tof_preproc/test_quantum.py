@@ -37,9 +37,9 @@ def test_the_error_of_a_mean_of_codes_is_what_simulation_gives(noise: float, cap
     truth = rng.uniform(0, 1, 20000)
     codes = np.round(truth[:, None] + noise * rng.standard_normal((20000, captures)))
     simulated = np.mean((codes.mean(axis=1) - truth) ** 2)
-    told = mean_error2(noise**2 + 1 / 12, 1 / captures, 1.0, False)  # noqa: FBT003
+    told = mean_error2(noise**2 + 1 / 12, 1 / captures, 1.0, False)
     assert told == pytest.approx(simulated, rel=0.08)
 
 
 def test_no_number_of_captures_averages_a_code_without_noise_away() -> None:
-    assert mean_error2(1 / 12, 1e-9, 1.0, False) == pytest.approx(1 / 12)  # noqa: FBT003
+    assert mean_error2(1 / 12, 1e-9, 1.0, False) == pytest.approx(1 / 12)

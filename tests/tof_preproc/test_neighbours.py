@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The raster finds the neighbours that a k-d tree finds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial import cKDTree
+
+from benchmarks.tof_frames import CAMERA, captures, edge_rich, plane
+from tof_core.camera import Camera
+from tof_preproc.neighbours import mean_distance
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Image
+
+LENS = Camera(160, 120, 150.0, 140.0, 70.5, 59.5, "plumb_bob", (-0.2, 0.05, 0.001, -0.001, 0.0))
+
+
+def by_tree(depth: Image, camera: Camera, k: int) -> Image:
+    points = camera.points(depth).reshape(-1, 3)
+    known = np.isfinite(points).all(axis=1)
+    distance, _ = cKDTree(points[known]).query(points[known], k)
+    out = np.full(depth.size, np.nan, np.float32)
+    out[known] = distance.reshape(int(known.sum()), -1).mean(axis=1)
+    return out.reshape(depth.shape)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0, 10.0])
+@pytest.mark.parametrize("incidence", [0.0, 70.0])
+def test_on_a_plane_clean_or_noisy_or_steep(noise: float, incidence: float) -> None:
+    depth = captures(plane(incidence_deg=incidence), noise=noise)[0].depth
+    got, expected = mean_distance(depth, CAMERA, 20), by_tree(depth, CAMERA, 20)
+    assert np.quantile(np.abs(got / expected - 1), [0.5, 0.999]) == pytest.approx([0, 0], abs=4e-3)
+
+
+def test_among_edges_spikes_and_holes() -> None:
+    depth = captures(edge_rich(), spikes=0.02, dropouts=0.3)[0].depth
+    depth[100:150, 200:300] = np.nan
+    got, expected = mean_distance(depth, CAMERA, 20), by_tree(depth, CAMERA, 20)
+    np.testing.assert_array_equal(np.isnan(got), np.isnan(expected))
+    off = np.abs(got / expected - 1)[np.isfinite(got)]
+    assert np.quantile(off, 0.99) < 5e-3
+    assert np.quantile(off, 0.995) < 0.05  # beyond: spikes alone in the air, whose neighbours are outside the search
+
+
+@given(
+    arrays(np.float32, (9, 13), elements=st.one_of(st.just(np.nan), st.floats(0.25, 4.0, width=32))),
+    st.integers(2, 30),
+)
+def test_on_rasters_smaller_than_a_window(depth: Image, k: int) -> None:
+    camera = Camera(13, 9, 60.0, 60.0, 6.0, 4.0)
+    known = int(np.isfinite(depth).sum())
+    if known:
+        np.testing.assert_allclose(mean_distance(depth, camera, k), by_tree(depth, camera, min(k, known)), rtol=0.02, atol=1e-6)
+
+
+def test_through_a_lens_that_bends() -> None:
+    depth = (1.2 + 0.2 * LENS.rays()[..., 0] + 1e-3 * np.random.default_rng(0).standard_normal(LENS.shape)).astype(np.float32)
+    np.testing.assert_allclose(mean_distance(depth, LENS, 20), by_tree(depth, LENS, 20), rtol=0.03)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1)])
+def test_rasters_of_one_line(shape: tuple[int, int]) -> None:
+    camera = Camera(shape[1], shape[0], 60.0, 60.0, 0.0, 0.0)
+    depth = np.ones(shape, np.float32)
+    k = min(5, depth.size)
+    np.testing.assert_allclose(mean_distance(depth, camera, 5), by_tree(depth, camera, k), rtol=1e-3, atol=1e-7)
+
+
+def test_an_empty_frame_stays_empty() -> None:
+    assert np.isnan(mean_distance(np.full(CAMERA.shape, np.nan, np.float32), CAMERA, 20)).all()

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The noise of one capture, from one frame or many, is the noise that was put in."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from benchmarks.tof_frames import captures, edge_rich, noise_of, plane
+from tof_preproc.noise import law_of_capture, law_of_dwell, robust_variance
+from tof_preproc.stack import Stack
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Image
+    from tof_core.capture import Capture
+
+
+def stack_of(frames: list[Capture]) -> Stack:
+    stack = Stack(frames[0].camera.shape, len(frames), in_time=False)
+    for f in frames:
+        stack.add(f.depth, f.reason)
+    return stack
+
+
+def ratio(sigma: Image, truth: np.ndarray) -> np.ndarray:
+    return np.asarray(sigma / truth)
+
+
+def test_one_frame_of_a_plane_at_60_degrees_tells_its_noise() -> None:
+    truth = plane(incidence_deg=60.0, amplitude=300.0)
+    frame = captures(truth)[0]
+    sigma = law_of_capture(frame.depth, frame.amplitude, 0.0).sigma(frame.depth, frame.amplitude)
+    np.testing.assert_allclose(ratio(sigma, noise_of(truth)), 1.0, atol=0.03)
+
+
+def test_one_frame_full_of_edges_tells_the_law_of_amplitude() -> None:
+    truth = edge_rich()
+    frame = captures(truth)[0]
+    law = law_of_capture(frame.depth, frame.amplitude, 0.0)
+    off = ratio(law.sigma(frame.depth, frame.amplitude), noise_of(truth))
+    assert np.quantile(off, [0.05, 0.95]) == pytest.approx([1.0, 1.0], abs=0.17)
+    # noise varies eightfold over this frame: the law must follow it, not its mean
+    assert np.ptp(np.log(noise_of(truth))) > np.log(6)
+
+
+@pytest.mark.parametrize("n", [2, 3, 10])
+def test_a_dwell_tells_it_over_time_edges_spikes_and_all(n: int) -> None:
+    truth = edge_rich()
+    frames = captures(truth, n, spikes=0.01, dropouts=0.02)
+    law = law_of_dwell(stack_of(frames), frames[0].amplitude, 0.0)
+    off = ratio(law.sigma(frames[0].depth, frames[0].amplitude), noise_of(truth))
+    assert np.quantile(off, [0.05, 0.95]) == pytest.approx([1.0, 1.0], abs=0.1)
+
+
+def test_without_amplitude_range_stands_for_it() -> None:
+    truth = plane(incidence_deg=50.0)
+    law = law_of_capture(captures(truth)[0].depth, None, 0.0)
+    assert law.by_range
+    np.testing.assert_allclose(ratio(law.sigma(captures(truth)[0].depth, None), noise_of(truth)), 1.0, atol=0.06)
+
+
+def test_noise_is_never_below_what_the_code_makes() -> None:
+    truth = plane(incidence_deg=0.0)
+    frames = captures(truth, 4, noise=0.0, quantum=0.001)
+    for law in (law_of_capture(frames[0].depth, None, 0.001), law_of_dwell(stack_of(frames), None, 0.001)):
+        np.testing.assert_allclose(law.sigma(frames[0].depth, None), 0.001 / np.sqrt(12), rtol=1e-3)
+
+
+@pytest.mark.parametrize("depth", [np.full((20, 30), np.nan), np.full((1, 1), 1.0), np.full((2, 2), 1.0)])
+def test_frames_that_tell_nothing_still_get_a_finite_sigma(depth: np.ndarray) -> None:
+    frame = depth.astype(np.float32)
+    amplitude = np.full(frame.shape, np.nan, np.float32)
+    for light in (None, amplitude, np.ones_like(amplitude)):
+        assert np.isfinite(law_of_capture(frame, light, 0.0).sigma(frame, light)).all()
+
+
+def test_a_tenth_of_outliers_moves_the_variance_by_less_than_a_tenth() -> None:
+    rng = np.random.default_rng(0)
+    for dof in (1, 4):
+        clean = rng.chisquare(dof, 20000) / dof
+        soiled = np.where(rng.random(20000) < 0.1, 1e4, clean)
+        assert robust_variance(clean, dof, 1e-12) == pytest.approx(1.0, rel=0.03)
+        assert robust_variance(soiled, dof, 1e-12) == pytest.approx(1.0, rel=0.1)
