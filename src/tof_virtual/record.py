@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from heapq import merge
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,10 +27,14 @@ if TYPE_CHECKING:
     from tof_core.arrays import Bytes, Float, Image
     from tof_virtual.body import Body
     from tof_virtual.config import VirtualConfig
-    from tof_virtual.effect import Frame
+    from tof_virtual.effect import Frame, Moment
 
 AMPLITUDE_STEP_E = 16.0
 """Electrons of one count of the amplitude image."""
+
+
+Sensor: TypeAlias = "Callable[[Moment, Frame], Frame]"
+"""What else happens to a frame, from outside this room."""
 
 
 class Event(NamedTuple):
@@ -43,7 +47,7 @@ class Event(NamedTuple):
 
 def record(
     bodies: Sequence[Body], out_bag: Path | str, config: VirtualConfig, *, effects: Mapping[str, float] | None = None,
-    truth_path: Path | str | None = None,
+    truth_path: Path | str | None = None, sensor: Sensor | None = None,
 ) -> Truth:
     """Record a session.
 
@@ -53,19 +57,22 @@ def record(
         config: camera, robot, plan, output.
         effects: strengths by name; none is a camera with photon noise alone.
         truth_path: stem of the truth's `.npz` and `.json`; `<bag>.truth` beside the bag if None.
+        sensor: a foreign sensor model, to act on each frame after the effects; the truth's maps know nothing of it.
     """
     session = Session(bodies, config, effects or {})
     calibrate(session)
-    return record_session(session, out_bag, truth_path=truth_path)
+    return record_session(session, out_bag, truth_path=truth_path, sensor=sensor)
 
 
-def record_session(session: Session, out_bag: Path | str, *, truth_path: Path | str | None = None) -> Truth:
+def record_session(
+    session: Session, out_bag: Path | str, *, truth_path: Path | str | None = None, sensor: Sensor | None = None,
+) -> Truth:
     """Record a session whose effects have their sizes; arguments as of `record`."""
     truth = Truth(session)
     out = session.config.output
     with BagWriter(out_bag, storage=out.storage, distro="jazzy") as bag:  # type: ignore[arg-type]
         _static(bag, session)
-        events = merge(_transforms(session), _temperatures(session), _captures(session, truth), key=lambda e: (e.time_s, e.order))
+        events = merge(_transforms(session), _temperatures(session), _captures(session, truth, sensor), key=lambda e: (e.time_s, e.order))
         for event in events:
             event.write(bag)
     path = Path(truth_path) if truth_path else Path(out_bag).with_name(Path(out_bag).name + ".truth")
@@ -128,13 +135,16 @@ def _temperatures(session: Session) -> Iterator[Event]:
         yield Event(float(second), 1, write)
 
 
-def _captures(session: Session, truth: Truth) -> Iterator[Event]:
+def _captures(session: Session, truth: Truth, sensor: Sensor | None) -> Iterator[Event]:
     """Expose each capture when its turn comes; what is said of it goes to `truth`."""
     c = session.config
     photons = np.random.default_rng([c.seed, 77])
     for index in progress(range(len(session.shutters)), "record", len(session.shutters)):
         shutter = session.shutters[index]
-        taken = expose(session.moment(index), session.effects, photons)
+        moment = session.moment(index)
+        taken = expose(moment, session.effects, photons)
+        if sensor is not None:
+            taken = sensor(moment, taken)
         truth.add(index)
         stamp = stamp_ns(session, session.stamp_s(shutter))
         yield Event(shutter.time_s, 2, lambda bag, taken=taken, stamp=stamp: _write(bag, session, taken, stamp))  # type: ignore[misc]

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from tof_scene.scene import Scene
     from tof_virtual.body import Body
     from tof_virtual.config import VirtualConfig
+    from tof_virtual.record import Sensor
     from tof_virtual.truth import Truth
 
 NAME = "simulate"
@@ -28,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", metavar="SCENE", help="scene.yaml, its folder, or a built-in scene's name")
     parser.add_argument("--out", type=Path, metavar="BAG", help="folder of the bag to write; it must not exist")
     parser.add_argument("--effect", action="append", default=[], metavar="NAME=STRENGTH", help="switch an effect on (1: 3 mm RMS); may be repeated")
+    parser.add_argument("--sensor", type=Path, metavar="FILE", help="a fitted sensor.yaml, added to the virtual camera")
     parser.add_argument("--truth", type=Path, metavar="STEM", help="where the truth goes (.npz and .json); BAG.truth if not given")
     parser.add_argument("--views", type=int, help="views of the session")
     parser.add_argument("--stations", type=int, help="stations of the base")
@@ -57,9 +59,18 @@ def run(args: argparse.Namespace) -> int:
     from tof_virtual.record import record
 
     scene = open_scene(args.scene, args.out)
-    truth = record(bodies_of(scene), args.out, config, effects=effects, truth_path=args.truth)
+    truth = record(bodies_of(scene), args.out, config, effects=effects, truth_path=args.truth, sensor=_sensor(args.sensor, scene))
     _report(args, scene, truth)
     return 0
+
+
+def _sensor(path: Path | None, scene: Scene) -> Sensor | None:
+    if path is None:
+        return None
+    from tof_sensor.model import load_model
+    from toftwin.sensed import modelled
+
+    return modelled(load_model(path), scene)
 
 
 def parse_effects(pairs: list[str]) -> dict[str, float]:
