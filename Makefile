@@ -39,8 +39,8 @@ lint: setup-dev  ## ruff, mypy --strict, import contracts, spelling
 format: setup-dev  ## let ruff format and repair what it can
 	@.venv/bin/ruff check --fix-only . && .venv/bin/ruff format .
 
-model: setup-dev  ## train the network that the repository carries
-	@.venv/bin/toftwin train $(ARGS)
+model: setup-dev  ## train the network that the package carries, from virtual sessions (hours on few cores; goes on where it stopped)
+	@$(PY) -m benchmarks.make_model $(ARGS)
 
 gap-check: setup-dev  ## withheld effects: how often the gap report names the right one
 	@$(PY) -m benchmarks.gap_check $(ARGS)

@@ -75,7 +75,8 @@ class TrainConfig:
     val: float = param(0.2, "share of the views kept for validation, whole stations", low=0.01, high=0.5)
     test: float = param(0.0, "share of the views kept out altogether, whole stations", low=0.0, high=0.5)
     limit: int = param(0, "train on so many views only, spread evenly; 0 is all", low=0)
-    max_sigma_mm: float = param(10.0, "above this the network does not know: the raw value stays", unit="mm", low=0.1, high=1000.0)
+    max_sigma_mm: float = param(0.0, "above this the network does not know, and the raw value stays; 0: as validation tells", unit="mm",
+                                low=0.0, high=1000.0)
     threads: int = param(0, "threads of the CPU; 0 leaves it to PyTorch", low=0, high=256)
     device: str = param("auto", "where to train", choices=("auto", "cpu", "cuda"))
 

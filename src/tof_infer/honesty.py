@@ -11,7 +11,8 @@ import numpy as np
 if TYPE_CHECKING:
     from tof_core.arrays import Float
 
-BINS = 12
+BINS = 42
+LEFT_WRONG, KNOWN = 0.06, 0.85
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,21 +28,44 @@ class Calibration:
 
 
 def calibrate(error: Float, log_scale: Float) -> Calibration:
-    """Fit on validation pixels (n,): in bins of the scale, between the 68 % quantile of errors and half of the 95 % one.
+    """Fit on validation pixels (n,): the slope in bins of the scale, then the factor.
 
-    Errors have longer tails than the normal law, so no factor meets both; this one misses both by little.
+    Errors have longer tails than the normal law, so no factor meets both shares; this one misses both by little, where sigma is
+    small enough to count.
     """
     order = np.argsort(log_scale)
-    bins = [b for b in np.array_split(order, BINS) if len(b) >= 20]
+    bins = [b for b in np.array_split(order, BINS)[1:-1] if len(b) >= 20]  # the outermost are too wide
     if not bins:
         return Calibration()
     e = np.abs(error)
     wanted = np.array([0.5 * (np.log(np.quantile(e[b], 0.6827) + 1e-9) + np.log(np.quantile(e[b], 0.9545) / 2 + 1e-9)) for b in bins])
     at = np.array([np.median(log_scale[b]) for b in bins])
-    if np.ptp(at) < 0.1:
-        return Calibration(float(np.mean(wanted - at)), 1.0)
-    slope = float(np.clip(np.polyfit(at, wanted, 1)[0], 0.5, 1.5))
-    return Calibration(float(np.mean(wanted - slope * at)), slope)
+    slope = float(np.clip(np.polyfit(at, wanted, 1)[0], 0.5, 1.5)) if np.ptp(at) > 0.1 else 1.0
+    offset = float(np.mean(wanted - slope * at))
+    small = order[:int(KNOWN * len(order)) + 1]
+    ratio = e[small] / Calibration(offset, slope).sigma(log_scale[small])
+    return Calibration(offset + _best_shift(ratio), slope)
+
+
+def _best_shift(ratio: Float) -> float:
+    """Log of the factor at which the shares within one and two come nearest to 68 and 95 %, in units of their tolerances."""
+    shifts = np.linspace(-0.7, 0.7, 141)
+    one, two = (np.searchsorted(np.sort(ratio), k * np.exp(shifts), side="right") / len(ratio) for k in (1, 2))
+    return float(shifts[np.argmin(np.maximum(np.abs(one - 0.6827) / 0.05, np.abs(two - 0.9545) / 0.03))])
+
+
+def sigma_limit(error: Float, raw_error: Float, sigma: Float) -> float:
+    """Sigma in metres above which the network does not know.
+
+    The largest at which, of the pixels that are raw more than 20 mm off (flying ones), at most `LEFT_WRONG` stay given and more
+    than 10 mm off; but never so small that less than `KNOWN` of all pixels would be known.
+    """
+    order = np.argsort(sigma)
+    flying = np.abs(raw_error[order]) > 0.02
+    left = np.cumsum(flying & (np.abs(error[order]) > 0.01)) / max(int(flying.sum()), 1)
+    enough = int(np.searchsorted(left, LEFT_WRONG, side="right"))
+    last = int(np.clip(max(enough, KNOWN * len(order)), 1, len(order))) - 1
+    return float(sigma[order[last]])
 
 
 def coverage(error: Float, sigma: Float) -> tuple[float, float]:

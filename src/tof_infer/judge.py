@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from tof_infer.honesty import calibrate, coverage
+from tof_infer.honesty import calibrate, coverage, sigma_limit
 from tof_infer.loss import loss_of, usable
 
 if TYPE_CHECKING:
@@ -33,18 +33,19 @@ class Verdict:
     log_scale: Float
 
     def figures(self, max_sigma_m: float) -> dict[str, Any]:
-        """Plain numbers for the card, with the calibration of sigma that they were reached with."""
+        """Plain numbers for the card, with the calibration of sigma and the limit to it (chosen here where given as 0) they were reached with."""
         calibration = calibrate(self.error, self.log_scale)
         sigma = calibration.sigma(self.log_scale)
-        known = sigma <= max_sigma_m
-        one, two = coverage(self.error, sigma)
+        limit = max_sigma_m or sigma_limit(self.error, self.raw_error, sigma)
+        known = sigma <= limit
+        one, two = coverage(self.error[known], sigma[known])
         wrong = (np.abs(self.error) > 0.01) & known
         return {
             "val_mae_mm": self.mae * 1e3, "val_raw_mae_mm": self.raw_mae * 1e3,
             "val_mae_known_mm": float(np.abs(self.error[known]).mean() * 1e3) if known.any() else None,
             "val_known": float(known.mean()), "val_within_1_sigma": one, "val_within_2_sigma": two,
             "val_wrong_10mm": float(wrong.mean()), "val_raw_wrong_10mm": float((np.abs(self.raw_error) > 0.01).mean()),
-            "calibration": asdict(calibration),
+            "calibration": asdict(calibration), "max_sigma_m": limit,
         }
 
 

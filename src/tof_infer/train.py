@@ -198,11 +198,12 @@ def _resume(path: Path, state: State, digest: str) -> None:
 
 def _card(config: TrainConfig, pool: Pool, split: Split, training: Samples, verdict: Verdict, state: State) -> Card:
     low, high = np.quantile(np.concatenate([training[i].label[training[i].mask][::101] for i in range(len(training))]), [0.002, 0.998])
+    figures = verdict.figures(config.max_sigma_mm * 1e-3)
     return Card(
         inputs=config.net.names, multiple=config.net.multiple, camera=pool.camera, range_m=(float(low), float(high)),
-        max_sigma_m=config.max_sigma_mm * 1e-3, config=to_mapping(config), data=pool.facts(),
+        max_sigma_m=figures["max_sigma_m"], config=to_mapping(config), data=pool.facts(),
         split={"by": "station", "seed": config.seed, "train_views": len(split.train), "val_views": len(split.val), "test_views": len(split.test),
                "train_captures": len(training)},
-        figures={**verdict.figures(config.max_sigma_mm * 1e-3), "weights": sum(p.numel() for p in state.net.parameters())},
+        figures={**figures, "weights": sum(p.numel() for p in state.net.parameters())},
         curves=state.curves,
     )

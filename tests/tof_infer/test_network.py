@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The network: what is not there changes nothing, padding changes nothing, and PyTorch and ONNX say the same."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tests.tof_infer.made import CAMERA, measured
+from tof_core.errors import ConfigError
+from tof_infer.config import NetConfig
+from tof_infer.frames import unit_rays
+
+torch = pytest.importorskip("torch", reason="training needs the extra `train`")
+
+from tof_infer.batches import pad  # noqa: E402
+from tof_infer.card import Card  # noqa: E402
+from tof_infer.export import export  # noqa: E402
+from tof_infer.honesty import Calibration  # noqa: E402
+from tof_infer.loss import loss_of  # noqa: E402
+from tof_infer.network import RepairNet  # noqa: E402
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from torch import Tensor
+
+pytestmark = pytest.mark.train
+CONFIG = NetConfig(base=4, levels=3)
+
+
+def net(config: NetConfig = CONFIG) -> RepairNet:
+    """Random weights everywhere, also where training begins with zeros."""
+    torch.manual_seed(3)
+    made = RepairNet(config)
+    made.eval()
+    for p in made.parameters():
+        if p.ndim > 1:
+            p.data += 0.05 * torch.randn_like(p)
+    return made
+
+
+def images(number: int, size: tuple[int, int]) -> dict[str, Tensor]:
+    capture = measured(number)
+    assert capture.amplitude is not None
+    ray = pad(unit_rays(CAMERA), size, 0.0)
+    ray[2][ray[2] == 0] = 1.0
+    return {"depth": torch.from_numpy(pad(capture.depth, size, np.nan))[None, None], "ray": torch.from_numpy(ray)[None],
+            "amplitude": torch.from_numpy(pad(capture.amplitude, size, np.nan))[None, None], "temperature": torch.tensor([30.0])}
+
+
+@torch.no_grad()
+def test_invalid_values_do_not_matter() -> None:
+    """NaN, inf, 0 and negative are all the same absence."""
+    run, given = net(), images(1, (32, 48))
+    depth, log = run(given)
+    for nothing in (0.0, float("inf"), -1.0, 1e9):
+        other = {**given, "depth": torch.nan_to_num(given["depth"], nan=nothing, posinf=nothing)}
+        changed_depth, changed_log = run(other)
+        there = torch.isfinite(given["depth"])
+        torch.testing.assert_close(changed_depth[there], depth[there])
+        torch.testing.assert_close(changed_log[there], log[there])
+
+
+@torch.no_grad()
+def test_the_output_is_finite_everywhere() -> None:
+    depth, log = net()(images(2, (32, 48)))
+    assert torch.isfinite(depth).all()
+    assert torch.isfinite(log).all()
+
+
+@torch.no_grad()
+def test_more_padding_changes_only_the_rim() -> None:
+    run = net()
+    small, large = run(images(3, (32, 48)))[0], run(images(3, (64, 96)))[0]
+    np.testing.assert_allclose(small[0, 0, :8, :8], large[0, 0, :8, :8], atol=2e-3)
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("size", [(32, 48), (64, 64), (176, 224)])
+def test_onnx_says_what_pytorch_says_at_any_size(tmp_path: Path, size: tuple[int, int]) -> None:
+    import onnxruntime as ort
+
+    run = net()
+    card = Card(CONFIG.names, CONFIG.multiple, CAMERA, (0.3, 2.0), 0.01)
+    export(run, Calibration(0.3, 1.1), card, tmp_path / "m.onnx")
+    session = ort.InferenceSession(tmp_path / "m.onnx", providers=["CPUExecutionProvider"])
+    given = images(4, size)
+    depth, sigma = session.run(None, {n: given[n].numpy() for n in CONFIG.names})
+    want, log = run(given)
+    there = torch.isfinite(given["depth"]).numpy()
+    np.testing.assert_allclose(depth[there], want.numpy()[there], atol=1e-5)
+    np.testing.assert_allclose(sigma[there], np.exp(0.3 + 1.1 * log.numpy()[there]), rtol=1e-4)
+    assert np.isnan(depth[~there]).all()
+
+
+def test_an_unknown_input_is_refused() -> None:
+    with pytest.raises(ConfigError, match="input 'smell' is unknown"):
+        NetConfig(inputs="depth,smell")
+    with pytest.raises(ConfigError, match="inputs lack 'depth'"):
+        NetConfig(inputs="amplitude")
+    with pytest.raises(ConfigError, match="are no periods"):
+        NetConfig(waves_m="1.5,-1")
+
+
+def test_the_multiple_is_what_blocks_and_levels_need() -> None:
+    assert NetConfig(levels=4, unshuffle=2).multiple == 16
+    assert NetConfig(levels=5, unshuffle=1).multiple == 16
+    assert NetConfig(levels=2, unshuffle=2).multiple == 8
+
+
+@pytest.mark.parametrize(("kind", "value"), [("mse", 4e-4), ("laplace", 2 + np.log(0.01)), ("normal", 2 + np.log(0.01))])
+def test_losses(kind: str, value: float) -> None:
+    one = torch.ones(1, 1, 2, 2)
+    given = {"depth": one.clone()}
+    given["depth"][0, 0, 0, 0] = float("nan")
+    target = {"label": one * 0.98, "sigma": one * 0, "mask": torch.ones(1, 1, 2, 2, dtype=torch.bool)}
+    target["mask"][0, 0, 1, 1] = False
+    target["label"][0, 0, 1, 1] = float("nan")
+    assert float(loss_of(kind, one, one * float(np.log(0.01)), given, target)) == pytest.approx(value, rel=1e-4)
+
+
+def test_the_labels_own_sigma_is_not_held_against_the_network() -> None:
+    one = torch.ones(1, 1, 1, 1)
+    target = {"label": one * 0.98, "sigma": one * 0.02, "mask": one > 0}
+    wide = float(loss_of("normal", one, one * float(np.log(1e-4)), {"depth": one}, target))
+    assert wide == pytest.approx(0.5 + np.log(0.02), abs=1e-3)
