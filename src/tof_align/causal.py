@@ -112,12 +112,13 @@ class SessionAligner:
                 break
             chain = chain.moved(answer.x, answer.own)
             lin = linearise(live, chain.pose(last), self.caster, self.config.weights)
-            weights = weigh(lin, lin.residual - unmodelled(chain, basis, lin, answer, last), self.config.weights)
+            smooth = unmodelled(chain, basis, lin, answer, last)
+            weights = weigh(lin, lin.residual - smooth.sum(axis=1), self.config.weights, smooth)
         seen = self._observe(chain, answer)
         kept = _pin(normal, answer, pull, seen, chain)
         moved = chain.moved(kept.x, kept.own)
         before = verdicts.fit_of(linearise(taken.coarse, _robot(taken), self.caster, self.config.weights), self.config)
-        after = verdicts.fit_of(lin, self.config, unmodelled(chain, basis, lin, kept, last))
+        after = verdicts.fit_of(lin, self.config, unmodelled(chain, basis, lin, kept, last).sum(axis=1))
         verdict = verdicts.judge(before, after, _robot(taken), moved.pose(last), _prior_cov(chain, last), seen.names, self.config)
         if not verdict.accepted:
             return self._refused(predicted, last, verdict.reason)

@@ -57,7 +57,6 @@ class WeightConfig:
     kernel: float = param(4.7, "residuals beyond this many robust scales do not count (Tukey)", low=1.0)
     kernel_floor_mm: float = param(4.0, "the kernel never gets narrower than this", unit="mm", low=0.01)
     kernel_far_mm: float = param(150.0, "kernel at the start, shrinking from there", unit="mm", low=1.0)
-    misfit: float = param(0.05, "share of an unmodelled smooth error that its columns are taken to get wrong", low=0.0, high=1.0)
     grazing_deg: float = param(78.0, "surfaces seen flatter than this do not count", unit="deg", low=10.0, high=90.0)
     edge_mm: float = param(6.0, "a neighbour on the raster off the surface's plane by more is an edge", unit="mm", low=0.1)
 

@@ -83,8 +83,7 @@ def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: f
     knots_a, root_a = _line(amplitudes, step=0.4, length=1.0)
     surface = np.concatenate([_surface(v, config.object_m)[::7] for v in views])
     centres = farthest_points(surface, config.centres)
-    distance = np.linalg.norm(centres[:, None] - centres[None], axis=-1)
-    return Basis(knots, root, knots_a, root_a, centres, _inverse_root(np.exp(-distance)), config.object_m, config.image_order)
+    return Basis(knots, root, knots_a, root_a, centres, _inverse_root(_surface_covariance(centres, centres)), config.object_m, config.image_order)
 
 
 def shared_columns(basis: Basis, view: Linearised) -> Float:
@@ -96,7 +95,7 @@ def shared_columns(basis: Basis, view: Linearised) -> Float:
         a = view.log_amplitude if view.log_amplitude is not None else np.full(len(view.residual), np.nan)
         parts.append(_splines(basis.knots_amplitude, a) @ basis.root_amplitude)
     if basis.root_object.size:
-        parts.append(_near(basis, view) @ basis.root_object)
+        parts.append(_surface_covariance(_surface(view, basis.object_m), basis.centres) @ basis.root_object)
     if basis.order > 0:
         parts.append(_image(view, basis.order))
     return np.concatenate(parts, axis=1) if parts else np.zeros((len(view.residual), 0))
@@ -135,15 +134,21 @@ def _splines(knots: Float, x: Float) -> Float:
 
 
 def _surface(view: Linearised, length: float) -> Float:
-    """(n, 6) where the surface is and how it faces, in correlation lengths."""
-    return np.concatenate([view.point / length, view.normal / 0.7], axis=1)
+    """(n, 6) where the surface is, in correlation lengths, and how it faces (45 degrees are one)."""
+    return np.concatenate([view.point / length, view.normal / 0.77], axis=1)
 
 
-def _near(basis: Basis, view: Linearised) -> Float:
-    """(n, m) exponential covariance between the pixels' places on the part and the centres."""
-    x = _surface(view, basis.object_m)
-    square = (x * x).sum(1)[:, None] + (basis.centres**2).sum(1)[None] - 2 * x @ basis.centres.T
-    return np.asarray(np.exp(-np.sqrt(np.maximum(square, 0.0))))
+def _surface_covariance(x: Float, y: Float) -> Float:
+    """(n, m) between places on the part: half dies out within a correlation length, half within five.
+
+    The second half is what a whole face shares; a pose can imitate it, so it must be allowed for.
+    """
+    place, facing = _square_distance(x[:, :3], y[:, :3]), _square_distance(x[:, 3:], y[:, 3:])
+    return np.asarray(0.5 * np.exp(-np.sqrt(place + facing)) + 0.5 * np.exp(-np.sqrt(place / 25.0 + facing)))
+
+
+def _square_distance(x: Float, y: Float) -> Float:
+    return np.maximum((x * x).sum(1)[:, None] + (y * y).sum(1)[None] - 2.0 * x @ y.T, 0.0)
 
 
 def _inverse_root(K: Float) -> Float:

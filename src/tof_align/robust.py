@@ -15,6 +15,11 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 
+MISFIT = np.array([0.05, 0.05, 0.3, 0.05, 0.0, 0.3, 0.3])
+"""Share of what each kind explains that is taken to be wrong: small for a function of one
+measured number, large for what is patchy or one view's own."""
+
+
 def mad(values: Float) -> float:
     """Robust standard deviation about the median; 0 for no values."""
     if not len(values):
@@ -34,19 +39,19 @@ def kernel_width(view: Linearised, error: Float, config: WeightConfig) -> Float:
     return np.maximum(config.kernel * scale, config.kernel_floor_mm * 1e-3)
 
 
-def weigh(view: Linearised, error: Float, config: WeightConfig, unmodelled: Float | None = None) -> Float:
+def weigh(view: Linearised, error: Float, config: WeightConfig, explained: Float | None = None) -> Float:
     """(n,) inverse variances, 1/m^2: robust, and honest about neighbours that err together.
 
-    error (n,): what the fit left, metres; unmodelled (n,): what it explained by the discrepancy. Of
-    the latter a share is taken to be explained wrongly, alike within each sixteenth of the image:
-    columns never say all about an error nobody knows, and thousands of pixels would turn the
-    missing part into a pose.
+    error (n,): what the fit left, metres; explained (n, kinds): what it put down to the discrepancy.
+    Of the latter a share (`MISFIT`) is taken to be explained wrongly, alike within each sixteenth
+    of the image: columns never say all about an error nobody knows, and thousands of pixels would
+    turn the missing part into a pose.
     """
     if not len(error):
         return np.zeros(0)
     accept = tukey(error, kernel_width(view, error, config))
     weight = accept / view.sigma**2
-    misfit = 0.0 if unmodelled is None else config.misfit * float(unmodelled.std())
+    misfit = 0.0 if explained is None else float(np.linalg.norm(explained.std(axis=0) * MISFIT))
     patch = view.raster[0] * view.raster[1] / 16.0
     return np.asarray(accept / (inflation(view, error, weight) * view.sigma**2 + patch * misfit**2))
 

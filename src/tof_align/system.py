@@ -130,7 +130,7 @@ class SessionSystem(Generic[R]):
 
     def explained(self, answer: Mixed, v: int, columns: Sequence[Float] | None = None) -> Float:
         """(n,) metres of a view that discrepancy and columns explain."""
-        smooth = unmodelled(self.rig, self.basis, self.views[v], answer, v)
+        smooth = unmodelled(self.rig, self.basis, self.views[v], answer, v).sum(axis=1)
         if columns is None:
             return smooth
         return np.asarray(smooth + columns[v] @ answer.x[self.rig.globals_ + sum(self.basis.shared):])
@@ -157,11 +157,12 @@ def camera_cov(rig: Rig, answer: Mixed, v: int) -> Float:
 
 
 def unmodelled(rig: Rig, basis: Basis, view: Linearised, answer: Mixed, v: int) -> Float:
-    """(n,) metres of a view that the discrepancy explains."""
+    """(n, kinds) metres of a view that each kind of `discrepancy.kinds` explains."""
     g, o = rig.globals_, rig.own
     m, q = sum(basis.shared), sum(basis.local)
-    out = shared_columns(basis, view) @ answer.x[g:g + m] + local_columns(basis, view) @ answer.own[v, o:o + q]
-    return np.asarray(out)
+    shared, local = shared_columns(basis, view) * answer.x[g:g + m], local_columns(basis, view) * answer.own[v, o:o + q]
+    parts = [*np.split(shared, np.cumsum(basis.shared)[:-1], axis=1), *np.split(local, np.cumsum(basis.local)[:-1], axis=1)]
+    return np.stack([p.sum(axis=1) for p in parts], axis=1)
 
 
 def weighted_gram(view: Linearised, weight: Float, basis: Basis | None, columns: Float | None = None) -> Float:
