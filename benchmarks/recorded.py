@@ -43,7 +43,11 @@ class Recorded:
 
 def recorded(name: str, config: Mapping[str, Any], effects: Mapping[str, float] | None = None) -> Recorded:
     """A session in a built-in scene with these values of `VirtualConfig` and these effects."""
-    scene = make_builtin(name)
+    return recorded_in(name, make_builtin(name), config, effects)
+
+
+def recorded_in(name: str, scene: Scene, config: Mapping[str, Any], effects: Mapping[str, float] | None = None) -> Recorded:
+    """The same in any scene."""
     key = digest_config({"scene": scene.digest, "config": dict(config), "effects": dict(effects or {})})
     bag = FOLDER / f"{name}-{key}"
     truth = bag.with_name(f"{bag.name}.truth")

@@ -15,8 +15,8 @@ class LabelConfig:
     cad_sigma_mm: float = param(0.1, "standard deviation of the real surface from its CAD, along the normal", unit="mm", low=0.0, high=50.0)
     unseen_offset_mm: float = param(
         2.0,
-        "standard deviation of the camera's constant range offset, which no one-sided session can see; "
-        "lower it to what a calibration on a reference vouches for",
+        "standard deviation of the label from a constant range offset of the camera, which no one-sided session can see "
+        "(3 mm of it move the label of a panel by 2 mm); lower it to what a calibration on a reference vouches for",
         unit="mm",
         low=0.0,
         high=100.0,
