@@ -7,19 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_scene.builtin.shapes import Solid, box, cylinder, join, lathe, moved, rotated, sheet, tube
+from tof_scene.builtin.parts import PAPER, RUBBER, STEEL, ZINC, part, room
+from tof_scene.builtin.shapes import box, cylinder, hexagon_bolt, join, lathe, moved, rotated, sheet, tube
 from tof_scene.scene import Material, Part, Scene
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
+    from tof_scene.builtin.shapes import Solid
 
 PANEL = Material(0.45, 0.6)
 """Primed sheet metal; clips and studs share it on purpose, so that colour alone cannot find them."""
-DARK = Material(0.05, 0.9)
-BRIGHT = Material(0.82, 0.9)
-ZINC = Material(0.3, 0.4)
-STEEL = Material(0.55, 0.35)
-
 LENGTH, SHEET = 0.9, 0.0015
 # The sill's section (x, z), from the lower flange up, as a sheet-metal worker would fold it; corners are rounded by CORNER.
 SECTION = np.array([(0.02, 0.60), (0.02, 0.635), (0.10, 0.665), (0.115, 0.86), (0.015, 0.905), (0.005, 0.96)])
@@ -27,15 +24,13 @@ CORNER = 0.008
 
 
 def make() -> Scene:
-    """The scene: 26 parts, 15 of them to be inspected."""
+    """The scene; its parts are named after what they are, numbered where there are several."""
     return Scene("cell", (*_surroundings(), *_panels(), *_bracket(), *_clips(), *_trim()))
 
 
 def _surroundings() -> tuple[Part, ...]:
-    floor = _part("floor", box((3.0, 4.0, 0.02), (0.4, 0, -0.01), 8), Material(0.35, 1.0))
-    wall = _part("wall", box((0.02, 4.0, 2.4), (-0.55, 0, 1.2), 8), Material(0.6, 1.0))
     posts = join(*(box((0.06, 0.06, 0.62), (-0.03, y, 0.31), 4) for y in (-0.36, 0.36)), box((0.30, 0.94, 0.03), (-0.02, 0, 0.585), 6))
-    return floor, wall, _part("stand", posts, Material(0.25, 0.8))
+    return *room(), part("stand", posts, Material(0.25, 0.8))
 
 
 def _panels() -> tuple[Part, ...]:
@@ -61,8 +56,8 @@ def _panels() -> tuple[Part, ...]:
         return np.stack([x, u + 0.16, 0.93 + v], 1)
 
     return (
-        _part("sill", sheet((LENGTH, length), (120, 90), SHEET, sill, holes), PANEL),
-        _part("pillar", sheet((0.28, 0.40), (48, 60), SHEET, pillar, [(0.07, 0.25, 0.022), (0.21, 0.25, 0.016)]), PANEL),
+        part("sill", sheet((LENGTH, length), (120, 90), SHEET, sill, holes), PANEL),
+        part("pillar", sheet((0.28, 0.40), (48, 60), SHEET, pillar, [(0.07, 0.25, 0.022), (0.21, 0.25, 0.016)]), PANEL),
     )
 
 
@@ -74,13 +69,10 @@ def _bracket() -> tuple[Part, ...]:
 
     shelf = box((0.09, 0.14, 0.004), (0.160, -0.23, 0.712), 4)
     gussets = [_gusset(y) for y in (-0.295, -0.165)]
-    head = lathe([(0, 0), (0.0125, 0), (0.0125, 0.002), (0.0098, 0.002), (0.0098, 0.009), (0.0085, 0.0105), (0, 0.0105)], 6)
-    washer = lathe([(0, 0), (0.013, 0), (0.013, 0.0022), (0, 0.0022)])
-    bolt = join(washer, moved(head, (0, 0, 0.0022)))
     spots = [(0.120, -0.28, 0.76), (0.120, -0.18, 0.76)]
-    bolts = [_part(f"bolt_{i + 1}", moved(bolt, p, axis="x"), STEEL, inspect=True) for i, p in enumerate(spots)]
-    nuts = [_part(f"nut_{i + 1}", moved(_nut(), (0.165, y, 0.714)), STEEL, inspect=True) for i, y in enumerate((-0.265, -0.195))]
-    return _part("bracket", join(flat(0.120, 0.71), shelf, *gussets), ZINC), *bolts, *nuts
+    bolts = [part(f"bolt_{i + 1}", moved(hexagon_bolt(0.012), p, axis="x"), STEEL, inspect=True) for i, p in enumerate(spots)]
+    nuts = [part(f"nut_{i + 1}", moved(_nut(), (0.165, y, 0.714)), STEEL, inspect=True) for i, y in enumerate((-0.265, -0.195))]
+    return part("bracket", join(flat(0.120, 0.71), shelf, *gussets), ZINC), *bolts, *nuts
 
 
 def _gusset(y: float) -> Solid:
@@ -97,32 +89,28 @@ def _nut() -> Solid:
 def _clips() -> tuple[Part, ...]:
     """Trim clips and studs in the panel's own colour, on the sill's face and shelf."""
     body = join(box((0.030, 0.016, 0.006), (0, 0, 0.003)), box((0.018, 0.010, 0.008), (0, 0, 0.010)), moved(cylinder(0.004, 0.006), (0, 0, 0.014)))
-    face = [(0.114, y, 0.805) for y in (-0.38, -0.08, 0.08, 0.30)]
-    clips = [_part(f"clip_{i + 1}", moved(body, p, axis="x"), PANEL, inspect=True) for i, p in enumerate(face)]
+    face = [(0.114, y, 0.805) for y in (-0.38, -0.08, 0.035, 0.30)]
+    clips = [part(f"clip_{i + 1}", moved(body, p, axis="x"), PANEL, inspect=True) for i, p in enumerate(face)]
     stud = lathe([(0, 0), (0.006, 0), (0.006, 0.003), (0.003, 0.004), (0.003, 0.022), (0, 0.022)], 32)
     top = [(0.06, y, 0.884) for y in (-0.33, 0.0, 0.33)]
-    return *clips, *(_part(f"stud_{i + 1}", rotated(moved(stud, p), "y", 24, p), PANEL, inspect=True) for i, p in enumerate(top))
+    return *clips, *(part(f"stud_{i + 1}", rotated(moved(stud, p), "y", 24, p), PANEL, inspect=True) for i, p in enumerate(top))
 
 
 def _trim() -> tuple[Part, ...]:
     """What is dark and what is bright: grommets, a harness on the sill, a paper label, a reference plate."""
     grommet = lathe([(0, 0), (0.020, 0), (0.020, 0.003), (0.016, 0.006), (0.010, 0.006), (0.008, 0.002), (0, 0.002)])
     spots = [(0.107, -0.39, 0.70), (0.107, 0.39, 0.70)]
-    grommets = [_part(f"grommet_{i + 1}", moved(grommet, p, axis="x"), DARK, inspect=True) for i, p in enumerate(spots)]
+    grommets = [part(f"grommet_{i + 1}", moved(grommet, p, axis="x"), RUBBER, inspect=True) for i, p in enumerate(spots)]
     y = np.linspace(0.02, 0.42, 60)
     harness = tube(np.stack([0.125 + 0.004 * np.sin(18 * y), y, 0.735 + 0.010 * np.sin(11 * y)], 1), 0.006)
     connector = join(box((0.030, 0.048, 0.024), (0.128, 0.01, 0.737), 3), box((0.012, 0.030, 0.010), (0.148, 0.01, 0.737)))
-    mat = box((0.004, 0.16, 0.12), (0.118, 0.16, 0.79), 4)
+    mat = box((0.004, 0.16, 0.12), (0.1155, 0.16, 0.79), 4)
     label = box((0.0006, 0.09, 0.06), (-0.005, 0.15, 1.03), 3)
     plate = box((0.10, 0.16, 0.006), (0.20, 0.30, 0.62), 4)
     return (
-        *grommets, _part("harness", harness, DARK), _part("connector", connector, Material(0.12, 0.7), inspect=True),
-        _part("damping_mat", mat, DARK), _part("label", rotated(label, "y", -14, (-0.005, 0.15, 1.03)), BRIGHT), _part("plate", plate, BRIGHT),
+        *grommets, part("harness", harness, RUBBER), part("connector", connector, Material(0.12, 0.7), inspect=True),
+        part("damping_mat", mat, RUBBER), part("label", rotated(label, "y", -14, (-0.005, 0.15, 1.03)), PAPER), part("plate", plate, PAPER),
     )  # fmt: skip
-
-
-def _part(name: str, solid: Solid, material: Material, *, inspect: bool = False) -> Part:
-    return Part(name, *solid, material, inspect)
 
 
 def _bead(x: Float, centre: float, half: float) -> Float:

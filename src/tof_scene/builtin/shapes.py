@@ -68,19 +68,19 @@ def grid(nu: int, nv: int) -> Solid:
     return np.stack([u.ravel() / nu, v.ravel() / nv], 1), tri.astype(np.int32)
 
 
-def lathe(profile: ArrayLike, segments: int = SEGMENTS) -> Solid:
-    """Turn a profile of (radius, z) about z; it runs upward with the material on its left seen from outside.
+def lathe(profile: ArrayLike, segments: int = SEGMENTS, core: tuple[float, float] = (0.0, 0.0)) -> Solid:
+    """Turn a profile of (radius, z) about z; it runs with the material on its left: outward below, up outside, inward on top.
 
-    Points with radius 0 become one vertex each.
+    With `core` (half sizes along x and y) the circle runs around that rectangle instead of around a point.
     """
     profile = np.asarray(profile, float)
-    angle = 2 * np.pi * np.arange(segments) / segments
-    rings = [_ring(r, z, angle) for r, z in profile]
+    angle = 2 * np.pi * (np.arange(segments) + 0.5) / segments
+    rings = [_ring(r, z, angle, np.asarray(core)) for r, z in profile]
     starts = np.cumsum([0, *(len(ring) for ring in rings)])
     faces = []
+    i = np.arange(segments)
+    j = (i + 1) % segments
     for a, b, na, nb in zip(starts[:-2], starts[1:-1], map(len, rings[:-1]), map(len, rings[1:]), strict=True):
-        i = np.arange(segments)
-        j = (i + 1) % segments
         if nb > 1:
             faces.append(np.stack([a + i % na, b + j, b + i], 1))
         if na > 1:
@@ -88,15 +88,37 @@ def lathe(profile: ArrayLike, segments: int = SEGMENTS) -> Solid:
     return np.concatenate(rings), np.concatenate(faces).astype(np.int32)
 
 
-def _ring(r: float, z: float, angle: Float) -> Float:
+def _ring(r: float, z: float, angle: Float, core: Float) -> Float:
     if r == 0:
         return np.array([[0.0, 0.0, z]])
-    return np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)], 1)
+    around = np.stack([np.cos(angle), np.sin(angle)], 1)
+    return np.column_stack([r * around + core * np.sign(around), np.full_like(angle, z)])
 
 
 def cylinder(radius: float, height: float, segments: int = SEGMENTS) -> Solid:
-    """A closed cylinder standing on z = 0."""
-    return lathe([(0, 0), (radius, 0), (radius, height), (0, height)], segments)
+    """A closed cylinder standing on z = 0, its edges broken by a twentieth of the radius."""
+    c = min(radius, height) / 20
+    return lathe([(0, 0), (radius - c, 0), (radius, c), (radius, height - c), (radius - c, height), (0, height)], segments)
+
+
+def hexagon_bolt(size: float) -> Solid:
+    """Head and washer of a bolt of nominal diameter `size` (ISO 4017, ISO 7089), standing on z = 0."""
+    across, washer, height = 0.92 * size, 1.05 * size, 0.18 * size
+    top = height + 0.64 * size
+    head = lathe([(0, height), (across, height), (across, top - 0.1 * size), (0.85 * across, top), (0, top)], 6)
+    return join(lathe([(0, 0), (washer, 0), (washer, height), (0, height)]), head)
+
+
+def socket_screw(size: float) -> Solid:
+    """Head of a socket screw (ISO 4762) with its hole, standing on z = 0."""
+    r = 0.75 * size
+    return lathe([(0, 0), (r, 0), (r, 0.9 * size), (0.93 * r, size), (0.45 * size, size), (0.45 * size, 0.45 * size), (0, 0.4 * size)])
+
+
+def torus(radius: float, thickness: float, segments: int = SEGMENTS) -> Solid:
+    """A ring around z with a round section of radius `thickness`."""
+    a = np.linspace(-np.pi, np.pi, 25)
+    return lathe(np.stack([radius + thickness * np.cos(a), thickness * np.sin(a)], 1), segments)
 
 
 def sphere(radius: float, segments: int = SEGMENTS) -> Solid:
