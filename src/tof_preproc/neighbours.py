@@ -201,10 +201,11 @@ def _boxes(cloud, radius, pad, height, width):  # type: ignore[no-untyped-def]  
     for v in range(height):
         for u in range(width):
             if cloud[2, v + radius, u + pad] < NOWHERE:
-                box = boxes[v // TILE, u // TILE]
+                r, c = v // TILE, u // TILE
                 for i in range(3):
                     value = cloud[i, v + radius, u + pad]
-                    box[i], box[i + 3] = min(box[i], value), max(box[i + 3], value)
+                    boxes[r, c, i] = min(boxes[r, c, i], value)
+                    boxes[r, c, i + 3] = max(boxes[r, c, i + 3], value)
     return boxes
 
 
@@ -226,7 +227,7 @@ def _outwards(cloud, pitch, k, radius, pad, rest, out):  # type: ignore[no-untyp
             for row in range(max(0, v // TILE - ring), min(rows, v // TILE + ring + 1)):
                 whole = abs(row - v // TILE) == ring
                 for column in range(u // TILE - ring, u // TILE + ring + 1, 1 if whole or ring == 0 else 2 * ring):
-                    if 0 <= column < columns and _box_distance2(boxes[row, column], x, y, z) < least[k - 1]:
+                    if 0 <= column < columns and _box_distance2(boxes, row, column, x, y, z) < least[k - 1]:
                         _merge(cloud, row * TILE + radius, column * TILE + pad, x, y, z, least)
         total = np.float32(0.0)
         for j in range(k):
@@ -235,10 +236,10 @@ def _outwards(cloud, pitch, k, radius, pad, rest, out):  # type: ignore[no-untyp
 
 
 @njit(cache=True, fastmath=True)
-def _box_distance2(box, x, y, z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    dx = max(box[0] - x, x - box[3], np.float32(0.0))
-    dy = max(box[1] - y, y - box[4], np.float32(0.0))
-    dz = max(box[2] - z, z - box[5], np.float32(0.0))
+def _box_distance2(boxes, r, c, x, y, z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    dx = max(boxes[r, c, 0] - x, x - boxes[r, c, 3], np.float32(0.0))
+    dy = max(boxes[r, c, 1] - y, y - boxes[r, c, 4], np.float32(0.0))
+    dz = max(boxes[r, c, 2] - z, z - boxes[r, c, 5], np.float32(0.0))
     return dx * dx + dy * dy + dz * dz
 
 

@@ -153,6 +153,11 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         """New filters take effect with the next frame."""
         self._stream.configure(config.preproc)
 
+    def destroy_node(self) -> None:
+        """Stop listening to TF, then go."""
+        self._tf.close()
+        super().destroy_node()
+
     def reset(self) -> str:
         """Forget dwell, stations and transforms."""
         if hasattr(self, "_stream"):
