@@ -21,12 +21,17 @@ import numba
 import numpy as np
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float, Image
+    from tof_core.arrays import Float, Image, Mask
     from tof_scene.render import Rendering
     from tof_sim_label.config import LabelConfig
 
 REACH = 2
 """Pixels around a silhouette in which its term is worked out; beyond, it takes 1.5 px of pose error."""
+
+STEP = 5e-4
+"""Metres that depth must leave a neighbour's plane by to be a silhouette; less costs less than the CAD's own term."""
+FAR = 4.0
+"""Standard deviations of a silhouette beyond which it does not reach."""
 
 
 def label_sigma(rendering: Rendering, cov_right: Float, config: LabelConfig) -> Image:
@@ -69,6 +74,8 @@ def _sigma(
 ) -> Image:
     h, w = depth.shape
     out = np.full((h, w), np.nan, np.float32)
+    reach = min(REACH, int(FAR * _largest_image_sigma(depth, rays, root, focal, edge_px) + 0.5))
+    edge = _near_edges(depth, normal, mixed, rays, reach)
     for v in range(h):
         for u in range(w):
             z = float(depth[v, u])
@@ -77,7 +84,9 @@ def _sigma(
             n, r = normal[v, u], rays[v, u]
             slope = n[0] * r[0] + n[1] * r[1] + n[2]
             surface = _pose_variance(n, r, z, root) + cad * cad
-            step2 = _silhouette(depth, mixed, second, rays, n, z, v, u, _image_sigma(r, z, root, focal, edge_px))
+            step2 = 0.0
+            if edge[v, u]:
+                step2 = _silhouette(depth, mixed, second, rays, n, z, v, u, reach, _image_sigma(r, z, root, focal, edge_px))
             range2 = offset * offset / (r[0] * r[0] + r[1] * r[1] + 1.0)
             out[v, u] = sqrt(surface / (slope * slope) + step2 + range2)
     return out
@@ -112,6 +121,41 @@ def _image_sigma(r: Float, z: float, root: Float, focal: Float, floor: float) ->
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _largest_image_sigma(depth: Image, rays: Float, root: Float, focal: Float, floor: float) -> float:
+    """The same at its largest, from every eighth pixel and a tenth more."""
+    h, w = depth.shape
+    largest = floor
+    for v in range(0, h, 8):
+        for u in range(0, w, 8):
+            z = float(depth[v, u])
+            if z > 0.0:
+                largest = max(largest, _image_sigma(rays[v, u], z, root, focal, floor))
+    return 1.1 * largest
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _near_edges(depth: Image, normal: Image, mixed: Image, rays: Float, reach: int) -> Mask:
+    """Pixels that see two surfaces, and those within reach of where depth leaves the plane of its neighbour."""
+    h, w = depth.shape
+    out = mixed > 0.0
+    for v in range(h if reach > 0 else 0):
+        for u in range(w):
+            right = u + 1 < w and _leaves(depth, normal, rays, v, u, v, u + 1)
+            below = v + 1 < h and _leaves(depth, normal, rays, v, u, v + 1, u)
+            if right or below or mixed[v, u] > 0.0:
+                out[max(0, v - reach) : v + reach + 2, max(0, u - reach) : u + reach + 2] = True
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _leaves(depth: Image, normal: Image, rays: Float, v: int, u: int, a: int, b: int) -> bool:
+    z, n, r, q = depth[v, u], normal[v, u], rays[v, u], rays[a, b]
+    here = z * (n[0] * r[0] + n[1] * r[1] + n[2])
+    slope = n[0] * q[0] + n[1] * q[1] + n[2]
+    return bool(abs(depth[a, b] * slope - here) > STEP * abs(slope))
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _silhouette(
     depth: Image,
     mixed: Image,
@@ -121,6 +165,7 @@ def _silhouette(
     z: float,
     v: int,
     u: int,
+    reach: int,
     sigma_px: float,
 ) -> float:
     """Variance from the nearest edges: step^2 P (1 - P), P the chance that the other surface wins."""
@@ -130,8 +175,8 @@ def _silhouette(
     if mixed[v, u] > 0.0 and second[v, u] > 0.0:
         worst = _decision(second[v, u] - z, 0.5 - mixed[v, u], sigma_px)
     plane = z * (n[0] * r[0] + n[1] * r[1] + n[2])
-    for dv in range(-REACH, REACH + 1):
-        for du in range(-REACH, REACH + 1):
+    for dv in range(-reach, reach + 1):
+        for du in range(-reach, reach + 1):
             a, b = v + dv, u + du
             if a < 0 or a >= h or b < 0 or b >= w or not depth[a, b] > 0.0:
                 continue
@@ -139,15 +184,14 @@ def _silhouette(
             slope = n[0] * q[0] + n[1] * q[1] + n[2]
             if abs(slope) < 0.02:
                 continue
-            share = max(0.0, mixed[a, b])
-            away = sqrt(float(dv * dv + du * du)) - 0.5 + share
+            away = sqrt(float(dv * dv + du * du)) - 0.5 + max(0.0, mixed[a, b])
             worst = max(worst, _decision(depth[a, b] - plane / slope, away, sigma_px))
     return worst
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _decision(step: float, pixels: float, sigma_px: float) -> float:
-    if not abs(step) < 1e3 or pixels > 4.0 * sigma_px:
+    if not abs(step) < 1e3 or pixels > FAR * sigma_px:
         return 0.0
     p = 0.5 * erfc(pixels / (sigma_px * 1.4142135623730951))
     return step * step * p * (1.0 - p)
