@@ -117,8 +117,9 @@ def _global_effects(views: Sequence[ViewEvidence]) -> Iterator[tuple[Effect, str
     if "motion" not in out:
         yield Motion(), ""
         yield TimeSync(), ""
-    for lobe in (4.0, 8.0, 14.0, 22.0):
-        yield Specular(lobe_deg=lobe), f"lobe {lobe:g} deg"
+    for lobe in (5.0, 10.0, 16.0, 24.0, 34.0):
+        for gloss in (0.05, 0.3, 1.5):
+            yield Specular(lobe_deg=lobe, gloss=gloss), f"lobe {lobe:g} deg, gloss {gloss:g}"
 
 
 def _drifts(views: Sequence[ViewEvidence]) -> Iterator[tuple[Effect, str]]:

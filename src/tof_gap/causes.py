@@ -96,13 +96,9 @@ def _names(effect: Effect) -> list[str]:
 
 def _plausible(effect: Effect, values: Float) -> Float:
     """Coefficients within the bounds that the effect's parameters state."""
-    fields = type(effect).__dataclass_fields__  # type: ignore[attr-defined]
     if len(effect.LINEAR) != len(values):
         return values
-    limits = [fields[n].metadata for n in effect.LINEAR]
-    low = np.array([-np.inf if m.get("low") is None else m["low"] for m in limits])
-    high = np.array([np.inf if m.get("high") is None else m["high"] for m in limits])
-    return np.clip(values, low, high)
+    return np.clip(values, *effect.bounds)
 
 
 def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Sequence[int]) -> FixedPattern:

@@ -11,6 +11,7 @@ import numpy as np
 from tof_core import se3
 from tof_gap.pattern import pattern_columns
 from tof_gap.system import System
+from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.geometry import pose_columns
 
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 COLUMN_SD_M = 0.05
 """Weak prior of a coefficient: a column of unit RMS may reach 50 mm."""
+DEVIATION_SD_M = 0.008
+"""The same for each of a part's nine ways to deviate: together they may not bend what one view saw."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,9 +87,15 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
         base0=np.array([se3.log(T) for T in chain.base]), arm0=np.array([se3.log(T) for T in chain.arm]),
         hand0=se3.log(chain.hand_eye),
         # A column that vanishes everywhere is pinned: it explains nothing.
-        theta_sd=np.where(live, COLUMN_SD_M, 1e-9),
+        theta_sd=np.where(live, _column_sd(tested, groups), 1e-9),
     )
     return Design(tuple(tested), groups, safe, system)
+
+
+def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints]) -> Float:
+    sd = [np.full(len(g), DEVIATION_SD_M if isinstance(c.effect, CadDeviation) else COLUMN_SD_M)
+          for c, g in zip(tested, groups, strict=True)]
+    return np.concatenate([np.zeros(0), *sd])
 
 
 def _gram(view: ViewEvidence, C: Float, chain: Chain, v: int) -> Float:

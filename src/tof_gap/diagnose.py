@@ -109,7 +109,8 @@ def diagnose(
     figures = _Figures(residual, floors, maps | corrections, held, rng)
     gap = figures.shrink(list(figures.maps))
     leftover = [r - figures.total(list(figures.maps), v) for v, r in enumerate(residual)]
-    unexplained = look(evidence, leftover, floors, gap, caster.scene)
+    named_gross = any(f.name == "phase_wrap" for f in findings)
+    unexplained = look(evidence, leftover, floors, gap, caster.scene, gross_named=named_gross)
     judged = tuple(Cause(c, figures.shrink([c.name]), figures.shrink([m for m in figures.maps if m != c.name]).shrink) for c in causes)
     share = explainable([evidence[i] for i in fit_views], [residual[i] for i in fit_views],
                         [evidence[i] for i in held], [residual[i] for i in held], [floors[i] for i in held], rng)

@@ -66,11 +66,21 @@ def gather(
     for view, rendering in zip(views, renderings, strict=True):
         context = Context(
             temperature=view.temperature, time_s=(view.stamp_ns - start) * 1e-9,
-            twist=np.zeros(6) if view.robot is None or view.robot.twist is None else view.robot.twist, caster=caster,
+            twist=_twist(view), caster=caster,
         )
         amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
         out.append(_of_view(view, ideal_frame(rendering, context, amplitude), config, rng))
     return tuple(out)
+
+
+STANDING = 1e-4
+"""Velocities below this (m/s, rad/s) are rounding of TF."""
+
+
+def _twist(view: View) -> Float:
+    """(6,) velocity of the camera, zero where it stands or TF does not tell."""
+    twist = None if view.robot is None else view.robot.twist
+    return np.zeros(6) if twist is None or np.abs(twist).max() < STANDING else twist
 
 
 def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Generator) -> ViewEvidence:

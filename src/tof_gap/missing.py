@@ -41,8 +41,8 @@ def findings(views: Sequence[ViewEvidence], config: MissingConfig) -> list[Findi
 
 
 def lost(view: ViewEvidence) -> Mask:
-    """(H, W) pixels away from edges where the CAD is and the sensor gave nothing."""
-    nothing = np.isin(view.view.reason, (Reason.NO_RETURN, Reason.SATURATED))
+    """(H, W) pixels away from edges where the CAD is and no light came back (saturation is a highlight's mark)."""
+    nothing = view.view.reason == Reason.NO_RETURN
     return view.frame.valid & ~view.edge & nothing
 
 

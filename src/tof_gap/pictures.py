@@ -41,7 +41,7 @@ def on_the_cad(d: Diagnosis, left: Sequence[Float]) -> str:
     figure, axes = _axes(11, 4.6, ncols=2)
     for ax, maps, title in zip(axes, (d.residual, left), ("before", "after adding what was named"), strict=True):
         xy, value = _projected(d, maps)
-        points = ax.scatter(xy[:, 0], xy[:, 1], c=value, s=3, cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
+        points = ax.scatter(xy[:, 0], xy[:, 1], c=value, s=7, marker="s", cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
         ax.set_aspect("equal")
         ax.axis("off")
         ax.set_title(title, color=INK, fontsize=11)
@@ -54,7 +54,7 @@ def _limit(d: Diagnosis) -> float:
     return float(max(1e3 * np.quantile(every, 0.95), 1.0))
 
 
-def _projected(d: Diagnosis, maps: Sequence[Float], cell_m: float = 0.006) -> tuple[Float, Float]:
+def _projected(d: Diagnosis, maps: Sequence[Float], cell_m: float = 0.012) -> tuple[Float, Float]:
     """(n, 2) screen positions and (n,) mean gap in mm of small cubes of space, nearest last."""
     points = np.concatenate([cell_points(v.frame)[np.isfinite(m)] for v, m in zip(d.evidence, maps, strict=True)])
     gap = np.concatenate([m[np.isfinite(m)] for m in maps])

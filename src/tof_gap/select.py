@@ -89,6 +89,22 @@ class Selector:
         members = hypothesis.members
         return fit(self.design.system, self.columns(members), inflate=hypothesis.inflate, free_hand=self.frees_hand(members))
 
+    def plausible(self, hypothesis: Hypothesis) -> bool:
+        """Whether every coefficient lies within its parameter's bounds, give or take two of its errors."""
+        solution, start = self.fit(hypothesis), 0
+        sd = np.sqrt(np.diag(solution.theta_cov))
+        for member in hypothesis.members:
+            group, effect = self.design.groups[member], self.design.candidates[member].effect
+            at = slice(start, start + len(group))
+            start += len(group)
+            if effect is None or len(effect.LINEAR) != len(group):
+                continue
+            low, high = effect.bounds
+            value, error = solution.theta[at] / self.design.scale[group], 2 * sd[at] / self.design.scale[group]
+            if ((value + error < low) | (value - error > high)).any():
+                return False
+        return True
+
     def inflation(self, members: Sequence[int]) -> float:
         """How much less than white noise's a pixel's weight is, from what the members leave.
 
@@ -139,7 +155,7 @@ def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
         if i in current.members or (candidate.name in names and candidate.name != "cad_deviation"):
             continue
         trial = judge.score((*current.members, i), current.inflate)
-        if best is None or trial.score < best.score:
+        if (best is None or trial.score < best.score) and judge.plausible(trial):
             best = trial
     if best is None or current.score - best.score < judge.config.gain or not _steady(current, best):
         return None
@@ -164,7 +180,7 @@ def _exchange(judge: Selector, current: Hypothesis) -> Hypothesis:
                 if i in current.members or (candidate.name in names and candidate.name != "cad_deviation"):
                     continue
                 trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
-                if trial.score < current.score - 1.0:
+                if trial.score < current.score - 1.0 and judge.plausible(trial):
                     current = trial
                     improved = True
     return _rescored(judge, current.members)
@@ -223,7 +239,9 @@ def _stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, .
         if candidate.name in taken:
             continue
         trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
-        if trial.score - current.score > config.tie_gain or not _hides(judge, current, place, member, i, rest):
+        if trial.score - current.score > config.tie_gain or not judge.plausible(trial):
+            continue
+        if not _hides(judge, current, place, member, i, rest):
             continue
         if candidate.name not in found or trial.score < found[candidate.name][0]:
             found[candidate.name] = (trial.score, i)

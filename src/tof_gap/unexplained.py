@@ -39,21 +39,34 @@ class Unexplained:
 
 def look(
     views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], gap: Shrink, scene: Scene,
+    *, gross_named: bool = False,
 ) -> Unexplained:
-    """Judge what is left (H, W) metres per view against the floor."""
+    """Judge what is left (H, W) metres per view against the floor.
+
+    Pixels off by more than any bias, away from edges, count too unless an effect named them (`gross_named`).
+    """
     block, mean, expected, part = _block_means(views, left, floor2)
     if len(block) == 0:
         return Unexplained(0.0, structured=False, depends_on=(), where=())
     excess2 = np.average(mean**2 - expected, weights=block)
     size = 1e3 * float(np.sqrt(max(excess2, 0.0)))
     before2 = max((gap.before.rmse**2 - gap.floor_mm**2), 1e-9)
-    structured = size > STRUCTURED_MM and size**2 > STRUCTURED_SHARE * before2
+    gross = max(0.0, _gross_share(views) - GROSS_SHARE) if not gross_named else 0.0
+    structured = (size > STRUCTURED_MM and size**2 > STRUCTURED_SHARE * before2) or gross > 0
     energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
     order = [i for i in np.argsort(-energy) if energy[i] > 0.1 * energy.sum()]
     return Unexplained(
         size, structured=bool(structured), depends_on=_depends_on(views, left, floor2) if structured else (),
         where=tuple(scene.parts[int(i)].name for i in order[:4]) if structured else (),
     )
+
+
+GROSS_SHARE = 0.004
+"""Pixels away from edges that may be grossly off in a sound session (what stands in the cell beside the CAD)."""
+
+
+def _gross_share(views: Sequence[ViewEvidence]) -> float:
+    return float(np.mean([(v.gross & ~v.edge).sum() / max((np.isfinite(v.residual) & ~v.edge).sum(), 1) for v in views]))
 
 
 def _block_means(

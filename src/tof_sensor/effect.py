@@ -47,6 +47,15 @@ class Effect(ABC):
         """(k,) values of the linear parameters."""
         return np.concatenate([np.atleast_1d(np.asarray(getattr(self, n), float)) for n in self.LINEAR] or [np.zeros(0)])
 
+    @property
+    def bounds(self) -> tuple[Float, Float]:
+        """Plausible (low, high) (k,) of the linear parameters; infinite where none is stated."""
+        fields = type(self).__dataclass_fields__  # type: ignore[attr-defined]
+        limits = [fields[n].metadata for n in self.LINEAR]
+        low = [-np.inf if m.get("low") is None else m["low"] for m in limits]
+        high = [np.inf if m.get("high") is None else m["high"] for m in limits]
+        return np.array(low, float), np.array(high, float)
+
     def with_coefficients(self, values: Float) -> Effect:
         """The same shape with other linear parameters (k,)."""
         changes: dict[str, Any] = {n: float(v) for n, v in zip(self.LINEAR, values, strict=True)}
