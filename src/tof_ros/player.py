@@ -7,6 +7,7 @@ import threading
 import time
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
@@ -30,10 +31,12 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_core.bag import RawMessage
 
-DISCOVERY_S = 0.5
+DISCOVERY_S = 1.0
 """The nodes among themselves have found each other so long after they found us."""
 MERGED = 200
-"""So many /tf messages between two frames travel as one: a burst cannot overrun a listener's queue."""
+"""So many transforms' messages travel as one."""
+LEAD_NS = 1_000_000_000
+LAST_NS = 2**63 - 1
 
 
 class ReplayError(ToftwinError):
@@ -78,7 +81,7 @@ class Player(Node):
         self._open: dict[int, set[str]] = {}
         self._changed = threading.Condition()
         self._out: dict[str, Publisher] = {}
-        self._transforms: list[Any] = []
+        self._next_transform: RawMessage | None = None
         self._clock_ns, self._heard = 0, float("-inf")
         self._alive: Callable[[], bool] = lambda: True
         self._ticker = self.create_publisher(Clock, "/clock", qos.OUTPUT)
@@ -109,7 +112,7 @@ class Player(Node):
         deadline = time.monotonic() + timeout_s
         while True:
             deaf = [t for t, n in heard.items() if self._out[t].get_subscription_count() < n]
-            mute = [s.topic_name for s in self._answers if not self.count_publishers(s.topic_name)]
+            mute = [s.topic_name for s in self._answers if not s.get_publisher_count()]
             if not deaf and not mute:
                 time.sleep(DISCOVERY_S)
                 return
@@ -120,18 +123,19 @@ class Player(Node):
                 raise ReplayError(f"{missing} after {timeout_s:.0f} s", todo="is the graph running in this ROS_DOMAIN_ID?")
             time.sleep(0.05)
 
-    def play(self, bag: Iterable[RawMessage], alive: Callable[[], bool]) -> Iterator[int]:
-        """Publish all messages, in their order; yields the stamp of each frame once sent."""
+    def play(self, bag: Iterable[RawMessage], transforms: Iterable[RawMessage], alive: Callable[[], bool]) -> Iterator[int]:
+        """Publish all messages in their order, `/tf` from a stream of its own; yields the stamp of each frame once sent.
+
+        Unless in real time, `/tf` runs `LEAD_NS` ahead of the rest, so that no frame waits for its transform.
+        """
         self._alive, begin, start_ns = alive, time.monotonic(), None
+        leading = iter(transforms)
         for message in bag:
             start_ns = message.stamp_ns if start_ns is None else start_ns
             if self._options.realtime:
-                due = (message.stamp_ns - start_ns) * 1e-9 / self._options.rate
-                time.sleep(max(due - (time.monotonic() - begin), 0.0))
-            if message.topic == "/tf" and not self._options.realtime:
-                self._merge(message)
-                continue
-            self._send_transforms()
+                self._send_realtime(leading, message.stamp_ns, start_ns, begin)
+            else:
+                self._send_transforms(leading, message.stamp_ns + LEAD_NS)
             is_frame = message.topic in self._frames
             if is_frame:
                 self._open_frame(message.stamp_ns)
@@ -140,8 +144,35 @@ class Player(Node):
             if is_frame:
                 self.report.sent += 1
                 yield message.stamp_ns
-        self._send_transforms()
+        self._send_transforms(leading, LAST_NS)
         self.report.seconds = time.monotonic() - begin
+
+    def _send_realtime(self, transforms: Iterator[RawMessage], until_ns: int, start_ns: int, begin: float) -> None:
+        """Each transform at its time, then wait for the time of what follows."""
+        for transform in self._taken(transforms, until_ns):
+            self._pause(transform.stamp_ns, start_ns, begin)
+            self._publish(transform)
+            self._tick(transform.stamp_ns)
+        self._pause(until_ns, start_ns, begin)
+
+    def _pause(self, stamp_ns: int, start_ns: int, begin: float) -> None:
+        due = (stamp_ns - start_ns) * 1e-9 / self._options.rate
+        time.sleep(max(due - (time.monotonic() - begin), 0.0))
+
+    def _taken(self, transforms: Iterator[RawMessage], until_ns: int) -> Iterator[RawMessage]:
+        """Those of a stream that are due; the one after is kept for the next call."""
+        while (transform := self._next_transform or next(transforms, None)) is not None:
+            self._next_transform = transform
+            if transform.stamp_ns > until_ns:
+                return
+            self._next_transform = None
+            yield transform
+
+    def _send_transforms(self, transforms: Iterator[RawMessage], until_ns: int) -> None:
+        """Many of them in one message: a burst cannot overrun a listener's queue."""
+        while batch := list(islice(self._taken(transforms, until_ns), MERGED)):
+            merged = [deserialize_message(m.cdr, TFMessage) for m in batch]
+            self._publisher("/tf", TFMessage).publish(TFMessage(transforms=[t for m in merged for t in m.transforms]))
 
     def _open_frame(self, stamp_ns: int) -> None:
         """Wait for room, then note that an answer is due."""
@@ -179,22 +210,6 @@ class Player(Node):
                 raise ReplayError(answer.message if answer else "no answer", where=service)
         finally:
             self.destroy_client(client)
-
-    def _merge(self, message: RawMessage) -> None:
-        transforms = deserialize_message(message.cdr, TFMessage)
-        if transforms.transforms:
-            self._transforms.append(transforms)
-        if len(self._transforms) >= MERGED:
-            self._send_transforms()
-
-    def _send_transforms(self) -> None:
-        if not self._transforms:
-            return
-        newest = messages.to_ns(self._transforms[-1].transforms[-1].header.stamp)
-        merged = TFMessage(transforms=[t for m in self._transforms for t in m.transforms])
-        self._transforms.clear()
-        self._publisher("/tf", TFMessage).publish(merged)
-        self._tick(newest)
 
     def _tick(self, stamp_ns: int) -> None:
         """Move the bag's clock on; it never goes back."""

@@ -19,8 +19,8 @@ def _profile(depth: int, *, reliable: bool, latched: bool = False) -> QoSProfile
     )
 
 
-OUTPUT = _profile(10, reliable=True)
-"""What nodes publish, and how they hear each other."""
+OUTPUT = _profile(30, reliable=True)
+"""What nodes publish, and how they hear each other: two seconds of frames, should one of them be busy."""
 LATCHED = _profile(1, reliable=True, latched=True)
 """Results a late subscriber still wants: the scene, the model."""
 TF = _profile(100, reliable=True)

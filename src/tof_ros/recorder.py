@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,7 +41,7 @@ class Recorder:
         """Record `topics` (name and message class) into a new bag at `path`."""
         from tof_core.bag_writer import BagWriter
 
-        self._node, self.path, self.count = node, path, 0
+        self._node, self.path, self.counts = node, path, Counter[str]()
         self._writer = BagWriter(path).__enter__()
         self._subscriptions = [self._subscribe(topic, kind, profile) for topic, kind in topics]
 
@@ -53,12 +54,17 @@ class Recorder:
 
     def _write(self, topic: str, type_name: str, data: bytes) -> None:
         self._writer.raw(topic, type_name, data, self._node.get_clock().now().nanoseconds)
-        self.count += 1
+        self.counts[topic] += 1
+
+    @property
+    def count(self) -> int:
+        """Messages kept so far."""
+        return self.counts.total()
 
     @property
     def matched(self) -> bool:
-        """Whether every topic has a publisher."""
-        return all(self._node.count_publishers(s.topic_name) for s in self._subscriptions)
+        """Whether every topic has found a publisher."""
+        return all(s.get_publisher_count() for s in self._subscriptions)
 
     def settle(self, quiet_s: float = 0.5) -> None:
         """Wait until nothing has come for a while (another thread must spin the node)."""

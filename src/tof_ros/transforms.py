@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`/tf` and `/tf_static` into a `tof_core` transform buffer."""
+"""`/tf` and `/tf_static` into a `tof_core` transform buffer, in a thread of their own."""
 
 from __future__ import annotations
 
 import time
 from typing import TYPE_CHECKING
 
+import rclpy
 from tf2_msgs.msg import TFMessage
 
 from tof_core.errors import TransformError
 from tof_ros import qos
+from tof_ros.spin import Spinner
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,20 +22,31 @@ if TYPE_CHECKING:
 
 
 class TransformListener:
-    """Feeds a buffer; calls `on_change` after each message so that waiting frames can be tried again."""
+    """Feeds a buffer, and wakes its node after each message so that waiting frames are tried again.
 
-    def __init__(self, node: Node, buffer: TransformBuffer, on_change: Callable[[], None] = lambda: None) -> None:
-        """Subscribe as tf2 does: `/tf` reliable and volatile, `/tf_static` latched, 100 deep."""
-        self._buffer, self._on_change, self._log = buffer, on_change, node.get_logger()
+    It listens as a small node of its own (`<name>_tf`): a queue of 100 holds two seconds of TF at 50 Hz, and a node
+    that labels for longer would lose what its frames need.
+    """
+
+    def __init__(self, node: Node, buffer: TransformBuffer, on_change: Callable[[], None]) -> None:
+        """Subscribe as tf2 does: `/tf` reliable and volatile, `/tf_static` latched, 100 deep. `on_change` runs in the node's thread."""
+        self._buffer, self._log = buffer, node.get_logger()
+        self._wake = node.create_guard_condition(on_change)
         self._heard = float("-inf")
         self.messages = self.refused = 0
-        node.create_subscription(TFMessage, "/tf", lambda m: self._add(m, static=False), qos.TF)
-        node.create_subscription(TFMessage, "/tf_static", lambda m: self._add(m, static=True), qos.TF_STATIC)
+        ears = rclpy.create_node(f"{node.get_name()}_tf", namespace=node.get_namespace(), context=node.context, start_parameter_services=False)
+        ears.create_subscription(TFMessage, "/tf", lambda m: self._add(m, static=False), qos.TF)
+        ears.create_subscription(TFMessage, "/tf_static", lambda m: self._add(m, static=True), qos.TF_STATIC)
+        self._spinner = Spinner(ears)
 
     @property
     def age(self) -> float:
         """Seconds since the last `/tf` message, infinite before the first."""
         return time.monotonic() - self._heard
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._spinner.stop()
 
     def _add(self, message: TFMessage, *, static: bool) -> None:
         try:
@@ -43,7 +56,7 @@ class TransformListener:
         self.messages += 1
         if not static:
             self._heard = time.monotonic()
-        self._on_change()
+        self._wake.trigger()
 
     def _refuse(self, why: str) -> None:
         if not self.refused:

@@ -157,6 +157,11 @@ class LabelNode(RoomNode[LabelNodeConfig]):
         """Other settings begin a new session; the scene stays loaded."""
         self._stream = LabelStream(self._caster, config)
 
+    def destroy_node(self) -> None:
+        """Stop listening to TF, then go."""
+        self._tf.close()
+        super().destroy_node()
+
     def reset(self) -> str:
         """Forget the session."""
         if hasattr(self, "_stream"):

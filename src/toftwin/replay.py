@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from tof_core.config import flatten
+from tof_core.errors import BagError
 from tof_core.options import NOT_WANTED
 from tof_core.progress import progress
 from tof_core.topics import TF
@@ -19,10 +21,11 @@ if TYPE_CHECKING:
 
     from tof_core.bag import BagReader
     from tof_ros.player import PlayOptions, PlayReport
+    from tof_ros.recorder import Recorder
     from toftwin.pipeline import PipelineConfig
 
-PATIENCE_S = 1.5
-"""A frame without its transform is given up so long after everything before it was sent."""
+PATIENCE_S = 8.0
+"""A frame without its transform is given up so late: DDS repeats what it lost after three seconds."""
 NOT_PLAYED = ("/clock", "/diagnostics", "/rosout", "/parameter_events")
 
 
@@ -72,6 +75,13 @@ def _heard(reader: BagReader) -> list[str]:
     return [name for name in (t.depth or t.points, t.info, t.amplitude, t.temperature) if name]
 
 
+def _check_recording(recorder: Recorder, report: PlayReport) -> None:
+    """A recording that missed something would be compared as if the graph had."""
+    kept = recorder.counts["/preproc/depth"]
+    if kept != report.fates["kept"]:
+        raise BagError(f"holds {kept} of {report.fates['kept']} frames", where=recorder.path, todo="the machine is overloaded; replay again")
+
+
 def replay(
     reader: BagReader, config: PipelineConfig, *, scene: Path | None, options: PlayOptions, record: Path | None = None,
     points: bool = False, spec: GraphSpec | None = None,
@@ -88,6 +98,7 @@ def replay(
         spec: the graph, where it is not the usual one.
 
     Raises:
+        TransformError: TF lacks the cell or the camera altogether.
         ReplayError: the graph does not listen, stopped, or does not answer.
     """
     from tof_ros.environment import private_domain, ros_context
@@ -95,6 +106,8 @@ def replay(
     from tof_ros.recorder import Recorder
     from tof_ros.spin import spinning
 
+    if scene is not None:
+        reader.chain.resolve(reader.camera.frame_id)
     spec = spec or graph_for(reader, config, scene)
     played = _played(reader, spec)
     with ExitStack() as stack:
@@ -110,12 +123,16 @@ def replay(
         player.advertise({**played, "/tf": TF, "/tf_static": TF}.items())
         everybody = dict.fromkeys(("/tf", "/tf_static", "/clock"), len(spec.nodes))
         player.wait_for_graph({**dict.fromkeys(_heard(reader), 1), **everybody}, graph.alive)
+        while recorder is not None and not recorder.matched:
+            time.sleep(0.05)
         if (placed := reader.chain.placed) is not None:
             player.place(placed.frame, reader.chain.cell or "cell", placed.T_frame_cell)
-        for _ in progress(player.play(reader.messages(tuple(played)), graph.alive), "replay", reader.frame_count):
+        rest = tuple(t for t in played if t != "/tf")
+        for _ in progress(player.play(reader.messages(rest), reader.messages(("/tf",)), graph.alive), "replay", reader.frame_count):
             pass
         player.finish([f"{node}/flush" for node in spec.nodes if node != "preproc"])
         if recorder is not None:
             recorder.settle()
+            _check_recording(recorder, player.report)
         memory = graph.memory_bytes()
     return ReplayResult(player.report, memory, recorder.count if recorder else 0, spec.nodes)

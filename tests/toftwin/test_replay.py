@@ -51,8 +51,10 @@ def test_replay_over_dds_gives_the_numbers_of_the_offline_graph(ros_domain: int,
             if output.topic == "/label/pose":
                 pose = from_quat(found["pose"][:3], found["pose"][3:])
                 np.testing.assert_allclose(np.concatenate([pose.ravel(), found["covariance"]]), output.values, atol=1e-9)
-            else:
+            elif output.topic.startswith("/preproc") or output.values.dtype.kind != "f":
                 np.testing.assert_array_equal(found["pixels"], output.values)
+            else:  # sums over arrays that lie elsewhere in memory: a float32's last bit
+                np.testing.assert_allclose(found["pixels"], output.values, atol=2e-7)
             seen[output.topic] = seen.get(output.topic, 0) + 1
     assert seen == dict.fromkeys(("/preproc/depth", "/preproc/sigma", "/preproc/count", "/preproc/reason", "/preproc/amplitude"), 12) | dict.fromkeys(
         ("/label/depth", "/label/sigma", "/label/mask", "/label/part", "/label/pose"), 4)
