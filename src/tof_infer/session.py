@@ -137,6 +137,8 @@ def _load(path: Path, config: InferConfig) -> Any:
     options = ort.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = config.threads, 1
     options.log_severity_level = 4
+    # Threads that spin while they wait burn the cores that the rest of the graph needs, and wait for each other on a busy machine.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     available = ort.get_available_providers()
     if config.device == "cuda" and "CUDAExecutionProvider" not in available:
         raise RefusedError("onnxruntime has no CUDA here", where="infer.device", todo="install onnxruntime-gpu, or use --device cpu")

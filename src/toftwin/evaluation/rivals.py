@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tof_sim_label.dataset import Dataset
 
 MIN_COVERAGE = 0.8
-ORDERS = ("range,accumulate", "range,accumulate,flying", "range,accumulate,flying,grazing", "range,accumulate,sor",
+ORDERS = (PreprocConfig().order, "range,accumulate", "range,accumulate,flying", "range,accumulate,flying,grazing", "range,accumulate,sor",
           "range,accumulate,flying,grazing,sor", "range,flying,accumulate,sor")
 STEPS: dict[str, tuple[Any, ...]] = {
     "order": ORDERS, "flying.ratio": (1.5, 2.5, 4.0, 6.0), "flying.slope_deg": (50.0, 60.0, 70.0, 80.0), "grazing.max_deg": (65.0, 75.0, 82.0),

@@ -51,6 +51,7 @@ class MethodScore:
         n = self.sigma[0]
         return {
             "all": plain(self.total.error), "equal_coverage": plain(self.common.error),
+            "equal_coverage_share": self.common.pixels / self.total.reference if self.total.reference else None,
             "captures": [plain(e) for e in self.captures], "captures_equal_coverage": [plain(e) for e in self.captures_common],
             "by": {axis: {name: plain(p.error) for name, p in sorted(bins.items())} for axis, bins in self.by.items()},
             "ms_per_frame": 1e3 * float(np.median(self.seconds)) if self.seconds else None,

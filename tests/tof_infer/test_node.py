@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `infer` live, over DDS: the same numbers as the session gives, marked where it does not know, silent about nothing."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tests.tof_infer.made import CAMERA, measured
+from tof_core.camera import Camera
+from tof_core.decode import pixels, stamp_ns
+from tof_infer.config import InferConfig
+from tof_infer.session import Session
+
+pytest.importorskip("rclpy", reason="no ROS 2 here")
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from tof_core.capture import Capture
+    from tof_infer.session import Repaired
+
+pytestmark = [pytest.mark.dds, pytest.mark.train]
+
+
+class Bench:
+    """An `infer` in one thread, a camera and an observer in another."""
+
+    def __init__(self, node: Any, peer: Any) -> None:
+        from sensor_msgs.msg import CameraInfo, Image, Temperature, TimeReference
+
+        from tof_infer.node import OUTPUTS
+        from tof_ros import qos
+
+        self.heard: list[tuple[str, Any]] = []
+        self.publishers = {
+            name: peer.create_publisher(kind, f"spot/{name}", qos.sensor(reliable=True)) for name, kind in {
+                "depth/hand/image": Image, "depth/hand/camera_info": CameraInfo, "ir/hand/image": Image, "hand/temperature": Temperature}.items()}
+        for name, kind in {**OUTPUTS, "done": TimeReference}.items():
+            peer.create_subscription(kind, f"spot/infer/{name}", lambda m, name=name: self.heard.append((name, m)), qos.OUTPUT)
+        wait_for(lambda: all(p.get_subscription_count() for p in self.publishers.values()) and peer.count_publishers("spot/infer/done"))
+        time.sleep(0.3)
+
+    def send(self, capture: Capture, camera: Camera = CAMERA) -> int:
+        """Publish a capture as the camera driver would; gives its stamp."""
+        from sensor_msgs.msg import Temperature
+
+        from tof_ros import messages
+
+        head = messages.header(capture.stamp_ns, CAMERA.frame_id)
+        self.publishers["hand/temperature"].publish(Temperature(header=head, temperature=capture.temperature))
+        self.publishers["depth/hand/camera_info"].publish(messages.camera_info(camera, head))
+        if capture.amplitude is not None:
+            self.publishers["ir/hand/image"].publish(messages.image(capture.amplitude, "32FC1", head))
+        time.sleep(0.2)
+        self.publishers["depth/hand/image"].publish(messages.image(capture.depth, "32FC1", head))
+        return capture.stamp_ns
+
+    def outputs(self, stamp: int) -> dict[str, Any]:
+        """What was published for a frame, once it is done."""
+        def found() -> dict[str, Any]:
+            return {name: m for name, m in self.heard if stamp_ns(m) == stamp}
+
+        wait_for(lambda: "done" in found() and (found()["done"].source != "kept" or len(found()) == 4))
+        return found()
+
+
+def wait_for(condition: Callable[[], Any], seconds: float = 30.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "timed out"
+        time.sleep(0.01)
+
+
+@pytest.fixture(scope="module")
+def bench(ros_domain: int, model: Path) -> Iterator[Bench]:
+    import rclpy
+
+    from tof_infer.node import make_node
+    from tof_ros.environment import parameter_overrides, ros_context
+    from tof_ros.spin import spinning
+
+    values = {"infer.model": str(model), "live.reliable": True}
+    with ros_context(domain=ros_domain) as context:
+        node = make_node(context=context, namespace="spot", parameter_overrides=parameter_overrides(values))
+        peer = rclpy.create_node("peer", context=context)
+        with spinning([node, peer]):
+            yield Bench(node, peer)
+
+
+def expected(model: Path, capture: Capture) -> Repaired:
+    return Session(InferConfig(model=str(model))).repair(capture)
+
+
+def test_live_numbers_are_the_sessions(bench: Bench, model: Path) -> None:
+    capture = measured(600)
+    out = bench.outputs(bench.send(capture))
+    want = expected(model, capture)
+    np.testing.assert_array_equal(pixels(out["depth"]), want.depth)
+    np.testing.assert_array_equal(pixels(out["sigma"]), want.sigma)
+    assert (out["depth"].encoding, out["sigma"].encoding) == ("32FC1", "32FC1")
+    assert out["camera_info"].k[0] == CAMERA.fx
+    assert {m.header.frame_id for name, m in out.items() if name != "done"} == {"hand_depth"}
+
+
+def test_a_frame_all_invalid_is_a_frame(bench: Bench) -> None:
+    capture = measured(601)
+    capture.depth[:] = np.nan
+    out = bench.outputs(bench.send(capture))
+    assert np.isnan(pixels(out["depth"])).all()
+
+
+def test_another_camera_is_refused_and_said_and_the_node_goes_on(bench: Bench, model: Path) -> None:
+    other = Camera(44, 30, 60.0, 60.0, 21.5, 14.5, frame_id="hand_depth")
+    assert bench.outputs(bench.send(measured(602), other))["done"].source == "refused"
+    out = bench.outputs(bench.send(measured(603)))
+    np.testing.assert_array_equal(pixels(out["depth"]), expected(model, measured(603)).depth)
