@@ -6,6 +6,7 @@ from __future__ import annotations
 from array import array
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField, RegionOfInterest, TimeReference
@@ -39,7 +40,7 @@ def header(stamp_ns: int, frame_id: str) -> Header:
 def buffer(data: bytes | NDArray[Any]) -> array[int]:
     """Bytes in the one form that rclpy takes without looking at each."""
     out = array("B")
-    out.frombytes(memoryview(data).cast("B"))
+    out.frombytes(data if isinstance(data, bytes) else np.ascontiguousarray(data).data.cast("B"))
     return out
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +29,8 @@ from tof_sim_label.stream import Labelled, LabelStream
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from numpy.typing import NDArray
 
     from tof_core.capture import View
     from tof_sim_label.label import Label
@@ -76,7 +79,7 @@ class LabelNode(RoomNode[LabelNodeConfig]):
         self._tf = TransformListener(self, self._chain.transforms, self._advance)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         for part, kind in {**dict.fromkeys((*REQUIRED, "amplitude"), Image), "camera_info": CameraInfo, "dwell": TimeReference}.items():
-            self.input(f"preproc/{part}", kind, lambda m, part=part: self._part(part, m), qos.OUTPUT)
+            self.input(f"preproc/{part}", kind, partial(self._part, part), qos.OUTPUT)
         self.service("capture", self.flush)
         self.service("flush", self.flush)
         RecordService(self, live.record, "labels", [(f"label/{name}", kind) for name, kind in OUTPUTS.items()])
@@ -132,7 +135,7 @@ class LabelNode(RoomNode[LabelNodeConfig]):
 
     def _publish_label(self, view: View, label: Label) -> None:
         head = messages.header(view.stamp_ns, view.camera.frame_id)
-        images = {
+        images: dict[str, tuple[NDArray[Any], str]] = {
             "depth": (label.depth, "32FC1"),
             "sigma": (label.sigma, "32FC1"),
             "mask": (label.mask, "mono8"),

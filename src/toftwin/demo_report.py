@@ -82,7 +82,7 @@ def _histogram(dataset: Dataset, truth: dict[str, Any]) -> str:
 
 def _errors(measured: NDArray[Any], true: NDArray[Any]) -> NDArray[Any]:
     errors = (measured - true)[np.isfinite(measured) & np.isfinite(true)] * 1e3
-    return errors[np.abs(errors) < 50]
+    return np.asarray(errors[np.abs(errors) < 50])
 
 
 def _reasons(run: Path) -> str:

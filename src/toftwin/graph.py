@@ -18,9 +18,9 @@ from tof_core.errors import ToftwinError, UsageError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-NODES = {"preproc": "tof_preproc.node", "sim_label": "tof_sim_label.node"}
+NODES = {"preproc": "tof_preproc.node", "sim_label": "tof_sim_label.node", "infer": "tof_infer.node"}
 """Every node of the graph and the module whose `make_node` makes it."""
-DONE = {"preproc": "preproc/done", "sim_label": "label/done"}
+DONE = {"preproc": "preproc/done", "sim_label": "label/done", "infer": "infer/done"}
 """Where each node says what became of a frame."""
 
 
@@ -73,8 +73,8 @@ def run_graph(spec: GraphSpec) -> int:
     from tof_ros.spin import spinning
 
     stop = threading.Event()
-    for name in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(name, lambda *_: stop.set())
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
     with ros_context(spec.ros_args()) as context:
         nodes = []
         for name in spec.nodes:

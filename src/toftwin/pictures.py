@@ -57,9 +57,9 @@ def panels(images: Sequence[tuple[str, NDArray[Any], str]], *, columns: int, spa
     for kind, label in (("depth", "m along the optical axis"), ("error", "mm, positive: too far")):
         if kind in shown:
             in_rows, drawn = shown[kind]
-            bar = figure.colorbar(drawn, ax=axes[sorted(in_rows)].ravel().tolist(), shrink=0.8, pad=0.012, aspect=18 * len(in_rows))
+            bar: Any = figure.colorbar(drawn, ax=axes[sorted(in_rows)].ravel().tolist(), shrink=0.8, pad=0.012, aspect=18 * len(in_rows))
             bar.set_label(label)
-            bar.outline.set_visible(False)  # type: ignore[operator]
+            bar.outline.set_visible(False)
     return data_uri(figure)
 
 
@@ -100,7 +100,7 @@ def error_histogram(errors_mm: Sequence[tuple[str, NDArray[Any]]], span: float =
     """Distribution of depth errors."""
     figure, ax = plt.subplots(figsize=(5.4, 2.9), layout="constrained")
     for (name, values), colour in zip(errors_mm, ("#adb5bd", ACCENT), strict=False):
-        ax.hist(values, bins=np.linspace(-span, span, 121), density=True, histtype="stepfilled", alpha=0.55, color=colour, label=name)
+        ax.hist(values, bins=np.linspace(-span, span, 121).tolist(), density=True, histtype="stepfilled", alpha=0.55, color=colour, label=name)
     ax.set_xlabel("depth error against the truth, mm")
     ax.set_yticks([])
     ax.spines["left"].set_visible(False)

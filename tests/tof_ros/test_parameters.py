@@ -97,7 +97,8 @@ def test_a_live_change_is_taken_as_a_whole_or_not_at_all(make_node: Callable[...
 
     from tof_ros.parameters import Parameters
 
-    node, seen = make_node(), []
+    node = make_node()
+    seen: list[Settings] = []
     parameters = Parameters(node, Settings, on_change=seen.append)
     moved = node.set_parameters_atomically([Parameter("low", value=2.0), Parameter("high", value=3.0)])
     assert moved.successful
