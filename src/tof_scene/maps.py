@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measures of a view by which errors are sorted: pixels to the next edge, and how concave the surroundings of each point are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core import se3
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Image, Mask
+    from tof_scene.raycast import Raycaster
+    from tof_scene.rendering import Rendering
+
+REACH_M = 0.3
+"""Light that bounces over a longer way is weaker than what else is wrong."""
+CLEARANCE_M = 2e-4
+"""Rays start this far above the surface they leave."""
+GOLDEN = np.pi * (3 - np.sqrt(5))
+
+
+def edge_mask(rendering: Rendering) -> Mask:
+    """(H, W) pixels that see two surfaces, or whose right or lower neighbour shows another part, and those neighbours."""
+    edge = np.nan_to_num(rendering.mixed) > 0
+    down = rendering.part[1:] != rendering.part[:-1]
+    right = rendering.part[:, 1:] != rendering.part[:, :-1]
+    edge[1:] |= down
+    edge[:-1] |= down
+    edge[:, 1:] |= right
+    edge[:, :-1] |= right
+    return edge
+
+
+def edge_distance(rendering: Rendering) -> Image:
+    """(H, W) float32 pixels to the nearest pixel of `edge_mask`, infinite in a view without one."""
+    import cv2
+
+    edge = edge_mask(rendering)
+    if not edge.any():
+        return np.full(edge.shape, np.inf, np.float32)
+    return np.asarray(cv2.distanceTransform((~edge).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float32)
+
+
+def concavity(caster: Raycaster, points: Float, normals: Float, rays: int = 32, reach_m: float = REACH_M) -> Float:
+    """(n,) share of the half-space over each point that the scene fills within reach, weighted with the cosine, 0..1.
+
+    `points`, `normals` (n, 3) in the cell frame, unit normals away from the surface. A plane has 0, the bottom of a deep hole 1,
+    a corner of two walls at right angles 1/2 (half its sky is wall).
+    """
+    directions = np.einsum("nij,kj->nki", _bases(normals), _sky(rays))
+    starts = np.repeat(points + CLEARANCE_M * normals, rays, axis=0)
+    t = caster.cast(starts, directions.reshape(-1, 3)).t.reshape(len(points), rays)
+    return np.asarray((t < reach_m).mean(axis=1))
+
+
+def concavity_map(caster: Raycaster, rendering: Rendering, stride: int = 4, rays: int = 32, reach_m: float = REACH_M) -> Image:
+    """(H, W) float32 `concavity` of what each pixel sees, NaN where that is nothing.
+
+    Rays are cast at every `stride`-th pixel; the others take the nearest of those that show the same part.
+    """
+    half = stride // 2
+    coarse = np.full(rendering.depth.shape, np.nan, np.float32)[half::stride, half::stride]
+    where = np.isfinite(rendering.depth[half::stride, half::stride])
+    points = rendering.camera.points(rendering.depth)[half::stride, half::stride][where]
+    normals = rendering.normal[half::stride, half::stride][where].astype(float)
+    T = rendering.T_cell_camera
+    coarse[where] = concavity(caster, se3.apply(T, points), normals @ T[:3, :3].T, rays, reach_m)
+    return _spread(coarse, rendering, stride)
+
+
+def _spread(coarse: Image, rendering: Rendering, stride: int) -> Image:
+    """Nearest coarse value of the same part within one step, else the nearest one."""
+    rows, columns = (np.minimum(np.arange(n) // stride, m - 1)
+                     for n, m in zip(rendering.part.shape, coarse.shape, strict=True))
+    coarse_part = rendering.part[stride // 2 :: stride, stride // 2 :: stride]
+    out = np.full(rendering.part.shape, np.nan, np.float32)
+    for down, right in sorted(((a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)), key=lambda s: s[0] ** 2 + s[1] ** 2):
+        r, c = np.clip(rows + down, 0, coarse.shape[0] - 1)[:, None], np.clip(columns + right, 0, coarse.shape[1] - 1)[None]
+        fits = np.isnan(out) & (coarse_part[r, c] == rendering.part)
+        out[fits] = coarse[r, c][fits]
+    left = np.isnan(out) & (rendering.part >= 0)
+    out[left] = np.nan_to_num(coarse[rows[:, None], columns[None]][left])
+    return out
+
+
+def _sky(n: int) -> Float:
+    """(n, 3) directions over the half-space around z, dense as the cosine, evenly spread (sunflower)."""
+    radius, angle = np.sqrt((np.arange(n) + 0.5) / n), GOLDEN * np.arange(n)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - radius**2)], 1)
+
+
+def _bases(normals: Float) -> Float:
+    """(n, 3, 3) rotations that turn z to each normal (Duff et al., Building an orthonormal basis, revisited, 2017)."""
+    x, y, z = normals.T
+    sign = np.where(z < 0, -1.0, 1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    first = np.stack([1 + sign * x * x * a, sign * b, -sign * x], 1)
+    return np.stack([first, np.stack([b, sign + y * y * a, -y], 1), normals], 2)
