@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from tof_core.errors import RefusedError
 from tof_core.radial import radial_evidence
+from tof_sim_label.wide_plane import wide_bend
 
 if TYPE_CHECKING:
     from tof_core.capture import View
@@ -32,8 +33,9 @@ class RadialGate:
         if self._left <= 0:
             return
         found = radial_evidence(view.depth, view.camera)
-        if found.suspicion > SURE:
-            bends = f"{found.bend_z_mm:.0f} mm as z, {found.bend_radial_mm:.0f} mm as distance along the ray"
-            msg = f"a plane bends: the depth looks radial (what is flat is off by {bends})"
+        wide = None if abs(found.suspicion - 0.5) > SURE - 0.5 else wide_bend(view.depth, view.camera)
+        if found.suspicion > SURE or (wide is not None and wide.radial):
+            bend = 1e3 * wide.metres if wide is not None else found.bend_z_mm
+            msg = f"a plane bends: the depth looks radial (what is flat is off by {bend:.0f} mm when read as z)"
             raise RefusedError(msg, where=f"depth at {view.stamp_ns * 1e-9:.3f} s", todo="pass --depth radial")
-        self._left = 0 if found.suspicion < 1 - SURE else self._left - 1
+        self._left = 0 if found.suspicion < 1 - SURE or wide is not None else self._left - 1

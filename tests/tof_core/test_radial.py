@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Image
 
 CAMERA = Camera(width=224, height=171, fx=210.0, fy=210.0, cx=111.5, cy=85.0)
-BAGS = [("real/azure_kinect_static/bag", False), ("real/azure_kinect_nfov/bag", False), ("real/ifm_o3r/bag_radial", True),
-        ("cases/example_null/bag", False), ("cases/example_wiggling/bag", False)]  # fmt: skip
+BAGS = ["real/azure_kinect_static/bag", "real/azure_kinect_nfov/bag", "cases/example_null/bag", "cases/example_wiggling/bag"]
+"""Cameras that give z. (Of the radial one's flat parts only strips are seen: tests/tof_sim_label/test_real.py.)"""
 
 
 def noisy(z: Float, scale: float = 2e-3) -> Image:
@@ -66,10 +66,9 @@ def test_few_pixels_or_none_say_nothing() -> None:
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize(("bag", "radial"), BAGS)
-def test_real_and_foreign_cameras_are_told_apart(shared_data: Path, bag: str, radial: bool) -> None:  # noqa: FBT001
+@pytest.mark.parametrize("bag", BAGS)
+def test_real_and_foreign_cameras_are_told_apart(shared_data: Path, bag: str) -> None:
     with open_bag(shared_data / bag, BagOptions()) as reader:
-        for capture in list(reader.captures(need_tf=False))[:4]:
-            assert (radial_suspicion(capture.depth, capture.camera) > 0.99) == radial
-            if not radial:
-                assert radial_suspicion(z_to_radial(capture.camera, capture.depth), capture.camera) > 0.99
+        for capture in list(reader.captures(need_tf=False))[:2]:
+            assert radial_suspicion(capture.depth, capture.camera) < 0.01
+            assert radial_suspicion(z_to_radial(capture.camera, capture.depth), capture.camera) > 0.99
