@@ -28,7 +28,7 @@ IQR_REASON, SIGMA_REASON = int(Reason.IQR), int(Reason.THREE_SIGMA)
 REASONS = 16
 """Room for the codes of `Reason`."""
 MAD_TO_SIGMA = 1.4826
-PRIOR_DOF = 4.0
+PRIOR_DOF = 8.0
 """Weight of the noise law against a pixel's own scatter, in captures: few captures say little about a variance."""
 BAND_WITHIN, BAND_BETWEEN = 0.2145, 0.4725
 """Of a normal variance, what is left between its 20 % and 80 % quantiles, and what the band's own place adds.
