@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from tof_align.causal import SessionAligner
 from tof_core.errors import RefusedError
+from tof_sim_label.gate import RadialGate
 from tof_sim_label.label import Label, label_view
 from tof_sim_label.labeller import LabellerConfig
 
@@ -40,6 +41,7 @@ class LabelStream:
     def reset(self) -> None:
         """Forget the session."""
         self._aligner = SessionAligner(self._caster, self._config.align)
+        self._gate = RadialGate()
         self._pending: View | None = None
 
     def push(self, view: View) -> Labelled | None:
@@ -54,6 +56,7 @@ class LabelStream:
 
     def _label(self, view: View) -> Labelled:
         try:
+            self._gate.check(view)
             posed = self._aligner.push(view)
         except RefusedError as error:
             return Labelled(view, None, str(error))
