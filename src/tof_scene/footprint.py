@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_scene.overlaps import overlaps
-from tof_scene.resolve import COARSE, FINE, lattice, resolve
+from tof_scene.resolve import LATTICES, lattice, resolve
 from tof_scene.seams import mark_edges, mark_neighbours
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ TOLERANCE_M = 6e-5
 """How far neighbours may lie from a pixel's plane before it is looked at closely; its mean is then off by a sixth at most."""
 THREADS = 2
 _pool = ThreadPoolExecutor(THREADS, "footprint")
-_coarse, _fine = lattice(*COARSE), lattice(*FINE)
+_lattices = tuple(lattice(*size) for size in LATTICES)
 
 
 def fill_footprints(caster: Raycaster, camera: Camera, T_cell_camera: Float, cells: Cells, canvas: Canvas) -> NDArray[np.int64]:
@@ -46,7 +46,7 @@ def fill_footprints(caster: Raycaster, camera: Camera, T_cell_camera: Float, cel
 
     def work(begin: int, end: int) -> None:
         resolve(
-            begin, end, pixels, edge, start, listed, rows, rays, turn, caster.face_part, _coarse, _fine,
+            begin, end, pixels, edge, start, listed, rows, rays, turn, caster.face_part, _lattices,
             canvas.depth, canvas.face, canvas.mixed, canvas.second,
         )  # fmt: skip
 

@@ -84,6 +84,20 @@ def group_faces(
     return groups
 
 
+@njit(cache=True, nogil=True)
+def fold(found: int, seen: Int32, planes: Float32, depths: Float) -> float:
+    """Greatest difference, in metres of z per pixel, between the slope of the nearest face seen and that of another."""
+    widest = 0.0
+    for i in range(1, found):
+        change = 0.0
+        for k in (1, 2):
+            one, other = seen[0], seen[i]
+            at_one = (planes[one, k] + planes[one, k + 3] + planes[one, k + 6]) * depths[one, 1] ** 2
+            change += abs(at_one - (planes[other, k] + planes[other, k + 3] + planes[other, k + 6]) * depths[other, 1] ** 2)
+        widest = max(widest, change)
+    return widest
+
+
 @njit(cache=True, nogil=True, inline="always")
 def _lean(planes: Float32, c: int, z: float) -> float:
     """How far a face's plane reaches along z over the whole pixel."""

@@ -194,8 +194,8 @@ def _rim(tri: NDArray[np.int32]) -> NDArray[np.int32]:
 def _pierced(uv: Float, tri: NDArray[np.int32], hole: tuple[float, float, float], cell: Float) -> Solid:
     """Cut the cells around a hole out of a flat mesh and fill the frame between them and the circle."""
     u, v, radius = hole
-    centroid = uv[tri].mean(axis=1)
-    keep = (np.abs(centroid - [u, v]) > radius + 0.75 * cell).any(axis=1)
+    middle = (np.floor(uv[tri].mean(axis=1) / cell) + 0.5) * cell
+    keep = (np.abs(middle - [u, v]) > radius + 0.75 * cell).any(axis=1)
     cut_edges = {(int(a), int(b)) for a, b in tri[~keep][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)}
     frame = sorted({a for a, b in cut_edges if (b, a) not in cut_edges})
     angle_of = np.arctan2(uv[frame, 1] - v, uv[frame, 0] - u)
@@ -213,7 +213,7 @@ def _zip(outer: NDArray[np.int32], at_outer: Float, inner: NDArray[np.int32], at
     i = j = 0
     faces = []
     while i < n or j < m:
-        if j == m or (i < n and ahead_o[i + 1] <= ahead_i[j + 1]):
+        if j == m or (i < n and ahead_o[i] + ahead_o[i + 1] <= 2 * ahead_i[j + 1]):
             faces.append((inner[j % m], outer[i], outer[(i + 1) % n]))
             i += 1
         else:
