@@ -68,7 +68,7 @@ class DiscrepancyConfig:
     enabled: bool = param(True, "estimate smooth errors that neighbours and views share")
     start_mm: float = param(1.0, "size assumed before the data are asked", unit="mm", low=1e-3)
     floor_mm: float = param(0.01, "never believed smaller than this", unit="mm", low=1e-5)
-    ceiling_mm: float = param(50.0, "never believed larger than this", unit="mm", low=0.1)
+    ceiling_mm: float = param(30.0, "never believed larger than this", unit="mm", low=0.1)
     range_m: float = param(0.12, "correlation length of errors that depend on range", unit="m", low=0.01)
     object_m: float = param(0.15, "correlation length of errors that stick to the surface", unit="m", low=0.01)
     centres: int = param(40, "points of the surface that carry those errors", low=0)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_align.config import AlignConfig
-    from tof_align.linearise import Linearised
     from tof_align.discrepancy import Basis
+    from tof_align.linearise import Linearised
     from tof_align.mixed import Mixed, Normal
     from tof_align.pixels import Pixels
     from tof_scene.raycast import Raycaster

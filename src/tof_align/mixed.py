@@ -4,7 +4,7 @@
 Each view brings its normal equations in the order [shared unknowns | own unknowns | residual].
 Own unknowns are eliminated view by view (Schur complement), the rest is one small dense
 solve. Unknowns whose prior variance is a size to be found get it by MacKay's fixed point on
-the marginal likelihood: size^2 = |u|^2 / (n - trace(C) / size^2).
+the marginal likelihood, size^2 = |u|^2 / (n - trace(C) / size^2), with a little doubt added.
 """
 
 from __future__ import annotations
@@ -16,6 +16,11 @@ import numpy as np
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
+
+
+DOUBT = 1.0
+"""Coefficients of size zero that every kind is taken to have beside its own: one view's single
+offset is no evidence that cameras drift."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +110,8 @@ def reduce(normal: Normal, sizes: dict[str, float]) -> Reduced:
     )
     H += np.diag(prior)
     b -= prior * normal.error
-    energy = float(K[:, -1, -1].sum() - (own_right * own0).sum())
+    from_priors = (prior * normal.error**2).sum() + (own_prior * normal.own_error**2).sum()
+    energy = float(K[:, -1, -1].sum() + from_priors - (own_right * own0).sum())
     return Reduced(H, b, energy, own0, np.asarray(gain), np.asarray(own_cov, float))
 
 
@@ -169,8 +175,8 @@ def _size(normal: Normal, answer: Mixed, kind: str) -> float:
     learnt = count - posterior / variance
     # EM's step where little is learnt: it is slower but never overshoots.
     if learnt < 0.05 * count:
-        return float(np.sqrt((square + posterior) / count))
-    return float(np.sqrt(square / learnt))
+        return float(np.sqrt((square + posterior) / (count + DOUBT)))
+    return float(np.sqrt(square / (learnt + DOUBT)))
 
 
 def _own_variance(answer: Mixed) -> Float:

@@ -129,7 +129,7 @@ def describe(direction: Float, centre: Float, lever: float) -> str:
         return f"slides along {_axis(v)}"
     axis = w / np.linalg.norm(w)
     pitch = float(v @ axis)
-    through = centre + np.cross(w, v) / (w @ w)
+    through = np.round(centre + np.cross(w, v) / (w @ w), 2) + 0.0
     if abs(pitch) > 0.2 * np.linalg.norm(direction):
         return f"slides along and turns about {_axis(axis)}"
     if np.linalg.norm(v - pitch * axis) < 0.05:
@@ -162,7 +162,7 @@ def _along_axes(null: Float, part: slice) -> Float:
     while len(null):
         share = np.linalg.norm(null[:, part], axis=0)
         axis = np.zeros(6)
-        axis[part.start + int(np.argmax(share))] = 1.0
+        axis[part.start + int(np.argmax(np.round(share, 4)))] = 1.0
         along = null.T @ (null @ axis)
         along /= np.linalg.norm(along)
         out = np.concatenate([out, along[None]])

@@ -32,9 +32,13 @@ class Fit:
 
 
 def fit_of(view: Linearised, config: AlignConfig, offset: Float | float = 0.0) -> Fit:
-    """Judge a view; `offset` (n,) is a discrepancy that the fit explained, metres."""
+    """Judge a view; `offset` (n,) is a discrepancy that the fit explained, metres.
+
+    Where more than twice the limit is explained away, the view does not agree.
+    """
     limit = config.verdict.support_mm * 1e-3
     error = np.abs(view.residual - offset)
+    error = np.where(np.abs(offset) < 2.0 * limit, error, np.maximum(error, limit))
     if not len(error):
         return Fit(0, 0.0, float("nan"), limit)
     near = error < limit

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Poses as views come in: from the past alone, and as good as the past allows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.tof_align.made import CONFIG, foreign, panel, pose_error, section, session, wiggling
+from tof_align.causal import SessionAligner
+from tof_align.session import solve_session
+from tof_core import se3
+from tof_core.errors import TransformError
+
+
+def test_a_pose_depends_on_the_past_alone() -> None:
+    views, _ = session(section(), views=8)
+    whole, part = SessionAligner(section(), CONFIG), SessionAligner(section(), CONFIG)
+    first = [whole.push(v) for v in views]
+    again = [part.push(v) for v in views[:5]]
+    for a, b in zip(first, again, strict=False):
+        np.testing.assert_array_equal(a.T_cell_camera, b.T_cell_camera)
+        np.testing.assert_array_equal(a.cov, b.cov)
+    assert [v.stamp_ns for v in views] == sorted(v.stamp_ns for v in views)
+
+
+def test_later_views_profit_from_earlier_ones_and_say_so() -> None:
+    views, truth = session(section(), views=12, stations=1)
+    aligner = SessionAligner(section(), CONFIG)
+    posed = [aligner.push(v) for v in views]
+    errors = [pose_error(p.T_cell_camera, t)[0] for p, t in zip(posed, truth, strict=True)]
+    assert np.median(errors[4:]) < 0.3
+    assert max(errors) < 2.0
+    squares = [
+        (xi := se3.log(se3.inverse(p.T_cell_camera) @ t.T_cell_camera)) @ np.linalg.solve(p.cov_right, xi)
+        for p, t in zip(posed, truth, strict=True)
+    ]
+    assert np.mean(squares) < 15.0
+
+
+def test_the_window_forgets_no_information() -> None:
+    views, _ = session(section(), views=10, stations=1)
+    wide, narrow = SessionAligner(section(), CONFIG), SessionAligner(section(), CONFIG, window=3)
+    for view in views:
+        a, b = wide.push(view), narrow.push(view)
+    metres, degrees = se3.distance(a.T_cell_camera, b.T_cell_camera)
+    assert metres < 0.05e-3
+    assert degrees < 0.005
+    assert np.trace(b.cov) == pytest.approx(np.trace(a.cov), rel=0.15)
+
+
+def test_hand_eye_is_carried_from_station_to_station() -> None:
+    X = se3.exp([4e-3, -3e-3, 5e-3, 6e-3, -4e-3, 5e-3])
+    views, _ = session(section(), views=16, stations=2, X=X)
+    carried = SessionAligner(section(), CONFIG)
+    for view in views[:9]:
+        last = carried.push(view)
+    fresh = SessionAligner(section(), CONFIG).push(views[8])
+    assert np.trace(last.cov[:3, :3]) < np.trace(fresh.cov[:3, :3])
+
+
+def test_the_final_solution_is_that_of_the_whole_session() -> None:
+    views, _ = session(section(), views=6, effect=wiggling)
+    aligner = SessionAligner(section(), CONFIG)
+    for view in views:
+        aligner.push(view)
+    final, direct = aligner.finish(), solve_session(views, section(), CONFIG)
+    for a, b in zip(final.posed, direct.posed, strict=True):
+        np.testing.assert_array_equal(a.T_cell_camera, b.T_cell_camera)
+
+
+def test_a_view_of_something_else_is_refused_and_teaches_nothing() -> None:
+    views, truth = session(section(), views=6, stations=1)
+    other, _ = session(foreign(), views=6, stations=1)
+    aligner = SessionAligner(section(), CONFIG)
+    for view in views[:3]:
+        aligner.push(view)
+    stray = aligner.push(replace(other[3], robot=views[3].robot))
+    assert not stray.accepted
+    assert "fits nowhere" in stray.verdict
+    assert pose_error(stray.T_cell_camera, truth[3])[0] < 4.0  # the views before it still say where it is
+    posed = aligner.push(views[4])
+    assert posed.accepted
+    assert pose_error(posed.T_cell_camera, truth[4])[0] < 1.0
+
+
+def test_a_view_past_the_parts_is_refused_without_an_exception() -> None:
+    views, _ = session(section(), views=3, stations=1)
+    blind = replace(views[1], depth=np.full_like(views[1].depth, np.nan))
+    aligner = SessionAligner(section(), CONFIG)
+    assert aligner.push(views[0]).accepted
+    refused = aligner.push(blind)
+    assert not refused.accepted
+    assert refused.verdict == "only 0 pixels see the CAD"
+    assert aligner.push(views[2]).accepted
+
+
+def test_a_thin_panel_keeps_the_robots_pose_live_too() -> None:
+    views, _ = session(panel(), views=3, stations=1)
+    aligner = SessionAligner(panel(), CONFIG)
+    posed = aligner.push(views[0])
+    assert views[0].robot is not None
+    moved = posed.T_cell_camera[:3, 3] - views[0].robot.T_cell_camera[:3, 3]
+    assert np.abs(moved[1:]).max() < 1e-4
+    assert "slides along cell y" in posed.verdict
+
+
+def test_the_mode_of_the_robots_pose_gives_that_pose() -> None:
+    views, _ = session(section(), views=2, stations=1)
+    posed = SessionAligner(section(), replace(CONFIG, mode="robot")).push(views[0])
+    assert views[0].robot is not None
+    np.testing.assert_array_equal(posed.T_cell_camera, views[0].robot.T_cell_camera)
+
+
+def test_no_robot_pose_no_output() -> None:
+    views, _ = session(section(), views=2, stations=1)
+    aligner = SessionAligner(section(), CONFIG)
+    with pytest.raises(TransformError, match="no robot pose"):
+        aligner.push(replace(views[0], robot=None))
+    assert aligner.samples == []
+
+
+def test_reset_forgets() -> None:
+    views, _ = session(section(), views=2, stations=1)
+    aligner = SessionAligner(section(), CONFIG)
+    first = aligner.push(views[0])
+    aligner.reset()
+    np.testing.assert_array_equal(aligner.push(views[0]).T_cell_camera, first.T_cell_camera)

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Columns of what nobody modelled: what they can say, and with which prior."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.tof_align.made import CONFIG, one_view, section
+from tof_align.config import DiscrepancyConfig
+from tof_align.discrepancy import LOCAL, SHARED, basis_of, farthest_points, inflation, local_columns, shared_columns
+from tof_align.linearise import Linearised, linearise
+from tof_align.pixels import take_pixels
+
+D = DiscrepancyConfig()
+
+
+@pytest.fixture(scope="module")
+def lin() -> Linearised:
+    view, truth = one_view(section(), np.zeros(6))
+    return linearise(take_pixels(view, CONFIG.weights), truth.T_cell_camera, section(), CONFIG.weights)
+
+
+def part(columns: np.ndarray, sizes: tuple[int, ...], kind: int) -> np.ndarray:
+    ends = np.cumsum((0, *sizes))
+    return columns[:, ends[kind]:ends[kind + 1]]
+
+
+def left_over(columns: np.ndarray, y: np.ndarray) -> float:
+    """Share of the variance of y that columns and a constant cannot say."""
+    A = np.column_stack([columns, np.ones(len(y))])
+    return float(np.var(y - A @ np.linalg.lstsq(A, y, rcond=None)[0]) / np.var(y))
+
+
+def test_wiggling_is_said_by_range_and_amplitude_bias_by_amplitude(lin: Linearised) -> None:
+    basis = basis_of([lin], D)
+    columns = shared_columns(basis, lin)
+    reach = lin.depth * lin.ray_length
+    wave = 3e-3 * np.sin(2 * np.pi * reach / 0.375)
+    assert left_over(part(columns, basis.shared, SHARED.index("range")), wave) < 0.002
+    assert lin.log_amplitude is not None
+    assert left_over(part(columns, basis.shared, SHARED.index("amplitude")), lin.log_amplitude) < 1e-3
+    assert left_over(part(columns, basis.shared, SHARED.index("amplitude")), np.sin(40 * lin.point[:, 1])) > 0.5
+
+
+def test_a_coefficient_of_one_means_one_metre_rms(lin: Linearised) -> None:
+    basis = basis_of([lin], D)
+    columns = shared_columns(basis, lin)
+    for kind in ("range", "amplitude", "object"):
+        variance = (part(columns, basis.shared, SHARED.index(kind)) ** 2).sum(axis=1)
+        assert 0.4 < np.median(variance) < 1.1, kind
+    assert (part(local_columns(basis, lin), basis.local, LOCAL.index("offset")) == 1.0).all()
+
+
+def test_every_views_columns_follow_one_basis(lin: Linearised) -> None:
+    basis = basis_of([lin], D)
+    half = replace(
+        lin, depth=lin.depth[::2], ray=lin.ray[::2], point=lin.point[::2], normal=lin.normal[::2], cell=lin.cell[::2],
+        residual=lin.residual[::2], log_amplitude=None if lin.log_amplitude is None else lin.log_amplitude[::2],
+    )  # fmt: skip
+    np.testing.assert_allclose(shared_columns(basis, half), shared_columns(basis, lin)[::2], atol=1e-12)
+    np.testing.assert_allclose(local_columns(basis, half), local_columns(basis, lin)[::2], atol=1e-12)
+
+
+def test_switched_off_there_are_no_columns(lin: Linearised) -> None:
+    basis = basis_of([lin], DiscrepancyConfig(enabled=False))
+    assert shared_columns(basis, lin).shape == (len(lin.residual), 0)
+    assert local_columns(basis, lin).shape == (len(lin.residual), 0)
+
+
+def test_a_view_without_amplitude_has_no_amplitude_columns(lin: Linearised) -> None:
+    basis = basis_of([replace(lin, log_amplitude=None)], D)
+    assert basis.shared[SHARED.index("amplitude")] == 0
+
+
+def test_farthest_points_cover_a_square_from_corner_to_corner() -> None:
+    points = np.random.default_rng(0).uniform(size=(4000, 2))
+    chosen = farthest_points(points, 16)
+    far = np.linalg.norm(points[:, None] - chosen[None], axis=-1).min(axis=1)
+    assert far.max() < 0.27
+
+
+def test_white_noise_does_not_inflate_and_neighbours_that_err_together_do(lin: Linearised) -> None:
+    rng = np.random.default_rng(0)
+    n = len(lin.residual)
+    weight = np.full(n, 1e6)
+    assert inflation(lin, 1e-3 * rng.normal(size=n), weight) == pytest.approx(1.0, abs=0.25)
+    assert inflation(lin, 3e-3 * rng.normal(size=n), weight) == pytest.approx(9.0, rel=0.25)
+    y, x = np.divmod(lin.cell, lin.raster[1])
+    together = 1e-3 * rng.normal(size=(40, 40))[y // 6, x // 6]
+    assert inflation(lin, together, weight) > 15.0

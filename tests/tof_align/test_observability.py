@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Open directions: found against the robot's own certainty, and named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.tof_align.made import ROBOT
+from tof_align.config import VerdictConfig
+from tof_align.observability import observe, observe_block, pinned
+from tof_core import se3
+
+EYE, ORIGIN = np.eye(4), np.zeros(3)
+ROOT = np.diag(ROBOT)
+
+
+def info_of(points: np.ndarray, normals: np.ndarray, sigma: float = 1e-3) -> np.ndarray:
+    """(6, 6) of point-to-plane measurements about the cell's origin."""
+    J = np.concatenate([normals, np.cross(points, normals)], axis=1) / sigma
+    return J.T @ J
+
+
+def plane(normal: np.ndarray, centre: np.ndarray = ORIGIN) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(0)
+    across = np.linalg.svd(normal[None])[2][1:]
+    return centre + rng.uniform(-0.3, 0.3, (400, 2)) @ across, np.tile(normal, (400, 1))
+
+
+def test_a_plane_slides_along_two_axes_and_turns_about_its_normal() -> None:
+    seen = observe(info_of(*plane(np.array([1.0, 0, 0]))), ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5)
+    assert seen.rank == 3
+    assert [n.split(" (")[0] for n in seen.names] == ["slides along cell y", "slides along cell z", "turns about cell x"]
+    assert seen.names[0] == "slides along cell y (data nothing, robot ±50 mm)"
+    assert seen.names[2] == "turns about cell x (data nothing, robot ±2°)"
+
+
+def test_a_cylinder_turns_about_its_own_axis_wherever_that_is() -> None:
+    angle = np.linspace(0, 2 * np.pi, 300, endpoint=False)
+    normals = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    points = np.array([0.4, 0.1, 0.0]) + 0.1 * normals + np.random.default_rng(1).uniform(-0.2, 0.2, (300, 1)) * [0, 0, 1]
+    seen = observe(info_of(points, normals), ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5)
+    assert seen.rank == 4
+    assert [n.split(" (data")[0] for n in seen.names] == ["slides along cell z", "turns about cell z through (0.40, 0.10, 0.00) m"]
+
+
+def test_three_planes_leave_nothing_open() -> None:
+    parts = [plane(n) for n in np.eye(3)]
+    info = info_of(np.concatenate([p for p, _ in parts]), np.concatenate([n for _, n in parts]))
+    seen = observe(info, ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5)
+    assert seen.rank == 6
+    assert seen.null.shape == (0, 6)
+
+
+def test_weak_data_count_as_open_when_the_robot_is_nearly_as_sure() -> None:
+    one = np.diag([1.0 / 0.03**2, 1e8, 1e8, 1e8, 1e8, 1e8])
+    seen = observe(one, ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5)
+    assert seen.names == ("slides along cell x (data ±30 mm, robot ±50 mm)",)
+    surer = np.diag([1.0 / 0.02**2, 1e8, 1e8, 1e8, 1e8, 1e8])
+    assert observe(surer, ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5).rank == 6
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_frame_in_which_the_prior_is_given_does_not_change_what_is_open(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    frame = se3.exp(np.concatenate([rng.normal(size=3), rng.normal(size=3)]))
+    to_frame = se3.adjoint(frame)
+    info = to_frame.T @ info_of(*plane(np.array([1.0, 0, 0]))) @ to_frame
+    seen = observe(info, np.eye(6), frame, ORIGIN, lever=0.3, ratio=0.5)
+    assert [n.split(" (")[0] for n in seen.names] == ["slides along cell y", "slides along cell z", "turns about cell x"]
+
+
+def test_open_directions_may_be_asked_for_at_another_point() -> None:
+    seen = observe(info_of(*plane(np.array([1.0, 0, 0]))), ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5)
+    there = seen.at(np.array([0.8, 0.3, 0.2]))
+    np.testing.assert_allclose(there @ there.T, np.eye(3), atol=1e-12)
+    v, w = there[:, :3], there[:, 3:] / 0.3
+    back = np.concatenate([v - np.cross(w, [0.8, 0.3, 0.2]), w], axis=1)
+    assert np.abs(back @ info_of(*plane(np.array([1.0, 0, 0]))) @ back.T).max() < 1e-6
+
+
+def test_posterior_and_prior_give_back_the_datas_own_information() -> None:
+    info = info_of(*plane(np.array([1.0, 0, 0])))
+    prior = ROOT @ ROOT
+    seen = observe_block(np.linalg.inv(info + np.linalg.inv(prior)), prior, EYE, ORIGIN, VerdictConfig())
+    assert seen.rank == 3
+    direct = observe(info, ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5)
+    np.testing.assert_allclose(seen.data_std[:3], direct.data_std[:3], rtol=1e-3)
+
+
+def test_pinning_undoes_what_was_moved_along_open_directions_and_nothing_else() -> None:
+    seen = observe(info_of(*plane(np.array([1.0, 0, 0]))), ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5)
+    moved = se3.exp([0.01, 0.02, 0.03, 0.004, 0.0, 0.0])
+    H, b = pinned(seen, moved, moved)
+    step = np.linalg.lstsq(H, b, rcond=1e-9)[0]
+    final = moved @ se3.exp(step)
+    assert np.abs(final[1:3, 3]).max() < 1e-4
+    assert np.abs(se3.so3_log(final[:3, :3])[0]) < 1e-4
+    assert final[0, 3] == pytest.approx(0.01, abs=1e-3)
