@@ -17,8 +17,10 @@ from tof_gap.evidence import ViewEvidence, gather
 from tof_gap.select import Selection, Selector, deal, select
 from tof_gap.system import arm_steps, fit
 from tof_scene.render import render
+from tof_sensor.effect import Effect
 from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.multipath import Multipath
+from tof_sensor.effects.specular import Specular
 from tof_sensor.effects.wiggling import Wiggling
 
 if TYPE_CHECKING:
@@ -32,7 +34,6 @@ if TYPE_CHECKING:
     from tof_gap.config import GapConfig
     from tof_gap.system import Fit
     from tof_scene.raycast import Raycaster
-    from tof_sensor.effect import Effect
 
 ROUNDS = 3
 """Linearisations: the first selects from afar, the second anew, the third refines shapes."""
@@ -96,28 +97,37 @@ def moved(chain: Chain, design: Design, solution: Fit, inflate: float) -> Chain:
     return chain.moved(x, arm_steps(design.system, solution, inflate=inflate))
 
 
+SHAPES: dict[type[Effect], tuple[tuple[str, float], ...]] = {
+    Wiggling: (("modulation_mhz", 0.2), ("modulation_mhz", 0.05), ("modulation_mhz", 0.012)),
+    LensScatter: (("modulation_mhz", 0.1),),
+    Multipath: (("modulation_mhz", 0.3),),
+    Specular: (("lobe_deg", 0.3), ("gloss", 0.7), ("lobe_deg", 0.15), ("gloss", 0.4)),
+}
+"""Which parameters of shape are searched for more finely, in turn, and how far (relative)."""
+
+
 def refined(store: ColumnStore, design: Design, selection: Selection, chain: Chain, config: GapConfig) -> list[Candidate]:
-    """Finer frequencies around those of the chosen effects."""
+    """Finer shapes around those of the chosen effects."""
     chosen = [design.candidates[m] for m in selection.chosen.members]
     out: list[Candidate] = []
     for place, candidate in enumerate(chosen):
-        effect = candidate.effect
-        if not isinstance(effect, Wiggling | LensScatter | Multipath):
+        if candidate.effect is None or type(candidate.effect) not in SHAPES:
             continue
         others = [c for i, c in enumerate(chosen) if i != place]
-        best: Effect = effect
-        for width in (0.2, 0.05, 0.012) if isinstance(effect, Wiggling) else (0.1,):
-            best = _best_frequency(best, width, others, store, chain, config, selection.chosen.inflate)
-        out.append(Candidate(best.NAME, best, f"{best.modulation_mhz:.1f} MHz"))  # type: ignore[attr-defined]
+        best = candidate.effect
+        for name, width in SHAPES[type(best)]:
+            best = _best_shape(best, name, width, others, store, chain, config, selection.chosen.inflate)
+        out.append(Candidate(best.NAME, best, "refined"))
     return out
 
 
-def _best_frequency(
-    effect: Any, width: float, others: list[Candidate], store: ColumnStore, chain: Chain, config: GapConfig, inflate: float,
+def _best_shape(
+    effect: Any, name: str, width: float, others: list[Candidate], store: ColumnStore, chain: Chain, config: GapConfig,
+    inflate: float,
 ) -> Any:
-    """The effect at the modulation frequency within `width` (relative) that does best on held-out views."""
+    """The effect whose parameter `name`, within a factor 1 +- `width`, does best on held-out views."""
     steps = np.linspace(-1, 1, 13 if isinstance(effect, Wiggling) else 5)
-    near_by = [replace(effect, modulation_mhz=float(effect.modulation_mhz * (1 + width * s))) for s in steps]
+    near_by = [replace(effect, **{name: float(getattr(effect, name) * (1 + width) ** s)}) for s in steps]
     trial = [Candidate(e.NAME, e) for e in near_by]
     judge = Selector(build(store, [*others, *trial], chain, config.hand_sd), config.select)
     base = list(range(len(others)))

@@ -41,9 +41,15 @@ def findings(views: Sequence[ViewEvidence], config: MissingConfig) -> list[Findi
 
 
 def lost(view: ViewEvidence) -> Mask:
-    """(H, W) pixels away from edges where the CAD is and no light came back (saturation is a highlight's mark)."""
-    nothing = view.view.reason == Reason.NO_RETURN
-    return view.frame.valid & ~view.edge & nothing
+    """(H, W) pixels away from edges where the CAD is and no light came back.
+
+    Saturation is too much light: it is told by its code, or by an amplitude above all measured ones.
+    """
+    gone = view.frame.valid & ~view.edge & (view.view.reason == Reason.NO_RETURN)
+    if view.view.amplitude is None or not view.smooth.any():
+        return gone
+    brightest = np.quantile(view.frame.amplitude[view.smooth], 0.999)
+    return gone & ~(np.nan_to_num(view.view.amplitude) > brightest)
 
 
 def _dropout(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | None:
