@@ -97,11 +97,7 @@ def _gentler(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 @njit(cache=True, error_model="numpy")
 def _mixed(depth, sigma, axes, ratio, pitch):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Pixels (H, W) that on some axis stand at a step and go with neither side of it.
-
-    To go with a side is to be level with its first pixel or in line with its first two. (To be in line with one pixel of
-    each side says nothing: a half-mixed pixel is.)
-    """
+    """Pixels (H, W) that on some axis stand at a step or a hole and go with neither side of it."""
     height, width = depth.shape
     out = np.zeros((height, width), np.bool_)
     for v in range(height):
@@ -109,21 +105,33 @@ def _mixed(depth, sigma, axes, ratio, pitch):  # type: ignore[no-untyped-def]  #
             z = depth[v, u]
             if np.isnan(z):
                 continue
-            noise = ratio * sigma[v, u]
+            noise, slope = ratio * sigma[v, u], z * pitch
+            least = max(FAN * noise, slope)
             for a in range(axes.shape[0]):
                 dv, du = axes[a]
                 before, behind = _at(depth, v - dv, u - du), _at(depth, v + dv, u + du)
-                near, far = abs(before - z), abs(behind - z)
-                step = max(near if near == near else 0.0, far if far == far else 0.0)  # noqa: PLR0124  (not NaN)
-                if step < max(FAN * noise, z * pitch) or near < PAIR * noise or far < PAIR * noise:
+                if (abs(before - z) < least and abs(behind - z) < least) or (np.isnan(before) and np.isnan(behind)):
                     continue
-                ahead = abs(2 / before - 1 / _at(depth, v - 2 * dv, u - 2 * du) - 1 / z)
-                after = abs(2 / behind - 1 / _at(depth, v + 2 * dv, u + 2 * du) - 1 / z)
-                limit = FAN * noise / (z * z)
-                if not (ahead < limit or after < limit):
+                if _goes_with(z, before, _at(depth, v - 2 * dv, u - 2 * du), noise, slope):
+                    continue
+                if not _goes_with(z, behind, _at(depth, v + 2 * dv, u + 2 * du), noise, slope):
                     out[v, u] = True
                     break
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def _goes_with(z, next_one, one_after, noise, slope):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Whether a depth is level with the next pixel's or in line with the next two; one alone may lie on any slope.
+
+    (To be in line with one pixel of each side says nothing: a half-mixed pixel is.)
+    """
+    off = abs(next_one - z)
+    if off < PAIR * noise:
+        return True
+    if np.isnan(one_after):
+        return off < slope
+    return abs(2 / next_one - 1 / one_after - 1 / z) * z * z < FAN * noise
 
 
 @njit(cache=True)

@@ -97,3 +97,19 @@ def test_the_frames_planes_are_planes() -> None:
     truth = plane(incidence_deg=50.0)
     cosine = cos_incidence(truth.depth.astype(np.float32), truth.camera)
     assert np.rad2deg(np.arccos(cosine[150, 200])) == pytest.approx(50.0, abs=0.3)
+
+
+def test_a_mixed_pixel_at_the_rim_of_a_hole_goes_and_a_clean_rim_stays() -> None:
+    depth = np.full(CAMERA.shape, 1.0)
+    depth[:, 201:] = np.nan
+    depth[:150, 200] = 1.02
+    frame = frame_of(depth, 1e-3)
+    assert remove_flying(frame, PreprocConfig()) == 150
+    assert (frame.reason[:150, 200] == Reason.FLYING).all()
+
+
+def test_scattered_holes_do_not_make_a_steep_plane_fly() -> None:
+    rng = np.random.default_rng(0)
+    depth = 1 / (1 - CAMERA.rays()[..., 0]) + 1e-3 * rng.standard_normal(CAMERA.shape)
+    depth[rng.random(CAMERA.shape) < 0.3] = np.nan
+    assert remove_flying(frame_of(depth, 1e-3), PreprocConfig()) < 1e-4 * depth.size
