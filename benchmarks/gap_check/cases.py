@@ -12,8 +12,22 @@ STRENGTHS = {"small": 1 / 3, "usual": 1.0, "large": 10 / 3}
 """Of effects measured in millimetres: 1, 3 and 10 mm RMS over the pixels they touch."""
 MOVING = frozenset({"motion", "time_sync"})
 PAIRABLE = (
-    "multipath", "wiggling", "flying_pixels", "lens_scatter", "temperature_drift", "amplitude_bias", "fixed_pattern", "noise",
-    "intrinsics", "hand_eye", "dropout", "cad_deviation", "depth_scale", "specular", "subsurface", "phase_wrap",
+    "multipath",
+    "wiggling",
+    "flying_pixels",
+    "lens_scatter",
+    "temperature_drift",
+    "amplitude_bias",
+    "fixed_pattern",
+    "noise",
+    "intrinsics",
+    "hand_eye",
+    "dropout",
+    "cad_deviation",
+    "depth_scale",
+    "specular",
+    "subsurface",
+    "phase_wrap",
 )
 SINGLE = (*PAIRABLE, "radial_depth", "range_offset", "quantization", "interference", "motion", "time_sync")
 
@@ -40,11 +54,10 @@ def draw(count: int, scenes: tuple[str, ...], seed: int) -> list[Case]:
     rng = np.random.default_rng(seed)
     nulls = round(0.4 * count)
     others = [_other(i, rng) for i in range(count - nulls)]
-    plan = [("null", {}, "")] * nulls + others
+    null: tuple[str, dict[str, float], str] = ("null", {}, "")
+    plan = [null] * nulls + others
     order = rng.permutation(count)
-    return [
-        _case(int(number), plan[i], scenes, rng) for number, i in enumerate(order)
-    ]
+    return [_case(int(number), plan[i], scenes, rng) for number, i in enumerate(order)]
 
 
 def _other(i: int, rng: np.random.Generator) -> tuple[str, dict[str, float], str]:
@@ -63,6 +76,11 @@ def _other(i: int, rng: np.random.Generator) -> tuple[str, dict[str, float], str
 def _case(number: int, plan: tuple[str, dict[str, float], str], scenes: tuple[str, ...], rng: np.random.Generator) -> Case:
     kind, effects, left_out = plan
     return Case(
-        f"case{number:04d}", kind, scenes[number % len(scenes)], dict(effects), left_out,
-        int(rng.integers(1, 2**31)), float(rng.choice([60.0, 80.0, 100.0])),
+        f"case{number:04d}",
+        kind,
+        scenes[number % len(scenes)],
+        dict(effects),
+        left_out,
+        int(rng.integers(1, 2**31)),
+        float(rng.choice([60.0, 80.0, 100.0])),
     )

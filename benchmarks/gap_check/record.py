@@ -39,10 +39,19 @@ def config_of(case: Case, size: tuple[int, int]) -> VirtualConfig:
     from tof_virtual.config import VirtualConfig
 
     moving = bool(MOVING & set(case.effects))
-    return from_mapping(VirtualConfig, {
-        "seed": case.seed, "camera.width": size[0], "camera.height": size[1], "camera.modulation_mhz": case.modulation_mhz,
-        "plan.views": 12, "plan.stations": 2, "plan.pause_s": 30.0, "plan.capture_moving": moving,
-    })
+    return from_mapping(
+        VirtualConfig,
+        {
+            "seed": case.seed,
+            "camera.width": size[0],
+            "camera.height": size[1],
+            "camera.modulation_mhz": case.modulation_mhz,
+            "plan.views": 12,
+            "plan.stations": 2,
+            "plan.pause_s": 30.0,
+            "plan.capture_moving": moving,
+        },
+    )
 
 
 def _record(case: Case, bag: Path, sealed: Path, size: tuple[int, int]) -> None:

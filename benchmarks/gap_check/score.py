@@ -20,8 +20,19 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 LOCALISED = frozenset({"multipath", "flying_pixels", "lens_scatter", "specular", "cad_deviation", "dropout"})
-EVERYWHERE = frozenset({"wiggling", "amplitude_bias", "temperature_drift", "fixed_pattern", "intrinsics", "hand_eye", "range_offset",
-                        "depth_scale", "radial_depth"})
+EVERYWHERE = frozenset(
+    {
+        "wiggling",
+        "amplitude_bias",
+        "temperature_drift",
+        "fixed_pattern",
+        "intrinsics",
+        "hand_eye",
+        "range_offset",
+        "depth_scale",
+        "radial_depth",
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +75,22 @@ def score(sealed: Path, bag: Path, out: Path) -> Row:
     seconds = json.loads((out / "seconds.json").read_text())["wall_s"]
     effects = tuple(sorted(case["effects"]))
     if not (out / "gap.json").exists():
-        return Row(case["name"], case["kind"], case["scene"], effects, ("refused",), hit=False, miss="refused", place=None,
-                   likeness=None, shrink=None, true_shrink=None, covered=None, left_over_floor=None, seconds=seconds)
+        return Row(
+            case["name"],
+            case["kind"],
+            case["scene"],
+            effects,
+            ("refused",),
+            hit=False,
+            miss="refused",
+            place=None,
+            likeness=None,
+            shrink=None,
+            true_shrink=None,
+            covered=None,
+            left_over_floor=None,
+            seconds=seconds,
+        )
     report = json.loads((out / "gap.json").read_text())
     truth = Truth(sealed, bag)
     verdict = tuple(report["verdict"])
@@ -76,8 +101,22 @@ def score(sealed: Path, bag: Path, out: Path) -> Row:
     over = None
     if not miss and effects and not case["left_out"]:
         over = report["gap"]["after_mm"]["rmse"] / max(report["gap"]["floor_mm"], 1e-9)
-    return Row(case["name"], case["kind"], case["scene"], effects, verdict, hit=not miss, miss=miss, place=place, likeness=likeness,
-               shrink=stated, true_shrink=true, covered=covered, left_over_floor=over, seconds=seconds)
+    return Row(
+        case["name"],
+        case["kind"],
+        case["scene"],
+        effects,
+        verdict,
+        hit=not miss,
+        miss=miss,
+        place=place,
+        likeness=likeness,
+        shrink=stated,
+        true_shrink=true,
+        covered=covered,
+        left_over_floor=over,
+        seconds=seconds,
+    )
 
 
 def judge(case: dict[str, Any], verdict: tuple[str, ...], truth: Truth) -> str:
@@ -139,7 +178,10 @@ def _unknown_place(case: dict[str, Any], report: dict[str, Any], truth: Truth) -
 
 
 def _shrinks(
-    effects: tuple[str, ...], report: dict[str, Any], maps: Any, truth: Truth,
+    effects: tuple[str, ...],
+    report: dict[str, Any],
+    maps: Any,
+    truth: Truth,
 ) -> tuple[float | None, float | None, bool | None]:
     """Stated shrink, the one that taking off the true effect would give, and whether the interval holds it."""
     stated, held = report["gap"]["shrink"], report["split"]["held_out_views"]

@@ -11,9 +11,9 @@ import numpy as np
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tof_align.chain import Chain
     from tof_core.arrays import Float
     from tof_gap.columns import ColumnStore
-    from tof_gap.joint import Chain
 
 LEFT = 0.25
 """Share of a map's energy that must stand after pose and the other effect for the two to be separable."""
@@ -34,7 +34,7 @@ class Truth:
         """(V, H, W) metres (or share of captures lost) that the effect adds, None where it is in no view."""
         for kind in ("bias", "loss", "scatter"):
             if f"{kind}_{effect}" in self.arrays:
-                return self.arrays[f"{kind}_{effect}"].astype(float)
+                return np.asarray(self.arrays[f"{kind}_{effect}"], float)
         return None
 
     def worst_part(self, effect: str) -> str | None:
@@ -94,8 +94,9 @@ def inseparable(truth: Truth, effect: str, other: str) -> bool:
     tested: list[Candidate] = [c for c in candidates(store.views, store.scene) if c.name == other]  # type: ignore[attr-defined]
     design = build(store, tested, chain, hand_sd)
     alone = fit(design.system, np.zeros(0, np.int64)).energy
-    best = min((fit(design.system, g, free_hand=c.effect is None).energy for c, g in zip(tested, design.groups, strict=True)),
-               default=np.inf)
+    best = min(
+        (fit(design.system, g, free_hand=c.effect is None).energy for c, g in zip(tested, design.groups, strict=True)), default=np.inf
+    )
     return bool(best < LEFT * alone)
 
 

@@ -38,7 +38,9 @@ def figures(rows: Sequence[Row]) -> list[tuple[str, str, str]]:
     ]
     both = [(r.shrink, r.true_shrink) for r in rows if r.hit and r.shrink is not None and r.true_shrink is not None]
     out.append(_median("stated shrink against the true effect's, points", [100 * abs(a - b) for a, b in both], "at most 5"))
-    out.append(_share("its 95 % interval holds the true shrink", [bool(r.covered) for r in rows if r.hit and r.covered is not None], "90 to 99 %"))
+    out.append(
+        _share("its 95 % interval holds the true shrink", [bool(r.covered) for r in rows if r.hit and r.covered is not None], "90 to 99 %")
+    )
     out.append(_median("gap left over the floor after what was named", [r.left_over_floor for r in rows], "at most 1.2"))
     out.append(_median("seconds a case", [r.seconds for r in rows], "at most 10"))
     return out

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core import se3
-from tof_gap.candidates import Candidate
 from tof_gap.columns import ColumnStore, build
 from tof_gap.evidence import edge_band
 from tof_gap.select import SelectConfig, deal
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
+    from tof_gap.candidates import Candidate
     from tof_gap.diagnose import Diagnosis
     from tof_gap.evidence import ViewEvidence
     from tof_scene.raycast import Raycaster
@@ -49,6 +49,7 @@ def _along(factor: float) -> Callable[[Float, float], Float]:
         step = np.eye(4)
         step[2, 3] = (1 - factor) * range_m
         return np.asarray(T @ step)
+
     return pose
 
 
@@ -57,6 +58,7 @@ def _around(angle_deg: float) -> Callable[[Float, float], Float]:
         out, back = np.eye(4), np.eye(4)
         out[2, 3], back[2, 3] = range_m, -range_m
         return np.asarray(T @ out @ se3.exp([0, 0, 0, 0, np.radians(angle_deg), 0]) @ back)
+
     return pose
 
 
@@ -69,7 +71,9 @@ def _brighter(frame: Frame) -> Frame:
 
 
 def _warmer(frame: Frame) -> Frame:
-    return replace(frame, context=replace(frame.context, temperature=frame.context.temperature + 15.0, time_s=frame.context.time_s + 1800.0))
+    return replace(
+        frame, context=replace(frame.context, temperature=frame.context.temperature + 15.0, time_s=frame.context.time_s + 1800.0)
+    )
 
 
 ACTIONS = (
@@ -87,11 +91,9 @@ def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
     Each action is tried with a few views of the session; what the wider system would leave is
     computed from its Gram matrices.
     """
-    out = []
-    for place, member in enumerate(d.joint.selection.chosen.members):
-        for other in d.joint.selection.ties[place]:
-            out.append(_for_tie(d, caster, member, other))
-    return sorted(set(out))
+    selection = d.joint.selection
+    tied = [(m, other) for m, others in zip(selection.chosen.members, selection.ties, strict=True) for other in others]
+    return sorted({_for_tie(d, caster, member, other) for member, other in tied})
 
 
 def _for_tie(d: Diagnosis, caster: Raycaster, member: int, other: int) -> str:
@@ -151,6 +153,8 @@ def _longer(chain: Chain, chosen: Sequence[int] | Float, poses: Sequence[Float])
     at = np.asarray(chosen, int)
     robot = [np.asarray(se3.inverse(chain.B[chain.station[i]]) @ T @ se3.inverse(chain.hand_eye)) for i, T in zip(at, poses, strict=True)]
     return replace(
-        chain, station=np.concatenate([chain.station, chain.station[at]]), robot=np.concatenate([chain.robot, np.array(robot)]),
+        chain,
+        station=np.concatenate([chain.station, chain.station[at]]),
+        robot=np.concatenate([chain.robot, np.array(robot)]),
         arm=np.concatenate([chain.arm, np.tile(np.eye(4), (len(at), 1, 1))]),
     )

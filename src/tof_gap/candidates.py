@@ -75,8 +75,7 @@ def not_testable(views: Sequence[ViewEvidence]) -> dict[str, str]:
 def moving(views: Sequence[ViewEvidence]) -> bool:
     """Whether some views were taken at 5 mm/s or 0.5 degrees/s or more."""
     twists = np.array([v.frame.context.twist for v in views])
-    return bool((np.linalg.norm(twists[:, :3], axis=1) > 5e-3).any()
-                or (np.linalg.norm(twists[:, 3:], axis=1) > np.radians(0.5)).any())
+    return bool((np.linalg.norm(twists[:, :3], axis=1) > 5e-3).any() or (np.linalg.norm(twists[:, 3:], axis=1) > np.radians(0.5)).any())
 
 
 def warming(views: Sequence[ViewEvidence]) -> bool:
@@ -147,8 +146,8 @@ def _mhz(period: float) -> float:
 def _part_effects(views: Sequence[ViewEvidence], scene: Scene) -> Iterator[tuple[Effect, str]]:
     counts = np.zeros(len(scene.parts), int)
     for v in views:
-        part = v.rendering.part.ravel()[v.pixels]
-        counts += np.bincount(part[part >= 0], minlength=len(scene.parts))
+        seen = v.rendering.part.ravel()[v.pixels]
+        counts += np.bincount(seen[seen >= 0], minlength=len(scene.parts))
     for i, part in enumerate(scene.parts):
         if counts[i] < MIN_PART_PIXELS:
             continue
@@ -169,7 +168,9 @@ def deviation(views: Sequence[ViewEvidence], part: int) -> CadDeviation:
     mean = n.mean(axis=0)
     normal = mean if np.linalg.norm(mean) > 0.1 else np.array([0.0, 0.0, 1.0])
     return CadDeviation(
-        part=part, centre=_triple(0.5 * (low + high)), normal=_triple(normal / np.linalg.norm(normal)),
+        part=part,
+        centre=_triple(0.5 * (low + high)),
+        normal=_triple(normal / np.linalg.norm(normal)),
         half_size_m=float(max(0.5 * (high - low).max(), 1e-3)),
     )
 

@@ -11,7 +11,6 @@ import numpy as np
 from tof_core import se3
 from tof_gap.pattern import lines
 from tof_gap.posterior import fit_to
-from tof_gap.select import Selector
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.hand_eye import HandEye
@@ -22,14 +21,17 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_gap.evidence import ViewEvidence
     from tof_gap.joint import Joint
+    from tof_gap.select import Selector
     from tof_gap.system import Fit
     from tof_sensor.effect import Effect
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Named:
-    """One named effect: its instances (one per part where parts differ), errors of its parameters
-    in the same order, what could stand in for it, and how sure the naming is (0..1).
+    """One named effect.
+
+    Its instances (one per part where parts differ), errors of their parameters in the same order, what could stand
+    in for it, and how sure the naming is (0..1).
     """
 
     name: str
@@ -49,7 +51,10 @@ def named(joint: Joint, fit_views: Sequence[int], config: Selector, rng: np.rand
     selection, design = joint.selection, joint.design
     chosen = selection.chosen
     solution = fit_to(
-        design.system, fit_views, config.columns(chosen.members), inflate=chosen.inflate,
+        design.system,
+        fit_views,
+        config.columns(chosen.members),
+        inflate=chosen.inflate,
         free_hand=config.frees_hand(chosen.members),
     )
     out: dict[str, Named] = {}
@@ -63,14 +68,23 @@ def named(joint: Joint, fit_views: Sequence[int], config: Selector, rng: np.rand
         one = Named(effect.NAME, (effect,), (std,), ties, confidence(joint, config, place, rng))
         if one.name in out:
             both = out[one.name]
-            one = replace(both, effects=(*both.effects, effect), std=(*both.std, std),
-                          ties=tuple(sorted({*both.ties, *ties})), confidence=max(both.confidence, one.confidence))
+            one = replace(
+                both,
+                effects=(*both.effects, effect),
+                std=(*both.std, std),
+                ties=tuple(sorted({*both.ties, *ties})),
+                confidence=max(both.confidence, one.confidence),
+            )
         out[one.name] = one
     return sorted(out.values(), key=lambda n: n.name)
 
 
 def _in_units(
-    joint: Joint, member: int, solution: Fit, columns: slice, fit_views: Sequence[int],
+    joint: Joint,
+    member: int,
+    solution: Fit,
+    columns: slice,
+    fit_views: Sequence[int],
 ) -> tuple[Effect, dict[str, float]]:
     design = joint.design
     candidate, group = design.candidates[member], design.groups[member]

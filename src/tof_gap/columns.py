@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -72,7 +73,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     """One system of all hypotheses, linearised at `chain`; `hand_sd` (6,) holds X where it is not freed."""
     by_candidate = [store.of(c.effect) for c in tested]
     ends = np.cumsum([0, *(columns[0].shape[1] for columns in by_candidate)])
-    groups = tuple(np.arange(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
+    groups = tuple(np.arange(a, b) for a, b in itertools.pairwise(ends))
     nothing = store.of(None)
     C = [np.concatenate([nothing[v], *(columns[v] for columns in by_candidate)], axis=1) for v in range(len(store.views))]
     total = sum(len(c) for c in C)
@@ -81,10 +82,14 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     safe = np.where(live, scale, 1.0)
     system = System(
         G=np.stack([_gram(v, c / safe, chain, i) for i, (v, c) in enumerate(zip(store.views, C, strict=True))]),
-        station=np.asarray(chain.station), n=np.array([float(len(v.pixels)) for v in store.views]),
+        station=np.asarray(chain.station),
+        n=np.array([float(len(v.pixels)) for v in store.views]),
         weight=np.array([float((v.sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
-        base_sd=chain.priors.base, arm_sd=chain.priors.arm, hand_sd=hand_sd,
-        base0=np.array([se3.log(T) for T in chain.base]), arm0=np.array([se3.log(T) for T in chain.arm]),
+        base_sd=chain.priors.base,
+        arm_sd=chain.priors.arm,
+        hand_sd=hand_sd,
+        base0=np.array([se3.log(T) for T in chain.base]),
+        arm0=np.array([se3.log(T) for T in chain.arm]),
         hand0=se3.log(chain.hand_eye),
         # A column that vanishes everywhere is pinned: it explains nothing.
         theta_sd=np.where(live, _column_sd(tested, groups), 1e-9),
@@ -93,8 +98,9 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
 
 
 def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints]) -> Float:
-    sd = [np.full(len(g), DEVIATION_SD_M if isinstance(c.effect, CadDeviation) else COLUMN_SD_M)
-          for c, g in zip(tested, groups, strict=True)]
+    sd = [
+        np.full(len(g), DEVIATION_SD_M if isinstance(c.effect, CadDeviation) else COLUMN_SD_M) for c, g in zip(tested, groups, strict=True)
+    ]
     return np.concatenate([np.zeros(0), *sd])
 
 
@@ -105,4 +111,4 @@ def _gram(view: ViewEvidence, C: Float, chain: Chain, v: int) -> Float:
     r = view.residual.ravel()[view.pixels]
     X = np.concatenate([J @ shared, J @ own, C, r[:, None]], axis=1)
     X /= view.sigma.ravel()[view.pixels][:, None]
-    return X.T @ X
+    return np.asarray(X.T @ X)

@@ -4,15 +4,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.arrays import Float
 from tof_core.config import param, section
 from tof_gap.evidence import EvidenceConfig
 from tof_gap.missing import MissingConfig
 from tof_gap.scatter import ScatterConfig
 from tof_gap.select import SelectConfig
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
 
 
 @dataclass(frozen=True, slots=True)

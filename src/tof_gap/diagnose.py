@@ -70,8 +70,12 @@ class Diagnosis:
 
 
 def diagnose(
-    views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig,
-    left_out: frozenset[str] = frozenset(), say: Callable[[str], None] = lambda _: None,
+    views: Sequence[View],
+    caster: Raycaster,
+    config: GapConfig,
+    align: AlignConfig,
+    left_out: frozenset[str] = frozenset(),
+    say: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose a session.
 
@@ -92,7 +96,8 @@ def diagnose(
     joint = solve(views, caster, config, align, left_out)
     say("what scatter, loss and edges say")
     findings = tuple(
-        f for f in (*scatter.findings(joint.views, config.scatter), *missing.findings(joint.views, config.missing))
+        f
+        for f in (*scatter.findings(joint.views, config.scatter), *missing.findings(joint.views, config.missing))
         if f.name not in left_out
     )
     say("how far the gap shrinks on held-out views")
@@ -112,14 +117,33 @@ def diagnose(
     named_gross = any(f.name == "phase_wrap" for f in findings)
     unexplained = look(evidence, leftover, floors, gap, caster.scene, gross_named=named_gross)
     judged = tuple(Cause(c, figures.shrink([c.name]), figures.shrink([m for m in figures.maps if m != c.name]).shrink) for c in causes)
-    share = explainable([evidence[i] for i in fit_views], [residual[i] for i in fit_views],
-                        [evidence[i] for i in held], [residual[i] for i in held], [floors[i] for i in held], rng)
+    share = explainable(
+        [evidence[i] for i in fit_views],
+        [residual[i] for i in fit_views],
+        [evidence[i] for i in held],
+        [residual[i] for i in held],
+        [floors[i] for i in held],
+        rng,
+    )
     verdict = sorted({*(c.verdict for c in causes), *(f.name for f in findings)})
     if unexplained.structured:
         verdict.append("unknown")
     return Diagnosis(
-        tuple(sorted(verdict)) or ("none",), judged, findings, gap, share, unexplained, not_testable(joint.views), evidence,
-        tuple(residual), tuple(floors), figures.maps, final, joint, fit_views, held,
+        tuple(sorted(verdict)) or ("none",),
+        judged,
+        findings,
+        gap,
+        share,
+        unexplained,
+        not_testable(joint.views),
+        evidence,
+        tuple(residual),
+        tuple(floors),
+        figures.maps,
+        final,
+        joint,
+        fit_views,
+        held,
     )
 
 
@@ -166,7 +190,7 @@ class _Figures:
     def total(self, names: Sequence[str], view: int) -> Float:
         """(H, W) metres that the named effects add in a view."""
         zero = np.zeros(self.residual[view].shape)
-        return np.sum([zero, *(np.nan_to_num(self.maps[n][view]) for n in names)], axis=0)
+        return np.asarray(np.sum([zero, *(np.nan_to_num(self.maps[n][view]) for n in names)], axis=0))
 
     def shrink(self, names: Sequence[str]) -> Shrink:
         """Before and after taking the named effects off."""

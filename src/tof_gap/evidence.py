@@ -57,7 +57,10 @@ class ViewEvidence:
 
 
 def gather(
-    views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster, config: EvidenceConfig,
+    views: Sequence[View],
+    renderings: Sequence[Rendering],
+    caster: Raycaster,
+    config: EvidenceConfig,
 ) -> tuple[ViewEvidence, ...]:
     """Residuals of all views against the CAD rendered at their reference poses."""
     start = min(v.stamp_ns for v in views)
@@ -65,8 +68,10 @@ def gather(
     out = []
     for view, rendering in zip(views, renderings, strict=True):
         context = Context(
-            temperature=view.temperature, time_s=(view.stamp_ns - start) * 1e-9,
-            twist=_twist(view), caster=caster,
+            temperature=view.temperature,
+            time_s=(view.stamp_ns - start) * 1e-9,
+            twist=_twist(view),
+            caster=caster,
         )
         amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
         out.append(_of_view(view, ideal_frame(rendering, context, amplitude), config, rng))
@@ -146,8 +151,7 @@ def scatter(residual: Float, smooth: Mask, amplitude: Float, bins: int = 32) -> 
 
 
 def robust_std(values: Float) -> float:
-    """Standard deviation with what lies beyond five of the MAD's scale cut: outliers go, the tails of
-    a mixture of scatters stay."""
+    """Standard deviation less what lies beyond five of the MAD's scale: outliers go, a mixture's tails stay."""
     mad = 1.4826 * float(np.median(np.abs(values - np.median(values))))
     if mad <= 0:
         return float(values.std())

@@ -54,13 +54,24 @@ def inputs(view: ViewEvidence) -> Float:
     cell = cell_points(view.frame).reshape(-1, 3)[at]
     light = np.log(np.maximum(view.frame.amplitude.ravel()[at], 1e-12))
     time = np.full(len(at), view.frame.context.time_s)
-    columns = [view.frame.radial.ravel()[at], view.rendering.incidence.ravel()[at], light, row, column, time]
+    columns: list[Float] = [
+        view.frame.radial.ravel()[at],
+        view.rendering.incidence.ravel()[at].astype(np.float64),
+        light,
+        row,
+        column,
+        time,
+    ]
     return np.concatenate([np.stack(columns, axis=1), cell], axis=1)
 
 
 def explainable(
-    fit_views: Sequence[ViewEvidence], fit_gap: Sequence[Float], views: Sequence[ViewEvidence], gap: Sequence[Float],
-    floor: Sequence[Float], rng: np.random.Generator,
+    fit_views: Sequence[ViewEvidence],
+    fit_gap: Sequence[Float],
+    views: Sequence[ViewEvidence],
+    gap: Sequence[Float],
+    floor: Sequence[Float],
+    rng: np.random.Generator,
 ) -> float | None:
     """Share of the held-out gap above the floor that the regression explains, None where none is."""
     model = Flexible(fit_views, fit_gap, rng)

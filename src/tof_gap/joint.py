@@ -17,7 +17,6 @@ from tof_gap.evidence import ViewEvidence, gather
 from tof_gap.select import Selection, Selector, deal, select
 from tof_gap.system import arm_steps, fit
 from tof_scene.render import render
-from tof_sensor.effect import Effect
 from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.specular import Specular
@@ -29,11 +28,11 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_align.config import AlignConfig
-    from tof_core.arrays import Float
     from tof_core.capture import View
     from tof_gap.config import GapConfig
     from tof_gap.system import Fit
     from tof_scene.raycast import Raycaster
+    from tof_sensor.effect import Effect
 
 ROUNDS = 3
 """Linearisations: the first selects from afar, the second anew, the third refines shapes."""
@@ -50,23 +49,28 @@ class Joint:
 
 
 def solve(
-    views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig,
+    views: Sequence[View],
+    caster: Raycaster,
+    config: GapConfig,
+    align: AlignConfig,
     left_out: frozenset[str] = frozenset(),
 ) -> Joint:
     """Poses from the session, effects from what is left, then both again."""
     chain = start(views, caster, config, align)
     folds = deal(chain.station.tolist(), config.select.folds)
     finer: list[Candidate] = []
-    for turn in range(ROUNDS):
+    turn = 0
+    while True:
         evidence = observe(views, caster, chain, config)
         store = ColumnStore(evidence, folds)
         tested = [*candidates(evidence, caster.scene, left_out), *finer]
         design = build(store, tested, chain, config.hand_sd)
         selection = select(design, config.select)
-        if turn < ROUNDS - 1:
-            finer = refined(store, design, selection, chain, config)
-            chain = moved(chain, design, selection.fit, selection.chosen.inflate)
-    return Joint(chain, evidence, design, selection)
+        turn += 1
+        if turn == ROUNDS:
+            return Joint(chain, evidence, design, selection)
+        finer = refined(store, design, selection, chain, config)
+        chain = moved(chain, design, selection.fit, selection.chosen.inflate)
 
 
 def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> Chain:
@@ -84,7 +88,12 @@ START_INFLATE = 100.0
 
 
 def observe(
-    views: Sequence[View], caster: Raycaster, chain: Chain, config: GapConfig, *, footprints: bool = True,
+    views: Sequence[View],
+    caster: Raycaster,
+    chain: Chain,
+    config: GapConfig,
+    *,
+    footprints: bool = True,
 ) -> tuple[ViewEvidence, ...]:
     """Render every view where the chain has it, and gather what differs."""
     renderings = [render(caster, v.camera, chain.pose(i), footprints=footprints) for i, v in enumerate(views)]
@@ -122,7 +131,13 @@ def refined(store: ColumnStore, design: Design, selection: Selection, chain: Cha
 
 
 def _best_shape(
-    effect: Any, name: str, width: float, others: list[Candidate], store: ColumnStore, chain: Chain, config: GapConfig,
+    effect: Any,
+    name: str,
+    width: float,
+    others: list[Candidate],
+    store: ColumnStore,
+    chain: Chain,
+    config: GapConfig,
     inflate: float,
 ) -> Any:
     """The effect whose parameter `name`, within a factor 1 +- `width`, does best on held-out views."""

@@ -47,9 +47,9 @@ def lost(view: ViewEvidence) -> Mask:
     """
     gone = view.frame.valid & ~view.edge & (view.view.reason == Reason.NO_RETURN)
     if view.view.amplitude is None or not view.smooth.any():
-        return gone
+        return np.asarray(gone)
     brightest = np.quantile(view.frame.amplitude[view.smooth], 0.999)
-    return gone & ~(np.nan_to_num(view.view.amplitude) > brightest)
+    return np.asarray(gone & ~(np.nan_to_num(view.view.amplitude) > brightest))
 
 
 def _dropout(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | None:
@@ -85,7 +85,7 @@ def _phase_wrap(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding
     if near.sum() < config.turn_share * total or near.mean() < 0.5:
         return None
     short = bool(np.median(jump[near]) < 0)
-    start, share = _where_wrapped(views, size, short, config)
+    start, share = _where_wrapped(views, size, config, short=short)
     effect = PhaseWrap(modulation_mhz=LIGHT_M_PER_S / (2e6 * size), start_m=start if short else -start, share=share)
     maps = np.stack([_turns(v, size, config) for v in views])
     return Finding(effect, 0.95, share=maps, corrects=True)
@@ -105,7 +105,7 @@ def _turns(view: ViewEvidence, size: float, config: MissingConfig) -> Float:
     return np.where(np.isfinite(r), np.where(wrapped, np.sign(r) * size / view.frame.length, 0.0), np.nan)
 
 
-def _where_wrapped(views: Sequence[ViewEvidence], size: float, short: bool, config: MissingConfig) -> tuple[float, float]:
+def _where_wrapped(views: Sequence[ViewEvidence], size: float, config: MissingConfig, *, short: bool) -> tuple[float, float]:
     wrapped = np.concatenate([_turns(v, size, config)[np.isfinite(v.residual)] != 0 for v in views])
     radial = np.concatenate([v.frame.radial[np.isfinite(v.residual)] for v in views])
     start = float(np.quantile(radial[wrapped], 0.02 if short else 0.98))

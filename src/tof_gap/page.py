@@ -45,18 +45,28 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str) 
     """Write `report.html` beside `gap.json`, whose `content` it shows."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    left = [r - np.sum([np.zeros_like(r), *(np.nan_to_num(m[v]) for m in d.shares.values())], axis=0)
-            for v, r in enumerate(d.residual)]
+    left = [r - np.sum([np.zeros_like(r), *(np.nan_to_num(m[v]) for m in d.shares.values())], axis=0) for v, r in enumerate(d.residual)]
     gap = content["gap"]
     environment = Environment(loader=PackageLoader("tof_gap"), autoescape=True, undefined=StrictUndefined)
     text = environment.get_template("report.html.j2").render(
-        title=title, sentence=sentence(content), gap=gap, shrink=_percent(gap["shrink"]), interval=_interval(gap["shrink_ci95"]),
+        title=title,
+        sentence=sentence(content),
+        gap=gap,
+        shrink=_percent(gap["shrink"]),
+        interval=_interval(gap["shrink_ci95"]),
         picture={
-            "cad": pictures.on_the_cad(d, left), "how_far": pictures.how_far(d), "views": pictures.views(d, left),
+            "cad": pictures.on_the_cad(d, left),
+            "how_far": pictures.how_far(d),
+            "views": pictures.views(d, left),
             "by": pictures.by_quantity(by_quantity(d.evidence, d.residual, d.floor2, None)),
         },
-        regions=content["where"]["regions"], causes=[c | {"fitted": _fitted(c)} for c in content["causes"]], meaning=MEANING,
-        unexplained=content["unexplained"], advice=content["advice"], not_testable=content["not_testable"], split=content["split"],
+        regions=content["where"]["regions"],
+        causes=[c | {"fitted": _fitted(c)} for c in content["causes"]],
+        meaning=MEANING,
+        unexplained=content["unexplained"],
+        advice=content["advice"],
+        not_testable=content["not_testable"],
+        split=content["split"],
         pose=content["pose"],
     )
     path = folder / "report.html"

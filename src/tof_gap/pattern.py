@@ -13,7 +13,7 @@ from tof_sensor.effects.fixed_pattern import cosines
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Ints
+    from tof_core.arrays import Float, Ints, Mask
     from tof_gap.evidence import ViewEvidence
 
 WINDOW_PX = 15
@@ -28,7 +28,7 @@ def pattern_columns(views: Sequence[ViewEvidence], v: int, folds: Ints, order: i
     """
     view = views[v]
     h, w = view.residual.shape
-    by_column, by_row = lines([views[i] for i in np.flatnonzero(folds != folds[v])])
+    by_column, by_row = lines([other for other, fold in zip(views, folds, strict=True) if fold != folds[v]])
     row, column = np.divmod(view.pixels, w)
     smooth = cosines(h, w, order)[row, column]
     seen = (by_column[column] + by_row[row])[:, None]
@@ -49,7 +49,7 @@ def lines(views: Sequence[ViewEvidence]) -> tuple[Float, Float]:
     return by_column, rest.sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-12)
 
 
-def high_pass(image: Float, mask: Ints) -> Float:
+def high_pass(image: Float, mask: Mask) -> Float:
     """(H, W) image less its local mean over the mask; NaN outside."""
     inside = mask.astype(float)
     share = uniform_filter(inside, WINDOW_PX)

@@ -39,6 +39,7 @@ def on_the_cad(d: Diagnosis, left: Sequence[Float]) -> str:
     """The parts seen in the session, coloured by mean gap before and after, from the middle view's side."""
     limit = _limit(d)
     figure, axes = _axes(11, 4.6, ncols=2)
+    points: Any = None
     for ax, maps, title in zip(axes, (d.residual, left), ("before", "after adding what was named"), strict=True):
         xy, value = _projected(d, maps)
         points = ax.scatter(xy[:, 0], xy[:, 1], c=value, s=7, marker="s", cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
@@ -101,8 +102,15 @@ def views(d: Diagnosis, left: Sequence[Float], most: int = 4) -> str:
 
 
 LABELS = {
-    "range_m": "range, m", "incidence_deg": "incidence, deg", "amplitude": "amplitude", "edge_px": "distance to an edge, px",
-    "time_s": "time, s", "temperature_c": "temperature, °C", "concavity": "concavity", "column": "column", "row": "row",
+    "range_m": "range, m",
+    "incidence_deg": "incidence, deg",
+    "amplitude": "amplitude",
+    "edge_px": "distance to an edge, px",
+    "time_s": "time, s",
+    "temperature_c": "temperature, °C",
+    "concavity": "concavity",
+    "column": "column",
+    "row": "row",
     "speed_m_s": "speed, m/s",
 }
 
@@ -113,7 +121,7 @@ def by_quantity(bins: dict[str, list[Bin]]) -> str:
     columns = 4
     rows = max(1, -(-len(known) // columns))
     figure, axes = _axes(11, 2.2 * rows, nrows=rows, ncols=columns, squeeze=False)
-    for ax in axes.ravel()[len(known):]:
+    for ax in axes.ravel()[len(known) :]:
         ax.axis("off")
     for ax, (name, b) in zip(axes.ravel(), known, strict=False):
         middle = [0.5 * (x.low + x.high) for x in b]

@@ -24,7 +24,12 @@ def subset(system: System, views: Sequence[int]) -> System:
     """The system of some views only; all stations stay."""
     at = np.asarray(views)
     return replace(
-        system, G=system.G[at], station=system.station[at], n=system.n[at], weight=system.weight[at], arm0=system.arm0[at],
+        system,
+        G=system.G[at],
+        station=system.station[at],
+        n=system.n[at],
+        weight=system.weight[at],
+        arm0=system.arm0[at],
     )
 
 

@@ -35,26 +35,32 @@ def region_maps(diagnosis: Diagnosis, caster: Raycaster) -> list[Ints]:
 def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str]) -> dict[str, Any]:
     """The whole of `gap.json`."""
     found = regions(d.evidence, d.residual, d.floor2, maps, caster.scene)
-    return _finite({
-        "schema": SCHEMA,
-        "verdict": list(d.verdict),
-        "gap": _shrink(d.gap) | {"explainable": d.explainable, "dispersion": _dispersion(d), "missing": _missing(d)},
-        "causes": [_cause(c) for c in d.causes] + [_finding(f) for f in d.findings],
-        "where": {
-            "regions": [asdict(r) for r in found[:40]],
-            "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2, None).items()},
-        },
-        "unexplained": asdict(d.unexplained),
-        "not_testable": d.not_testable,
-        "pose": _pose(d),
-        "advice": advice,
-        "split": {"fit_views": list(d.fit_views), "held_out_views": list(d.held_out_views)},
-    })
+    content: dict[str, Any] = _finite(
+        {
+            "schema": SCHEMA,
+            "verdict": list(d.verdict),
+            "gap": _shrink(d.gap) | {"explainable": d.explainable, "dispersion": _dispersion(d), "missing": _missing(d)},
+            "causes": [_cause(c) for c in d.causes] + [_finding(f) for f in d.findings],
+            "where": {
+                "regions": [asdict(r) for r in found[:40]],
+                "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2, None).items()},
+            },
+            "unexplained": asdict(d.unexplained),
+            "not_testable": d.not_testable,
+            "pose": _pose(d),
+            "advice": advice,
+            "split": {"fit_views": list(d.fit_views), "held_out_views": list(d.held_out_views)},
+        }
+    )
+    return content
 
 
 def _shrink(s: Shrink) -> dict[str, Any]:
     return {
-        "before_mm": asdict(s.before), "after_mm": asdict(s.after), "floor_mm": s.floor_mm, "shrink": s.shrink,
+        "before_mm": asdict(s.before),
+        "after_mm": asdict(s.after),
+        "floor_mm": s.floor_mm,
+        "shrink": s.shrink,
         "shrink_ci95": None if s.ci95 is None else list(s.ci95),
     }
 
@@ -63,18 +69,27 @@ def _cause(c: Cause) -> dict[str, Any]:
     params = [{k: _plain(getattr(e, k)) for k in type(e).__dataclass_fields__ if k.islower()} for e in c.named.effects]  # type: ignore[attr-defined]
     alone = _shrink(c.alone)
     return {
-        "effect": c.named.name, "tied_with": list(c.named.ties), "confidence": c.named.confidence,
+        "effect": c.named.name,
+        "tied_with": list(c.named.ties),
+        "confidence": c.named.confidence,
         "params": params[0] if len(params) == 1 else {str(i): p for i, p in enumerate(params)},
         "params_std": c.named.std[0] if len(params) == 1 else {str(i): s for i, s in enumerate(c.named.std)},
-        "alone": {k: alone[k] for k in ("after_mm", "shrink", "shrink_ci95")}, "left_out": {"shrink": c.left_out},
+        "alone": {k: alone[k] for k in ("after_mm", "shrink", "shrink_ci95")},
+        "left_out": {"shrink": c.left_out},
     }
 
 
 def _finding(f: Finding) -> dict[str, Any]:
     params = {k: _plain(getattr(f.effect, k)) for k in type(f.effect).__dataclass_fields__ if k.islower()}  # type: ignore[attr-defined]
     return {
-        "effect": f.name, "tied_with": [], "confidence": f.confidence, "params": params, "params_std": f.std,
-        "alone": {"after_mm": None, "shrink": None, "shrink_ci95": None}, "left_out": {"shrink": None}, "note": f.note,
+        "effect": f.name,
+        "tied_with": [],
+        "confidence": f.confidence,
+        "params": params,
+        "params_std": f.std,
+        "alone": {"after_mm": None, "shrink": None, "shrink_ci95": None},
+        "left_out": {"shrink": None},
+        "note": f.note,
     }
 
 
@@ -85,8 +100,7 @@ def _plain(value: Any) -> Any:
 def _dispersion(d: Diagnosis) -> dict[str, float]:
     """Scatter against the photon law's: before, and after taking off what a scatter effect adds."""
     sigma2 = float(np.mean([np.mean(v.sigma[v.smooth] ** 2) for v in d.evidence]))
-    extra2 = sum(float(np.nanmean(np.square(f.share))) for f in d.findings
-                 if f.share is not None and f.effect.EVIDENCE.value == "scatter")
+    extra2 = sum(float(np.nanmean(np.square(f.share))) for f in d.findings if f.share is not None and f.effect.EVIDENCE.value == "scatter")
     expected2 = max(sigma2 - extra2, 1e-12)
     return {"before": float(np.sqrt(sigma2 / expected2)), "after": 1.0}
 
@@ -144,13 +158,18 @@ def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str]) -> d
     maps = region_maps(d, caster)
     content = report(d, caster, maps, advice)
     (folder / "gap.json").write_text(json.dumps(content, indent=1, allow_nan=False))
-    shares = {name: np.stack([np.where(np.isfinite(r), m, np.nan) for r, m in zip(d.residual, share, strict=True)]).astype(np.float32)
-              for name, share in d.shares.items()}
+    shares = {
+        name: np.stack([np.where(np.isfinite(r), m, np.nan) for r, m in zip(d.residual, share, strict=True)]).astype(np.float32)
+        for name, share in d.shares.items()
+    }
     shares |= {f.name: np.asarray(f.share, np.float32) for f in d.findings if f.share is not None and f.name not in shares}
     np.savez_compressed(
-        folder / "gap_maps.npz", view_stamp_ns=np.array([v.view.stamp_ns for v in d.evidence], np.int64),
+        folder / "gap_maps.npz",
+        view_stamp_ns=np.array([v.view.stamp_ns for v in d.evidence], np.int64),
         station=np.array([v.view.station for v in d.evidence], np.int32),
-        residual_m=np.stack(d.residual).astype(np.float32), region=np.stack(maps), **shares,
+        residual_m=np.stack(d.residual).astype(np.float32),
+        region=np.stack(maps),
+        **shares,  # type: ignore[arg-type]
     )
     save_model(sensor_model(d), folder / "sensor.yaml")
     return content

@@ -19,7 +19,7 @@ from tof_sensor.effects.quantization import Quantization
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_gap.evidence import ViewEvidence
 
 
@@ -57,8 +57,9 @@ def binned(views: Sequence[ViewEvidence], bins: int) -> Bins:
             continue
         edges = np.quantile(a, np.linspace(0, 1, bins + 1))
         which = np.clip(np.searchsorted(edges, a, side="right") - 1, 0, bins - 1)
-        rows += [(i, a[which == b].mean(), robust_std(x[which == b]) ** 2, (which == b).sum())
-                 for b in range(bins) if (which == b).sum() >= 60]
+        rows += [
+            (i, a[which == b].mean(), robust_std(x[which == b]) ** 2, (which == b).sum()) for b in range(bins) if (which == b).sum() >= 60
+        ]
     table = np.array(rows, float).reshape(-1, 4)
     return Bins(*table.T)
 
@@ -84,7 +85,7 @@ def fit_law(b: Bins, step_m: float) -> LawFit:
     own = step_m**2 / 12
     target = np.maximum(b.variance - own, 0.0)
     weight = np.sqrt(b.samples / 2) / np.maximum(b.variance, 1e-12)
-    keep = np.ones(len(target), bool)
+    keep, c, log = np.ones(len(target), bool), np.zeros(3), np.zeros(len(target))
     X = np.stack([np.ones_like(ratio), ratio, ratio**2], axis=1)
     for _ in range(4):
         c, _ = nnls(X[keep] * weight[keep, None], target[keep] * weight[keep])
@@ -92,8 +93,7 @@ def fit_law(b: Bins, step_m: float) -> LawFit:
         keep = log < max(3 * 1.4826 * np.median(np.abs(log - np.median(log))), 0.2) + np.median(log)
     cov = np.linalg.pinv((X[keep] * weight[keep, None]).T @ (X[keep] * weight[keep, None]))
     floor2 = c[0] + own
-    law = PhotonLaw(floor_m=float(np.sqrt(floor2)), shot_m=float(np.sqrt(c[1])), ambient_m=float(np.sqrt(c[2])),
-                    reference=reference)
+    law = PhotonLaw(floor_m=float(np.sqrt(floor2)), shot_m=float(np.sqrt(c[1])), ambient_m=float(np.sqrt(c[2])), reference=reference)
     spread = float(np.sqrt(cov[0, 0]) / max(2 * np.sqrt(c[0]), 1e-6))
     return LawFit(law, spread, float(np.std(log[keep])))
 
@@ -130,8 +130,9 @@ def findings(views: Sequence[ViewEvidence], config: ScatterConfig, expected: Pho
     excess = _constant_part(fitted, step) if expected is None else _beyond(b, expected)
     typical = float(np.sqrt(np.median(b.variance)))
     if excess > max(config.extra_mm * 1e-3, config.extra_share * typical) and excess > 4 * fitted.floor_std:
-        out.append(Finding(Noise(extra_m=excess), float(min(1.0, excess / typical)), {"extra_m": fitted.floor_std},
-                           _constant(views, excess)))
+        out.append(
+            Finding(Noise(extra_m=excess), float(min(1.0, excess / typical)), {"extra_m": fitted.floor_std}, _constant(views, excess))
+        )
     return out
 
 
@@ -150,7 +151,7 @@ def _view_ratio(b: Bins, fitted: LawFit, views: int) -> Float:
     return np.array([np.median(ratio[b.view == i]) if (b.view == i).any() else 1.0 for i in range(views)])
 
 
-def _burst(views: Sequence[ViewEvidence], fitted: LawFit, ratio: Float, hit: Float) -> Finding:
+def _burst(views: Sequence[ViewEvidence], fitted: LawFit, ratio: Float, hit: Mask) -> Finding:
     typical2 = float(np.median([np.median(fitted.variance(v.frame.amplitude[v.smooth])) for v in views]))
     size = float(np.sqrt(np.mean(ratio[hit] - 1) * typical2))
     share = np.stack([np.where(v.smooth, size * h, np.nan) for v, h in zip(views, hit, strict=True)])

@@ -26,8 +26,7 @@ class SelectConfig:
 
     gain: float = param(25.0, "held-out chi-square an effect must win (discrepancy taken out)", low=1.0)
     share: float = param(0.04, "of the visible gap that an effect must explain, left out of all", low=0.0, high=1.0)
-    tie_left: float = param(0.25, "share of a map's visible energy below which another effect hides it",
-                            low=0.0, high=1.0)
+    tie_left: float = param(0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0)
     tie_gain: float = param(20.0, "held-out chi-square by which tied effects may differ", low=0.0)
     most: int = param(5, "effects named at most", low=1, high=12)
     folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50)
@@ -191,8 +190,11 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
     while current.members:
         lost, visible = _worth(judge, current)
         total = float((visible**2).sum())
-        weak = [(v, i) for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
-                if gain < judge.config.gain or v * v < judge.config.share * total]
+        weak = [
+            (v, i)
+            for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
+            if gain < judge.config.gain or v * v < judge.config.share * total
+        ]
         if not weak:
             break
         drop = min(weak)[1]
@@ -211,8 +213,9 @@ def _worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:
         if judge.design.candidates[member].effect is None:
             visible.append(float(np.linalg.norm(solution.hand[:3])))
             continue
-        left = map_energy(system, judge.design.groups[member], _theta_of(judge, current, solution, place),
-                          np.zeros(0, np.int64), inflate=current.inflate)
+        left = map_energy(
+            system, judge.design.groups[member], _theta_of(judge, current, solution, place), np.zeros(0, np.int64), inflate=current.inflate
+        )
         visible.append(float(np.sqrt(max(left, 0.0) / system.n.sum())) * system.sigma)
     return np.array(lost), np.array(visible)
 
@@ -255,6 +258,5 @@ def _hides(judge: Selector, current: Hypothesis, place: int, member: int, other:
         return True  # A free X is judged by its held-out score alone.
     theta = _theta_of(judge, current, judge.fit(current), place)
     target = design.groups[member]
-    before, after = (map_energy(design.system, target, theta, judge.columns(c), inflate=current.inflate)
-                     for c in (rest, [*rest, other]))
+    before, after = (map_energy(design.system, target, theta, judge.columns(c), inflate=current.inflate) for c in (rest, [*rest, other]))
     return after < judge.config.tie_left * max(before, 1e-12)

@@ -71,7 +71,7 @@ def _block_sums(before: Float, after: Float, floor2: Float) -> tuple[Float, Floa
     _, block = np.unique(block, return_inverse=True)
 
     def total(values: Float) -> Float:
-        return np.bincount(block, values[seen]) if len(block) else np.zeros(0)
+        return np.asarray(np.bincount(block, values[seen]) if len(block) else np.zeros(0), float)
 
     def moments(e: Float) -> Float:
         return np.stack([total(e), total(np.abs(e)), total(e * e)])

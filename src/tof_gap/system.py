@@ -125,7 +125,7 @@ def reduce(system: System, active: Ints, inflate: float = 1.0) -> Reduced:
 def fit(system: System, active: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> Fit:
     """Weighted least squares of B, X and theta over all views; X is held unless `free_hand`."""
     reduced = reduce(system, active, inflate)
-    info, mean = _priors(system, active, free_hand)
+    info, mean = _priors(system, active, free_hand=free_hand)
     H = reduced.H.sum(axis=0) + np.diag(info)
     y = reduced.y.sum(axis=0) + info * mean
     cov = np.linalg.inv(H)
@@ -135,11 +135,16 @@ def fit(system: System, active: Ints, *, inflate: float = 1.0, free_hand: bool =
 
 
 def cross_validate(
-    system: System, active: Ints, folds: Ints, *, inflate: float = 1.0, free_hand: bool = False,
+    system: System,
+    active: Ints,
+    folds: Ints,
+    *,
+    inflate: float = 1.0,
+    free_hand: bool = False,
 ) -> Float:
     """(V,) chi-square of each view under the fit to all views of the other folds, its A minimised."""
     reduced = reduce(system, active, inflate)
-    info, mean = _priors(system, active, free_hand)
+    info, mean = _priors(system, active, free_hand=free_hand)
     names = np.unique(folds)
     mine = (folds[None, :] == names[:, None]).astype(float)
     H = reduced.H.sum(axis=0) - np.einsum("fv,vij->fij", mine, reduced.H) + np.diag(info)
@@ -148,7 +153,7 @@ def cross_validate(
     return np.asarray(reduced.energy - 2 * np.einsum("vi,vi->v", reduced.y, z) + np.einsum("vi,vij,vj->v", z, reduced.H, z))
 
 
-def _priors(system: System, active: Ints, free_hand: bool) -> tuple[Float, Float]:
+def _priors(system: System, active: Ints, *, free_hand: bool) -> tuple[Float, Float]:
     """Inverse variances and means of z."""
     hand_sd = HAND_FREE_SD if free_hand else system.hand_sd
     sd = np.concatenate([np.tile(system.base_sd, system.stations), hand_sd, system.theta_sd[active]])
@@ -162,10 +167,14 @@ def arm_steps(system: System, solution: Fit, *, inflate: float = 1.0) -> Float:
     take = np.concatenate([np.arange(POSE), POSE + solution.active, [system.G.shape[-1] - 1]]).astype(np.int64)
     N = system.G[:, take[:, None], take][:, ARM] / inflate
     weight = system.arm_sd**-2
-    z = np.concatenate([
-        solution.base[system.station], np.broadcast_to(solution.hand, (len(N), 6)),
-        np.broadcast_to(solution.theta, (len(N), k)),
-    ], axis=1)
+    z = np.concatenate(
+        [
+            solution.base[system.station],
+            np.broadcast_to(solution.hand, (len(N), 6)),
+            np.broadcast_to(solution.theta, (len(N), k)),
+        ],
+        axis=1,
+    )
     rest = np.concatenate([np.arange(12), POSE + np.arange(k)])
     rhs = N[:, :, -1] - weight * system.arm0 - np.einsum("vij,vj->vi", N[:, :, rest], z)
     return np.asarray(np.linalg.solve(N[:, :, ARM] + np.diag(weight), rhs[..., None])[..., 0])
@@ -185,7 +194,11 @@ def map_energy(system: System, target: Ints, coefficients: Float, others: Ints, 
     G[:, :-1, -1] = G[:, -1, :-1] = rows
     G[:, -1, -1] = np.einsum("i,vij,j->v", coefficients, system.G[:, (POSE + target)[:, None], POSE + target], coefficients)
     at_zero = replace(
-        system, G=G, base0=np.zeros_like(system.base0), arm0=np.zeros_like(system.arm0), hand0=np.zeros(6),
+        system,
+        G=G,
+        base0=np.zeros_like(system.base0),
+        arm0=np.zeros_like(system.arm0),
+        hand0=np.zeros(6),
         theta_sd=system.theta_sd[others],
     )
     return fit(at_zero, np.arange(len(others)), inflate=inflate).energy * inflate

@@ -27,8 +27,10 @@ STRUCTURED_SHARE = 0.12
 
 @dataclass(frozen=True, slots=True)
 class Unexplained:
-    """rmse_mm above the floor; structured: blocks agree that something is left; depends_on: quantities
-    that it varies with, most first; where: parts that carry it, most first.
+    """What is left above the floor.
+
+    structured: blocks agree that something is left; depends_on: quantities that it varies with, most first; where:
+    parts that carry it, most first.
     """
 
     rmse_mm: float
@@ -38,8 +40,13 @@ class Unexplained:
 
 
 def look(
-    views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], gap: Shrink, scene: Scene,
-    *, gross_named: bool = False,
+    views: Sequence[ViewEvidence],
+    left: Sequence[Float],
+    floor2: Sequence[Float],
+    gap: Shrink,
+    scene: Scene,
+    *,
+    gross_named: bool = False,
 ) -> Unexplained:
     """Judge what is left (H, W) metres per view against the floor.
 
@@ -56,7 +63,9 @@ def look(
     energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
     order = [i for i in np.argsort(-energy) if energy[i] > 0.1 * energy.sum()]
     return Unexplained(
-        size, structured=bool(structured), depends_on=_depends_on(views, left, floor2) if structured else (),
+        size,
+        structured=bool(structured),
+        depends_on=_depends_on(views, left, floor2) if structured else (),
         where=tuple(scene.parts[int(i)].name for i in order[:4]) if structured else (),
     )
 
@@ -70,7 +79,9 @@ def _gross_share(views: Sequence[ViewEvidence]) -> float:
 
 
 def _block_means(
-    views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float],
+    views: Sequence[ViewEvidence],
+    left: Sequence[Float],
+    floor2: Sequence[Float],
 ) -> tuple[Float, Float, Float, np.ndarray[tuple[int], np.dtype[np.int64]]]:
     """Per block and part: pixels, mean error, its variance if errors were white, and the part."""
     n_all, mean_all, var_all, part_all = [], [], [], []

@@ -49,7 +49,11 @@ class Bin:
 
 
 def regions(
-    views: Sequence[ViewEvidence], gap: Sequence[Float], floor2: Sequence[Float], region: Sequence[Ints], scene: Scene,
+    views: Sequence[ViewEvidence],
+    gap: Sequence[Float],
+    floor2: Sequence[Float],
+    region: Sequence[Ints],
+    scene: Scene,
 ) -> list[Region]:
     """Regions whose gap is more than chance, largest share first; `gap` (H, W) metres per view.
 
@@ -65,13 +69,16 @@ def regions(
     for i, (n, e2, _, mean, _, part), share, seen in zip(ids, rows, excess / whole, named, strict=True):
         if seen and share > 0:
             name = scene.parts[part].name
-            out.append(Region(int(i), f"{name}, face {int(i)}", name, float(share), 1e3 * float(np.sqrt(e2 / n)),
-                              1e3 * mean, int(n)))
+            out.append(Region(int(i), f"{name}, face {int(i)}", name, float(share), 1e3 * float(np.sqrt(e2 / n)), 1e3 * mean, int(n)))
     return sorted(out, key=lambda r: -r.share)
 
 
 def _region_sums(
-    i: int, views: Sequence[ViewEvidence], gap: Sequence[Float], floor2: Sequence[Float], region: Sequence[Ints],
+    i: int,
+    views: Sequence[ViewEvidence],
+    gap: Sequence[Float],
+    floor2: Sequence[Float],
+    region: Sequence[Ints],
 ) -> tuple[float, float, float, float, float, int]:
     """(pixels, sum e^2, sum floor^2, mean e, p-value, part) of one region."""
     e, f2, block, part = [], [], [], 0
@@ -109,13 +116,15 @@ def _discoveries(p: Float, rate: float) -> Float:
 
 
 def by_quantity(
-    views: Sequence[ViewEvidence], gap: Sequence[Float], floor2: Sequence[Float], concavity: Sequence[Float] | None,
+    views: Sequence[ViewEvidence],
+    gap: Sequence[Float],
+    floor2: Sequence[Float],
+    concavity: Sequence[Float] | None,
     bins: int = 12,
 ) -> dict[str, list[Bin]]:
     """The gap against each quantity of DESIGN section 4, in bins of equal pixel numbers."""
     e, f = np.concatenate([g.ravel() for g in gap]), np.concatenate([x.ravel() for x in floor2])
-    return {name: _bins(np.concatenate([q.ravel() for q in maps]), e, f, bins)
-            for name, maps in _quantities(views, concavity).items()}
+    return {name: _bins(np.concatenate([q.ravel() for q in maps]), e, f, bins) for name, maps in _quantities(views, concavity).items()}
 
 
 def _quantities(views: Sequence[ViewEvidence], concavity: Sequence[Float] | None) -> dict[str, list[Float]]:
@@ -144,5 +153,7 @@ def _bins(quantity: Float, e: Float, floor2: Float, bins: int) -> list[Bin]:
     which = np.clip(np.searchsorted(edges, q, side="right") - 1, 0, len(edges) - 2)
     n = np.maximum(np.bincount(which, minlength=len(edges) - 1), 1)
     mean, square, floor = (np.bincount(which, w, len(edges) - 1) / n for w in (x, x * x, f))
-    return [Bin(float(a), float(b), 1e3 * float(m), 1e3 * float(np.sqrt(s)), 1e3 * float(np.sqrt(fl)), int(k))
-            for a, b, m, s, fl, k in zip(edges[:-1], edges[1:], mean, square, floor, n, strict=True)]
+    return [
+        Bin(float(a), float(b), 1e3 * float(m), 1e3 * float(np.sqrt(s)), 1e3 * float(np.sqrt(fl)), int(k))
+        for a, b, m, s, fl, k in zip(edges[:-1], edges[1:], mean, square, floor, n, strict=True)
+    ]

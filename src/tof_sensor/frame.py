@@ -62,16 +62,23 @@ class Frame:
 
         For effects that look at each pixel by itself (`Effect.LOCAL`).
         """
+
         def at(a: NDArray[Any]) -> NDArray[Any]:
             return a.reshape(-1, *a.shape[2:])[pixels][None]
 
         r = self.rendering
         rendering = replace(
-            r, depth=at(r.depth), part=at(r.part), face=at(r.face), normal=at(r.normal), incidence=at(r.incidence),
-            albedo=at(r.albedo), mixed=at(r.mixed), second=at(r.second),
+            r,
+            depth=at(r.depth),
+            part=at(r.part),
+            face=at(r.face),
+            normal=at(r.normal),
+            incidence=at(r.incidence),
+            albedo=at(r.albedo),
+            mixed=at(r.mixed),
+            second=at(r.second),
         )
-        return Frame(rendering, at(self.rays), at(self.depth), at(self.amplitude), at(self.sigma), at(self.missing),
-                     self.context)
+        return Frame(rendering, at(self.rays), at(self.depth), at(self.amplitude), at(self.sigma), at(self.missing), self.context)
 
     @property
     def camera(self) -> Camera:

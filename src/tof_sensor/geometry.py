@@ -33,14 +33,14 @@ def pose_columns(frame: Frame) -> Float:
     """(H, W, 6) metres of z per unit of a right perturbation `T_cell_camera @ exp(xi)`."""
     g = slope(frame)
     points = np.nan_to_num(frame.points)
-    return np.concatenate([-g, -np.cross(points, g)], axis=-1)
+    return np.concatenate([-g, -np.asarray(np.cross(points, g))], axis=-1)
 
 
 def ray_columns(frame: Frame, shift: Float) -> Float:
     """(H, W, k) metres of z when the true ray differs by `shift` (H, W, 2, k) in normalised x, y."""
     g = slope(frame)[..., :2]
     z = np.nan_to_num(frame.depth)
-    return -z[..., None] * np.einsum("hwi,hwik->hwk", g, shift)
+    return np.asarray(-z[..., None] * np.einsum("hwi,hwik->hwk", g, shift))
 
 
 def object_columns(frame: Frame, motion: Float) -> Float:

@@ -16,10 +16,14 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float
+    from numpy.typing import NDArray
+
+    from tof_core.arrays import Float, Ints, Mask
     from tof_core.camera import Camera
     from tof_scene.raycast import Raycaster
     from tof_sensor.frame import Frame
+
+    ComplexImage = NDArray[np.complex128]
 
 WIDER = 1.3
 """The lit field against the image's: light from just outside comes back too."""
@@ -53,12 +57,15 @@ def lit_patches(camera: Camera, T_cell_camera: Float, caster: Raycaster) -> Patc
     rays, length, part = rays[met], length[met], hits.part[met]
     albedo = np.array([p.material.albedo for p in caster.scene.parts])
     return Patches(
-        point=rays * hits.t[met, None], normal=hits.normal[met] @ R, albedo=albedo[part],
-        solid_angle=dx * dy / length**3, range_m=hits.t[met] * length,
+        point=rays * hits.t[met, None],
+        normal=hits.normal[met] @ R,
+        albedo=albedo[part],
+        solid_angle=dx * dy / length**3,
+        range_m=hits.t[met] * length,
     )
 
 
-def indirect_phasor(frame: Frame, waves_per_m: float) -> Float:
+def indirect_phasor(frame: Frame, waves_per_m: float) -> ComplexImage:
     """(H, W) complex sum of indirect over direct light, phase `waves_per_m` times excess path.
 
     Needs `frame.context.caster`; zero where nothing is seen.
@@ -71,11 +78,21 @@ def indirect_phasor(frame: Frame, waves_per_m: float) -> Float:
     normals = np.ascontiguousarray(np.nan_to_num(frame.rendering.normal.astype(np.float64)))
     rows, columns = _receiver_raster(frame)
     seen = _visibility(frame, patches, rows, columns, caster)
-    return _gather(
-        points, normals, frame.valid, rows, columns, seen, patches.point, patches.normal,
-        patches.albedo * patches.solid_angle / np.pi, patches.range_m,
-        _disc_area(patches), waves_per_m,
+    out: ComplexImage = _gather(
+        points,
+        normals,
+        frame.valid,
+        rows,
+        columns,
+        seen,
+        patches.point,
+        patches.normal,
+        patches.albedo * patches.solid_angle / np.pi,
+        patches.range_m,
+        _disc_area(patches),
+        waves_per_m,
     )
+    return out
 
 
 def _disc_area(patches: Patches) -> Float:
@@ -84,12 +101,12 @@ def _disc_area(patches: Patches) -> Float:
     return np.asarray(patches.solid_angle * patches.range_m**2 / np.maximum(cosine, 0.05) / np.pi)
 
 
-def _receiver_raster(frame: Frame) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]
+def _receiver_raster(frame: Frame) -> tuple[Ints, Ints]:
     h, w = frame.depth.shape
     return np.linspace(0, h - 1, RECEIVERS[1]).astype(np.int64), np.linspace(0, w - 1, RECEIVERS[0]).astype(np.int64)
 
 
-def _visibility(frame: Frame, patches: Patches, rows, columns, caster: Raycaster):  # type: ignore[no-untyped-def]
+def _visibility(frame: Frame, patches: Patches, rows: Ints, columns: Ints, caster: Raycaster) -> Mask:
     """(receivers, patches) whether nothing stands between; traced only where both face each other."""
     grid = np.ix_(rows, columns)
     points = np.nan_to_num(frame.points[grid]).reshape(-1, 3)
@@ -109,11 +126,25 @@ def _visibility(frame: Frame, patches: Patches, rows, columns, caster: Raycaster
 
 
 @njit(cache=True, fastmath=True)
-def _gather(points, normals, valid, rows, columns, seen, patch, patch_normal, weight, patch_range, area, waves):  # type: ignore[no-untyped-def]
+def _gather(
+    points: Float,
+    normals: Float,
+    valid: Mask,
+    rows: Ints,
+    columns: Ints,
+    seen: Mask,
+    patch: Float,
+    patch_normal: Float,
+    weight: Float,
+    patch_range: Float,
+    area: Float,
+    waves: float,
+) -> ComplexImage:
+    """Sum what every patch sends to every pixel, seen as its nearest traced receiver sees it."""
     h, w = valid.shape
     out = np.zeros((h, w), np.complex128)
     for v in range(h):
-        at_row = min(np.searchsorted(rows, v), len(rows) - 1)
+        at_row = min(int(np.searchsorted(rows, v)), len(rows) - 1)
         for u in range(w):
             if not valid[v, u]:
                 continue
@@ -123,7 +154,7 @@ def _gather(points, normals, valid, rows, columns, seen, patch, patch_normal, we
             direct = -(x * nx + y * ny + z * nz) / (r * r * r)
             if direct <= 1e-6:
                 continue
-            at_column = min(np.searchsorted(columns, u), len(columns) - 1)
+            at_column = min(int(np.searchsorted(columns, u)), len(columns) - 1)
             best, receiver = np.inf, 0
             for i in range(max(at_row - 1, 0), at_row + 1):
                 for j in range(max(at_column - 1, 0), at_column + 1):

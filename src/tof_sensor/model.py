@@ -57,7 +57,11 @@ class SensorModel:
 
 
 def simulate(
-    rendering: Rendering, model: SensorModel, rng: np.random.Generator, *, context: Context | None = None,
+    rendering: Rendering,
+    model: SensorModel,
+    rng: np.random.Generator,
+    *,
+    context: Context | None = None,
     amplitude: Float | None = None,
 ) -> Frame:
     """One capture of a rendered view by the modelled sensor."""
@@ -100,5 +104,4 @@ def _effect(block: Any, where: str) -> Effect:
 
 def _plain(values: dict[str, Any]) -> dict[str, Any]:
     """Values as YAML holds them: no tuples, no NumPy scalars."""
-    return {k: [float(x) for x in v] if isinstance(v, tuple) else v.item() if isinstance(v, np.generic) else v
-            for k, v in values.items()}
+    return {k: [float(x) for x in v] if isinstance(v, tuple) else v.item() if isinstance(v, np.generic) else v for k, v in values.items()}

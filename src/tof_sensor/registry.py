@@ -33,9 +33,29 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Effect
 
 PHYSICAL_ORDER: tuple[type[Effect], ...] = (
-    CadDeviation, HandEye, TimeSync, Intrinsics, Subsurface, FlyingPixels, Multipath, Specular,
-    LensScatter, Motion, Wiggling, AmplitudeBias, FixedPattern, TemperatureDrift, RangeOffset,
-    PhotonLaw, Noise, Interference, PhaseWrap, Dropout, DepthScale, RadialDepth, Quantization,
+    CadDeviation,
+    HandEye,
+    TimeSync,
+    Intrinsics,
+    Subsurface,
+    FlyingPixels,
+    Multipath,
+    Specular,
+    LensScatter,
+    Motion,
+    Wiggling,
+    AmplitudeBias,
+    FixedPattern,
+    TemperatureDrift,
+    RangeOffset,
+    PhotonLaw,
+    Noise,
+    Interference,
+    PhaseWrap,
+    Dropout,
+    DepthScale,
+    RadialDepth,
+    Quantization,
 )
 """Part, pose, optics, pixel, electronics, output."""
 

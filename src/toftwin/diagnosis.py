@@ -30,8 +30,13 @@ class GapPipelineConfig(PipelineConfig):
 
 
 def diagnose_bag(
-    reader: BagReader, scene: Scene, config: GapPipelineConfig, *, known: SensorModel | None = None,
-    left_out: frozenset[str] = frozenset(), say: Callable[[str], None] = lambda _: None,
+    reader: BagReader,
+    scene: Scene,
+    config: GapPipelineConfig,
+    *,
+    known: SensorModel | None = None,
+    left_out: frozenset[str] = frozenset(),
+    say: Callable[[str], None] = lambda _: None,
 ) -> tuple[Diagnosis, Raycaster]:
     """Read every view unfiltered, take off what is `known`, diagnose the rest."""
     say("reading views")

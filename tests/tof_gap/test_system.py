@@ -15,20 +15,28 @@ THETA_SD = np.full(COLUMNS, 0.05)
 STATION = np.array([0, 0, 0, 1, 1, 1])
 
 
-def rows() -> list[np.ndarray]:  # type: ignore[type-arg]
+def rows() -> list[np.ndarray]:
     """Per view (n, 18 + K + 1): pose columns, effect columns, residual, all in units of sigma."""
     return [RNG.normal(size=(PIXELS, 18 + COLUMNS + 1)) for _ in range(VIEWS)]
 
 
-def system_of(X: list[np.ndarray]) -> System:  # type: ignore[type-arg]
+def system_of(X: list[np.ndarray]) -> System:
     return System(
-        G=np.stack([x.T @ x for x in X]), station=STATION, n=np.full(VIEWS, float(PIXELS)), weight=np.full(VIEWS, float(PIXELS)),
-        base_sd=BASE_SD, arm_sd=ARM_SD, hand_sd=HAND_SD, base0=RNG.normal(0, 0.01, (STATIONS, 6)),
-        arm0=RNG.normal(0, 1e-3, (VIEWS, 6)), hand0=np.zeros(6), theta_sd=THETA_SD,
+        G=np.stack([x.T @ x for x in X]),
+        station=STATION,
+        n=np.full(VIEWS, float(PIXELS)),
+        weight=np.full(VIEWS, float(PIXELS)),
+        base_sd=BASE_SD,
+        arm_sd=ARM_SD,
+        hand_sd=HAND_SD,
+        base0=RNG.normal(0, 0.01, (STATIONS, 6)),
+        arm0=RNG.normal(0, 1e-3, (VIEWS, 6)),
+        hand0=np.zeros(6),
+        theta_sd=THETA_SD,
     )
 
 
-def dense(s: System, X: list[np.ndarray], active: np.ndarray) -> tuple[np.ndarray, float]:  # type: ignore[type-arg]
+def dense(s: System, X: list[np.ndarray], active: np.ndarray) -> tuple[np.ndarray, float]:
     """All unknowns at once by least squares: b (S), x, theta, then a of every view; and the energy left."""
     k, G = len(active), 6 * STATIONS + 6
     size = G + k + 6 * VIEWS

@@ -31,10 +31,15 @@ def plane_frame(context: Context | None = None, amplitude: Float | None = None, 
     shape = CAMERA.shape
     cosine = -(rays @ NORMAL) / CAMERA.ray_length()
     rendering = Rendering(
-        camera=CAMERA, T_cell_camera=np.eye(4), depth=plane_depth(rays).astype(np.float32),
-        part=np.full(shape, part, np.int16), face=np.zeros(shape, np.int32),
+        camera=CAMERA,
+        T_cell_camera=np.eye(4),
+        depth=plane_depth(rays).astype(np.float32),
+        part=np.full(shape, part, np.int16),
+        face=np.zeros(shape, np.int32),
         normal=np.broadcast_to(NORMAL.astype(np.float32), (*shape, 3)).copy(),
-        incidence=np.arccos(cosine).astype(np.float32), albedo=np.full(shape, 0.5, np.float32),
-        mixed=np.zeros(shape, np.float32), second=np.full(shape, np.nan, np.float32),
+        incidence=np.arccos(cosine).astype(np.float32),
+        albedo=np.full(shape, 0.5, np.float32),
+        mixed=np.zeros(shape, np.float32),
+        second=np.full(shape, np.nan, np.float32),
     )
     return ideal_frame(rendering, context, amplitude)

@@ -26,12 +26,19 @@ def test_pose_column_is_the_derivative_of_depth(axis: int) -> None:
     np.testing.assert_allclose(pose_columns(plane_frame())[..., axis], exact, atol=2e-3)
 
 
-@pytest.mark.parametrize(("name", "change"), [
-    ("fx_rel", {"fx": CAMERA.fx * (1 + STEP)}), ("fy_rel", {"fy": CAMERA.fy * (1 + STEP)}),
-    ("cx_px", {"cx": CAMERA.cx + STEP}), ("cy_px", {"cy": CAMERA.cy + STEP}),
-    ("k1", {"distortion": (STEP,)}), ("k2", {"distortion": (0.0, STEP)}),
-    ("p1", {"distortion": (0.0, 0.0, STEP)}), ("p2", {"distortion": (0.0, 0.0, 0.0, STEP)}),
-])
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("fx_rel", {"fx": CAMERA.fx * (1 + STEP)}),
+        ("fy_rel", {"fy": CAMERA.fy * (1 + STEP)}),
+        ("cx_px", {"cx": CAMERA.cx + STEP}),
+        ("cy_px", {"cy": CAMERA.cy + STEP}),
+        ("k1", {"distortion": (STEP,)}),
+        ("k2", {"distortion": (0.0, STEP)}),
+        ("p1", {"distortion": (0.0, 0.0, STEP)}),
+        ("p2", {"distortion": (0.0, 0.0, 0.0, STEP)}),
+    ],
+)
 def test_intrinsics_column_is_the_derivative_of_depth(name: str, change: dict[str, float]) -> None:
     values = {f: getattr(CAMERA, f) for f in ("width", "height", "fx", "fy", "cx", "cy")}
     true = Camera(**(values | change))

@@ -20,11 +20,30 @@ if TYPE_CHECKING:
 
 
 def test_vocabulary_is_the_designs() -> None:
-    assert set(VOCABULARY) == set(
-        "multipath wiggling flying_pixels lens_scatter temperature_drift amplitude_bias fixed_pattern noise motion "
-        "intrinsics hand_eye time_sync phase_wrap dropout cad_deviation radial_depth depth_scale range_offset "
-        "quantization specular subsurface interference".split()
-    )
+    assert set(VOCABULARY) == {
+        "multipath",
+        "wiggling",
+        "flying_pixels",
+        "lens_scatter",
+        "temperature_drift",
+        "amplitude_bias",
+        "fixed_pattern",
+        "noise",
+        "motion",
+        "intrinsics",
+        "hand_eye",
+        "time_sync",
+        "phase_wrap",
+        "dropout",
+        "cad_deviation",
+        "radial_depth",
+        "depth_scale",
+        "range_offset",
+        "quantization",
+        "specular",
+        "subsurface",
+        "interference",
+    }
 
 
 def test_every_effect_survives_its_file(tmp_path: Path) -> None:
@@ -46,14 +65,17 @@ def test_bias_is_linear_in_the_coefficients(kind: type) -> None:
     np.testing.assert_allclose(two, 2 * one, atol=1e-12)
 
 
-@pytest.mark.parametrize(("text", "says"), [
-    ("schema: toftwin.sensor/1\neffects:\n- {effect: wobbling}\n", "unknown effect 'wobbling'"),
-    ("schema: toftwin.sensor/1\neffects:\n- {effect: wiggling, size: 1}\n", "unknown key 'size'"),
-    ("schema: toftwin.sensor/1\neffects:\n- {effect: wiggling, sine_m: 5.0}\n", "above 0.1"),
-    ("schema: other\neffects: []\n", "schema must be"),
-    ("- 1\n", "schema must be"),
-    ("schema: toftwin.sensor/1\neffects:\n- {effect: fixed_pattern, values: [a]}\n", "list of numbers"),
-])
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("schema: toftwin.sensor/1\neffects:\n- {effect: wobbling}\n", "unknown effect 'wobbling'"),
+        ("schema: toftwin.sensor/1\neffects:\n- {effect: wiggling, size: 1}\n", "unknown key 'size'"),
+        ("schema: toftwin.sensor/1\neffects:\n- {effect: wiggling, sine_m: 5.0}\n", "above 0.1"),
+        ("schema: other\neffects: []\n", "schema must be"),
+        ("- 1\n", "schema must be"),
+        ("schema: toftwin.sensor/1\neffects:\n- {effect: fixed_pattern, values: [a]}\n", "list of numbers"),
+    ],
+)
 def test_bad_files_are_refused_in_one_line(tmp_path: Path, text: str, says: str) -> None:
     path = tmp_path / "sensor.yaml"
     path.write_text(text)

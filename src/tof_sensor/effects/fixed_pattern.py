@@ -60,8 +60,5 @@ class FixedPattern(FieldEffect):
 def cosines(height: int, width: int, order: int) -> Float:
     """(H, W, order^2 - 1) products of cosines, largest value 1, constant left out."""
     y, x = (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width
-    fields = [
-        np.cos(np.pi * i * y)[:, None] * np.cos(np.pi * j * x)[None, :]
-        for i in range(order) for j in range(order) if i + j
-    ]
+    fields = [np.cos(np.pi * i * y)[:, None] * np.cos(np.pi * j * x)[None, :] for i in range(order) for j in range(order) if i + j]
     return np.stack(fields, axis=-1) if fields else np.zeros((height, width, 0))

@@ -53,4 +53,4 @@ def _log_rate(frame: Frame) -> Float:
     flow_v = frame.camera.fy * (velocity[..., 1] - points[..., 1] / z * velocity[..., 2]) / z
     log = np.log(np.maximum(frame.amplitude, 1e-12))
     dv, du = np.gradient(np.where(frame.valid, log, np.nan))
-    return np.nan_to_num(-(du * flow_u + dv * flow_v))
+    return np.asarray(np.nan_to_num(-(du * flow_u + dv * flow_v)))

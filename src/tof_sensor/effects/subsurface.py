@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Subsurface(Effect):
-    """dr = depth below the surface, constant over one material (TOF_EFFECTS A.17), longer when
-    seen flat: optical path delay (1 + tan^2(refracted) / 2) for an index of 1.5.
-    """
+    """dr = delay / cos(refracted), constant over one material of index 1.5 (TOF_EFFECTS A.17)."""
 
     NAME: ClassVar[str] = "subsurface"
     LINEAR: ClassVar[tuple[str, ...]] = ("delay_m",)

@@ -25,7 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", type=Path, required=True, metavar="FILE", help="scene.yaml of the cell")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the report")
     parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml of what is known already; only the rest is diagnosed")
-    parser.add_argument("--leave-out", action="append", default=[], metavar="EFFECT", help="an effect not to be considered; may be repeated")
+    parser.add_argument(
+        "--leave-out", action="append", default=[], metavar="EFFECT", help="an effect not to be considered; may be repeated"
+    )
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     add_bag_arguments(parser)
     add_config_arguments(parser, _settings)
@@ -91,6 +93,8 @@ def summary(d: Diagnosis) -> str:
         lines.append(f"  {c.named.verdict}: confidence {c.named.confidence:.2f}{alone}")
     lines += [f"  {f.name}: confidence {f.confidence:.2f} {f.note}".rstrip() for f in d.findings]
     if d.unexplained.structured:
-        lines.append(f"unexplained: {d.unexplained.rmse_mm:.2f} mm at {', '.join(d.unexplained.where)}; varies with {', '.join(d.unexplained.depends_on)}")
+        lines.append(
+            f"unexplained: {d.unexplained.rmse_mm:.2f} mm at {', '.join(d.unexplained.where)}; varies with {', '.join(d.unexplained.depends_on)}"
+        )
     lines += [f"not testable: {name} ({why})" for name, why in d.not_testable.items()]
     return "\n".join(lines)
