@@ -76,7 +76,7 @@ def _descent(
             kernel = max(0.7 * kernel, min(kernel, 3.0 * mad(errors[np.abs(errors) < kernel])), config.weights.kernel_floor_mm * 1e-3)
             if np.linalg.norm(step[:3]) < 2e-4 and np.linalg.norm(step[3:]) < 2e-4 and kernel < 0.03:
                 break
-        return motion, _score(pixels, frame @ motion @ local, caster, config)
+        return motion, _score(pixels, frame @ motion @ local, caster)
 
     return descend
 
@@ -96,7 +96,7 @@ def _step(views: Sequence[Linearised], local: Float, motion: Float, prior_std: F
     return np.asarray(np.linalg.solve(H, b))
 
 
-def _score(pixels: Sequence[Pixels], poses: Float, caster: Raycaster, config: AlignConfig) -> float:
+def _score(pixels: Sequence[Pixels], poses: Float, caster: Raycaster) -> float:
     """Mean of min(|residual|, 30 mm) over all pixels that have a depth; the CAD's misses count in full."""
     total = count = 0.0
     for p, T in zip(pixels, poses, strict=True):

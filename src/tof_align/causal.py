@@ -44,6 +44,19 @@ class _Kept:
     arm: Float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """The new view at the end of a chain, fitted with the window; `answer`'s step is not taken yet."""
+
+    chain: Chain
+    basis: Basis
+    lin: Linearised
+    gram: Float
+    normal: Normal
+    answer: Mixed
+    pull: tuple[Float, Float] | None
+
+
 @dataclass(slots=True, eq=False)
 class SessionAligner:
     """Poses of views as they come, each from what came before it and itself.
@@ -98,33 +111,43 @@ class SessionAligner:
         self._chain = self._basis = self._carry = None
 
     def _place(self, taken: Sample, live: Pixels) -> Posed:
-        chain = self._predicted(taken)
-        last, predicted = len(self._kept), chain
-        lin = linearise(live, chain.pose(last), self.caster, self.config.weights)
+        predicted = self._predicted(taken)
+        lin = linearise(live, predicted.pose(len(self._kept)), self.caster, self.config.weights)
         if len(lin.residual) < self.config.verdict.min_pixels:
-            return self._refused(chain, last, f"only {len(lin.residual)} pixels see the CAD")
+            return self._refused(predicted, f"only {len(lin.residual)} pixels see the CAD")
+        fit = self._fit(live, predicted, lin)
+        seen = self._observe(fit.chain, fit.answer)
+        kept = _pin(fit, seen)
+        moved = fit.chain.moved(kept.x, kept.own)
+        verdict = self._judge(taken, fit, kept, moved, seen)
+        if not verdict.accepted:
+            return self._refused(predicted, verdict.reason)
+        self._remember(taken, moved, fit)
+        T = moved.pose(-1)
+        return Posed(T, se3.cov_fixed_axes(T, camera_cov(fit.chain, fit.answer, len(self._kept) - 1)), seen.at(T[:3, 3]), verdict=verdict.reason)
+
+    def _fit(self, live: Pixels, chain: Chain, lin: Linearised) -> _Fit:
+        """Gauss-Newton on the new view and the window; the answer's step is not taken yet."""
+        last = len(self._kept)
         basis = self._basis or basis_of([lin], replace(self.config.discrepancy, centres=0), widen=1.6)
         weights = weigh(lin, first_look(lin), self.config.weights)
-        for _ in range(STEPS):
-            gram = weighted_gram(lin, weights, basis)
-            normal, answer, pull = self._solved(chain, basis, gram, lin.T_cell_camera)
-            if np.abs(camera_step(chain, answer, last)).max() < 1e-4:
+        fit = self._solved(chain, basis, lin, weights)
+        for _ in range(STEPS - 1):
+            if np.abs(camera_step(chain, fit.answer, last)).max() < 1e-4:
                 break
-            chain = chain.moved(answer.x, answer.own)
+            chain = chain.moved(fit.answer.x, fit.answer.own)
             lin = linearise(live, chain.pose(last), self.caster, self.config.weights)
-            smooth = unmodelled(chain, basis, lin, answer, last)
+            smooth = unmodelled(chain, basis, lin, fit.answer, last)
             weights = weigh(lin, lin.residual - smooth.sum(axis=1), self.config.weights, smooth)
-        seen = self._observe(chain, answer)
-        kept = _pin(normal, answer, pull, seen, chain)
-        moved = chain.moved(kept.x, kept.own)
-        before = verdicts.fit_of(linearise(taken.coarse, _robot(taken), self.caster, self.config.weights), self.config)
-        after = verdicts.fit_of(lin, self.config, unmodelled(chain, basis, lin, kept, last).sum(axis=1))
-        verdict = verdicts.judge(before, after, _robot(taken), moved.pose(last), _prior_cov(chain, last), seen.names, self.config)
-        if not verdict.accepted:
-            return self._refused(predicted, last, verdict.reason)
-        self._remember(taken, moved, basis, gram, lin, answer)
-        T = moved.pose(last)
-        return Posed(T, se3.cov_fixed_axes(T, camera_cov(chain, answer, last)), seen.at(T[:3, 3]), accepted=True, verdict=verdict.reason)
+            fit = self._solved(chain, basis, lin, weights)
+        return fit
+
+    def _judge(self, taken: Sample, fit: _Fit, kept: Mixed, moved: Chain, seen: Observability) -> verdicts.Verdict:
+        T_robot, last = _robot(taken), len(self._kept)
+        before = verdicts.fit_of(linearise(taken.coarse, T_robot, self.caster, self.config.weights), self.config)
+        smooth = unmodelled(fit.chain, fit.basis, fit.lin, kept, last).sum(axis=1)
+        after = verdicts.fit_of(fit.lin, self.config, smooth)
+        return verdicts.judge(before, after, T_robot, moved.pose(last), _prior_cov(fit.chain), seen.names, self.config)
 
     def _predicted(self, taken: Sample) -> Chain:
         """The window's chain with the new view at its end; a new station is found from afar first."""
@@ -139,29 +162,28 @@ class SessionAligner:
         arm = np.array([*(k.arm for k in self._kept), np.eye(4)])
         return replace(station, pivot=self._chain.pivot, base=self._chain.base, arm=arm, hand_eye=self._chain.hand_eye)
 
-    def _solved(self, chain: Chain, basis: Basis, gram: Float, T: Float) -> tuple[Normal, Mixed, tuple[Float, Float] | None]:
+    def _solved(self, chain: Chain, basis: Basis, lin: Linearised, weights: Float) -> _Fit:
         """The window and the new view's normal equations together, with what is carried."""
         d = self.config.discrepancy
-        grams = [*(k.gram for k in self._kept), gram]
-        at = [*(k.T_cell_camera for k in self._kept), T]
+        gram = weighted_gram(lin, weights, basis)
+        at = [*(k.T_cell_camera for k in self._kept), lin.T_cell_camera]
         shifts = np.array([se3.log(se3.inverse(T_lin) @ chain.pose(v)) for v, T_lin in enumerate(at)])
-        normal = assemble(grams, chain, basis, np.zeros(0), shifts)
+        normal = assemble([*(k.gram for k in self._kept), gram], chain, basis, np.zeros(0), shifts)
         pull = None if self._carry is None else self._carry.at(chain)
         sizes = {kind: self._sizes.get(kind, d.start_mm * 1e-3) for kind in (*normal.kinds, *normal.own_kinds)}
         rounds = 3 if self._sizes else d.rounds
         answer = estimate(normal, sizes, rounds=rounds, low=d.floor_mm * 1e-3, high=d.ceiling_mm * 1e-3, pull=pull)
-        return normal, answer, pull
+        return _Fit(chain, basis, lin, gram, normal, answer, pull)
 
     def _observe(self, chain: Chain, answer: Mixed) -> Observability:
         centre = chain.robot[:, :3, 3].mean(axis=0)
         prior = np.diag(self.config.priors.base**2)
         return observe_block(answer.cov[:6, :6], prior, chain.frame(0), centre, self.config.verdict)
 
-    def _remember(self, taken: Sample, moved: Chain, basis: Basis, gram: Float, lin: Linearised, answer: Mixed) -> None:
-        self._basis, self._sizes = basis, dict(answer.sizes)
+    def _remember(self, taken: Sample, moved: Chain, fit: _Fit) -> None:
+        self._basis, self._sizes, self._chain = fit.basis, dict(fit.answer.sizes), moved
         self._kept = [replace(k, arm=arm) for k, arm in zip(self._kept, moved.arm, strict=False)]
-        self._kept.append(_Kept(taken, lin.T_cell_camera, gram, moved.arm[-1]))
-        self._chain = moved
+        self._kept.append(_Kept(taken, fit.lin.T_cell_camera, fit.gram, moved.arm[-1]))
         if len(self._kept) > self.window:
             self._fold(self._kept[:1])
             self._kept = self._kept[1:]
@@ -185,9 +207,9 @@ class SessionAligner:
         if self._carry is not None and self._chain is not None:
             self._carry = self._carry.without_base(self._chain)
 
-    def _refused(self, chain: Chain, last: int, reason: str) -> Posed:
-        T = chain.pose(last)
-        return Posed(T, se3.cov_fixed_axes(T, _prior_cov(chain, last)), accepted=False, verdict=reason)
+    def _refused(self, chain: Chain, reason: str) -> Posed:
+        T = chain.pose(-1)
+        return Posed(T, se3.cov_fixed_axes(T, _prior_cov(chain)), accepted=False, verdict=reason)
 
 
 def _robot(taken: Sample) -> Float:
@@ -195,17 +217,18 @@ def _robot(taken: Sample) -> Float:
     return taken.robot.T_cell_camera
 
 
-def _prior_cov(chain: Chain, last: int) -> Float:
-    return replace(chain, base=np.eye(4)[None], hand_eye=np.eye(4)).prior_cov(last)
+def _prior_cov(chain: Chain) -> Float:
+    """(6, 6) how sure the robot is of the last view's camera."""
+    return replace(chain, base=np.eye(4)[None], hand_eye=np.eye(4)).prior_cov(-1)
 
 
-def _pin(normal: Normal, answer: Mixed, pull: tuple[Float, Float] | None, seen: Observability, chain: Chain) -> Mixed:
+def _pin(fit: _Fit, seen: Observability) -> Mixed:
     """Solve again with the base held where the robot says along open directions."""
     if not len(seen.null):
-        return answer
-    G = normal.info.size
-    H, b = (np.zeros((G, G)), np.zeros(G)) if pull is None else (pull[0].copy(), pull[1].copy())
-    held = pinned(seen, chain.frame(0), chain.B[0])
+        return fit.answer
+    G = fit.normal.info.size
+    H, b = (np.zeros((G, G)), np.zeros(G)) if fit.pull is None else (fit.pull[0].copy(), fit.pull[1].copy())
+    held = pinned(seen, fit.chain.frame(0), fit.chain.B[0])
     H[:6, :6] += held[0]
     b[:6] += held[1]
-    return solve(normal, answer.sizes, (H, b))
+    return solve(fit.normal, fit.answer.sizes, (H, b))

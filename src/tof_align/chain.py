@@ -152,15 +152,15 @@ class Single:
         """Nothing beside it."""
         return 0
 
-    def pose(self, view: int) -> Float:
+    def pose(self, view: int) -> Float:  # noqa: ARG002
         """The one pose."""
         return self.T
 
-    def where(self, view: int) -> Ints:
+    def where(self, view: int) -> Ints:  # noqa: ARG002
         """All six."""
         return np.arange(6)
 
-    def links(self, view: int) -> tuple[Float, Float]:
+    def links(self, view: int) -> tuple[Float, Float]:  # noqa: ARG002
         """The root of the covariance whitens the unknowns."""
         return self.root, np.zeros((6, 0))
 
@@ -169,11 +169,11 @@ class Single:
         z = np.linalg.solve(self.root, se3.log(se3.inverse(self.T_prior) @ self.T))
         return np.ones(6), np.zeros(0), np.asarray(z, float), np.zeros((1, 0))
 
-    def moved(self, x: Float, own: Float) -> Single:
+    def moved(self, x: Float, own: Float) -> Single:  # noqa: ARG002
         """The pose after a whitened step."""
         return replace(self, T=self.T @ se3.exp(self.root @ x[:6]))
 
-    def subset(self, views: Sequence[int]) -> Single:
+    def subset(self, views: Sequence[int]) -> Single:  # noqa: ARG002
         """There is only one."""
         return self
 

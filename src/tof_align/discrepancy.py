@@ -148,7 +148,7 @@ def _surface_covariance(x: Float, y: Float) -> Float:
 
 
 def _square_distance(x: Float, y: Float) -> Float:
-    return np.maximum((x * x).sum(1)[:, None] + (y * y).sum(1)[None] - 2.0 * x @ y.T, 0.0)
+    return np.asarray(np.maximum((x * x).sum(1)[:, None] + (y * y).sum(1)[None] - 2.0 * x @ y.T, 0.0))
 
 
 def _inverse_root(K: Float) -> Float:

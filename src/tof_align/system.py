@@ -132,7 +132,7 @@ class SessionSystem(Generic[R]):
         """(n,) metres of a view that discrepancy and columns explain."""
         smooth = unmodelled(self.rig, self.basis, self.views[v], answer, v).sum(axis=1)
         if columns is None:
-            return smooth
+            return np.asarray(smooth)
         return np.asarray(smooth + columns[v] @ answer.x[self.rig.globals_ + sum(self.basis.shared):])
 
     def remaining(self, answer: Mixed, columns: Sequence[Float] | None = None) -> list[Float]:

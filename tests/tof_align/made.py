@@ -67,8 +67,9 @@ def panel() -> Raycaster:
 def foreign() -> Raycaster:
     """Another scene than any recorded here: a heap of tilted boxes where the section would be."""
     rng = np.random.default_rng(5)
-    heap = [box(f"box{i}", (0.12, 0.14, 0.1), at(*(rng.uniform(-0.25, 0.25, 3) + [0.1, 0, 0.8]), turn=tuple(rng.normal(size=3)))) for i in range(14)]
-    return Raycaster(scene_of(*heap))
+    middle = se3.from_quat([0.1, 0.0, 0.8], [0, 0, 0, 1])
+    heap = [middle @ se3.exp(np.concatenate([rng.uniform(-0.25, 0.25, 3), rng.normal(size=3)])) for _ in range(14)]
+    return Raycaster(scene_of(*(box(f"box{i}", (0.12, 0.14, 0.1), T) for i, T in enumerate(heap))))
 
 
 def look(eye: Float, target: Float, roll: float = 0.0) -> Float:
@@ -168,7 +169,7 @@ def one_view(caster: Raycaster, error: Float, *, effect: Callable[[Seen], Float]
 
 def wiggling(seen: Seen) -> Float:
     """3 mm RMS that repeats every 375 mm of range."""
-    return 3e-3 * np.sqrt(2.0) * np.sin(2 * np.pi * seen.range_m / 0.375 + 0.7)
+    return np.asarray(3e-3 * np.sqrt(2.0) * np.sin(2 * np.pi * seen.range_m / 0.375 + 0.7))
 
 
 def amplitude_bias(seen: Seen) -> Float:
@@ -178,7 +179,7 @@ def amplitude_bias(seen: Seen) -> Float:
 
 def drift(seen: Seen) -> Float:
     """A camera that warms up: 15 mm in the end, alike in all pixels."""
-    return 15e-3 * (1.0 - np.exp(-seen.view / 3.0)) * np.ones_like(seen.depth)
+    return np.full_like(seen.depth, 15e-3 * (1.0 - np.exp(-seen.view / 3.0)))
 
 
 def pose_error(T: Float, truth: Truth) -> tuple[float, float]:

@@ -10,6 +10,7 @@ import pytest
 
 from tests.tof_align.made import (
     CONFIG,
+    Truth,
     amplitude_bias,
     drift,
     foreign,
@@ -29,16 +30,16 @@ X_SIGMA = CONFIG.priors.hand_eye
 EFFECTS = {"wiggling": wiggling, "amplitude_bias": amplitude_bias, "drift": drift}
 
 
-def honest(solution: SessionSolution, truth: list) -> float:  # type: ignore[type-arg]
+def honest(solution: SessionSolution, truth: list[Truth]) -> float:
     """Share of label errors within twice the deviation that the pose's covariance gives."""
-    inside = []
+    inside: list[float] = []
     for posed, true in zip(solution.posed, truth, strict=True):
         z, _ = true_depth(section(), posed.T_cell_camera)
         error = z - true.depth
         lin = solution.system.views[len(inside)]
         sigma = np.sqrt(np.einsum("ij,jk,ik->i", lin.jacobian, posed.cov_right, lin.jacobian))
         e = np.abs(error.ravel()[lin.index])
-        inside.append((e < 2 * np.hypot(sigma, 0.02e-3))[e < 0.02].mean())
+        inside.append(float((e < 2 * np.hypot(sigma, 0.02e-3))[e < 0.02].mean()))
     return float(np.mean(inside))
 
 

@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 
 from tests.tof_align.made import CONFIG, section, session, wiggling
-from tof_align.chain import Chain
 from tof_align.session import SessionSolution, solve_session
-from tof_align.system import SessionSystem
+
+if TYPE_CHECKING:
+    from tof_align.chain import Chain
+    from tof_align.system import SessionSystem
 
 
 @pytest.fixture(scope="module")
