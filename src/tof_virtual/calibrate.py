@@ -59,7 +59,13 @@ def _measured(session: Session, effect: Effect, indices: Sequence[int]) -> Calla
     """Error of a noise-free camera with this effect alone."""
     moments = [session.moment(i, ()) for i in indices]
     plain = [expose(m, ()).depth for m in moments]
-    return lambda: np.concatenate([expose(m, (effect,)).depth - p for m, p in zip(moments, plain, strict=True)])
+
+    def error() -> Float:
+        for m in moments:
+            m.lights.clear()
+        return np.concatenate([expose(m, (effect,)).depth - p for m, p in zip(moments, plain, strict=True)])
+
+    return error
 
 
 def _geometric(session: Session, effect: Effect, indices: Sequence[int]) -> Callable[[], Float]:

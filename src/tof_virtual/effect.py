@@ -4,7 +4,7 @@
 # ruff: noqa: ARG002  (the base acts nowhere: its arguments lie idle)
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 from zlib import crc32
 
@@ -43,6 +43,8 @@ class Moment:
     config: VirtualConfig
     camera: Camera
     sights: tuple[Sight, ...]
+    lights: dict[object, list[Light]] = field(default_factory=dict)
+    """Light that falls on the pixels, by effects in force: the same for all captures of a dwell."""
 
     @property
     def sight(self) -> Sight:

@@ -45,7 +45,10 @@ def _charge(moment: Moment, effects: Sequence[Effect]) -> taps.Charge:
     config = moment.config.camera
     third, fifth = (sum((e.harmonics()[i] for e in effects), start=0j) for i in (0, 1))
     harmonics = third != 0 or fifth != 0
-    lights = [_light(moment, sight, effects, harmonics=harmonics) for sight in moment.sights]
+    key = tuple((e, e.size) for e in effects)
+    if key not in moment.lights:
+        moment.lights[key] = [_light(moment, sight, effects, harmonics=harmonics) for sight in moment.sights]
+    lights = moment.lights[key]
     middle = lights[-1]
 
     def four(name: str, factor: complex) -> Any:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,10 +25,11 @@ if TYPE_CHECKING:
     from tof_virtual.body import Body
     from tof_virtual.config import CameraConfig, VirtualConfig
     from tof_virtual.effect import Effect
+    from tof_virtual.optics import Light
     from tof_virtual.sight import Sight
     from tof_virtual.timeline import Shutter
 
-SIGHTS_KEPT = 16
+SIGHTS_KEPT = 8
 """What was seen last, kept for the captures of a dwell and for the shares of the effects."""
 
 
@@ -58,6 +60,7 @@ class Session:
         self.camera = stated_camera(config.camera, frame(config, "hand_depth_sensor"))
         self._worlds: dict[frozenset[str], World] = {frozenset(): World.of(bodies)}
         self._sights: dict[tuple[object, ...], Sight] = {}
+        self._lights: tuple[tuple[Sight, ...], dict[object, list[Light]]] | None = None
         plan_rng, time_rng, robot_rng = (np.random.default_rng([config.seed, k]) for k in range(3))
         raster = self.camera.rays()[:: max(self.camera.height // 12, 1), :: max(self.camera.width // 16, 1)].reshape(-1, 3)
         self.stops = plan(self.nominal, config.plan, raster, plan_rng)
@@ -122,7 +125,10 @@ class Session:
         return self._worlds[key]
 
     def shares(self) -> Float:
-        """Share of all pixels of the session that each nominal body fills (bodies,), by a coarse raster."""
+        """Share of all pixels of the session that each nominal body fills (bodies,), by a coarse raster.
+
+        Zero for what is no subject, unless hardly a subject is seen.
+        """
         soup = self.nominal.soup
         raster = self.camera.rays()[::6, ::6].reshape(-1, 3)
         count = np.zeros(len(soup.names))
@@ -130,7 +136,8 @@ class Session:
             T = stop.T_cell_body @ stop.T_body_hand @ HAND_OF_CAMERA
             _, face = self.nominal.tree.cast(T[:3, 3], raster @ T[:3, :3].T)
             count += np.bincount(soup.body[face[face >= 0]], minlength=count.size)
-        return np.asarray(count / (len(self.stops) * len(raster)))
+        subjects = np.where(soup.subject, count, 0)
+        return np.asarray((subjects if subjects.max() > 0.01 * count.sum() else count) / (len(self.stops) * len(raster)))
 
     # what is seen and measured --------------------------------------------------------------------
     def sight(self, shutter: Shutter, effects: Sequence[Effect], shift_s: float = 0.0, *, subsamples: int = 0) -> Sight:
@@ -155,10 +162,12 @@ class Session:
         shutter = self.shutters[index]
         interval = sum(e.tap_interval_s() for e in effects)
         shifts = [(k - 1.5) * interval for k in range(4)] if interval else []
+        sights = tuple(self.sight(shutter, effects, s, subsamples=subsamples) for s in [*shifts, 0.0])
+        if not self._lights or any(a is not b for a, b in zip_longest(self._lights[0], sights)):
+            self._lights = (sights, {})
         return Moment(
             index=index, view=shutter.stop, time_s=shutter.time_s, temperature=self.temperature(shutter.time_s),
-            world=self.world(effects), config=self.config, camera=self.camera,
-            sights=tuple(self.sight(shutter, effects, s, subsamples=subsamples) for s in [*shifts, 0.0]),
+            world=self.world(effects), config=self.config, camera=self.camera, sights=sights, lights=self._lights[1],
         )
 
     def bias(self, index: int, effect: Effect) -> Float:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,7 +42,7 @@ class World:
 class Rays:
     """Rays of any number (N,): distance from the camera in metres (NaN: nothing), face (-1), incidence cosine, direction (N, 3).
 
-    Directions are unit vectors in the cell; `origin` (3,) is the camera.
+    Directions are unit vectors in the cell (none are kept of an edge pixel's rays); `origin` (3,) is the camera.
     """
 
     distance: Float
@@ -103,7 +103,7 @@ def look(world: World, rays: Float, T_cell_camera: Float, *, subsamples: int = 6
         _majority(edge, du.size, part_z, part_face, bundle, nearest, flat, s.normals, s.body, z, face)
     length = np.linalg.norm(flat, axis=1)
     return Sight(
-        main=_rays(z, face, flat, origin, s), edge=edge, parts=_rays(part_z, part_face, bundle, origin, s),
+        main=_rays(z, face, flat, origin, s), edge=edge, parts=replace(_rays(part_z, part_face, bundle, origin, s), direction=np.zeros((0, 3))),
         samples=du.size, z=z, length=length, shape=(height, columns), T_cell_camera=T_cell_camera,
     )
 
