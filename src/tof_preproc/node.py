@@ -184,7 +184,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
     def warnings(self) -> list[str]:
         """Frames without camera_info or without TF."""
         out, t = [], self._topics
-        if self._since_info >= 3 and self.tally.last_arrival - max(self._last_info, self.tally.first_arrival) > 2.0:
+        if self._since_info >= 10 and self.tally.last_arrival - max(self._last_info, self.tally.first_arrival) > 2.0:
             frames, info = self.resolve_topic_name(t.depth or t.points), self.resolve_topic_name(t.info)
             out.append(f"{frames} is seen, but no {info} for 2 s: is it published, and heard (QoS)?")
         if self._stream.builder.skipped[NO_TRANSFORM]:

@@ -11,6 +11,7 @@ import threading
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tof_core.errors import ToftwinError, UsageError
@@ -114,11 +115,18 @@ class GraphProcess:
     def memory_bytes(self) -> int:
         """Its largest resident memory so far."""
         try:
-            with open(f"/proc/{self.process.pid}/status", encoding="ascii") as status:  # noqa: PTH123  (no file of ours)
-                line = next(line for line in status if line.startswith("VmHWM"))
-        except (OSError, StopIteration):
+            lines = Path(f"/proc/{self.process.pid}/status").read_text(encoding="ascii").splitlines()
+        except OSError:
             return 0
-        return int(line.split()[1]) * 1024
+        return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM")), 0)
+
+    def cpu_seconds(self) -> float:
+        """Processor time it has used so far."""
+        try:
+            fields = Path(f"/proc/{self.process.pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+        except OSError:
+            return 0.0
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @contextmanager

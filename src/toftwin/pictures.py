@@ -44,7 +44,7 @@ def panels(images: Sequence[tuple[str, NDArray[Any], str]], *, columns: int, spa
     """
     rows = -(-len(images) // columns)
     ratio = images[0][1].shape[0] / images[0][1].shape[1]
-    figure, axes = plt.subplots(rows, columns, figsize=(width, rows * (width / columns * ratio + 0.42)), squeeze=False, layout="constrained")
+    figure, axes = plt.subplots(rows, columns, figsize=(width, rows * (0.93 * width / columns * ratio + 0.3)), squeeze=False, layout="constrained")
     depths = np.concatenate([a[np.isfinite(a)].ravel() for _, a, kind in images if kind == "depth"] or [np.zeros(1)])
     low, high = np.percentile(depths, [1, 99]) if depths.size else (0.0, 1.0)
     for ax in axes.flat:

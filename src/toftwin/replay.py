@@ -31,10 +31,11 @@ NOT_PLAYED = ("/clock", "/diagnostics", "/rosout", "/parameter_events")
 
 @dataclass(frozen=True, slots=True)
 class ReplayResult:
-    """What became of a replay: frames by fate, and the largest memory of the graph's process in bytes."""
+    """What became of a replay: frames by fate, the graph's largest memory in bytes, its processor time for the frames."""
 
     report: PlayReport
     memory_bytes: int
+    cpu_s: float = 0.0
     recorded: int = 0
     nodes: tuple[str, ...] = field(default=())
 
@@ -127,6 +128,7 @@ def replay(
             time.sleep(0.05)
         if (placed := reader.chain.placed) is not None:
             player.place(placed.frame, reader.chain.cell or "cell", placed.T_frame_cell)
+        idle = graph.cpu_seconds()
         rest = tuple(t for t in played if t != "/tf")
         for _ in progress(player.play(reader.messages(rest), reader.messages(("/tf",)), graph.alive), "replay", reader.frame_count):
             pass
@@ -134,5 +136,5 @@ def replay(
         if recorder is not None:
             recorder.settle()
             _check_recording(recorder, player.report)
-        memory = graph.memory_bytes()
-    return ReplayResult(player.report, memory, recorder.count if recorder else 0, spec.nodes)
+        memory, cpu_s = graph.memory_bytes(), graph.cpu_seconds() - idle
+    return ReplayResult(player.report, memory, cpu_s, recorder.count if recorder else 0, spec.nodes)

@@ -76,7 +76,7 @@ def play(args: argparse.Namespace, record: Path | None) -> ReplayResult:
 def _facts(result: ReplayResult, comparison: Comparison | None) -> dict[str, Any]:
     r = result.report
     facts = {"sent": r.sent, "fates": dict(r.fates), "lost": r.lost, "seconds": round(r.seconds, 2),
-             "memory_mb": round(result.memory_bytes / 1e6), "recorded": result.recorded}
+             "cpu_seconds": round(result.cpu_s, 2), "memory_mb": round(result.memory_bytes / 1e6), "recorded": result.recorded}
     if comparison is not None:
         facts |= {"same": comparison.same, "compared": dict(comparison.compared), "largest": dict(comparison.largest),
                   "first_difference": str(comparison.first) if comparison.first else None}
@@ -87,7 +87,8 @@ def _print(result: ReplayResult, comparison: Comparison | None, record: Path | N
     r = result.report
     skipped = ", ".join(f"{reason} {count}" for reason, count in sorted(r.fates.items()) if reason != "kept")
     print(f"{r.sent} frames sent, {r.fates['kept']} kept, {r.lost} lost" + (f"; skipped: {skipped}" if skipped else ""))
-    print(f"{r.seconds:.1f} s, {r.sent / max(r.seconds, 1e-9):.1f} frames/s; graph ({', '.join(result.nodes)}) used {result.memory_bytes / 1e6:.0f} MB")
+    print(f"{r.seconds:.1f} s, {r.sent / max(r.seconds, 1e-9):.1f} frames/s; graph ({', '.join(result.nodes)}) used {result.memory_bytes / 1e6:.0f} MB, "
+          f"{1e3 * result.cpu_s / max(r.sent, 1):.0f} ms of processor a frame")
     if record is not None:
         print(f"{result.recorded} messages kept in {record}")
     if comparison is not None:
