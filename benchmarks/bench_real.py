@@ -49,16 +49,15 @@ def room() -> list[Figure]:
     first, other = views_of(DATA / "real/azure_kinect_static/bag")
     config = PrimitiveConfig()
     found = fit_primitives(first.depth, first.camera, config)
-    balls = [f for f in found if isinstance(f.surface, Sphere)]
+    balls = [f.surface.radius for f in found if isinstance(f.surface, Sphere)]
     caster = Raycaster(primitive_scene(found, first.camera, config.stride))
     aligned = align_view(other, caster, ROUGH, None)
     metres, degrees = se3.distance(aligned.posed.T_cell_camera, np.eye(4))
     label = label_view(other, aligned.posed, caster)
     used = (label.mask == 1) & np.isfinite(other.depth)
     error = 1e3 * (other.depth - label.depth)[used]
-    words = (
-        f"{len(found) - len(balls)} planes, {len(balls)} spheres of " + ", ".join(f"{2e3 * b.surface.radius:.1f}" for b in balls) + " mm"
-    )  # type: ignore[union-attr]
+    sizes = ", ".join(f"{2e3 * radius:.1f}" for radius in balls)
+    words = f"{len(found) - len(balls)} planes, {len(balls)} spheres of {sizes} mm"
     return [
         Figure("Azure Kinect pair: the other frame's pose against standing still", 1e3 * metres, "mm",
                remark=f"{degrees:.3f} deg, from 32 mm and 1.2 deg off; {words}"),

@@ -106,7 +106,7 @@ def _refined(A: Float, plane: Float, tolerance: float, rounds: int = 5) -> Mask:
     for _ in range(rounds):
         if inlier.sum() < FEWEST:
             break
-        plane = np.linalg.lstsq(A[inlier], np.ones(int(inlier.sum())), rcond=None)[0]
+        plane = np.asarray(np.linalg.lstsq(A[inlier], np.ones(int(inlier.sum())), rcond=None)[0], float)
         inlier = np.abs(A @ plane - 1.0) < tolerance
     return np.asarray(inlier)
 
