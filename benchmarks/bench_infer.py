@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from toftwin.evaluation.rivals import Example
 
 FRAMES = 10
+OTHERS = ("housing", "pipework")
+"""More scenes that nothing was trained or tuned on: concave, and curved."""
 TUNED_ON = (1, 2, 3)
 """Random scenes on whose stations the rivals are tuned; the network was trained on them too."""
 
@@ -50,6 +52,7 @@ def run() -> list[Figure]:
         methods: list[Method] = [Raw(), Rules(rules), Rules(rules, FRAMES), Corrected(fitted, rules), Corrected(fitted, rules, FRAMES), Model(session)]
         swept = sweep(camera, methods, work)
         return [*sweep_figures(swept, f"filters searched: {rules.order}, {found['train_mae_mm']:.2f} mm on their training stations"),
+                *(other_figure(camera, [Raw(), Rules(rules), Model(session)], name, work) for name in OTHERS),
                 panel_figure(camera, session, work), *timing_figures(session)]
 
 
@@ -66,12 +69,12 @@ def training_examples(camera: TwinCamera, work: Path) -> list[Example]:
     return out
 
 
-def sweep(camera: TwinCamera, methods: Sequence[Method], work: Path) -> dict[str, Any]:
-    """Figure 9 on the held-out scene, against the truth."""
-    scene = make_builtin(HELD_OUT)
-    bag = record_bag(scene, camera, work / "sweep", seed=777, settings=SWEEP)
+def sweep(camera: TwinCamera, methods: Sequence[Method], work: Path, name: str = HELD_OUT, frames: int = FRAMES) -> dict[str, Any]:
+    """Figure 9 on a held-out scene, against the truth."""
+    scene = make_builtin(name)
+    bag = record_bag(scene, camera, work / f"sweep_{name}", seed=777, settings={**SWEEP, "plan.captures": frames})
     with open_bag(bag, cell_frame=scene.frame) as reader:
-        evaluation = evaluate_bag(reader, Raycaster(scene), methods, PipelineConfig(), truth=work / "sweep.truth.npz")
+        evaluation = evaluate_bag(reader, Raycaster(scene), methods, PipelineConfig(), truth=work / f"sweep_{name}.truth.npz")
     found: dict[str, Any] = evaluation.result["methods"]
     return found
 
@@ -105,6 +108,15 @@ def sweep_figures(m: dict[str, Any], remark: str) -> list[Figure]:
         _honest("sweep: errors within one sigma", model["within_1_sigma"], 0.68, 0.05),
         _honest("sweep: errors within two sigma", model["within_2_sigma"], 0.95, 0.03),
     ]
+
+
+def other_figure(camera: TwinCamera, methods: Sequence[Method], name: str, work: Path) -> Figure:
+    """The sweep of another scene in one row."""
+    m = sweep(camera, methods, work, name, frames=1)
+    model, rules = m["model"], m["rules"]
+    return at_most(f"sweep of {name}: MAE of model over MAE of filters, equal coverage", model["equal_coverage"]["mae_mm"] / rules["equal_coverage"]["mae_mm"],
+                   0.5, "", remark=f"complete {100 * model['all']['completeness']:.0f} %, flying left {100 * model['flying_left_wrong']:.0f} %, within one and two "
+                   f"sigma {100 * model['within_1_sigma']:.0f} and {100 * model['within_2_sigma']:.0f} %")
 
 
 def _honest(what: str, share: float, wanted: float, tolerance: float) -> Figure:

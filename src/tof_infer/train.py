@@ -77,15 +77,19 @@ def train(
         _resume(checkpoint, state, digest)
         say(f"going on after epoch {state.epoch}")
     batcher, checker = Batcher(training, config, redraw), Batcher(validation, config)
+    every = -(-2 * len(validation) // len(training))  # checking must not take longer than learning
     while state.epoch < config.epochs:
         started = time.monotonic()
-        loss = _epoch(state, batcher, config, device)
-        verdict = judge(state.average, checker, device, config.loss)
+        point = {"epoch": state.epoch + 1, "loss": _epoch(state, batcher, config, device)}
         state.epoch += 1
-        state.curves.append({"epoch": state.epoch, "loss": loss, "val_loss": verdict.loss, "val_mae_mm": verdict.mae * 1e3})
+        said = f"epoch {state.epoch}/{config.epochs}: loss {point['loss']:.4f}"
+        if state.epoch % every == 0:
+            verdict = judge(state.average, checker, device, config.loss)
+            point |= {"val_loss": verdict.loss, "val_mae_mm": verdict.mae * 1e3}
+            said += f", validation {verdict.loss:.4f}, MAE {verdict.mae * 1e3:.2f} mm (raw {verdict.raw_mae * 1e3:.2f} mm)"
+        state.curves.append(point)
         _save(checkpoint, state, digest)
-        say(f"epoch {state.epoch}/{config.epochs}: loss {loss:.4f}, validation {verdict.loss:.4f}, MAE {verdict.mae * 1e3:.2f} mm "
-            f"(raw {verdict.raw_mae * 1e3:.2f} mm), {time.monotonic() - started:.1f} s")
+        say(f"{said}, {time.monotonic() - started:.1f} s")
     card = _card(config, pool, split, training, judge(state.average, checker, device, config.loss), state)
     out.parent.mkdir(parents=True, exist_ok=True)
     export(state.average.cpu(), Calibration(**card.figures["calibration"]), card, out)
