@@ -30,21 +30,50 @@ def run() -> list[Figure]:
     """Record 300 captures at 15 Hz, replay them as fast as the graph takes them, then in real time."""
     with tempfile.TemporaryDirectory() as folder:
         bag, out = Path(folder) / "bag", Path(folder) / "run"
-        recorded = cli.main(["simulate", "--scene", "body_section", "--out", str(bag), "--views", "20", "--stations", "4", "--captures", "15",
-                             "--size", "224x171", "--seed", "2", "--quiet"])
+        recorded = cli.main(
+            [
+                "simulate",
+                "--scene",
+                "body_section",
+                "--out",
+                str(bag),
+                "--views",
+                "20",
+                "--stations",
+                "4",
+                "--captures",
+                "15",
+                "--size",
+                "224x171",
+                "--seed",
+                "2",
+                "--quiet",
+            ]
+        )
         assert recorded == 0
         paced = play(bag, PlayOptions(), record=out)
         differing, largest, compared = against_offline(bag, out)
         live = play(bag, PlayOptions(realtime=True))
     lost = f"of {paced.report.sent}, {paced.report.sent / paced.report.seconds:.1f} frames/s"
     return [
-        at_most("replay over DDS against offline, images of preproc and masks that differ in any bit", differing, 0, "", remark=f"of {compared}"),
-        at_most("replay over DDS against offline, label depth, sigma and pose", largest * 1e3, 1e-3, "mm",
-                remark="float32's last bit: sums over arrays that lie elsewhere in memory"),
+        at_most(
+            "replay over DDS against offline, images of preproc and masks that differ in any bit", differing, 0, "", remark=f"of {compared}"
+        ),
+        at_most(
+            "replay over DDS against offline, label depth, sigma and pose",
+            largest * 1e3,
+            1e-3,
+            "mm",
+            remark="float32's last bit: sums over arrays that lie elsewhere in memory",
+        ),
         at_most("frames lost in a replay over DDS", paced.report.lost, 0, "", remark=lost),
         at_most("frames lost in real time, 300 at 15 Hz", live.report.lost, 0, "", remark=f"of {live.report.sent}, 224x171"),
-        Figure("processor time of the graph for a 224x171 frame, labels included", 1e3 * paced.cpu_s / paced.report.sent, "ms",
-               remark="two cores have 133 ms at 15 Hz"),
+        Figure(
+            "processor time of the graph for a 224x171 frame, labels included",
+            1e3 * paced.cpu_s / paced.report.sent,
+            "ms",
+            remark="two cores have 133 ms at 15 Hz",
+        ),
         at_most("memory of the whole graph (preproc, sim_label)", paced.memory_bytes / 1e9, 1.5, "GB"),
     ]
 

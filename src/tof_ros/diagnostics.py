@@ -65,8 +65,11 @@ class Tally:
     def values(self) -> dict[str, str]:
         """The figures as text."""
         out = {
-            "rate_hz": f"{self.rate():.2f}", "latency_p50_ms": f"{1e3 * self.latency(50):.1f}",
-            "latency_p95_ms": f"{1e3 * self.latency(95):.1f}", "seen": str(self.seen), "kept": str(self.kept),
+            "rate_hz": f"{self.rate():.2f}",
+            "latency_p50_ms": f"{1e3 * self.latency(50):.1f}",
+            "latency_p95_ms": f"{1e3 * self.latency(95):.1f}",
+            "seen": str(self.seen),
+            "kept": str(self.kept),
             "skipped": str(self.skipped.total()),
         }
         return out | {f"skipped.{reason}": str(count) for reason, count in sorted(self.skipped.items())}
@@ -111,6 +114,9 @@ class Diagnostics:
             level, message = DiagnosticStatus.STALE, "no frames"
         values = {**self._tally.values(), **self._more()}
         return DiagnosticStatus(
-            level=level, name=self._node.get_fully_qualified_name().lstrip("/"), message=message, hardware_id="",
+            level=level,
+            name=self._node.get_fully_qualified_name().lstrip("/"),
+            message=message,
+            hardware_id="",
             values=[KeyValue(key=k, value=v) for k, v in values.items()],
         )

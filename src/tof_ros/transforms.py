@@ -34,7 +34,9 @@ class TransformListener:
         self._wake = node.create_guard_condition(on_change)
         self._heard = float("-inf")
         self.messages = self.refused = 0
-        ears = rclpy.create_node(f"{node.get_name()}_tf", namespace=node.get_namespace(), context=node.context, start_parameter_services=False)
+        ears = rclpy.create_node(
+            f"{node.get_name()}_tf", namespace=node.get_namespace(), context=node.context, start_parameter_services=False
+        )
         ears.create_subscription(TFMessage, "/tf", lambda m: self._add(m, static=False), qos.TF)
         ears.create_subscription(TFMessage, "/tf_static", lambda m: self._add(m, static=True), qos.TF_STATIC)
         self._spinner = Spinner(ears)

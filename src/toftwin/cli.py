@@ -57,7 +57,10 @@ def build_parser(chosen: str = "") -> argparse.ArgumentParser:
     for name in [chosen] if chosen else command_names():
         module = load_command(name)
         sub = commands.add_parser(
-            module.NAME, help=module.HELP, description=module.HELP, epilog=f"example:\n  {module.EXAMPLE}",
+            module.NAME,
+            help=module.HELP,
+            description=module.HELP,
+            epilog=f"example:\n  {module.EXAMPLE}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         sub.add_argument("--debug", action="store_true", help="show the traceback of an error")

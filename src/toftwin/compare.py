@@ -30,10 +30,18 @@ class Tolerance:
 
 EXACT = Tolerance(0.0)
 TOLERANCES: dict[str, Tolerance] = {
-    "preproc/depth": Tolerance(1e-6), "preproc/sigma": Tolerance(1e-6), "preproc/noise": Tolerance(1e-6), "preproc/points": Tolerance(2e-6),
-    "preproc/reason": Tolerance(0, 1e-3), "preproc/amplitude": Tolerance(1e-3),
-    "label/depth": Tolerance(5e-5, 2e-3), "label/sigma": Tolerance(5e-5, 2e-3), "label/points": Tolerance(1e-4, 2e-3),
-    "label/mask": Tolerance(0, 2e-3), "label/part": Tolerance(0, 2e-3), "label/pose": Tolerance(2e-5),
+    "preproc/depth": Tolerance(1e-6),
+    "preproc/sigma": Tolerance(1e-6),
+    "preproc/noise": Tolerance(1e-6),
+    "preproc/points": Tolerance(2e-6),
+    "preproc/reason": Tolerance(0, 1e-3),
+    "preproc/amplitude": Tolerance(1e-3),
+    "label/depth": Tolerance(5e-5, 2e-3),
+    "label/sigma": Tolerance(5e-5, 2e-3),
+    "label/points": Tolerance(1e-4, 2e-3),
+    "label/mask": Tolerance(0, 2e-3),
+    "label/part": Tolerance(0, 2e-3),
+    "label/pose": Tolerance(2e-5),
 }
 """What another processor or ray caster may change: metres, radians; everything else is compared exactly."""
 IGNORED = ("/diagnostics", "/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "*/done")

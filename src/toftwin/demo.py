@@ -85,8 +85,15 @@ def _record(folder: Path, config: DemoConfig) -> Path:
     from toftwin.commands.simulate import bodies_of, parse_effects
 
     scene = write_builtin(config.scene, folder / "scene")
-    values = {"camera.width": config.width, "camera.height": config.height, "plan.views": config.views, "plan.stations": config.stations,
-              "plan.captures": config.captures, "output.colour": True, "seed": config.seed}
+    values = {
+        "camera.width": config.width,
+        "camera.height": config.height,
+        "plan.views": config.views,
+        "plan.stations": config.stations,
+        "plan.captures": config.captures,
+        "output.colour": True,
+        "seed": config.seed,
+    }
     effects = parse_effects([e for e in config.effects.split(",") if e])
     record(bodies_of(load_scene(scene)), folder / "bag", from_mapping(VirtualConfig, values), effects=effects, truth_path=folder / "truth")
     return scene
@@ -127,10 +134,12 @@ def _report(result: DemoResult, scene: Path) -> None:
 def summary(result: DemoResult) -> str:
     """The table that the command prints."""
     r = result.replayed
-    return "\n".join([
-        f"over DDS: {r.report.sent} frames sent, {r.report.fates['kept']} kept, {r.report.lost} lost; the graph used {r.memory_bytes / 1e6:.0f} MB",
-        table(result.evaluation.rows),
-        pose_table(result.evaluation.poses),
-        f"labels within two of their own sigmas of the truth: {result.evaluation.honest:.1%}",
-        "seconds: " + ", ".join(f"{name} {s:.0f}" for name, s in result.seconds.items()),
-    ])
+    return "\n".join(
+        [
+            f"over DDS: {r.report.sent} frames sent, {r.report.fates['kept']} kept, {r.report.lost} lost; the graph used {r.memory_bytes / 1e6:.0f} MB",
+            table(result.evaluation.rows),
+            pose_table(result.evaluation.poses),
+            f"labels within two of their own sigmas of the truth: {result.evaluation.honest:.1%}",
+            "seconds: " + ", ".join(f"{name} {s:.0f}" for name, s in result.seconds.items()),
+        ]
+    )

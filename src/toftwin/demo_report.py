@@ -33,13 +33,27 @@ def write_report(result: DemoResult, scene: Path) -> Path:
     dataset, (truth, meta) = open_dataset(result.folder / "dataset.zarr"), load_truth(result.folder / "truth")
     caster = Raycaster(load_scene(scene))
     view = _telling_view(dataset)
-    environment = Environment(loader=PackageLoader("toftwin"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=PackageLoader("toftwin"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     html = environment.get_template("demo.html.j2").render(
-        config=result.config, rows=result.evaluation.rows, poses=[_pose_row(p) for p in result.evaluation.poses],
-        honest=result.evaluation.honest, seconds=result.seconds, replayed=result.replayed, labelled=result.labelled, effects=meta["effects"],
-        view=view, scene_names=caster.scene.names, backend=caster.backend, camera=dataset.camera,
-        hero=hero(dataset, truth, caster, view), pose_plot=pictures.pose_plot(result.evaluation.poses),
-        histogram=_histogram(dataset, truth), reasons=_reasons(result.folder / "graph"), gallery=_gallery(dataset, truth),
+        config=result.config,
+        rows=result.evaluation.rows,
+        poses=[_pose_row(p) for p in result.evaluation.poses],
+        honest=result.evaluation.honest,
+        seconds=result.seconds,
+        replayed=result.replayed,
+        labelled=result.labelled,
+        effects=meta["effects"],
+        view=view,
+        scene_names=caster.scene.names,
+        backend=caster.backend,
+        camera=dataset.camera,
+        hero=hero(dataset, truth, caster, view),
+        pose_plot=pictures.pose_plot(result.evaluation.poses),
+        histogram=_histogram(dataset, truth),
+        reasons=_reasons(result.folder / "graph"),
+        gallery=_gallery(dataset, truth),
         stations=sorted(set(dataset.column("views/station").tolist())),
     )
     path = result.folder / "report.html"
@@ -53,8 +67,13 @@ def _telling_view(dataset: Dataset) -> int:
 
 
 def _pose_row(pose: Any) -> dict[str, Any]:
-    return {"name": pose.name, "mm": float(np.median(pose.millimetres)), "mm_max": float(pose.millimetres.max()),
-            "deg": float(np.median(pose.degrees)), "deg_max": float(pose.degrees.max())}
+    return {
+        "name": pose.name,
+        "mm": float(np.median(pose.millimetres)),
+        "mm_max": float(pose.millimetres.max()),
+        "deg": float(np.median(pose.degrees)),
+        "deg_max": float(pose.degrees.max()),
+    }
 
 
 def hero(dataset: Dataset, truth: dict[str, Any], caster: Raycaster, v: int) -> str:
@@ -62,12 +81,20 @@ def hero(dataset: Dataset, truth: dict[str, Any], caster: Raycaster, v: int) -> 
     raw = _raw(dataset, v)
     depth, label, part = (dataset.frame(f"views/{n}", v) for n in ("depth", "label", "part"))
     true, robot = truth["depth"][v], render(caster, dataset.camera, truth["T_robot"][v], footprints=False).depth
-    return pictures.panels([
-        ("raw, one capture", raw, "depth"), ("accumulated and filtered", depth, "depth"), ("label: CAD at the solved pose", label, "depth"),
-        ("its parts", part, "part"),
-        ("before: minus CAD at the robot's pose", depth - robot, "error"), ("after: minus label (CAD at the solved pose)", depth - label, "error"),
-        ("filtered minus truth", depth - true, "error"), ("label minus truth", label - true, "error"),
-    ], columns=4, width=13.5)
+    return pictures.panels(
+        [
+            ("raw, one capture", raw, "depth"),
+            ("accumulated and filtered", depth, "depth"),
+            ("label: CAD at the solved pose", label, "depth"),
+            ("its parts", part, "part"),
+            ("before: minus CAD at the robot's pose", depth - robot, "error"),
+            ("after: minus label (CAD at the solved pose)", depth - label, "error"),
+            ("filtered minus truth", depth - true, "error"),
+            ("label minus truth", label - true, "error"),
+        ],
+        columns=4,
+        width=13.5,
+    )
 
 
 def _raw(dataset: Dataset, v: int) -> NDArray[Any]:
@@ -94,7 +121,9 @@ def _reasons(run: Path) -> str:
     for (_, topic), message in read_run(run).items():
         if topic.endswith("preproc/reason"):
             counts += np.bincount(pixels(message).ravel(), minlength=256)
-    named = [(r.name.lower().replace("_", " "), 100.0 * counts[r] / max(counts.sum(), 1)) for r in Reason if r != Reason.VALID and counts[r]]
+    named = [
+        (r.name.lower().replace("_", " "), 100.0 * counts[r] / max(counts.sum(), 1)) for r in Reason if r != Reason.VALID and counts[r]
+    ]
     return pictures.bars(named, "share of all pixels, %")
 
 

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def opened(bag: str | Path, scene_path: Path | None, config: PipelineConfig, initial_pose: str | None = None) -> Iterator[tuple[BagReader, Scene | None]]:
+def opened(
+    bag: str | Path, scene_path: Path | None, config: PipelineConfig, initial_pose: str | None = None
+) -> Iterator[tuple[BagReader, Scene | None]]:
     """A bag and its scene; the cell is placed by `--initial-pose`, or by the scene's `placed_in`."""
     from dataclasses import replace
 

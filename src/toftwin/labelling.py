@@ -63,13 +63,24 @@ class LabelResult:
     def to_dict(self) -> dict[str, Any]:
         """Plain values for `metrics.json`."""
         return {
-            "captures": self.captures, "views": self.views, "skipped": dict(self.skipped), "verdicts": dict(self.verdicts),
-            "raw": self.raw.error.to_dict(), "filtered": self.filtered.error.to_dict(), "note": self.note,
+            "captures": self.captures,
+            "views": self.views,
+            "skipped": dict(self.skipped),
+            "verdicts": dict(self.verdicts),
+            "raw": self.raw.error.to_dict(),
+            "filtered": self.filtered.error.to_dict(),
+            "note": self.note,
         }
 
 
 def label_bag(
-    reader: BagReader, caster: Raycaster, config: PipelineConfig, out: Path, *, mode: str = "final", also: Sequence[str] = (),
+    reader: BagReader,
+    caster: Raycaster,
+    config: PipelineConfig,
+    out: Path,
+    *,
+    mode: str = "final",
+    also: Sequence[str] = (),
 ) -> LabelResult:
     """Label a bag into `out`: dataset.zarr, config.yaml, poses.json, metrics.json.
 
@@ -125,7 +136,11 @@ def _why_nothing(reader: BagReader) -> str:
 
 
 def _final(
-    reader: BagReader, caster: Raycaster, config: PipelineConfig, dataset: DatasetWriter, result: LabelResult,
+    reader: BagReader,
+    caster: Raycaster,
+    config: PipelineConfig,
+    dataset: DatasetWriter,
+    result: LabelResult,
 ) -> Iterator[tuple[View, Label]]:
     """Poses from one solution of the whole session."""
     from tof_align.session import solve_session
@@ -140,7 +155,11 @@ def _final(
 
 
 def _causal(
-    reader: BagReader, caster: Raycaster, config: PipelineConfig, dataset: DatasetWriter, result: LabelResult,
+    reader: BagReader,
+    caster: Raycaster,
+    config: PipelineConfig,
+    dataset: DatasetWriter,
+    result: LabelResult,
 ) -> Iterator[tuple[View, Label]]:
     """What the nodes give live: each view posed by those before it."""
     yield from causal_labels(views_of(reader, config, dataset, result), caster, config, result)
@@ -166,9 +185,14 @@ def _appended(dataset: DatasetWriter, view: View, label: Label, result: LabelRes
     result.filtered.add(view.depth, label.depth, certain(label.mask, label.sigma))
     assert view.robot is not None
     return {
-        "stamp_ns": view.stamp_ns, "station": view.station, "captures": view.captures, "verdict": label.posed.verdict,
-        "accepted": bool(label.posed.accepted), "T_cell_camera": label.posed.T_cell_camera.tolist(),
-        "T_robot": view.robot.T_cell_camera.tolist(), "sigma": np.sqrt(np.diag(label.posed.cov)).tolist(),
+        "stamp_ns": view.stamp_ns,
+        "station": view.station,
+        "captures": view.captures,
+        "verdict": label.posed.verdict,
+        "accepted": bool(label.posed.accepted),
+        "T_cell_camera": label.posed.T_cell_camera.tolist(),
+        "T_robot": view.robot.T_cell_camera.tolist(),
+        "sigma": np.sqrt(np.diag(label.posed.cov)).tolist(),
     }
 
 

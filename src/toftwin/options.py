@@ -49,9 +49,21 @@ def add_bag_arguments(parser: argparse.ArgumentParser, section: str = "input") -
         if info.kind is bool:
             group.add_argument(flag, dest=dest, action="store_const", const=True, help=text)
         else:
-            group.add_argument(flag, dest=dest, type=info.kind, choices=info.choices or None, metavar=None if info.choices else info.kind.__name__.upper(), help=text)
-    group.add_argument("--initial-pose", metavar="POSE", help=(
-        "a first guess of where the cell is: 'x y z qx qy qz qw' (metres, quaternion) in the camera's frame, or 'FRAME: x y z qx qy qz qw' in a frame of TF"))
+            group.add_argument(
+                flag,
+                dest=dest,
+                type=info.kind,
+                choices=info.choices or None,
+                metavar=None if info.choices else info.kind.__name__.upper(),
+                help=text,
+            )
+    group.add_argument(
+        "--initial-pose",
+        metavar="POSE",
+        help=(
+            "a first guess of where the cell is: 'x y z qx qy qz qw' (metres, quaternion) in the camera's frame, or 'FRAME: x y z qx qy qz qw' in a frame of TF"
+        ),
+    )
 
 
 def load_config(cls: type[C], args: argparse.Namespace) -> C:
@@ -137,7 +149,9 @@ def parse_placement(text: str | None, camera_frame: str) -> Placement | None:
     except ValueError:
         values = []
     if len(values) not in (3, 7) or not np.isfinite(values).all():
-        raise UsageError(f"'{text}' is not 'x y z qx qy qz qw'", where="--initial-pose", todo="for instance '0 0 0.8 0 0 0 1', or 'odom: 1 0 0 0 0 0 1'")
+        raise UsageError(
+            f"'{text}' is not 'x y z qx qy qz qw'", where="--initial-pose", todo="for instance '0 0 0.8 0 0 0 1', or 'odom: 1 0 0 0 0 0 1'"
+        )
     return Placement(frame.strip() if colon else camera_frame, from_quat(values[:3], values[3:] or (0, 0, 0, 1)))
 
 

@@ -23,10 +23,21 @@ if TYPE_CHECKING:
 
 INK, PAPER, ACCENT = "#1c2733", "#ffffff", "#0b7285"
 WAYS = ("#868e96", "#e8590c", "#7048e8", "#0b7285")
-mpl.rcParams.update({
-    "font.size": 9, "axes.edgecolor": "#ced4da", "axes.labelcolor": INK, "text.color": INK, "xtick.color": "#495057", "ytick.color": "#495057",
-    "axes.titlesize": 9.5, "axes.spines.top": False, "axes.spines.right": False, "figure.facecolor": PAPER, "savefig.facecolor": PAPER,
-})
+mpl.rcParams.update(
+    {
+        "font.size": 9,
+        "axes.edgecolor": "#ced4da",
+        "axes.labelcolor": INK,
+        "text.color": INK,
+        "xtick.color": "#495057",
+        "ytick.color": "#495057",
+        "axes.titlesize": 9.5,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "figure.facecolor": PAPER,
+        "savefig.facecolor": PAPER,
+    }
+)
 
 
 def data_uri(figure: Figure, dpi: int = 110) -> str:
@@ -44,7 +55,9 @@ def panels(images: Sequence[tuple[str, NDArray[Any], str]], *, columns: int, spa
     """
     rows = -(-len(images) // columns)
     ratio = images[0][1].shape[0] / images[0][1].shape[1]
-    figure, axes = plt.subplots(rows, columns, figsize=(width, rows * (0.93 * width / columns * ratio + 0.3)), squeeze=False, layout="constrained")
+    figure, axes = plt.subplots(
+        rows, columns, figsize=(width, rows * (0.93 * width / columns * ratio + 0.3)), squeeze=False, layout="constrained"
+    )
     depths = np.concatenate([a[np.isfinite(a)].ravel() for _, a, kind in images if kind == "depth"] or [np.zeros(1)])
     low, high = np.percentile(depths, [1, 99]) if depths.size else (0.0, 1.0)
     for ax in axes.flat:
@@ -100,7 +113,9 @@ def error_histogram(errors_mm: Sequence[tuple[str, NDArray[Any]]], span: float =
     """Distribution of depth errors."""
     figure, ax = plt.subplots(figsize=(5.4, 2.9), layout="constrained")
     for (name, values), colour in zip(errors_mm, ("#adb5bd", ACCENT), strict=False):
-        ax.hist(values, bins=np.linspace(-span, span, 121).tolist(), density=True, histtype="stepfilled", alpha=0.55, color=colour, label=name)
+        ax.hist(
+            values, bins=np.linspace(-span, span, 121).tolist(), density=True, histtype="stepfilled", alpha=0.55, color=colour, label=name
+        )
     ax.set_xlabel("depth error against the truth, mm")
     ax.set_yticks([])
     ax.spines["left"].set_visible(False)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from tof_align.config import AlignConfig
@@ -65,3 +65,9 @@ def _noted(captures: Iterable[Capture], taken: list[Capture]) -> Iterator[Captur
     for capture in captures:
         taken.append(capture)
         yield capture
+
+
+def raw_views(reader: BagReader, config: StreamConfig) -> list[View]:
+    """All views of a bag accumulated but unfiltered: what a diagnosis of the sensor must see."""
+    unfiltered = replace(config, preproc=replace(config.preproc, order="accumulate"))
+    return list(ViewStream(reader, unfiltered))

@@ -45,15 +45,33 @@ def graph_for(reader: BagReader, config: PipelineConfig, scene: Path | None) -> 
     t, camera = reader.topics, reader.camera.frame_id
     cell = reader.chain.cell or (reader.transforms.root(camera) if camera in reader.transforms.frames() else "")
     values = flatten(config)
-    names = {"depth_topic": t.depth, "points_topic": t.points, "info_topic": t.info, "amplitude_topic": t.amplitude or NOT_WANTED,
-             "temperature_topic": t.temperature or NOT_WANTED, "cell_frame": cell}
+    names = {
+        "depth_topic": t.depth,
+        "points_topic": t.points,
+        "info_topic": t.info,
+        "amplitude_topic": t.amplitude or NOT_WANTED,
+        "temperature_topic": t.temperature or NOT_WANTED,
+        "cell_frame": cell,
+    }
     preproc = {k: v for k, v in values.items() if k.startswith(("input.", "still.", "station.", "preproc."))}
-    preproc |= {f"input.{k}": v for k, v in names.items()} | {"live.reliable": True, "live.keep_tf_s": 3600.0, "live.patience_s": PATIENCE_S, "live.need_tf": bool(cell)}
+    preproc |= {f"input.{k}": v for k, v in names.items()} | {
+        "live.reliable": True,
+        "live.keep_tf_s": 3600.0,
+        "live.patience_s": PATIENCE_S,
+        "live.need_tf": bool(cell),
+    }
     if scene is None:
         return GraphSpec(("preproc",), {"preproc": preproc}, use_sim_time=True)
     label = {k: v for k, v in values.items() if k.startswith(("align.", "label."))}
-    label |= {"live.scene": str(scene), "live.cell_frame": cell, "live.body_frame": config.input.body_frame,
-              "live.max_gap_s": config.input.max_gap_s, "live.settle_s": 0.0, "live.keep_tf_s": 3600.0, "live.patience_s": PATIENCE_S}
+    label |= {
+        "live.scene": str(scene),
+        "live.cell_frame": cell,
+        "live.body_frame": config.input.body_frame,
+        "live.max_gap_s": config.input.max_gap_s,
+        "live.settle_s": 0.0,
+        "live.keep_tf_s": 3600.0,
+        "live.patience_s": PATIENCE_S,
+    }
     return GraphSpec(("preproc", "sim_label"), {"preproc": preproc, "sim_label": label}, use_sim_time=True)
 
 
@@ -80,12 +98,20 @@ def _check_recording(recorder: Recorder, report: PlayReport) -> None:
     """A recording that missed something would be compared as if the graph had."""
     kept = recorder.counts["/preproc/depth"]
     if kept != report.fates["kept"]:
-        raise BagError(f"holds {kept} of {report.fates['kept']} frames", where=recorder.path, todo="the machine is overloaded; replay again")
+        raise BagError(
+            f"holds {kept} of {report.fates['kept']} frames", where=recorder.path, todo="the machine is overloaded; replay again"
+        )
 
 
 def replay(
-    reader: BagReader, config: PipelineConfig, *, scene: Path | None, options: PlayOptions, record: Path | None = None,
-    points: bool = False, spec: GraphSpec | None = None,
+    reader: BagReader,
+    config: PipelineConfig,
+    *,
+    scene: Path | None,
+    options: PlayOptions,
+    record: Path | None = None,
+    points: bool = False,
+    spec: GraphSpec | None = None,
 ) -> ReplayResult:
     """Play a bag through a graph that is started for it in a process and a ROS domain of its own.
 

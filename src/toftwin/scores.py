@@ -42,9 +42,13 @@ class PooledError:
         """The pooled figures; NaN where nothing was compared."""
         n = self.pixels or math.nan
         return DepthError(
-            mae=self._absolute / n, bias=self._signed / n, rmse=math.sqrt(self._squared / n) if self.pixels else math.nan,
-            completeness=self.pixels / self.reference if self.reference else math.nan, alignment=self._alignment / n,
-            pixels=self.pixels, reference=self.reference,
+            mae=self._absolute / n,
+            bias=self._signed / n,
+            rmse=math.sqrt(self._squared / n) if self.pixels else math.nan,
+            completeness=self.pixels / self.reference if self.reference else math.nan,
+            alignment=self._alignment / n,
+            pixels=self.pixels,
+            reference=self.reference,
         )
 
 

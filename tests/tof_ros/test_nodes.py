@@ -45,7 +45,11 @@ class Bench:
         for name, kind in {**OUTPUTS, "done": TimeReference}.items():
             peer.create_subscription(kind, f"spot/preproc/{name}", self.heard[name].append, qos.OUTPUT)
         peer.create_subscription(DiagnosticArray, "/diagnostics", self.heard["diagnostics"].append, qos.OUTPUT)
-        wait_for(lambda: self._depth.get_subscription_count() and self._info.get_subscription_count() and peer.count_publishers("spot/preproc/done"))
+        wait_for(
+            lambda: (
+                self._depth.get_subscription_count() and self._info.get_subscription_count() and peer.count_publishers("spot/preproc/done")
+            )
+        )
         time.sleep(0.3)
 
     def send(self, number: int, metres: float = 0.8, *, fx: float = 30.0) -> int:
@@ -64,6 +68,7 @@ class Bench:
 
     def outputs(self, stamp: int) -> dict[str, Any]:
         """What was published for a frame, once all of it has come."""
+
         def found() -> dict[str, Any]:
             return {name: m for name, ms in self.heard.items() if name != "diagnostics" for m in ms if stamp_ns(m) == stamp}
 

@@ -128,7 +128,9 @@ def test_out_of_bounds_and_fixed_parameters_are_refused_live(make_node: Callable
 
     node = make_node()
     parameters = Parameters(node, Settings, fixed=("scene",))
-    results = node.set_parameters([Parameter("stage.ratio", value=21.0), Parameter("scene", value="tray"), Parameter("stage.count", value=1)])
+    results = node.set_parameters(
+        [Parameter("stage.ratio", value=21.0), Parameter("scene", value="tray"), Parameter("stage.count", value=1)]
+    )
     assert [r.successful for r in results] == [False, False, False]
     assert parameters.config == Settings()
 

@@ -82,7 +82,9 @@ def test_uncalibrated_camera(capsys: pytest.CaptureFixture[str], scene: Path, tm
             m.k = np.array([0.0, *m.k[1:]])
         return m
 
-    assert "/depth/hand/camera_info: is uncalibrated (K[0] = 0" in refused(capsys, rewritten(tmp_path / "bag", change), scene, tmp_path / "out")
+    assert "/depth/hand/camera_info: is uncalibrated (K[0] = 0" in refused(
+        capsys, rewritten(tmp_path / "bag", change), scene, tmp_path / "out"
+    )
 
 
 def test_sizes_that_disagree(capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path) -> None:

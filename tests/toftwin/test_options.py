@@ -51,10 +51,16 @@ def test_a_file_is_overlaid_by_flags(tmp_path: Path) -> None:
     assert load("--config", str(path), "--set", "far=1.5") == Settings("a", 1.5, Stage(count=30))
 
 
-@pytest.mark.parametrize(("pair", "says"), [
-    ("sor.cuont=3", "did you mean sor.count"), ("sor.count=x", "'x' is no int"), ("sor.count=1", "1 is below 2"),
-    ("sor.enable=maybe", "neither true nor false"), ("name=c", "not one of a, b"),
-])
+@pytest.mark.parametrize(
+    ("pair", "says"),
+    [
+        ("sor.cuont=3", "did you mean sor.count"),
+        ("sor.count=x", "'x' is no int"),
+        ("sor.count=1", "1 is below 2"),
+        ("sor.enable=maybe", "neither true nor false"),
+        ("name=c", "not one of a, b"),
+    ],
+)
 def test_bad_settings_are_refused_with_a_hint(pair: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
         load("--set", pair)
@@ -67,6 +73,8 @@ def test_a_setting_without_a_value_is_a_wrong_call() -> None:
 
 def test_settings_text_tells_default_unit_bounds_and_meaning() -> None:
     assert options.settings_text(Settings).splitlines() == [
-        "name = 'a' [a | b]  a word", "far = 2 m [0 .. ]  largest depth",
-        "sor.enable = true  whether it runs", "sor.count = 20 [2 .. 100]  neighbours",
+        "name = 'a' [a | b]  a word",
+        "far = 2 m [0 .. ]  largest depth",
+        "sor.enable = true  whether it runs",
+        "sor.count = 20 [2 .. 100]  neighbours",
     ]

@@ -41,12 +41,17 @@ def room_of(bag: Path, folder: Path, depth: str = "z") -> str:
 
 @pytest.mark.slow
 def test_a_room_fitted_once_labels_the_other_frame_from_a_first_guess(
-    shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    shared_data: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     bag = shared_data / "real/azure_kinect_static/bag"
     room = room_of(bag, tmp_path / "room")
     flags = ["--set", "align.priors.base_mm=30", "--set", "preproc.order=accumulate", "--set", "preproc.accumulate.max_captures=1"]
-    assert cli.main(["label", str(bag), "--scene", room, "--initial-pose", "0.01 -0.01 0.01 0 0 0 1", "--out", str(tmp_path / "out"), *flags]) == 0
+    assert (
+        cli.main(["label", str(bag), "--scene", room, "--initial-pose", "0.01 -0.01 0.01 0 0 0 1", "--out", str(tmp_path / "out"), *flags])
+        == 0
+    )
     assert "2 captures, 2 views" in capsys.readouterr().out
     dataset = open_dataset(tmp_path / "out" / "dataset.zarr")
     error = np.abs(dataset.frame("views/depth", 1) - dataset.frame("views/label", 1))[dataset.frame("views/mask", 1) > 0]
@@ -54,7 +59,9 @@ def test_a_room_fitted_once_labels_the_other_frame_from_a_first_guess(
 
 
 def test_radial_depth_declared_z_is_refused_with_its_cause_and_works_declared_radial(
-    shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    shared_data: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     bag = shared_data / "real/ifm_o3r/bag_radial"
     flags = ["--scene", room_of(bag, tmp_path / "room", "radial"), "--initial-pose", HERE, "--out", str(tmp_path / "out")]

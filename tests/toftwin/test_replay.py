@@ -56,8 +56,9 @@ def test_replay_over_dds_gives_the_numbers_of_the_offline_graph(ros_domain: int,
             else:  # sums over arrays that lie elsewhere in memory: a float32's last bit
                 np.testing.assert_allclose(found["pixels"], output.values, atol=2e-7)
             seen[output.topic] = seen.get(output.topic, 0) + 1
-    assert seen == dict.fromkeys(("/preproc/depth", "/preproc/sigma", "/preproc/count", "/preproc/reason", "/preproc/amplitude"), 12) | dict.fromkeys(
-        ("/label/depth", "/label/sigma", "/label/mask", "/label/part", "/label/pose"), 4)
+    assert seen == dict.fromkeys(
+        ("/preproc/depth", "/preproc/sigma", "/preproc/count", "/preproc/reason", "/preproc/amplitude"), 12
+    ) | dict.fromkeys(("/label/depth", "/label/sigma", "/label/mask", "/label/part", "/label/pose"), 4)
     assert {topic for _, topic in recorded} == {"/preproc/camera_info", "/preproc/dwell", "/label/camera_info"}
 
 

@@ -19,11 +19,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from toftwin.options import add_bag_arguments, add_config_arguments
 
     parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
-    parser.add_argument("--scene", type=Path, required=True, metavar="SCENE", help="scene.yaml of the cell, its folder, or a built-in scene's name")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for dataset.zarr, poses.json, metrics.json, config.yaml")
-    parser.add_argument("--mode", default="final", choices=("final", "causal", "per_view", "robot"), help=(
-        "final: one solution of the whole session (for training); causal: as the nodes do live; "
-        "per_view: a free pose per view (the paper's); robot: the robot's own pose (default: final)"))
+    parser.add_argument(
+        "--scene", type=Path, required=True, metavar="SCENE", help="scene.yaml of the cell, its folder, or a built-in scene's name"
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder for dataset.zarr, poses.json, metrics.json, config.yaml"
+    )
+    parser.add_argument(
+        "--mode",
+        default="final",
+        choices=("final", "causal", "per_view", "robot"),
+        help=(
+            "final: one solution of the whole session (for training); causal: as the nodes do live; "
+            "per_view: a free pose per view (the paper's); robot: the robot's own pose (default: final)"
+        ),
+    )
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_bag_arguments(parser)
     add_config_arguments(parser, _settings)

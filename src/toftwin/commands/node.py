@@ -19,7 +19,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("nodes", nargs="+", metavar="NODE", help=f"one or more of {', '.join(NODES)}")
     parser.add_argument("--scene", default="", metavar="FILE", help="scene.yaml for every node that needs one")
-    parser.add_argument("--param", action="append", default=[], metavar="NODE.NAME=VALUE", help="a ROS parameter, for instance preproc.preproc.sor.enable=false")
+    parser.add_argument(
+        "--param",
+        action="append",
+        default=[],
+        metavar="NODE.NAME=VALUE",
+        help="a ROS parameter, for instance preproc.preproc.sor.enable=false",
+    )
     parser.add_argument("--params-file", action="append", default=[], metavar="FILE", help="a ROS parameter file")
     parser.add_argument("--remap", action="append", default=[], metavar="FROM:=TO", help="a topic under another name")
     parser.add_argument("--namespace", default="", help="namespace of the robot")
@@ -38,7 +44,9 @@ def run(args: argparse.Namespace) -> int:
     parameters = parse_parameters(args.param, args.nodes)
     if args.scene and "sim_label" in parameters:
         parameters["sim_label"]["live.scene"] = args.scene
-    spec = GraphSpec(tuple(args.nodes), parameters, tuple((a, b) for a, b in remaps), args.namespace, args.use_sim_time, tuple(args.params_file))
+    spec = GraphSpec(
+        tuple(args.nodes), parameters, tuple((a, b) for a, b in remaps), args.namespace, args.use_sim_time, tuple(args.params_file)
+    )
     if args.list_params:
         print(parameter_file(spec.nodes))
         return 0

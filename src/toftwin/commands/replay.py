@@ -23,7 +23,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from toftwin.options import add_bag_arguments, add_config_arguments
 
     parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
-    parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene.yaml of the cell, or a built-in scene's name; without it preproc runs alone")
+    parser.add_argument(
+        "--scene", type=Path, metavar="SCENE", help="scene.yaml of the cell, or a built-in scene's name; without it preproc runs alone"
+    )
     parser.add_argument("--record", type=Path, metavar="OUT", help="keep what the graph publishes in a new bag")
     parser.add_argument("--against", type=Path, metavar="OUT", help="compare with what an earlier run kept; 1 if it differs")
     parser.add_argument("--realtime", action="store_true", help="keep the bag's pace and wait for nobody; frames may be lost")
@@ -75,11 +77,22 @@ def play(args: argparse.Namespace, record: Path | None) -> ReplayResult:
 
 def _facts(result: ReplayResult, comparison: Comparison | None) -> dict[str, Any]:
     r = result.report
-    facts = {"sent": r.sent, "fates": dict(r.fates), "lost": r.lost, "seconds": round(r.seconds, 2),
-             "cpu_seconds": round(result.cpu_s, 2), "memory_mb": round(result.memory_bytes / 1e6), "recorded": result.recorded}
+    facts = {
+        "sent": r.sent,
+        "fates": dict(r.fates),
+        "lost": r.lost,
+        "seconds": round(r.seconds, 2),
+        "cpu_seconds": round(result.cpu_s, 2),
+        "memory_mb": round(result.memory_bytes / 1e6),
+        "recorded": result.recorded,
+    }
     if comparison is not None:
-        facts |= {"same": comparison.same, "compared": dict(comparison.compared), "largest": dict(comparison.largest),
-                  "first_difference": str(comparison.first) if comparison.first else None}
+        facts |= {
+            "same": comparison.same,
+            "compared": dict(comparison.compared),
+            "largest": dict(comparison.largest),
+            "first_difference": str(comparison.first) if comparison.first else None,
+        }
     return facts
 
 
@@ -87,8 +100,10 @@ def _print(result: ReplayResult, comparison: Comparison | None, record: Path | N
     r = result.report
     skipped = ", ".join(f"{reason} {count}" for reason, count in sorted(r.fates.items()) if reason != "kept")
     print(f"{r.sent} frames sent, {r.fates['kept']} kept, {r.lost} lost" + (f"; skipped: {skipped}" if skipped else ""))
-    print(f"{r.seconds:.1f} s, {r.sent / max(r.seconds, 1e-9):.1f} frames/s; graph ({', '.join(result.nodes)}) used {result.memory_bytes / 1e6:.0f} MB, "
-          f"{1e3 * result.cpu_s / max(r.sent, 1):.0f} ms of processor a frame")
+    print(
+        f"{r.seconds:.1f} s, {r.sent / max(r.seconds, 1e-9):.1f} frames/s; graph ({', '.join(result.nodes)}) used {result.memory_bytes / 1e6:.0f} MB, "
+        f"{1e3 * result.cpu_s / max(r.sent, 1):.0f} ms of processor a frame"
+    )
     if record is not None:
         print(f"{result.recorded} messages kept in {record}")
     if comparison is not None:
