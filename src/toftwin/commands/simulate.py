@@ -56,8 +56,10 @@ def run(args: argparse.Namespace) -> int:
     if args.out.exists():
         raise UsageError("exists already", where=args.out, todo="name another folder or remove it")
 
+    from tof_virtual.effects import make_effects
     from tof_virtual.record import record
 
+    make_effects(effects, config)  # a wrong name is said before anything is written
     scene = open_scene(args.scene, args.out)
     truth = record(bodies_of(scene), args.out, config, effects=effects, truth_path=args.truth, sensor=_sensor(args.sensor, scene))
     _report(args, scene, truth)
