@@ -55,3 +55,26 @@ def plane_hits(
             out[i, c] = sign * normals[f, c]
         t[i] = plane_distance(height, along, float(near[i]))
     return t, out
+
+
+@njit(cache=True, nogil=True)
+def rays_to_cell(rays: Float, R_cell_camera: Float) -> NDArray[np.float32]:
+    """(n, 3) float32 directions turned into the cell (a thread pool for such a small product costs more than it saves)."""
+    R = R_cell_camera
+    out = np.empty(rays.shape, np.float32)
+    for i in range(len(rays)):
+        for k in range(3):
+            out[i, k] = R[k, 0] * rays[i, 0] + R[k, 1] * rays[i, 1] + R[k, 2] * rays[i, 2]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def points_to_camera(points: Float, T_cell_camera: Float) -> Float:
+    """(n, 3) points of the cell in the camera frame."""
+    T = T_cell_camera
+    out = np.empty(points.shape)
+    for i in range(len(points)):
+        x, y, z = points[i, 0] - T[0, 3], points[i, 1] - T[1, 3], points[i, 2] - T[2, 3]
+        for k in range(3):
+            out[i, k] = T[0, k] * x + T[1, k] * y + T[2, k] * z
+    return out

@@ -12,6 +12,7 @@ from tof_core import se3
 from tof_scene.canvas import Canvas
 from tof_scene.cells import cells_of
 from tof_scene.footprint import fill_footprints
+from tof_scene.planes import rays_to_cell
 from tof_scene.rendering import Rendering
 
 __all__ = ["Rendering", "render", "thinned"]
@@ -37,7 +38,7 @@ def render(caster: Raycaster, camera: Camera, T_cell_camera: ArrayLike, *, footp
     T = se3.as_se3("camera pose", T_cell_camera)
     camera = thinned(camera, step) if step > 1 else camera
     cells = cells_of(camera)
-    face, near = caster.first_faces(T[:3, 3], (cells.rays @ T[:3, :3].T).astype(np.float32))
+    face, near = caster.first_faces(T[:3, 3], rays_to_cell(cells.rays, T[:3, :3]))
     canvas = Canvas.blank(camera.width * camera.height, face)
     every = np.arange(len(face))
     canvas.shade(caster, T, every, cells.rays, cells.turn if footprints else cells.turn[:0], near)

@@ -65,7 +65,7 @@ def resolve(
             n = samples.shape[1]
             drawn = _sample(order[: len(candidates)], planes, nearest, samples, inverse[:n], owner[:n])
             found, void = tally(inverse[:n], owner[:n], order[:drawn], count, depths, seen)
-            surfaces = group_faces(found, seen, candidates, planes, part, depths, group, marks)
+            surfaces = group_faces(n, found, seen, candidates, planes, part, depths, group, marks)
             if surfaces == 1 and void == 0 and fold(found, seen, planes, depths) < CREASE_M * n:
                 break
         _write(pixels[k], candidates, n, void, found, surfaces, seen, group, count, depths, depth, face, mixed, second)

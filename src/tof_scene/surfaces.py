@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 ONE, TINY, FAR = np.float32(1.0), np.float32(1e-30), np.float32(1e30)
 STEP_M = 1e-3
 """Within one part, what lies further apart than this along z (and than its slant explains) is another surface."""
-SLANT = 0.15
-"""Share of a face's depth range in a pixel that may lie between neighbouring samples of it."""
+SLANT = 1.6
+"""Over the root of the number of samples: share of a face's depth range in a pixel that may lie between neighbouring samples of it."""
 
 
 @njit(cache=True, nogil=True)
@@ -63,18 +63,18 @@ def _sums(z: Float32, owner: Int32, c: np.int32) -> tuple[int, float, float, flo
 
 @njit(cache=True, nogil=True)
 def group_faces(
-    found: int, seen: Int32, candidates: Int32, planes: Float32, part: NDArray[np.int16], depths: Float, group: Int32, marks: Float
+    n: int, found: int, seen: Int32, candidates: Int32, planes: Float32, part: NDArray[np.int16], depths: Float, group: Int32, marks: Float
 ) -> int:
     """Surface of each seen face: faces of one part whose depths in the pixel follow on each other; returns how many surfaces.
 
-    `marks` (n, 3) is scratch: part, farthest z and largest depth range of each surface so far.
+    `n` is the number of samples; `marks` (..., 3) is scratch: part, farthest z and largest depth range of each surface so far.
     """
-    groups = 0
+    groups, slant = 0, SLANT / np.sqrt(n)
     for i in range(found):
         c = seen[i]
         owner, near, far, lean = part[candidates[c]], depths[c, 1], depths[c, 2], _lean(planes, c, depths[c, 1])
         g = 0
-        while g < groups and not (marks[g, 0] == owner and near - marks[g, 1] <= max(STEP_M, SLANT * max(lean, marks[g, 2]))):
+        while g < groups and not (marks[g, 0] == owner and near - marks[g, 1] <= max(STEP_M, slant * max(lean, marks[g, 2]))):
             g += 1
         if g == groups:
             marks[g, 0], marks[g, 1], marks[g, 2] = owner, far, lean
