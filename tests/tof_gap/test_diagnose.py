@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The diagnosis on small sessions of the virtual robot, whose truth it does not see."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tof_core.config import from_mapping
+from tof_core.errors import RefusedError
+from tof_gap.diagnose import check
+from toftwin.cli import main
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+EFFECTS: dict[str, dict[str, float]] = {"null": {}, "wiggling": {"wiggling": 1.0}, "offset": {"temperature_drift": 1.0}}
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from tof_scene.builtin import write_builtin
+
+    return write_builtin("body_section", tmp_path_factory.mktemp("scene"))
+
+
+@pytest.fixture(scope="module", params=sorted(EFFECTS))
+def session(request: pytest.FixtureRequest, scene: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path, dict[str, Any]]:
+    """A session with one effect or none, its report, and the report's folder."""
+    from tof_scene.scene_file import load_scene
+    from tof_virtual.config import VirtualConfig
+    from tof_virtual.record import record
+    from toftwin.commands.simulate import bodies_of
+
+    folder = tmp_path_factory.mktemp(request.param)
+    config = from_mapping(VirtualConfig, {"seed": 5, "camera.width": 112, "camera.height": 86, "plan.views": 9, "plan.pause_s": 30.0})
+    record(bodies_of(load_scene(scene)), folder / "bag", config, effects=EFFECTS[request.param])
+    assert main(["gap", str(folder / "bag"), "--scene", str(scene), "--out", str(folder / "gap"), "--json"]) == 0
+    return request.param, folder / "gap", json.loads((folder / "gap" / "gap.json").read_text())
+
+
+def test_it_names_what_was_added_and_nothing_else(session: tuple[str, Path, dict[str, Any]]) -> None:
+    name, _, report = session
+    assert report["verdict"] == (sorted(EFFECTS[name]) or ["none"])
+
+
+def test_the_gap_shrinks_to_the_floor(session: tuple[str, Path, dict[str, Any]]) -> None:
+    name, _, report = session
+    gap = report["gap"]
+    assert gap["after_mm"]["rmse"] < 1.1 * gap["floor_mm"]
+    if EFFECTS[name]:
+        assert gap["shrink"] > 0.85
+        assert gap["before_mm"]["rmse"] > 1.1 * gap["floor_mm"]
+
+
+def test_the_files_hold_what_the_design_says(session: tuple[str, Path, dict[str, Any]]) -> None:
+    name, folder, report = session
+    assert report["schema"] == "toftwin.gap/1"
+    assert not set(report["split"]["fit_views"]) & set(report["split"]["held_out_views"])
+    maps = np.load(folder / "gap_maps.npz")
+    assert maps["residual_m"].shape == maps["region"].shape == (9, 86, 112)
+    assert set(EFFECTS[name]) <= set(maps.files)
+    page = (folder / "report.html").read_text()
+    assert "http" not in page.replace("http-equiv", "")
+    assert "Where it lies" in page
+
+
+def test_motion_is_not_absent_but_untestable(session: tuple[str, Path, dict[str, Any]]) -> None:
+    assert "motion" in session[2]["not_testable"]
+
+
+def test_too_few_views_are_refused() -> None:
+    with pytest.raises(RefusedError, match="too few to diagnose"):
+        check([])
