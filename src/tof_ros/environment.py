@@ -40,13 +40,19 @@ def ros_context(args: Sequence[str] = (), *, domain: int | None = None) -> Itera
         context.try_shutdown()
 
 
+def named_domain() -> int:
+    """The ROS domain that the environment names, 0 where it names none."""
+    named = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not named.isdigit():
+        raise UsageError(f"'{named}' is no number", where="ROS_DOMAIN_ID")
+    return int(named)
+
+
 @contextmanager
 def private_domain() -> Iterator[int]:
     """A ROS domain for work of our own: the environment's where it names one, else one that no other toftwin holds."""
-    if named := os.environ.get("ROS_DOMAIN_ID"):
-        if not named.isdigit():
-            raise UsageError(f"'{named}' is no number", where="ROS_DOMAIN_ID")
-        yield int(named)
+    if os.environ.get("ROS_DOMAIN_ID"):
+        yield named_domain()
         return
     for domain in DOMAINS:
         with (Path(tempfile.gettempdir()) / f"toftwin-ros-domain-{domain}.lock").open("w") as lock:

@@ -129,6 +129,22 @@ class GraphProcess:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+class RunningGraph:
+    """A graph that somebody else started; nothing is known of its process."""
+
+    def alive(self) -> bool:
+        """Taken for granted: what is not there does not answer."""
+        return True
+
+    def memory_bytes(self) -> int:
+        """Unknown."""
+        return 0
+
+    def cpu_seconds(self) -> float:
+        """Unknown."""
+        return 0.0
+
+
 @contextmanager
 def graph_process(spec: GraphSpec, domain: int) -> Iterator[GraphProcess]:
     """Run a graph beside this process while the block runs."""

@@ -14,13 +14,13 @@ from tof_core.errors import BagError
 from tof_core.options import NOT_WANTED
 from tof_core.progress import progress
 from tof_core.topics import TF
-from toftwin.graph import DONE, NODES, GraphSpec, graph_process
+from toftwin.graph import DONE, NODES, GraphProcess, GraphSpec, RunningGraph, graph_process
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_core.bag import BagReader
-    from tof_ros.player import PlayOptions, PlayReport
+    from tof_ros.player import Player, PlayOptions, PlayReport
     from tof_ros.recorder import Recorder
     from toftwin.pipeline import PipelineConfig
 
@@ -31,7 +31,7 @@ NOT_PLAYED = ("/clock", "/diagnostics", "/rosout", "/parameter_events")
 
 @dataclass(frozen=True, slots=True)
 class ReplayResult:
-    """What became of a replay: frames by fate, the graph's largest memory in bytes, its processor time for the frames."""
+    """What became of a replay: frames by fate, the graph's largest memory in bytes, its processor time from its start."""
 
     report: PlayReport
     memory_bytes: int
@@ -111,34 +111,33 @@ def replay(
     options: PlayOptions,
     record: Path | None = None,
     points: bool = False,
-    spec: GraphSpec | None = None,
+    running: bool = False,
 ) -> ReplayResult:
     """Play a bag through a graph that is started for it in a process and a ROS domain of its own.
 
     Args:
         reader: the bag.
-        config: the configuration of both nodes.
+        config: the configuration of the nodes that are started.
         scene: the CAD, or None for preprocessing alone.
         options: pace and patience.
         record: keep what the graph publishes in a new bag.
         points: record point clouds too.
-        spec: the graph, where it is not the usual one.
+        running: start nothing; the graph runs already, in the environment's ROS domain.
 
     Raises:
         TransformError: TF lacks the cell or the camera altogether.
         ReplayError: the graph does not listen, stopped, or does not answer.
     """
-    from tof_ros.environment import private_domain, ros_context
+    from tof_ros.environment import named_domain, private_domain, ros_context
     from tof_ros.player import Player
     from tof_ros.recorder import Recorder
     from tof_ros.spin import spinning
 
     if scene is not None:
         reader.chain.resolve(reader.camera.frame_id)
-    spec = spec or graph_for(reader, config, scene)
-    played = _played(reader, spec)
+    spec = graph_for(reader, config, scene)
     with ExitStack() as stack:
-        domain = stack.enter_context(private_domain())
+        domain = named_domain() if running else stack.enter_context(private_domain())
         context = stack.enter_context(ros_context(domain=domain))
         player = Player(context, [reader.topics.depth or reader.topics.points], [DONE[n] for n in spec.nodes], options)
         recorder = None
@@ -146,21 +145,26 @@ def replay(
             recorder = Recorder(player, record, [output for node in spec.nodes for output in outputs_of(node, points=points)])
             stack.callback(recorder.close)
         stack.enter_context(spinning([player]))
-        graph = stack.enter_context(graph_process(spec, domain))
-        player.advertise({**played, "/tf": TF, "/tf_static": TF}.items())
-        everybody = dict.fromkeys(("/tf", "/tf_static", "/clock"), len(spec.nodes))
-        player.wait_for_graph({**dict.fromkeys(_heard(reader), 1), **everybody}, graph.alive)
-        while recorder is not None and not recorder.matched:
-            time.sleep(0.05)
-        if (placed := reader.chain.placed) is not None:
-            player.place(placed.frame, reader.chain.cell or "cell", placed.T_frame_cell)
-        idle = graph.cpu_seconds()
-        rest = tuple(t for t in played if t != "/tf")
-        for _ in progress(player.play(reader.messages(rest), reader.messages(("/tf",)), graph.alive), "replay", reader.frame_count):
-            pass
-        player.finish([f"{node}/flush" for node in spec.nodes if node != "preproc"])
-        if recorder is not None:
-            recorder.settle()
-            _check_recording(recorder, player.report)
-        memory, cpu_s = graph.memory_bytes(), graph.cpu_seconds() - idle
+        graph = RunningGraph() if running else stack.enter_context(graph_process(spec, domain))
+        _play(reader, player, recorder, spec, graph)
+        memory, cpu_s = graph.memory_bytes(), graph.cpu_seconds()
     return ReplayResult(player.report, memory, cpu_s, recorder.count if recorder else 0, spec.nodes)
+
+
+def _play(reader: BagReader, player: Player, recorder: Recorder | None, spec: GraphSpec, graph: GraphProcess | RunningGraph) -> None:
+    """Wait until all hear each other, play, and wait until all is answered and recorded."""
+    played = _played(reader, spec)
+    player.advertise({**played, "/tf": TF, "/tf_static": TF}.items())
+    shared = ("/tf", "/tf_static") if isinstance(graph, RunningGraph) else ("/tf", "/tf_static", "/clock")
+    player.wait_for_graph({**dict.fromkeys(_heard(reader), 1), **dict.fromkeys(shared, len(spec.nodes))}, graph.alive)
+    while recorder is not None and not recorder.matched:
+        time.sleep(0.05)
+    if (placed := reader.chain.placed) is not None:
+        player.place(placed.frame, reader.chain.cell or "cell", placed.T_frame_cell)
+    rest = tuple(t for t in played if t != "/tf")
+    for _ in progress(player.play(reader.messages(rest), reader.messages(("/tf",)), graph.alive), "replay", reader.frame_count):
+        pass
+    player.finish([f"{node}/flush" for node in spec.nodes if node != "preproc"])
+    if recorder is not None:
+        recorder.settle()
+        _check_recording(recorder, player.report)

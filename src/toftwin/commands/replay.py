@@ -30,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--against", type=Path, metavar="OUT", help="compare with what an earlier run kept; 1 if it differs")
     parser.add_argument("--realtime", action="store_true", help="keep the bag's pace and wait for nobody; frames may be lost")
     parser.add_argument("--rate", type=float, default=1.0, help="pace of --realtime, as a multiple of the bag's")
+    parser.add_argument("--running", action="store_true", help="start no graph: play into the one that runs in this ROS_DOMAIN_ID")
     parser.add_argument("--points", action="store_true", help="record point clouds too")
     parser.add_argument("--exact", action="store_true", help="compare without any tolerance")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
@@ -72,7 +73,9 @@ def play(args: argparse.Namespace, record: Path | None) -> ReplayResult:
     config = load_config(PipelineConfig, args)
     with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
         options = PlayOptions(realtime=args.realtime, rate=args.rate)
-        return replay(reader, config, scene=args.scene if scene else None, options=options, record=record, points=args.points)
+        return replay(
+            reader, config, scene=args.scene if scene else None, options=options, record=record, points=args.points, running=args.running
+        )
 
 
 def _facts(result: ReplayResult, comparison: Comparison | None) -> dict[str, Any]:
