@@ -52,6 +52,7 @@ class ColumnStore:
         """Nothing computed yet; `folds` (V,) as the selection deals the views."""
         self.views = views
         self._folds = folds
+        self._thinned = [v.frame.take(v.pixels) for v in views]
         self._kept: dict[Effect, list[Float]] = {}
 
     def of(self, effect: Effect | None) -> list[Float]:
@@ -66,6 +67,8 @@ class ColumnStore:
         view = self.views[v]
         if isinstance(effect, FixedPattern):
             return pattern_columns(self.views, v, self._folds, effect.order)
+        if effect.LOCAL:
+            return np.asarray(effect.columns(self._thinned[v])[0])
         return effect.columns_at(view.frame, view.pixels)
 
 

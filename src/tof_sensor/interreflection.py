@@ -10,6 +10,7 @@ finite.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints, Mask
     from tof_core.camera import Camera
     from tof_scene.raycast import Raycaster
+    from tof_scene.render import Rendering
     from tof_sensor.frame import Frame
 
     ComplexImage = NDArray[np.complex128]
@@ -65,34 +67,45 @@ def lit_patches(camera: Camera, T_cell_camera: Float, caster: Raycaster) -> Patc
     )
 
 
-def indirect_phasor(frame: Frame, waves_per_m: float) -> ComplexImage:
-    """(H, W) complex sum of indirect over direct light, phase `waves_per_m` times excess path.
+@dataclass(frozen=True, slots=True, eq=False)
+class Bounce:
+    """All of a view's interreflection that no frequency changes: patches, and which receivers see them."""
 
-    Needs `frame.context.caster`; zero where nothing is seen.
+    patches: Patches
+    rows: Ints
+    columns: Ints
+    seen: Mask
+
+
+@lru_cache(maxsize=24)
+def bounce_of(rendering: Rendering, caster: Raycaster) -> Bounce:
+    """Trace a view once; kept for the renderings in use."""
+    patches = lit_patches(rendering.camera, rendering.T_cell_camera, caster)
+    rows, columns = _receiver_raster(rendering)
+    return Bounce(patches, rows, columns, _visibility(rendering, patches, rows, columns, caster))
+
+
+def indirect_phasor(frame: Frame, waves_per_m: float, pixels: Ints | None = None) -> ComplexImage:
+    """Complex sum of indirect over direct light, phase `waves_per_m` times excess path.
+
+    (H, W), or (n,) on chosen pixels (flat indices). Needs `frame.context.caster`; zero where nothing is seen.
     """
     caster = frame.context.caster
     if caster is None:
-        return np.zeros(frame.depth.shape, complex)
-    patches = lit_patches(frame.camera, frame.rendering.T_cell_camera, caster)
-    points = np.ascontiguousarray(np.nan_to_num(frame.points))
-    normals = np.ascontiguousarray(np.nan_to_num(frame.rendering.normal.astype(np.float64)))
-    rows, columns = _receiver_raster(frame)
-    seen = _visibility(frame, patches, rows, columns, caster)
-    out: ComplexImage = _gather(
-        points,
-        normals,
-        frame.valid,
-        rows,
-        columns,
-        seen,
-        patches.point,
-        patches.normal,
-        patches.albedo * patches.solid_angle / np.pi,
-        patches.range_m,
-        _disc_area(patches),
-        waves_per_m,
-    )
-    return out
+        return np.zeros(frame.depth.shape if pixels is None else pixels.shape, complex)
+    bounce = bounce_of(frame.rendering, caster)
+    patches = bounce.patches
+    at = np.flatnonzero(frame.valid) if pixels is None else np.asarray(pixels, np.int64)
+    sums: ComplexImage = _gather(
+        np.ascontiguousarray(np.nan_to_num(frame.points)), np.ascontiguousarray(np.nan_to_num(frame.rendering.normal.astype(np.float64))),
+        frame.valid, at, bounce.rows, bounce.columns, bounce.seen, patches.point, patches.normal,
+        patches.albedo * patches.solid_angle / np.pi, patches.range_m, _disc_area(patches), waves_per_m,
+    )  # fmt: skip
+    if pixels is not None:
+        return sums
+    out = np.zeros(frame.depth.size, complex)
+    out[at] = sums
+    return out.reshape(frame.depth.shape)
 
 
 def _disc_area(patches: Patches) -> Float:
@@ -101,22 +114,23 @@ def _disc_area(patches: Patches) -> Float:
     return np.asarray(patches.solid_angle * patches.range_m**2 / np.maximum(cosine, 0.05) / np.pi)
 
 
-def _receiver_raster(frame: Frame) -> tuple[Ints, Ints]:
-    h, w = frame.depth.shape
+def _receiver_raster(rendering: Rendering) -> tuple[Ints, Ints]:
+    h, w = rendering.depth.shape
     return np.linspace(0, h - 1, RECEIVERS[1]).astype(np.int64), np.linspace(0, w - 1, RECEIVERS[0]).astype(np.int64)
 
 
-def _visibility(frame: Frame, patches: Patches, rows: Ints, columns: Ints, caster: Raycaster) -> Mask:
+def _visibility(rendering: Rendering, patches: Patches, rows: Ints, columns: Ints, caster: Raycaster) -> Mask:
     """(receivers, patches) whether nothing stands between; traced only where both face each other."""
     grid = np.ix_(rows, columns)
-    points = np.nan_to_num(frame.points[grid]).reshape(-1, 3)
-    normals = np.nan_to_num(frame.rendering.normal[grid].astype(np.float64)).reshape(-1, 3)
+    depth = rendering.depth.astype(np.float64)[grid]
+    points = np.nan_to_num(rendering.camera.rays()[grid] * depth[..., None]).reshape(-1, 3)
+    normals = np.nan_to_num(rendering.normal[grid].astype(np.float64)).reshape(-1, 3)
     way = patches.point[None] - points[:, None]
     far = np.linalg.norm(way, axis=-1)
     facing = (np.einsum("rpi,ri->rp", way, normals) > 0) & (np.einsum("rpi,pi->rp", -way, patches.normal) > 0)
-    facing &= (far > 1e-3) & frame.valid[grid].reshape(-1, 1)
+    facing &= (far > 1e-3) & np.isfinite(depth).reshape(-1, 1)
     receiver, patch = np.nonzero(facing)
-    T = frame.rendering.T_cell_camera
+    T = rendering.T_cell_camera
     start = points[receiver] + 2e-4 * normals[receiver]
     direction = patches.point[patch] - start
     hits = caster.cast(start @ T[:3, :3].T + T[:3, 3], direction @ T[:3, :3].T)
@@ -130,6 +144,7 @@ def _gather(
     points: Float,
     normals: Float,
     valid: Mask,
+    at: Ints,
     rows: Ints,
     columns: Ints,
     seen: Mask,
@@ -140,43 +155,43 @@ def _gather(
     area: Float,
     waves: float,
 ) -> ComplexImage:
-    """Sum what every patch sends to every pixel, seen as its nearest traced receiver sees it."""
-    h, w = valid.shape
-    out = np.zeros((h, w), np.complex128)
-    for v in range(h):
+    """(n,) sum of what every patch sends to each pixel, seen as its nearest traced receiver sees it."""
+    w = valid.shape[1]
+    out = np.zeros(len(at), np.complex128)
+    for i_at in range(len(at)):
+        v, u = at[i_at] // w, at[i_at] % w
         at_row = min(int(np.searchsorted(rows, v)), len(rows) - 1)
-        for u in range(w):
-            if not valid[v, u]:
+        if not valid[v, u]:
+            continue
+        x, y, z = points[v, u]
+        nx, ny, nz = normals[v, u]
+        r = np.sqrt(x * x + y * y + z * z)
+        direct = -(x * nx + y * ny + z * nz) / (r * r * r)
+        if direct <= 1e-6:
+            continue
+        at_column = min(int(np.searchsorted(columns, u)), len(columns) - 1)
+        best, receiver = np.inf, 0
+        for i in range(max(at_row - 1, 0), at_row + 1):
+            for j in range(max(at_column - 1, 0), at_column + 1):
+                q, m = points[rows[i], columns[j]], normals[rows[i], columns[j]]
+                gap = abs((q[0] - x) * nx + (q[1] - y) * ny + (q[2] - z) * nz)
+                gap += 0.1 * (1 - m[0] * nx - m[1] * ny - m[2] * nz)
+                if valid[rows[i], columns[j]] and gap < best:
+                    best, receiver = gap, i * len(columns) + j
+        real, imag = 0.0, 0.0
+        for p in range(patch.shape[0]):
+            if not seen[receiver, p]:
                 continue
-            x, y, z = points[v, u]
-            nx, ny, nz = normals[v, u]
-            r = np.sqrt(x * x + y * y + z * z)
-            direct = -(x * nx + y * ny + z * nz) / (r * r * r)
-            if direct <= 1e-6:
+            dx, dy, dz = patch[p, 0] - x, patch[p, 1] - y, patch[p, 2] - z
+            here = dx * nx + dy * ny + dz * nz
+            there = -(dx * patch_normal[p, 0] + dy * patch_normal[p, 1] + dz * patch_normal[p, 2])
+            if here <= 0 or there <= 0:
                 continue
-            at_column = min(int(np.searchsorted(columns, u)), len(columns) - 1)
-            best, receiver = np.inf, 0
-            for i in range(max(at_row - 1, 0), at_row + 1):
-                for j in range(max(at_column - 1, 0), at_column + 1):
-                    q, m = points[rows[i], columns[j]], normals[rows[i], columns[j]]
-                    gap = abs((q[0] - x) * nx + (q[1] - y) * ny + (q[2] - z) * nz)
-                    gap += 0.1 * (1 - m[0] * nx - m[1] * ny - m[2] * nz)
-                    if valid[rows[i], columns[j]] and gap < best:
-                        best, receiver = gap, i * len(columns) + j
-            real, imag = 0.0, 0.0
-            for p in range(patch.shape[0]):
-                if not seen[receiver, p]:
-                    continue
-                dx, dy, dz = patch[p, 0] - x, patch[p, 1] - y, patch[p, 2] - z
-                here = dx * nx + dy * ny + dz * nz
-                there = -(dx * patch_normal[p, 0] + dy * patch_normal[p, 1] + dz * patch_normal[p, 2])
-                if here <= 0 or there <= 0:
-                    continue
-                d2 = dx * dx + dy * dy + dz * dz
-                d = np.sqrt(d2)
-                ratio = weight[p] * here * there / (d2 * (d2 + area[p])) / direct
-                phase = waves * (patch_range[p] + d - r)
-                real += ratio * np.cos(phase)
-                imag += ratio * np.sin(phase)
-            out[v, u] = real + 1j * imag
+            d2 = dx * dx + dy * dy + dz * dz
+            d = np.sqrt(d2)
+            ratio = weight[p] * here * there / (d2 * (d2 + area[p])) / direct
+            phase = waves * (patch_range[p] + d - r)
+            real += ratio * np.cos(phase)
+            imag += ratio * np.sin(phase)
+        out[i_at] = real + 1j * imag
     return out

@@ -10,13 +10,13 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from tof_core.config import param
-from tof_sensor.effect import Effect, stack
+from tof_sensor.effect import Effect
 from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
 
     ComplexImage = NDArray[np.complex128]
@@ -46,23 +46,29 @@ class LensScatter(Effect):
 
     def columns(self, frame: Frame) -> Float:
         """First order in the shares: Im(veil / own) over the wave number, along z."""
+        every = self.columns_at(frame, np.arange(frame.depth.size))
+        return every.reshape(*frame.depth.shape, -1)
+
+    def columns_at(self, frame: Frame, pixels: Ints) -> Float:
+        """The same on chosen pixels; the veil is of the whole image all the same."""
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         light = np.where(frame.valid, frame.amplitude, 0.0)
         turn = np.exp(1j * wave * np.nan_to_num(frame.radial))
-        dark = np.maximum(light, 1e-3 * np.max(light, initial=1e-12))
-        veils = [blurred(light * turn, width * frame.camera.width) for width in WIDTHS]
-        return stack([np.where(frame.valid, np.imag(v * turn.conj()) / dark / wave, 0.0) / frame.length for v in veils], frame)
+        dark = np.maximum(light, 1e-3 * np.max(light, initial=1e-12)).ravel()[pixels]
+        veils = [blurred(light * turn, width * frame.camera.width, pixels) for width in WIDTHS]
+        own, length = turn.ravel()[pixels].conj(), frame.length.ravel()[pixels]
+        seen = frame.valid.ravel()[pixels]
+        return np.stack([np.where(seen, np.imag(v * own) / dark / wave / length, 0.0) for v in veils], axis=-1)
 
 
-def blurred(own: ComplexImage, sigma: float) -> ComplexImage:
-    """Gaussian of `sigma` pixels; wide ones on block means, since the veil is smooth."""
-    block = max(1, int(sigma / 5))
+def blurred(own: ComplexImage, sigma: float, pixels: Ints) -> ComplexImage:
+    """Gaussian of `sigma` pixels at chosen pixels (n,); wide ones on block means, since the veil is smooth."""
+    block = max(1, int(sigma / 4))
     h, w = own.shape
     padded = np.pad(own, ((0, -h % block), (0, -w % block)))
     coarse = padded.reshape(padded.shape[0] // block, block, padded.shape[1] // block, block).mean(axis=(1, 3))
-    real, imag = (gaussian_filter(part, sigma / block, mode="constant", truncate=3.0) for part in (coarse.real, coarse.imag))
-    if block == 1:
-        return np.asarray(real + 1j * imag)
-    at = np.meshgrid((np.arange(h) + 0.5) / block - 0.5, (np.arange(w) + 0.5) / block - 0.5, indexing="ij")
-    fine = [map_coordinates(part, at, order=1, mode="nearest") for part in (real, imag)]
-    return np.asarray(fine[0] + 1j * fine[1])
+    parts = [gaussian_filter(part, sigma / block, mode="constant", truncate=3.0) for part in (coarse.real, coarse.imag)]
+    row, column = np.divmod(pixels, w)
+    at = [(row + 0.5) / block - 0.5, (column + 0.5) / block - 0.5]
+    real, imag = (map_coordinates(part, at, order=1, mode="nearest") for part in parts)
+    return np.asarray(real + 1j * imag)

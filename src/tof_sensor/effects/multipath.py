@@ -14,8 +14,9 @@ from tof_sensor.frame import LIGHT_M_PER_S
 from tof_sensor.interreflection import indirect_phasor
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
+    from tof_sensor.interreflection import ComplexImage
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +36,18 @@ class Multipath(Effect):
 
     def columns(self, frame: Frame) -> Float:
         """The bias at strength 1, along z."""
-        per_m = 2e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
-        bias = np.angle(1 + indirect_phasor(frame, per_m)) / (2 * per_m)
-        return stack([bias / frame.length], frame)
+        return stack([self._bias(indirect_phasor(frame, self._waves)) / frame.length], frame)
+
+    def columns_at(self, frame: Frame, pixels: Ints) -> Float:
+        """The same on chosen pixels: what reaches the others is not summed."""
+        bias = self._bias(indirect_phasor(frame, self._waves, pixels))
+        return np.asarray(np.nan_to_num(bias / frame.length.ravel()[pixels])[:, None])
+
+    @property
+    def _waves(self) -> float:
+        """Radians per metre of path."""
+        return 2e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
+
+    def _bias(self, indirect: ComplexImage) -> Float:
+        """Metres along the ray."""
+        return np.asarray(np.angle(1 + indirect) / (2 * self._waves))
