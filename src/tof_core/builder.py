@@ -221,8 +221,8 @@ class CaptureBuilder:
         try:
             depth, reason = self._depth_of(frame, camera)
         except TransformError as error:
-            self.skipped[NO_TRANSFORM] += 1
             self.last_error = str(error)
+            self._skip(frame.stamp, NO_TRANSFORM)
             return None
         amplitude = self._amplitude.nearest(frame.stamp, self._join_ns)
         return Capture(

@@ -105,7 +105,7 @@ class PlaneGrower:
             if sizes.max() < LEAST:
                 return None
             on = np.asarray(parts == sizes.argmax())
-            plane = np.linalg.lstsq(self._A[on], self._w[on], rcond=None)[0]
+            plane = np.asarray(np.linalg.lstsq(self._A[on], self._w[on], rcond=None)[0], float)
         return on
 
 

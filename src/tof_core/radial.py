@@ -31,6 +31,8 @@ OUTLIER = 0.2
 """Share of surfaces that are no planes: their exponents lie anywhere within ten of nought."""
 BLOCK = 6
 """Pixels across the blocks whose means tell how far residuals hang together."""
+SURFACE_CAP = 5.0
+"""The most one surface can say: a ball as large as it is far away is a plane read along the ray, exactly."""
 COPIES = 2.0
 """Each surface is found under both readings: so many copies count once."""
 
@@ -42,7 +44,7 @@ class RadialEvidence:
     exponent: power of the ray length that fits them best: 0 is z, 1 is radial (-1: converted once too often).
     std: its standard error; infinite where nothing flat and wide was seen.
     planes: surfaces used.
-    bend_z_mm, bend_radial_mm: how far the surfaces that count bend (RMS along z) when the values are
+    bend_z_mm, bend_radial_mm: how far the flat surfaces bend (RMS along z) when the values are
     read as z, and as radial.
     log_odds: natural logarithm of how much likelier radial is than z.
     """
@@ -76,7 +78,8 @@ class _Fit:
 
     @property
     def log_odds(self) -> float:
-        return float(np.log(self._likelihood(RADIAL) / self._likelihood(Z))) if self.is_plane else 0.0
+        odds = float(np.log(self._likelihood(RADIAL) / self._likelihood(Z))) if self.is_plane else 0.0
+        return max(min(odds, SURFACE_CAP), -SURFACE_CAP)
 
     def _likelihood(self, a: float) -> float:
         near = np.exp(-0.5 * ((self.exponent - a) / self.std) ** 2) / (self.std * np.sqrt(2 * np.pi))
@@ -100,19 +103,18 @@ def radial_evidence(depth: Image, camera: Camera, surfaces: Ints | None = None) 
     d, rays, length = (a[::step, ::step] for a in (depth.astype(np.float64), camera.rays(), camera.ray_length()))
     parts = _numbered(surfaces[::step, ::step]) if surfaces is not None else _found(d, rays, length)
     fits = [fit for on in parts if (fit := _fit(on, d, rays, length)) is not None]
-    if not any(f.is_plane for f in fits):
-        return RadialEvidence(float("nan"), float("inf"), 0, float("nan"), float("nan"), 0.0)
-    copies = 1.0 if surfaces is not None else COPIES
-    return _combined(fits, copies)
+    return _combined([f for f in fits if f.is_plane], COPIES if surfaces is None else 1.0)
 
 
 def _combined(fits: list[_Fit], copies: float) -> RadialEvidence:
-    """Surfaces by what they can tell; those far from both readings are no planes and left out."""
-    w = np.array([f.std**-2 * f.is_plane for f in fits])
+    """All surfaces, each by what it can tell."""
+    if not fits:
+        return RadialEvidence(float("nan"), float("inf"), 0, float("nan"), float("nan"), 0.0)
+    w = np.array([f.std**-2 for f in fits])
     a, bends = np.array([f.exponent for f in fits]), np.array([[f.bend_z, f.bend_radial] for f in fits])
     bend_z, bend_radial = 1e3 * np.sqrt(w @ bends**2 / w.sum())
-    return RadialEvidence(float(w @ a / w.sum()), float(np.sqrt(copies / w.sum())), int((w > 0).sum()), float(bend_z),
-                          float(bend_radial), sum(f.log_odds for f in fits) / copies)
+    return RadialEvidence(float(w @ a / w.sum()), float(np.sqrt(copies / w.sum())), len(fits), float(bend_z), float(bend_radial),
+                          sum(f.log_odds for f in fits) / copies)
 
 
 def _numbered(surfaces: Ints) -> Iterator[Mask]:
@@ -146,12 +148,12 @@ def _fit(on: Mask, d: Float, rays: Float, length: Float) -> _Fit | None:
 def _robust(A: Float, w: Float, rounds: int = 8) -> tuple[Float, Mask]:
     """Least squares over the pixels within three sigma: the solution, and which they are."""
     good = np.ones(len(w), bool)
-    solution = np.linalg.lstsq(A, w, rcond=None)[0]
+    solution = np.asarray(np.linalg.lstsq(A, w, rcond=None)[0], float)
     for _ in range(rounds):
         residual = np.abs(w - A @ solution)
         good = residual < 3.0 * max(1.4826 * float(np.median(residual[good])), 1e-9)
-        solution = np.linalg.lstsq(A[good], w[good], rcond=None)[0]
-    return solution, good
+        solution = np.asarray(np.linalg.lstsq(A[good], w[good], rcond=None)[0], float)
+    return solution, np.asarray(good, bool)
 
 
 def _scatter(residual: Float) -> tuple[float, float]:

@@ -186,16 +186,18 @@ class TransformBuffer:
         if not shared:
             known = ", ".join(self.frames()) or "none at all"
             raise TransformError(f"no transform connects '{source}' to '{target}'", where="/tf", todo=f"TF has the frames: {known}")
-        return [f for f in up if f not in shared], [f for f in down if f not in shared]
+        up, down = [f for f in up if f not in shared], [f for f in down if f not in shared]
+        for frame in (*up, *down):
+            if frame in self._two_parents:
+                first, second = self._two_parents[frame]
+                raise TransformError(f"frame '{frame}' has two parents, '{first}' and '{second}'", where="/tf",
+                                     todo="let one publisher own it")
+        return up, down
 
     def _ancestors(self, frame: str) -> list[str]:
         """The frame, its parent, and so on to its root."""
         chain = [frame]
         while (edge := self._edges.get(chain[-1])) is not None:
-            if chain[-1] in self._two_parents:
-                first, second = self._two_parents[chain[-1]]
-                raise TransformError(f"frame '{chain[-1]}' has two parents, '{first}' and '{second}'", where="/tf",
-                                     todo="let one publisher own it")
             if edge.parent in chain:
                 raise TransformError(f"frames go in a circle at '{edge.parent}'", where="/tf")
             chain.append(edge.parent)

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stations from the body's pose, the motion gate from the camera's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tof_core import se3
+from tof_core.motion import MotionConfig, StationConfig, StationTracker, camera_twist, camera_velocity, is_still
+from tof_core.tf import TransformBuffer
+
+MS = 1_000_000
+
+
+def test_a_station_lasts_while_the_base_stands() -> None:
+    tracker = StationTracker(StationConfig(tolerance_mm=8.0, tolerance_deg=0.5))
+    stops: list[list[float]] = [[0, 0, 0, 0, 0, 0], [0.005, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0.005], [0.4, 0, 0, 0, 0, 0], [0.405, 0, 0, 0, 0, 0],
+             [0.4, 0, 0, 0, 0, 0.02], [0, 0, 0, 0, 0, 0]]
+    assert [tracker.push(i, se3.exp(x)) for i, x in enumerate(stops)] == [0, 0, 0, 1, 1, 2, 3]
+
+
+def test_a_slow_drift_does_not_carry_a_station_away() -> None:
+    tracker = StationTracker(StationConfig(tolerance_mm=8.0))
+    stations = [tracker.push(i, se3.exp([0.001 * i, 0, 0, 0, 0, 0])) for i in range(20)]
+    assert stations[:9] == [0] * 9
+    assert stations[9] == 1
+
+
+def test_a_reset_begins_again() -> None:
+    tracker = StationTracker()
+    tracker.push(0, np.eye(4))
+    tracker.push(1, se3.exp([1, 0, 0, 0, 0, 0]))
+    tracker.reset()
+    assert tracker.push(2, se3.exp([5, 0, 0, 0, 0, 0])) == 0
+
+
+def moving(speed: float, turn: float) -> TransformBuffer:
+    """A camera that moves along its x at `speed` m/s and turns at `turn` rad/s from 0 to 1 s."""
+    tf = TransformBuffer()
+    for ms in range(0, 1001, 20):
+        tf.add("cell", "camera", ms * MS, se3.exp([0, 0, 1, 0.2, 0.3, 0]) @ se3.exp([speed * ms / 1000, 0, 0, 0, 0, turn * ms / 1000]))
+    return tf
+
+
+def test_the_velocity_is_the_camera_s_own() -> None:
+    velocity = camera_velocity(moving(0.2, 0.1), "cell", "camera", 500 * MS, 0.04)
+    assert velocity is not None
+    np.testing.assert_allclose(velocity, [0.2, 0, 0, 0, 0, 0.1], atol=1e-6)
+
+
+def test_the_twist_is_speed_and_turn() -> None:
+    twist = camera_twist(moving(0.2, 0.0), "cell", "camera", 500 * MS, 0.04)
+    assert twist is not None
+    assert twist.speed == pytest.approx(0.2)
+    assert twist.turn == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("speed", "turn", "still"), [
+    (0.0, 0.0, True), (0.009, 0.0, True), (0.011, 0.0, False), (0.0, np.radians(0.9), True), (0.0, np.radians(1.1), False),
+])
+def test_the_gate_opens_below_both_bounds(speed: float, turn: float, still: bool) -> None:  # noqa: FBT001
+    config = MotionConfig(speed_mm_s=10.0, turn_deg_s=1.0)
+    assert is_still(moving(speed, turn), "cell", "camera", 500 * MS, config) is still
+
+
+def test_at_the_end_of_tf_the_side_that_is_there_counts() -> None:
+    assert not is_still(moving(0.1, 0.0), "cell", "camera", 1000 * MS)
+    assert is_still(moving(0.0, 0.0), "cell", "camera", 1000 * MS)
+
+
+def test_where_tf_does_not_tell_nothing_is_still() -> None:
+    assert not is_still(moving(0.0, 0.0), "cell", "camera", 5000 * MS)
+    assert not is_still(TransformBuffer(), "cell", "camera", 0)

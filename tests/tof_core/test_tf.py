@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Transforms: interpolated between samples, refused where there is a gap, never guessed."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace as Message
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tof_core import se3
+from tof_core.errors import TransformError
+from tof_core.tf import TransformBuffer
+
+MS = 1_000_000
+A = se3.exp([1.0, 2.0, 3.0, 0.3, -0.2, 0.1])
+B = se3.exp([0.5, -1.0, 0.2, -0.4, 0.9, 0.7])
+C = se3.exp([0.0, 0.3, 0.0, 0.0, 0.0, 1.5])
+
+
+def tree() -> TransformBuffer:
+    """`odom -> body -> hand` moving, `hand -> camera` static; samples each 100 ms from 0 to 1 s."""
+    buffer = TransformBuffer(max_gap_s=0.2)
+    for t in range(0, 1001, 100):
+        buffer.add("odom", "body", t * MS, se3.interpolate(A, B, t / 1000))
+        buffer.add("body", "hand", t * MS, se3.interpolate(B, C, t / 1000))
+    buffer.add("hand", "camera", 0, C, static=True)
+    return buffer
+
+
+@pytest.mark.parametrize("ms", [0, 100, 150, 333, 999, 1000])
+def test_a_lookup_interpolates_each_edge_at_the_stamp(ms: int) -> None:
+    expected = se3.interpolate(A, B, ms / 1000) @ se3.interpolate(B, C, ms / 1000) @ C
+    np.testing.assert_allclose(tree().lookup("odom", "camera", ms * MS), expected, atol=1e-12)
+
+
+def test_a_lookup_goes_up_down_and_across() -> None:
+    buffer = tree()
+    buffer.add("body", "head", 0, A, static=True)
+    head_camera = se3.inverse(A) @ se3.interpolate(B, C, 0.5) @ C
+    np.testing.assert_allclose(buffer.lookup("head", "camera", 500 * MS), head_camera, atol=1e-12)
+    np.testing.assert_allclose(buffer.lookup("camera", "head", 500 * MS), se3.inverse(head_camera), atol=1e-12)
+    np.testing.assert_allclose(buffer.lookup("hand", "hand", 500 * MS), np.eye(4), atol=0)
+    assert buffer.chain("head", "camera") == ("head", "body", "hand", "camera")
+    assert buffer.root("camera") == "odom"
+
+
+@given(st.permutations(range(6)), st.integers(0, 500))
+def test_the_order_of_arrival_does_not_count(order: list[int], ms: int) -> None:
+    poses = [se3.exp([0.1 * i, 0, 0, 0, 0, 0.1 * i]) for i in range(6)]
+    ordered, shuffled = TransformBuffer(), TransformBuffer()
+    for i in range(6):
+        ordered.add("a", "b", i * 100 * MS, poses[i])
+        shuffled.add("a", "b", order[i] * 100 * MS, poses[order[i]])
+    np.testing.assert_array_equal(shuffled.lookup("a", "b", ms * MS), ordered.lookup("a", "b", ms * MS))
+
+
+def test_the_same_stamp_again_replaces() -> None:
+    buffer = TransformBuffer()
+    buffer.add("a", "b", 5, A)
+    buffer.add("a", "b", 5, B)
+    np.testing.assert_allclose(buffer.lookup("a", "b", 5), B, atol=1e-12)
+
+
+@pytest.mark.parametrize(("ms", "message"), [
+    (-1, "transform odom -> body: starts 1 ms after the stamp"),
+    (1001, "transform odom -> body: ends 1 ms before the stamp"),
+])
+def test_nothing_is_extrapolated(ms: int, message: str) -> None:
+    with pytest.raises(TransformError, match=message):
+        tree().lookup("odom", "body", ms * MS)
+
+
+def test_a_gap_is_refused_but_its_ends_are_not() -> None:
+    buffer = TransformBuffer(max_gap_s=0.2)
+    for ms in (0, 100, 301, 400):
+        buffer.add("a", "b", ms * MS, A)
+    for ms in (0, 50, 100, 301, 350):
+        buffer.lookup("a", "b", ms * MS)
+    with pytest.raises(TransformError, match=r"has a gap of 201 ms at the stamp 200000000 \(allowed: 200 ms\)"):
+        buffer.lookup("a", "b", 200 * MS)
+
+
+def test_unknown_and_unconnected_frames_name_what_there_is() -> None:
+    buffer = tree()
+    buffer.add("cell", "fixture", 0, A, static=True)
+    with pytest.raises(TransformError, match=r"no transform connects 'camera' to 'cell'; TF has the frames: body, camera, cell, fixture, hand, odom"):
+        buffer.lookup("cell", "camera", 0)
+    with pytest.raises(TransformError, match="no transform connects 'ghost' to 'odom'"):
+        buffer.lookup("odom", "ghost", 0)
+    assert buffer.connected("odom", "camera")
+    assert not buffer.connected("cell", "camera")
+
+
+def test_a_frame_with_two_parents_is_refused_where_it_matters() -> None:
+    buffer = tree()
+    buffer.add("vision", "body", 0, A)
+    with pytest.raises(TransformError, match="frame 'body' has two parents, 'odom' and 'vision'"):
+        buffer.lookup("odom", "camera", 0)
+    np.testing.assert_allclose(buffer.lookup("hand", "camera", 0), C, atol=1e-12)
+
+
+def test_frames_in_a_circle_are_refused() -> None:
+    buffer = TransformBuffer()
+    buffer.add("a", "b", 0, A, static=True)
+    buffer.add("b", "a", 0, B, static=True)
+    with pytest.raises(TransformError, match="circle"):
+        buffer.lookup("a", "b", 0)
+
+
+def test_a_live_buffer_keeps_only_what_it_is_told_to() -> None:
+    buffer = TransformBuffer(keep_s=1.0)
+    for i in range(10_000):
+        buffer.add("a", "b", i * 10 * MS, A)
+    held = len(buffer._edges["b"].stamps)
+    assert 100 <= held <= 300
+    assert len(buffer._edges["b"].motions) == 7 * held
+    buffer.lookup("a", "b", 9_999 * 10 * MS - 900 * MS)
+    with pytest.raises(TransformError, match="starts"):
+        buffer.lookup("a", "b", 0)
+
+
+def test_a_clock_set_back_forgets_what_moved() -> None:
+    buffer = tree()
+    assert buffer.settled(500 * MS)
+    buffer.clear_dynamic()
+    assert buffer.frames() == ("camera", "hand")
+    assert not buffer.settled(500 * MS)
+
+
+def message(q: tuple[float, float, float, float], x: float = 1.0) -> Message:
+    stamp = Message(sec=1, nanosec=5)
+    transform = Message(translation=Message(x=x, y=2.0, z=3.0), rotation=Message(**dict(zip("xyzw", q, strict=True))))
+    return Message(transforms=[Message(header=Message(frame_id="/spot/odom", stamp=stamp), child_frame_id="spot/body", transform=transform)])
+
+
+def test_messages_are_read_with_leading_slashes_dropped_and_quaternions_normalised() -> None:
+    buffer = TransformBuffer()
+    buffer.add_message(message((0.0, 0.0, 0.0, 0.995)))
+    T = np.eye(4)
+    T[:3, 3] = 1, 2, 3
+    np.testing.assert_allclose(buffer.lookup("spot/odom", "/spot/body", 1_000_000_005), T, atol=1e-15)
+
+
+@pytest.mark.parametrize("msg", [message((0.0, 0.0, 0.0, 0.0)), message((0.0, 0.0, 0.0, 1.0), float("nan"))])
+def test_a_message_that_is_no_rigid_motion_is_refused_by_name(msg: Message) -> None:
+    with pytest.raises(TransformError, match="/spot/odom -> spot/body"):
+        TransformBuffer().add_message(msg)
+
+
+def test_interpolation_takes_the_shorter_way_round() -> None:
+    buffer = TransformBuffer()
+    buffer.add("a", "b", 0, se3.exp([0, 0, 0, 0, 0, np.radians(170)]))
+    buffer.add("a", "b", 100 * MS, se3.exp([0, 0, 0, 0, 0, np.radians(-170)]))
+    half = buffer.lookup("a", "b", 50 * MS)
+    np.testing.assert_allclose(half[:2, :2], -np.eye(2), atol=1e-12)
