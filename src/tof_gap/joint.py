@@ -11,6 +11,7 @@ import numpy as np
 from tof_align.chain import chain_of
 from tof_align.pixels import sample
 from tof_align.session import near
+from tof_core.errors import RefusedError
 from tof_gap.candidates import Candidate, candidates
 from tof_gap.columns import ColumnStore, Design, build
 from tof_gap.evidence import ViewEvidence, gather
@@ -62,6 +63,8 @@ def solve(
     turn = 0
     while True:
         evidence = observe(views, caster, chain, config)
+        if turn == 0:
+            check_fit(evidence)
         store = ColumnStore(evidence, folds)
         tested = [*candidates(evidence, caster.scene, left_out), *finer]
         design = build(store, tested, chain, config.hand_sd)
@@ -82,6 +85,28 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
         chain = moved(chain, design, fit(design.system, np.zeros(0, np.int64), inflate=START_INFLATE), START_INFLATE)
     return chain
 
+
+def check_fit(views: Sequence[ViewEvidence]) -> None:
+    """Refuse a session that fits the scene nowhere, naming a wrong unit where that is the cause.
+
+    Raises:
+        RefusedError: fewer than half of the pixels that see the CAD lie within the gross bound of it.
+    """
+    both = [np.isfinite(v.residual) & ~v.edge for v in views]
+    total = sum(int(b.sum()) for b in both)
+    near = sum(int((b & ~v.gross).sum()) for v, b in zip(views, both, strict=True))
+    if total >= MIN_PIXELS and near >= 0.5 * total:
+        return
+    ratio = float(np.median(np.concatenate([(1 + v.residual / v.frame.depth)[b] for v, b in zip(views, both, strict=True)] or [[1.0]])))
+    if total >= MIN_PIXELS and not 0.8 < ratio < 1.25:
+        msg = f"depth is {ratio:.3g} times what the scene expects"
+        raise RefusedError(msg, where="session", todo="check the unit of the depth image (--depth-scale) and the scene's scale")
+    msg = f"only {near} of {total} pixels that see the CAD lie near it: the session fits this scene nowhere"
+    raise RefusedError(msg, where="session", todo="check the scene, its placement (--initial-pose) and the robot's TF")
+
+
+MIN_PIXELS = 2000
+"""Pixels on the CAD over the session below which nothing can be said."""
 
 START_INFLATE = 100.0
 """Weight of pixels while effects are unknown: neighbours share errors, the arm's prior must hold."""
