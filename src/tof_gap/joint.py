@@ -97,7 +97,9 @@ def check_fit(views: Sequence[ViewEvidence]) -> None:
     near = sum(int((b & ~v.gross).sum()) for v, b in zip(views, both, strict=True))
     if total >= MIN_PIXELS and near >= 0.5 * total:
         return
-    ratio = float(np.median(np.concatenate([(1 + v.residual / v.frame.depth)[b] for v, b in zip(views, both, strict=True)] or [[1.0]])))
+    ratio = float(
+        np.median(np.concatenate([(1 + v.residual / v.frame.depth)[b] for v, b in zip(views, both, strict=True)] or [np.ones(1)]))
+    )
     if total >= MIN_PIXELS and not 0.8 < ratio < 1.25:
         msg = f"depth is {ratio:.3g} times what the scene expects"
         raise RefusedError(msg, where="session", todo="check the unit of the depth image (--depth-scale) and the scene's scale")
