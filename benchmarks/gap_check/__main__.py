@@ -22,15 +22,16 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw")
     parser.add_argument("--size", default="224x171", help="pixels of the camera")
     parser.add_argument("--scenes", default="", help="built-in scenes, joined by commas; all if empty")
-    parser.add_argument("--step", choices=("record", "examine", "score"), help="one step alone")
+    parser.add_argument("--step", choices=("record", "examine", "baselines", "score"), help="one step alone")
+    parser.add_argument("--baselines", action="store_true", help="run least squares after ICP, and boosted trees, on the same bags")
     parser.add_argument("--write", action="store_true", help="write docs/gap_check.md")
     args = parser.parse_args()
     if args.step is None:
-        for step in ("record", "examine", "score"):
+        for step in ("record", "examine", *(["baselines"] if args.baselines else []), "score"):
             if code := subprocess.call([sys.executable, "-m", "benchmarks.gap_check", "--step", step, *sys.argv[1:]]):
                 return code
         return 0
-    return {"record": _record, "examine": _examine, "score": _score}[args.step](args)
+    return {"record": _record, "examine": _examine, "baselines": _baselines, "score": _score}[args.step](args)
 
 
 def _record(args: argparse.Namespace) -> int:
@@ -49,6 +50,13 @@ def _examine(args: argparse.Namespace) -> int:
     from benchmarks.gap_check.examine import examine_all
 
     examine_all(args.out)
+    return 0
+
+
+def _baselines(args: argparse.Namespace) -> int:
+    from benchmarks.gap_check.examine import compare_all
+
+    compare_all(args.out)
     return 0
 
 

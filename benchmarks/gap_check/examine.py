@@ -26,6 +26,19 @@ def examine_all(folder: Path) -> None:
             examine(case, out)
 
 
+def compare_all(folder: Path) -> None:
+    """The two baselines on the same bags, under `reports/<case>/baselines.json`."""
+    from benchmarks.gap_check.baselines import boosting, least_squares, session
+
+    cases = sorted((folder / BAGS).iterdir())
+    for case in progress(cases, "baselines", len(cases)):
+        out = folder / REPORTS / case.name / "baselines.json"
+        if out.exists() or not out.parent.exists():
+            continue
+        store, residual = session(case)
+        out.write_text(json.dumps({"least squares": least_squares(store, residual), "boosting": boosting(store, residual)}))
+
+
 def examine(case: Path, out: Path) -> None:
     """One bag to one report; a refusal is an answer too."""
     from tof_gap.report import write

@@ -53,6 +53,7 @@ class Row:
     covered: bool | None
     left_over_floor: float | None
     seconds: float
+    baselines: dict[str, bool]
 
 
 def score_all(folder: Path, *, only: str = "") -> list[Row]:
@@ -90,6 +91,7 @@ def score(sealed: Path, bag: Path, out: Path) -> Row:
             covered=None,
             left_over_floor=None,
             seconds=seconds,
+            baselines={},
         )
     report = json.loads((out / "gap.json").read_text())
     truth = Truth(sealed, bag)
@@ -116,7 +118,17 @@ def score(sealed: Path, bag: Path, out: Path) -> Row:
         covered=covered,
         left_over_floor=over,
         seconds=seconds,
+        baselines=_baselines(case, out),
     )
+
+
+def _baselines(case: dict[str, Any], out: Path) -> dict[str, bool]:
+    """Whether each baseline named the one effect, or none for a null; pairs and left-out effects are beyond them."""
+    path = out / "baselines.json"
+    if not path.exists() or case["kind"] in ("pair", "left-out"):
+        return {}
+    truth = next(iter(case["effects"]), "none")
+    return {name: said == truth for name, said in json.loads(path.read_text()).items()}
 
 
 def judge(case: dict[str, Any], verdict: tuple[str, ...], truth: Truth) -> str:

@@ -41,6 +41,11 @@ def figures(rows: Sequence[Row]) -> list[tuple[str, str, str]]:
     out.append(
         _share("its 95 % interval holds the true shrink", [bool(r.covered) for r in rows if r.hit and r.covered is not None], "90 to 99 %")
     )
+    for name in ("least squares", "boosting"):
+        for kind, what in (("single-usual", "one effect, usual strength"), ("null", "nulls")):
+            hits = [r.baselines[name] for r in rows if r.kind == kind and name in r.baselines]
+            if hits:
+                out.append(_share(f"beside it, {name}: {what}", hits, ""))
     out.append(_median("gap left over the floor after what was named", [r.left_over_floor for r in rows], "at most 1.2"))
     out.append(_median("seconds a case", [r.seconds for r in rows], "at most 10"))
     return out
