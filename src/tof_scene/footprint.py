@@ -61,8 +61,8 @@ def _flagged(caster: Raycaster, camera: Camera, eye: Float, points: Float, cells
     """(H*W,) 0 for a pixel its centre speaks for, else BEND or EDGE."""
     flag = np.zeros(len(canvas.depth), np.uint8)
     shape = camera.shape
+    toward = np.einsum("ij,ij->i", caster.face_normal, caster.face_point - eye) < 0
+    mark_edges(flag, *caster.outline, points, toward, cells.raster, cells.pixel, cells.span, canvas.depth, canvas.normal, cells.rays)
     grids = (a.reshape(shape) for a in (flag, canvas.depth, canvas.part, canvas.face))
     mark_neighbours(*grids, canvas.normal.reshape(*shape, 3), cells.rays.reshape(*shape, 3), TOLERANCE_M)
-    toward = np.einsum("ij,ij->i", caster.face_normal, caster.face_point - eye) < 0
-    mark_edges(flag, *caster.outline, points, toward, cells.raster, cells.pixel, canvas.depth, canvas.normal, cells.rays)
     return flag

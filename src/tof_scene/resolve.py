@@ -23,7 +23,7 @@ SLACK = np.float32(1e-6)
 LATTICES = ((89, 55), (377, 233), (987, 610))
 """Samples and generator of three lattices: where one bent surface is expected, where an edge passes, where two surfaces are found."""
 CREASE_M = 8e-6
-"""Mean depth across a crease is off by about half of (difference of the two slopes) / samples; with more than this a finer lattice is taken."""
+"""Mean depth across a crease is off by about half of (difference of the two slopes) / samples; with more than this the second lattice is taken."""
 
 
 def lattice(n: int, generator: int) -> Float32:
@@ -43,8 +43,8 @@ def resolve(
 ) -> None:  # fmt: skip
     """Fill depth, face, mixed and second (flat over pixels) of the pixels numbered begin..end of `pixels` (k,).
 
-    `edge` (k,) is the first of the three `lattices` to try, 1 or 2; a pixel that shows two surfaces, or a sharp
-    crease, goes on to the next. `start`, `listed` and `rows`
+    `edge` (k,) is the first of the three `lattices` to try, 1 or 2; a pixel that shows two surfaces goes on to
+    the last, one with a sharp crease to the second. `start`, `listed` and `rows`
     come from `overlaps`; `rays` and `turn` (k, ...) belong to `pixels`. `face` keeps what it holds where that face belongs to
     the surface that fills most. A pixel more of whose samples are void than on any surface gets NaN.
     """
@@ -66,7 +66,7 @@ def resolve(
             drawn = _sample(order[: len(candidates)], planes, nearest, samples, inverse[:n], owner[:n])
             found, void = tally(inverse[:n], owner[:n], order[:drawn], count, depths, seen)
             surfaces = group_faces(n, found, seen, candidates, planes, part, depths, group, marks)
-            if surfaces == 1 and void == 0 and fold(found, seen, planes, depths) < CREASE_M * n:
+            if surfaces == 1 and void == 0 and (level or fold(found, seen, planes, depths) < CREASE_M * n):
                 break
         _write(pixels[k], candidates, n, void, found, surfaces, seen, group, count, depths, depth, face, mixed, second)
 
@@ -102,13 +102,15 @@ def _sample(order: Int32, planes: Float32, nearest: Float32, samples: Float32, i
     """Nearest candidate and its 1/z at each sample, in order until all that is left lies behind; returns how many were drawn."""
     inverse[:] = 0.0
     owner[:] = -1
-    farthest = np.float32(0.0)
+    n, farthest = len(inverse), np.float32(0.0)
     for drawn in range(len(order)):
         c = order[drawn]
         if nearest[c] == np.inf or nearest[c] * farthest > ONE:
             return drawn
         _cover(planes, c, samples, inverse, owner)
-        farthest = _lowest(inverse)
+        # Four samples far apart say cheaply that the pixel is not full yet.
+        if owner[0] >= 0 and owner[n // 3] >= 0 and owner[2 * n // 3] >= 0 and owner[n - 1] >= 0:
+            farthest = _lowest(inverse)
     return len(order)
 
 

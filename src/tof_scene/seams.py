@@ -23,8 +23,6 @@ NEAR_M = 1e-3
 STEP_M = 1e-3
 """Neighbours further apart along z, seen from either plane, are on two surfaces."""
 HIDDEN_M = 2e-4
-PACE = 0.35
-"""Pixels between the points at which an edge is looked at."""
 
 
 def outline_edges(edges: Edges, normal: Float) -> tuple[NDArray[np.int32], NDArray[np.int32], Mask]:
@@ -44,18 +42,19 @@ def mark_neighbours(
     flag: Bytes, depth: NDArray[np.float32], part: NDArray[np.int16], face: NDArray[np.int32], normal: NDArray[np.float32], rays: Float,
     tolerance: float,
 ) -> None:  # fmt: skip
-    """Compare each pixel with its eight neighbours; all arrays (H, W, ...), flag is raised to BEND or EDGE.
+    """Compare each pixel with its eight neighbours once the outlines are marked; all arrays (H, W, ...), flag is raised to BEND or EDGE.
 
-    EDGE for both where the parts differ or depth steps. BEND where one's plane misses the other by `tolerance` metres, for the
-    one on whose half of the way the two planes meet (a line that crosses a pixel passes its centre's side of the middle
-    toward one of the eight).
+    Two pixels whose planes meet between them have a crease (or a line where parts enter each other): it runs through the one on
+    whose half of the way they meet, since a line that crosses a pixel passes on its centre's side of the middle toward one of
+    the eight. Misses below `tolerance` metres within a part do not count. Where depth steps, an outline has marked one of
+    the two already; if not, both are marked.
     """
     rows, columns = depth.shape
     for i in range(rows):
         for j in range(columns):
             for k in range(4):  # right, below left, below, below right
                 a, b = (i, j + 1) if k == 0 else (i + 1, j + k - 2)
-                if a < rows and 0 <= b < columns and face[i, j] != face[a, b]:
+                if a < rows and 0 <= b < columns and face[i, j] != face[a, b] and not (flag[i, j] == EDGE and flag[a, b] == EDGE):
                     _compare(flag, depth, part, normal, rays, tolerance, i, j, a, b)
 
 
@@ -65,39 +64,45 @@ def _compare(
     i: int, j: int, a: int, b: int,
 ) -> None:  # fmt: skip
     """Raise the flags of two neighbouring pixels."""
-    here, there = _miss(depth, normal, rays, a, b, i, j), _miss(depth, normal, rays, i, j, a, b)
-    if part[i, j] != part[a, b] or min(here, there) > STEP_M:
-        flag[i, j] = flag[a, b] = EDGE
-    elif max(here, there) > tolerance:
-        at = here / (here + there) if here + there < np.inf else 0.5
+    here, there = _miss(depth, normal, rays, a, b, i, j), -_miss(depth, normal, rays, i, j, a, b)
+    near, far = min(abs(here), abs(there)), max(abs(here), abs(there))
+    other = part[i, j] != part[a, b]
+    if not near <= STEP_M and not here * there < 0.0:  # a step, or one of them sees nothing
+        if flag[i, j] < EDGE and flag[a, b] < EDGE:
+            flag[i, j] = flag[a, b] = EDGE
+    elif other or far > tolerance:
+        level = EDGE if other else BEND
+        at = abs(here) / (abs(here) + abs(there)) if 0.0 < far < np.inf else 0.5
         if at < 0.6:
-            flag[i, j] = max(flag[i, j], BEND)
+            flag[i, j] = max(flag[i, j], level)
         if at > 0.4:
-            flag[a, b] = max(flag[a, b], BEND)
+            flag[a, b] = max(flag[a, b], level)
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _miss(depth: NDArray[np.float32], normal: NDArray[np.float32], rays: Float, i: int, j: int, a: int, b: int) -> float:
-    """Distance along z between pixel (a, b)'s hit and pixel (i, j)'s plane."""
+    """How far along z pixel (i, j)'s plane lies beyond pixel (a, b)'s hit."""
     here = there = 0.0
     for c in range(3):
         here += normal[i, j, c] * rays[i, j, c]
         there += normal[i, j, c] * rays[a, b, c]
     if there * here <= 0.0:
         return np.inf
-    return abs(depth[i, j] * here / there - depth[a, b])
+    return depth[i, j] * here / there - depth[a, b]
 
 
 @njit(cache=True, nogil=True)
 def mark_edges(
     flag: Bytes, ends: NDArray[np.int32], faces: NDArray[np.int32], always: Mask, points: Float, toward: Mask, raster: Float,
-    pixel: NDArray[np.int32], depth: NDArray[np.float32], normal: NDArray[np.float32], rays: Float,
+    pixel: NDArray[np.int32], span: NDArray[np.int32], depth: NDArray[np.float32], normal: NDArray[np.float32], rays: Float,
 ) -> None:  # fmt: skip
-    """Raise to EDGE the pixels through which a visible outline passes, to BEND those with a sharp edge. Flat arrays over pixels; `points` (n, 3) in the camera frame.
+    """Raise to EDGE the pixels through which a visible outline passes, to BEND those with a sharp edge. Flat arrays over pixels.
 
-    `toward` (m,) says which faces are turned to the camera. A point of an edge is hidden where it lies behind the plane seen
-    at its pixel's centre: what is seen there ends at an edge in that plane, or at one before it.
+    `points` (n, 3) in the camera frame; `toward` (m,) says which faces are turned to the camera; `raster`, `pixel` and `span` are of
+    `Cells`. A point of an edge is hidden where it lies behind the plane seen at its pixel's centre: what is seen there ends at
+    an edge in that plane, or at one before it.
     """
+    cell_flag = np.zeros(pixel.shape, np.uint8)
     for e in range(len(ends)):
         outline = faces[e, 1] < 0 or toward[faces[e, 0]] != toward[faces[e, 1]]
         if not (outline or always[e]):
@@ -107,7 +112,11 @@ def mark_edges(
             continue
         if p[2] < NEAR_M or q[2] < NEAR_M:
             p, q = _clipped(p, q)
-        _walk(flag, EDGE if outline else BEND, p, q, raster, pixel, depth, normal, rays)
+        _walk(cell_flag, EDGE if outline else BEND, p, q, raster, pixel, depth, normal, rays)
+    for i in range(len(span)):
+        for r in range(span[i, 2], span[i, 3] + 1):
+            for c in range(span[i, 0], span[i, 1] + 1):
+                flag[i] = max(flag[i], cell_flag[r, c])
 
 
 @njit(cache=True, nogil=True)
@@ -120,31 +129,40 @@ def _clipped(p: Float, q: Float) -> tuple[Float, Float]:
 
 @njit(cache=True, nogil=True)
 def _walk(
-    flag: Bytes, level: np.uint8, p: Float, q: Float, raster: Float, pixel: NDArray[np.int32], depth: NDArray[np.float32], normal: NDArray[np.float32],
-    rays: Float,
+    cell_flag: Bytes, level: np.uint8, p: Float, q: Float, raster: Float, pixel: NDArray[np.int32], depth: NDArray[np.float32],
+    normal: NDArray[np.float32], rays: Float,
 ) -> None:  # fmt: skip
-    """Look at an edge's points at an even pace in the image."""
+    """Visit the cells an edge crosses, each in the middle of its stretch (Amanatides and Woo, A fast voxel traversal algorithm, 1987)."""
     rows, columns = pixel.shape
     u0, v0 = (p[0] / p[2] - raster[0]) * raster[2], (p[1] / p[2] - raster[1]) * raster[3]
     du, dv = (q[0] / q[2] - raster[0]) * raster[2] - u0, (q[1] / q[2] - raster[1]) * raster[3] - v0
-    low, high = _inside(u0, du, columns, 0.0, 1.0)
-    low, high = _inside(v0, dv, rows, low, high)
-    if low > high:
-        return
-    steps = int(max(abs(du), abs(dv)) * (high - low) / PACE) + 1
-    for k in range(steps + 1):
-        s = low + (high - low) * k / steps
-        i, j = int(np.floor(v0 + s * dv)), int(np.floor(u0 + s * du))
-        if i < 0 or j < 0 or i >= rows or j >= columns or pixel[i, j] < 0 or flag[pixel[i, j]] >= level:
+    s, high = _inside(u0, du, columns, 0.0, 1.0)
+    s, high = _inside(v0, dv, rows, s, high)
+    while s < high:
+        after = min(_next_line(u0, du, s), _next_line(v0, dv, s), high)
+        middle = 0.5 * (s + after)
+        i, j = int(np.floor(v0 + middle * dv)), int(np.floor(u0 + middle * du))
+        s = after
+        if i < 0 or j < 0 or i >= rows or j >= columns or pixel[i, j] < 0 or cell_flag[i, j] >= level:
             continue
-        x, y = (u0 + s * du) / raster[2] + raster[0], (v0 + s * dv) / raster[3] + raster[1]
-        z = 1.0 / ((1.0 - s) / p[2] + s / q[2])
+        x, y = (u0 + middle * du) / raster[2] + raster[0], (v0 + middle * dv) / raster[3] + raster[1]
+        z = 1.0 / ((1.0 - middle) / p[2] + middle / q[2])
         m = pixel[i, j]
         slant = normal[m, 0] * x + normal[m, 1] * y + normal[m, 2]
         here = normal[m, 0] * rays[m, 0] + normal[m, 1] * rays[m, 1] + normal[m, 2]
         seen = depth[m] * here / slant if slant * here > 0.0 else np.inf
         if not z > seen + HIDDEN_M:  # where nothing is seen the edge counts
-            flag[pixel[i, j]] = level
+            cell_flag[i, j] = level
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _next_line(start: float, step: float, s: float) -> float:
+    """Where along the edge the next line of the raster is crossed, a little beyond so that the walk moves on."""
+    if step == 0.0:
+        return np.inf
+    at = start + s * step
+    line = np.floor(at + 1e-9) + 1.0 if step > 0 else np.ceil(at - 1e-9) - 1.0
+    return (line - start) / step
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -33,8 +33,9 @@ def tally(inverse: Float32, owner: Int32, drawn: Int32, count: Int32, depths: Fl
         inverse[s] = ONE / max(inverse[s], TINY)
     found, void = 0, len(owner)
     for c in drawn:
-        n, total, low, high = _sums(inverse, owner, c)
+        n = _mine(owner, c)
         if n:
+            total, low, high = _sums(inverse, owner, c)
             count[c], depths[c, 0], depths[c, 1], depths[c, 2] = n, total, low, high
             void -= n
             at = found
@@ -48,17 +49,25 @@ def tally(inverse: Float32, owner: Int32, drawn: Int32, count: Int32, depths: Fl
     return found, void
 
 
+@njit(cache=True, nogil=True)
+def _mine(owner: Int32, c: np.int32) -> int:
+    """Number of one candidate's samples."""
+    n = np.int32(0)
+    for s in range(len(owner)):
+        n += np.int32(owner[s] == c)
+    return n
+
+
 @njit(cache=True, nogil=True, fastmath=True)
-def _sums(z: Float32, owner: Int32, c: np.int32) -> tuple[int, float, float, float]:
-    """Count, sum, least and greatest z of one candidate's samples."""
-    n, total, low, high = np.int32(0), np.float32(0), FAR, np.float32(0)
+def _sums(z: Float32, owner: Int32, c: np.int32) -> tuple[float, float, float]:
+    """Sum, least and greatest z of one candidate's samples."""
+    total, low, high = np.float32(0), FAR, np.float32(0)
     for s in range(len(z)):
         mine = owner[s] == c
-        n += np.int32(1) if mine else np.int32(0)
         total += z[s] if mine else np.float32(0)
         low = min(low, z[s] if mine else FAR)
         high = max(high, z[s] if mine else np.float32(0))
-    return n, total, low, high
+    return total, low, high
 
 
 @njit(cache=True, nogil=True)

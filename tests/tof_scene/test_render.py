@@ -53,7 +53,7 @@ def test_a_corner_of_three_walls_is_within_a_hundredth_of_a_millimetre_on_averag
     whole = scene(**{"x": walls["x"], "y": block(0, -0.05, 0, (8, 0.1, 8)), "z": block(0, 0, -0.05, (8, 8, 0.1))})
     one = scene(corner=(np.concatenate([p.vertices for p in whole.parts]),
                         np.concatenate([p.faces + 8 * 3 * i for i, p in enumerate(whole.parts)])))
-    T, cam = looking((1.0, 0.8, 0.7), (0, 0, 0)), camera()
+    T, cam = looking((1.0, 0.8, 0.7), (0, 0, 0)), camera(80, 60, 14)
     view = render(Raycaster(one), cam, T)
 
     def truth(fine: object) -> np.ndarray:

@@ -58,7 +58,7 @@ def _flanges() -> tuple[Part, ...]:
     pair = join(*(moved(cylinder(0.058, 0.014, 96), (0.02, 0.22, z)) for z in (0.690, 0.706)))
     seal = moved(cylinder(0.050, 0.004, 96), (0.02, 0.22, 0.703))
     blind = moved(cylinder(0.066, 0.016, 96), (0.0, 0.11, 0.93), axis="y")
-    angle = np.radians([-60, -20, 20, 60, 110, 180, 250])
+    angle = np.radians([-75, -37, 0, 37, 110, 180, 250])
     bolts = [moved(hexagon_bolt(0.008), (0.02 + 0.046 * np.cos(a), 0.22 + 0.046 * np.sin(a), 0.7198)) for a in angle]
     round_bolts = [moved(hexagon_bolt(0.008), (0.053 * np.cos(a), 0.1258, 0.93 + 0.053 * np.sin(a)), axis="y") for a in np.radians([0, 60, 120])]
     return (
@@ -68,15 +68,15 @@ def _flanges() -> tuple[Part, ...]:
 
 
 def _tank() -> tuple[Part, ...]:
-    shell = moved(sphere(0.135, 160), (0.04, 0.37, 0.78))
-    neck = moved(lathe([(0, 0.10), (0.034, 0.10), (0.034, 0.15), (0.030, 0.154), (0.030, 0.175), (0, 0.175)], 80), (0.04, 0.37, 0.78))
+    shell = moved(sphere(0.135, 160), (0.04, 0.40, 0.78))
+    neck = moved(lathe([(0, 0.10), (0.034, 0.10), (0.034, 0.15), (0.030, 0.154), (0.030, 0.175), (0, 0.175)], 80), (0.04, 0.40, 0.78))
     saddle = lathe([(0, 0), (0.085, 0), (0.085, 0.02), (0.07, 0.16), (0, 0.16)], 96)
     label = sphere(0.1356, 160)
     patch = label[0][label[1]].mean(axis=1) / 0.1356
     keep = (patch[:, 0] > 0.55) & (np.abs(patch[:, 1]) < 0.3) & (np.abs(patch[:, 2] - 0.1) < 0.2)
     return (
-        part("tank", join(shell, neck), Material(0.6, 0.6)), part("saddle", moved(saddle, (0.04, 0.37, 0.518)), Material(0.25, 0.8)),
-        part("label", (label[0] + [0.04, 0.37, 0.78], label[1][keep]), PAPER),
+        part("tank", join(shell, neck), Material(0.6, 0.6)), part("saddle", moved(saddle, (0.04, 0.40, 0.518)), Material(0.25, 0.8)),
+        part("label", (label[0] + [0.04, 0.40, 0.78], label[1][keep]), PAPER),
     )  # fmt: skip
 
 
