@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Correct, look again, stop: when inside tolerance, when it gets no better, or when a correction is refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from arm_correction.correction import Correction, propose
+from arm_correction.match import reference_surface, register_view
+from tof_core import se3
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from arm_correction.config import CorrectConfig
+    from arm_correction.reference import Reference
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+
+
+class Arm(Protocol):
+    """Something that obeys a pose with its own error."""
+
+    def goto(self, T_body_hand: Float) -> None:
+        """Move the hand to a pose in the body."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Closed:
+    """How a loop ended: done (inside tolerance, or as near as the arm gets), refused, or out of moves; all its corrections."""
+
+    done: bool
+    moves: int
+    reason: str
+    corrections: tuple[Correction, ...]
+
+
+def close_loop(arm: Arm, look: Callable[[], View], reference: Reference, config: CorrectConfig, T_hand_camera: Float) -> Closed:
+    """Move until the picture is the first picture again.
+
+    A look after the last move decides. A step that grew to more than half the one before is the arm's own scatter: stop there.
+    """
+    loop, surface = config.loop, reference_surface(reference, config)
+    made: list[Correction] = []
+    moves = 0
+    while True:
+        view = look()
+        reference.check(view)
+        assert view.robot is not None
+        made.append(propose(register_view(reference, surface, view, config), view.robot, config, T_hand_camera=T_hand_camera))
+        last = made[-1]
+        if not last.accepted:
+            return Closed(done=False, moves=moves, reason=last.reason, corrections=tuple(made))
+        if last.step[0] <= loop.tolerance_mm and last.step[1] <= loop.tolerance_deg:
+            return Closed(done=True, moves=moves, reason="inside tolerance", corrections=tuple(made))
+        if moves and _no_better(made[-2], last, config):
+            return Closed(done=True, moves=moves, reason="as near as the arm gets", corrections=tuple(made))
+        if moves == loop.moves:
+            return Closed(done=_near(last, config), moves=moves, reason="moves used up", corrections=tuple(made))
+        arm.goto(last.T_frame_hand)
+        moves += 1
+
+
+def _near(last: Correction, config: CorrectConfig) -> bool:
+    """Within twice the tolerance."""
+    return last.step[0] <= 2 * config.loop.tolerance_mm and last.step[1] <= 2 * config.loop.tolerance_deg
+
+
+def _no_better(before: Correction, last: Correction, config: CorrectConfig) -> bool:
+    """Another move would only draw the arm's scatter anew: near already, and hardly nearer than before."""
+    return _near(last, config) and last.step[0] > 0.5 * before.step[0]
+
+
+def leftover(T_wanted: Float, T_camera: Float) -> tuple[float, float]:
+    """How far a camera is from where it should be: millimetres, degrees. For evaluation."""
+    metres, degrees = se3.distance(np.asarray(T_wanted), np.asarray(T_camera))
+    return 1e3 * metres, degrees

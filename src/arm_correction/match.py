@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a reference and a view to a matcher; lens distortion is taken out of the reference once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from arm_correction.register import Matcher, Registration, register
+from arm_correction.surface import Surface, surface_of
+from tof_align.pixels import raster_step, view_sigma
+from tof_core import se3
+from tof_core.errors import RefusedError
+
+if TYPE_CHECKING:
+    from arm_correction.config import CorrectConfig
+    from arm_correction.reference import Reference
+    from tof_core.arrays import Float
+    from tof_core.camera import Camera
+    from tof_core.capture import View
+
+
+def reference_surface(reference: Reference, config: CorrectConfig) -> Surface:
+    """The reference's surface on a raster without distortion; made once per reference."""
+    camera, depth, sigma, region = reference.camera, reference.depth, reference.sigma, reference.region
+    if camera.distorted:
+        camera, at = _straight(camera)
+        depth, sigma, region = (
+            np.where(at >= 0, a.ravel()[at], np.array(np.nan if a.dtype != bool else 0, a.dtype)) for a in (depth, sigma, region)
+        )
+    return surface_of(camera, depth, np.asarray(sigma, float), config.register, region)
+
+
+def _straight(camera: Camera) -> tuple[Camera, Float]:
+    """The camera without distortion, and which pixel of the distorted one each of its pixels shows (-1: none)."""
+    plain = replace(camera, distortion=())
+    uv = camera.project(plain.rays())
+    col, row = np.floor(uv[..., 0] + 0.5), np.floor(uv[..., 1] + 0.5)
+    inside = (col >= 0) & (col < camera.width) & (row >= 0) & (row < camera.height)
+    return plain, np.where(inside, np.nan_to_num(row) * camera.width + np.nan_to_num(col), -1).astype(np.int64)
+
+
+def make_matcher(surface: Surface, view: View, config: CorrectConfig) -> Matcher:
+    """Points of the view on a raster, edges left out; and a coarser raster of all of them for the search."""
+    c = config.register
+    sigma = view_sigma(view, config.weights, np.ix_(*map(np.arange, view.depth.shape)))
+    now = surface_of(view.camera, view.depth, sigma, c)
+    points = view.camera.points(view.depth)
+    step = raster_step(view.camera, c.pixels)
+    taken = np.zeros(view.depth.shape, bool)
+    taken[step // 2 :: step, step // 2 :: step] = True
+    fine = taken & now.usable
+    wide = raster_step(view.camera, 4 * c.coarse_pixels)
+    coarse = np.zeros_like(taken)
+    coarse[wide // 2 :: wide, wide // 2 :: wide] = True
+    if not fine.any():
+        raise RefusedError("empty view: no surface is seen", where="correction", todo="look at the part from 0.3 to 2 m")
+    coarse &= view.valid & (sigma < 4e-3)
+    return Matcher(
+        surface, np.ascontiguousarray(points[fine]), sigma[fine], np.ascontiguousarray(points[coarse]), 3.0 * sigma[coarse], config
+    )
+
+
+def register_view(reference: Reference, surface: Surface, view: View, config: CorrectConfig) -> Registration:
+    """Where the view's camera is in the reference's camera frame; the robot's own poses are the first guess."""
+    if view.robot is None:
+        raise RefusedError("the view has no robot pose", where="correction", todo="record TF with the images")
+    guess = se3.inverse(reference.T_cell_body @ reference.T_body_camera) @ view.robot.T_cell_camera
+    return register(make_matcher(surface, view, config), guess)

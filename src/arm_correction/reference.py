@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first picture, kept: depth, sigma, pose, colour, intrinsics, and the region that matters."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_align.pixels import view_sigma
+from tof_core import se3
+from tof_core.camera import Camera
+from tof_core.errors import RefusedError, ToftwinError, UsageError
+
+if TYPE_CHECKING:
+    from tof_align.config import WeightConfig
+    from tof_core.arrays import Bytes, Float, Image, Mask
+    from tof_core.capture import View
+
+SCHEMA = "toftwin.reference/1"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """What the camera saw the first time.
+
+    depth, sigma (H, W) metres, region (H, W) the pixels that matter; T_cell_body, T_body_camera (4, 4) as the robot believed
+    then; T_cell_camera (4, 4) by the CAD, or None; colour (h, w, 3) RGB or None; scene: digest of the CAD, "" for none.
+    """
+
+    camera: Camera
+    depth: Image
+    sigma: Image
+    region: Mask
+    T_cell_body: Float
+    T_body_camera: Float
+    stamp_ns: int
+    scene: str = ""
+    T_cell_camera: Float | None = None
+    colour: Bytes | None = None
+
+    def check(self, view: View, scene: str = "") -> None:
+        """Refuse a view of another camera or size, or one of another scene."""
+        mine, its = self.camera, view.camera
+        if mine.shape != its.shape:
+            raise RefusedError(
+                f"the reference is {mine.width}x{mine.height}, the view {its.width}x{its.height}",
+                where="reference",
+                todo="capture the reference again with this camera mode",
+            )
+        if not np.allclose([mine.fx, mine.fy, mine.cx, mine.cy], [its.fx, its.fy, its.cx, its.cy], rtol=1e-3, atol=0.2) or not np.allclose(
+            _padded(mine.distortion), _padded(its.distortion), atol=1e-4
+        ):
+            raise RefusedError(
+                "the reference was taken with another camera (intrinsics differ)", where="reference", todo="capture it again with this one"
+            )
+        if scene and self.scene and scene != self.scene:
+            raise RefusedError(
+                "the reference belongs to another scene (its CAD differs)", where="reference", todo="pass that scene, or capture it again"
+            )
+
+
+def _padded(distortion: tuple[float, ...]) -> Float:
+    return np.array([*distortion, *(0.0,) * (8 - len(distortion))])
+
+
+def capture_reference(
+    view: View, weights: WeightConfig, *, region: Mask | None = None, scene: str = "", T_cell_camera: Float | None = None
+) -> Reference:
+    """Keep a view as the first picture; `region` (H, W) marks what matters (default: all)."""
+    if view.robot is None:
+        raise RefusedError("the view has no robot pose", where="reference", todo="record TF with the images")
+    mask = np.ones(view.depth.shape, bool) if region is None else region
+    if mask.shape != view.depth.shape:
+        raise UsageError(
+            f"the region is {mask.shape[1]}x{mask.shape[0]}, the view {view.camera.width}x{view.camera.height}", where="reference"
+        )
+    if int((mask & view.valid).sum()) < 400:
+        raise RefusedError(
+            f"only {int((mask & view.valid).sum())} pixels of the region have a depth (at least 400)",
+            where="reference",
+            todo="look at the part from 0.3 to 2 m",
+        )
+    sigma = view_sigma(view, weights, np.ix_(*map(np.arange, view.depth.shape)))
+    colour = view.colour.image if view.colour else None
+    return Reference(
+        view.camera,
+        view.depth,
+        sigma.astype(np.float32),
+        mask,
+        view.robot.T_cell_body,
+        view.robot.T_body_camera,
+        view.stamp_ns,
+        scene,
+        T_cell_camera,
+        colour,
+    )
+
+
+def save_reference(reference: Reference, path: Path | str) -> Path:
+    """Write `<path>.npz` (arrays) and `<path>.json` (what they are); returns the json."""
+    path = Path(path).with_suffix("")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    r = reference
+    arrays: dict[str, Any] = {
+        "depth": r.depth,
+        "sigma": r.sigma,
+        "region": r.region,
+        "T_cell_body": r.T_cell_body,
+        "T_body_camera": r.T_body_camera,
+    }
+    arrays |= {name: value for name, value in (("T_cell_camera", r.T_cell_camera), ("colour", r.colour)) if value is not None}
+    np.savez_compressed(path.with_suffix(".npz"), **arrays)
+    facts = {"schema": SCHEMA, "stamp_ns": r.stamp_ns, "scene": r.scene, "camera": asdict(r.camera)}
+    path.with_suffix(".json").write_text(json.dumps(facts, indent=1), encoding="utf-8")
+    return path.with_suffix(".json")
+
+
+def load_reference(path: Path | str) -> Reference:
+    """Read what `save_reference` wrote; refuses what is damaged or of another schema."""
+    path = Path(path).with_suffix("")
+    try:
+        facts = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        with np.load(path.with_suffix(".npz"), allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        if facts.get("schema") != SCHEMA:
+            raise RefusedError(f"schema '{facts.get('schema')}' is not {SCHEMA}", where=path, todo="capture the reference again")
+        camera = Camera(**{**facts["camera"], "distortion": tuple(facts["camera"]["distortion"])})
+        poses = {name: se3.as_se3(name, arrays[name]) for name in ("T_cell_body", "T_body_camera")}
+        by_cad = se3.as_se3("T_cell_camera", arrays["T_cell_camera"]) if "T_cell_camera" in arrays else None
+        out = Reference(
+            camera,
+            arrays["depth"],
+            arrays["sigma"],
+            arrays["region"].astype(bool),
+            **poses,
+            stamp_ns=int(facts["stamp_ns"]),
+            scene=str(facts["scene"]),
+            T_cell_camera=by_cad,
+            colour=arrays.get("colour"),
+        )
+    except FileNotFoundError as error:
+        raise UsageError("there is no such reference (a .json and a .npz)", where=path, todo="capture one with --save") from error
+    except ToftwinError:
+        raise
+    except Exception as error:  # whatever a damaged zip or JSON raises
+        raise RefusedError(f"cannot be read ({type(error).__name__})", where=path, todo="capture the reference again") from error
+    if not out.depth.shape == out.sigma.shape == out.region.shape == camera.shape:
+        raise RefusedError("its images have not the camera's size", where=path, todo="capture the reference again")
+    return out

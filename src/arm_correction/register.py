@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One depth image to another: point to plane by projection, from near or from many starts; what stays unknown is said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from arm_correction.kernels import associate, misfits
+from arm_correction.starts import spread_starts
+from arm_correction.unknown import Unknown, smallest_motion, unknown_directions
+from tof_align.robust import mad, tukey
+from tof_core import se3
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from arm_correction.config import CorrectConfig
+    from arm_correction.surface import Surface
+    from tof_core.arrays import Float
+
+COARSE_M = 0.04, 0.02
+"""While searching: a point that misses by more than the first says only that it misses; one that leaves the picture counts the second."""
+FINE_M = 0.012, 0.0025
+"""The same to choose between answers."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Registration:
+    """Where the camera is in the reference's camera frame.
+
+    T_reference_now (4, 4): of all motions that fit, the smallest; cov (6, 6) of its right perturbation, metres and radians;
+    unknown: directions the data leave open; accepted and reason; pixels both images see, overlap (their share of the view),
+    support (share of them that agree), rms in metres, misfit: what starts are compared by; far: whether many starts were needed.
+    """
+
+    T_reference_now: Float
+    cov: Float
+    unknown: Unknown
+    accepted: bool
+    reason: str
+    pixels: int
+    overlap: float
+    support: float
+    rms: float
+    misfit: float
+    far: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matcher:
+    """A reference's surface and points (n, 3) of the view with their sigma (n,), ready to be matched."""
+
+    reference: Surface
+    points: Float
+    sigma: Float
+    seen: Float
+    """(m, 3) a sample of all the view's points, edges too."""
+    slack: Float
+    """(m,) metres that noise may make of their depth."""
+    config: CorrectConfig
+
+    @property
+    def K(self) -> Float:
+        """fx, fy, cx, cy of the reference."""
+        c = self.reference.camera
+        return np.array([c.fx, c.fy, c.cx, c.cy])
+
+    def misfits(self, motions: Float, *, coarse: bool = False) -> Float:
+        """(m,) how badly motions (m, 4, 4) fit, metres."""
+        limit, neutral = COARSE_M if coarse else FINE_M
+        step = max(1, len(self.seen) // self.config.register.coarse_pixels) if coarse else 1
+        least = self.config.trust.min_overlap
+        return np.asarray(
+            misfits(
+                np.ascontiguousarray(motions), self.seen[::step], self.slack[::step], self.reference.depth, self.K, limit, neutral, least
+            )
+        )
+
+    def linearise(self, T: Float, stride: int = 1) -> tuple[Float, Float, Float, Float, Float]:
+        """Residual (k,), Jacobian (k, 6), sigma of the residual (k,), the normal's tilt (k,), points (k, 3)."""
+        ref, points = self.reference, self.points[::stride]
+        at, e, J, cosine = associate(T, points, ref.depth, ref.normal, ref.usable, ref.camera.rays(), self.K)
+        pixel = at[:, 1]
+        sigma = np.hypot(self.sigma[::stride][at[:, 0]], ref.sigma.ravel()[pixel]) * cosine
+        return e, J, sigma, ref.tilt.ravel()[pixel], points[at[:, 0]]
+
+    def refine(self, T: Float, kernel: float, *, stride: int = 1, rounds: int = 20) -> Float:
+        """Gauss-Newton from T, the kernel narrowing as it goes."""
+        floor = 4e-3
+        for _ in range(rounds):
+            e, J, sigma, _, _ = self.linearise(T, stride)
+            if len(e) < 30:
+                return T
+            weight = tukey(e, kernel) / (sigma**2 + (0.1 * kernel) ** 2)
+            H = (J * weight[:, None]).T @ J
+            scale = np.sqrt(np.diag(H)) + 1e-12
+            step = -np.linalg.solve(H / np.outer(scale, scale) + 1e-4 * np.eye(6), (J.T @ (weight * e)) / scale) / scale
+            step *= min(1.0, 0.15 / max(float(np.linalg.norm(step[:3])), 3 * float(np.linalg.norm(step[3:])), 1e-12))
+            T = T @ se3.exp(step)
+            near = e[np.abs(e) < kernel]
+            wanted = max(self.config.register.kernel * mad(near), floor)
+            kernel = max(min(kernel, wanted), 0.6 * kernel)
+            if np.linalg.norm(step[:3]) < 3e-5 and np.linalg.norm(step[3:]) < 3e-5 and kernel < 2.0 * wanted:
+                break
+        return T
+
+
+def register(matcher: Matcher, T_guess: Float, others: Sequence[Float] = ()) -> Registration:
+    """Find `T_reference_now` from the robot's own guess, and from many starts around it where that ends badly.
+
+    Args:
+        matcher: the two images.
+        T_guess: (4, 4) where the robot believes to be.
+        others: more starts, for instance from features of the colour images.
+    """
+    limits = matcher.config.register
+    T = matcher.refine(T_guess, limits.far_kernel_mm * 1e-3 * 0.5, stride=3, rounds=limits.rounds)
+    T = matcher.refine(T, 0.01, rounds=limits.rounds)
+    answer = _look_around(matcher, T)
+    if answer.accepted and answer.unknown.rank == 6 and answer.support > 0.85 and answer.overlap > 0.6:
+        return answer
+    return _search(matcher, T_guess, [T, *others])
+
+
+def _look_around(matcher: Matcher, T: Float) -> Registration:
+    """Whether a better answer lies a few centimetres aside: where little tells slides apart, the near step can stop early."""
+    starts = T @ spread_starts(256, 0.04, np.radians(2.0))
+    best = starts[1:][np.argsort(matcher.misfits(starts[1:], coarse=True))[:4]]
+    found = np.array([T, *(matcher.refine(s, 0.02, stride=4, rounds=10) for s in best)])
+    scores = matcher.misfits(found)
+    winner = int(np.argmin(scores))
+    if winner:
+        found[winner] = matcher.refine(found[winner], 0.01, rounds=matcher.config.register.rounds)
+        scores = matcher.misfits(found)
+    return judge(matcher, found[winner], float(scores[winner]), far=False, rival=_rival(found, scores, winner, matcher.config))
+
+
+def _search(matcher: Matcher, T_guess: Float, others: Sequence[Float]) -> Registration:
+    """Score many starts, refine the best, compare the answers."""
+    c = matcher.config.register
+    starts = T_guess @ spread_starts(c.tried, c.reach_mm * 1e-3, np.radians(c.reach_deg))
+    best = starts[np.argsort(matcher.misfits(starts, coarse=True))[: c.kept]]
+    found = [matcher.refine(T, c.far_kernel_mm * 1e-3, stride=12, rounds=12) for T in [*best, *others]]
+    leading = _distinct(np.array(found), matcher.misfits(np.array(found)))
+    polished = [matcher.refine(matcher.refine(found[i], 0.02, stride=3, rounds=c.rounds), 0.01, rounds=c.rounds) for i in leading]
+    motions = np.array(polished)
+    scores = matcher.misfits(motions)
+    winner = int(np.argmin(scores))
+    rival = _rival(motions, scores, winner, matcher.config)
+    return judge(matcher, motions[winner], float(scores[winner]), far=True, rival=rival)
+
+
+def _distinct(motions: Float, scores: Float, most: int = 8) -> list[int]:
+    """The best answers, each but once."""
+    out: list[int] = []
+    for i in np.argsort(scores):
+        apart = [se3.distance(motions[i], motions[j]) for j in out]
+        if all(metres > 0.01 or degrees > 1.0 for metres, degrees in apart):
+            out.append(int(i))
+        if len(out) == most:
+            break
+    return out
+
+
+def _rival(motions: Float, scores: Float, winner: int, config: CorrectConfig) -> float:
+    """The least misfit of an answer that is another one (inf for none)."""
+    apart = np.array([se3.distance(motions[winner], T) for T in motions])
+    other = (apart[:, 0] > config.trust.rival_mm * 1e-3) | (apart[:, 1] > config.trust.rival_deg)
+    return float(scores[other].min()) if other.any() else np.inf
+
+
+def judge(matcher: Matcher, T: Float, misfit: float, *, far: bool, rival: float = np.inf) -> Registration:
+    """Covariance, open directions and verdict of an answer; along open directions it is moved back as far as it goes."""
+    trust, limits = matcher.config.trust, matcher.config.register
+    e, J, sigma, tilt, points = matcher.linearise(T)
+    unknown, cov = Unknown.all_(), np.diag(np.repeat([1.0, 1.0], 3))
+    if len(e) >= 30:
+        width = max(limits.kernel * mad(e), 4e-3)
+        unknown, cov = unknown_directions(e, J, tukey(e, width) / sigma**2, tilt, points, trust)
+    agree = np.abs(e) < np.minimum(trust.agree_mm * 1e-3, np.maximum(4.0 * sigma, 3e-3))
+    overlap, support = len(e) / max(len(matcher.points), 1), float(agree.mean()) if len(e) else 0.0
+    rms = float(np.sqrt((e[agree] ** 2).mean())) if agree.any() else float("nan")
+    moved = T if unknown.rank == 6 else smallest_motion(T, unknown.null)
+    reason = ""
+    if len(e) < trust.min_pixels:
+        reason = f"low support: only {len(e)} pixels see what the reference sees (at least {trust.min_pixels})"
+    elif overlap < trust.min_overlap:
+        reason = f"low support: {100 * overlap:.0f} % of the view lies in the reference (at least {100 * trust.min_overlap:.0f} %)"
+    elif support < trust.min_support:
+        reason = f"low support: {100 * support:.0f} % of {len(e)} pixels agree (at least {100 * trust.min_support:.0f} %)"
+    elif unknown.rank == 0:
+        reason = "no direction is known"
+    elif rival < trust.rival * misfit and unknown.rank == 6:
+        reason = f"ambiguous: another pose fits nearly as well ({1000 * rival:.2f} against {1000 * misfit:.2f} mm)"
+    return Registration(moved, cov, unknown, not reason, reason or "ok", len(e), overlap, support, rms, misfit, far)

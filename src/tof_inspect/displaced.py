@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a part sits from where the CAD has it: a small rigid fit of that part alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core import se3
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float
+    from tof_inspect.config import InspectConfig
+    from tof_inspect.evidence import Seen
+    from tof_scene.raycast import Raycaster
+    from tof_scene.scene import Part
+
+LOOSE_DEG = 6.0
+"""One standard deviation of how a part may be turned before anything is seen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """A part's motion from the CAD.
+
+    mm: how far its middle moved along the directions that the data tell; std_mm: its own uncertainty there; shift (3,) metres
+    in the cell; ratio: log likelihood gained over the part where the CAD has it.
+    """
+
+    mm: float
+    std_mm: float
+    shift: Float
+    ratio: float
+
+
+def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Raycaster, config: InspectConfig) -> Fit:
+    """Where the part is, by the pixels that may see it in all views together.
+
+    Args:
+        part: its geometry in the cell.
+        seen: views with their poses.
+        alone: a scene of the part alone.
+        bare: the scene without it.
+        config: noise, how far it may have moved.
+    """
+    centre = part.vertices.mean(axis=0)
+    start = min((np.zeros(3), *_offsets(config.search_mm * 1e-3)), key=lambda t: _cost(_at(t), seen, alone, bare, config, centre, step=2))
+    xi = np.concatenate([start, np.zeros(3)])
+    prior = np.repeat([config.search_mm * 1e-3, np.radians(LOOSE_DEG)], 3) ** -2.0
+    H = np.diag(prior)
+    for _ in range(8):
+        e, J, w = _linearised(se3.exp(xi), seen, alone, bare, config, centre)
+        if len(e) < 12:
+            break
+        H = (J * w[:, None]).T @ J + np.diag(prior)
+        step = np.linalg.solve(H, J.T @ (w * e) - prior * xi)
+        xi = se3.log(se3.exp(step) @ se3.exp(xi))
+        if np.linalg.norm(step) < 1e-5:
+            break
+    cov = np.linalg.inv(H)
+    known, shift = _known(xi[:3], cov[:3, :3], config)
+    mm = 1e3 * float(np.linalg.norm(shift))
+    direction = shift / np.linalg.norm(shift) if mm > 1e-9 else np.eye(3)[0]
+    std = 1e3 * float(np.sqrt(direction @ known @ direction))
+    gain = _cost(_at(np.zeros(3)), seen, alone, bare, config, centre, step=1) - _cost(
+        se3.exp(xi), seen, alone, bare, config, centre, step=1
+    )
+    return Fit(mm, max(std, config.shared_mm), shift, gain)
+
+
+def _known(shift: Float, cov: Float, config: InspectConfig) -> tuple[Float, Float]:
+    """Covariance and shift along directions that the data narrow to half of what was assumed."""
+    values, axes = np.linalg.eigh(cov)
+    told = values < 0.25 * (config.search_mm * 1e-3) ** 2
+    along = axes[:, told]
+    return (axes * values) @ axes.T, np.asarray(along @ (along.T @ shift))
+
+
+def _offsets(reach: float) -> list[Float]:
+    """Places around the nominal one."""
+    unit = [np.array([x, y, z], float) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)]
+    return [u / np.linalg.norm(u) * r for r in (0.4 * reach, 0.9 * reach) for u in unit]
+
+
+def _at(shift: Float) -> Float:
+    T = np.eye(4)
+    T[:3, 3] = shift
+    return T
+
+
+def _rays(seen: Seen, part: Float, margin: float, step: int) -> tuple[Float, Float, Float]:
+    """Rays (n, 3) in the cell with depth (n,) and sigma (n,) of pixels in the box that the part may fill."""
+    T = seen.posed.T_cell_camera
+    camera = seen.view.camera
+    inside = se3.apply(se3.inverse(T), part)
+    if (inside[:, 2] < 0.05).any():
+        return np.zeros((0, 3)), np.zeros(0), np.zeros(0)
+    uv = camera.project(inside)
+    pad = margin * camera.fx / inside[:, 2].mean() + 2
+    low, high = np.nanmin(uv, axis=0) - pad, np.nanmax(uv, axis=0) + pad
+    box = (slice(max(int(low[1]), 0), max(int(high[1]) + 1, 0), step), slice(max(int(low[0]), 0), max(int(high[0]) + 1, 0), step))
+    z, s = seen.view.depth[box].ravel().astype(float), seen.sigma[box].ravel()
+    ok = np.isfinite(z) & np.isfinite(s)
+    return (camera.rays()[box].reshape(-1, 3) @ T[:3, :3].T)[ok], z[ok], s[ok]
+
+
+def _moved_hits(motion: Float, origin: Float, rays: Float, alone: Raycaster, bare: Raycaster, centre: Float) -> tuple[Float, Float, Float]:
+    """Depth (n,) with the part moved by `motion` about its middle, which rays meet it, and its normals (n, 3)."""
+    back = se3.inverse(_about(motion, centre))
+    hits = alone.cast(se3.apply(back, origin), rays @ back[:3, :3].T)
+    behind = bare.cast(origin, rays).t
+    first = np.isfinite(hits.t) & ~(behind < hits.t)
+    normal = hits.normal @ back[:3, :3]
+    return np.where(first, hits.t, behind), first, normal
+
+
+def _about(motion: Float, centre: Float) -> Float:
+    return np.asarray(_at(centre) @ motion @ _at(-centre))
+
+
+def _cost(
+    motion: Float, seen: Sequence[Seen], alone: Raycaster, bare: Raycaster, config: InspectConfig, centre: Float, *, step: int
+) -> float:
+    """Robust misfit of all pixels around the part, in units of log likelihood."""
+    total = 0.0
+    for s in seen:
+        rays, z, sigma = _rays(s, alone.vertices, config.search_mm * 1e-3, step)
+        if not len(rays):
+            continue
+        depth, _, _ = _moved_hits(motion, s.posed.T_cell_camera[:3, 3], rays, alone, bare, centre)
+        u = np.nan_to_num((z - depth) / np.hypot(sigma, config.shared_mm * 1e-3), nan=5.0)
+        total += step * step * float(np.minimum(0.5 * u * u, 6.0).sum())
+    return total
+
+
+def _linearised(
+    motion: Float,
+    seen: Sequence[Seen],
+    alone: Raycaster,
+    bare: Raycaster,
+    config: InspectConfig,
+    centre: Float,
+) -> tuple[Float, Float, Float]:
+    """Residual (n,), Jacobian (n, 6) for a motion about the part's middle on the left, weight (n,)."""
+    parts: list[tuple[Float, Float, Float]] = []
+    for s in seen:
+        rays, z, sigma = _rays(s, alone.vertices, config.search_mm * 1e-3, 1)
+        if not len(rays):
+            continue
+        origin = s.posed.T_cell_camera[:3, 3]
+        depth, on, normal = _moved_hits(motion, origin, rays, alone, bare, centre)
+        facing = np.einsum("ij,ij->i", normal, rays)
+        on &= (np.abs(facing) > 0.2 * np.linalg.norm(rays, axis=1)) & np.isfinite(depth)
+        arm = origin + rays[on] * depth[on, None] - centre
+        n = normal[on] / facing[on, None]
+        e = z[on] - depth[on]
+        scale = np.hypot(sigma[on], config.shared_mm * 1e-3)
+        u = e / np.maximum(scale, 1e-4)
+        w = np.where(np.abs(u) < 5.0, (1.0 - (u / 5.0) ** 2) ** 2, 0.0) / scale**2
+        parts.append((e, np.concatenate([n, np.cross(arm, n)], axis=1), w))
+    if not parts:
+        return np.zeros(0), np.zeros((0, 6)), np.zeros(0)
+    e, J, w = (np.concatenate(p) for p in zip(*parts, strict=True))
+    return e, J, w

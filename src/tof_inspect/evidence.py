@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Depth as evidence for a part: the scene with it against the scene without it, pixel by pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align.pixels import view_sigma
+from tof_scene.render import render
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Ints, Mask
+    from tof_core.capture import Posed, View
+    from tof_inspect.config import InspectConfig
+    from tof_scene.raycast import Raycaster
+    from tof_scene.rendering import Rendering
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """A view at its pose with the whole CAD rendered.
+
+    sigma (H, W): metres along z, the measurement's noise, the pose's share and the slope's together.
+    """
+
+    view: View
+    posed: Posed
+    whole: Rendering
+    sigma: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What one view says of one part.
+
+    pixels: valid pixels where presence and absence differ by `stand_out` sigmas; covered: pixels that the part fills by the
+    CAD; log_ratio: log likelihood of present over absent, correlated pixels counted once; index (n,) flat indices of the
+    pixels used, present, absent, measured, sigma (n,) metres.
+    """
+
+    pixels: int
+    covered: int
+    log_ratio: float
+    index: Ints
+    present: Float
+    absent: Float
+    measured: Float
+    sigma: Float
+
+
+def see(view: View, posed: Posed, caster: Raycaster, config: InspectConfig) -> Seen:
+    """Render the whole CAD at the view's pose, and say how unsure each pixel is."""
+    whole = render(caster, view.camera, posed.T_cell_camera)
+    noise = view_sigma(view, config.weights, np.ix_(*map(np.arange, view.depth.shape)))
+    slope = np.tan(np.minimum(whole.incidence, np.radians(85.0)))
+    footprint = 0.3 * view.camera.pixel_angle * whole.depth * slope
+    cov = posed.cov_right
+    rays = view.camera.rays()
+    along = np.sqrt(np.einsum("ijk,kl,ijl->ij", rays, cov[:3, :3], rays) / view.camera.ray_length() ** 2)
+    turn = np.sqrt(np.trace(cov[3:, 3:])) * np.nan_to_num(whole.depth) * slope
+    across = np.sqrt(np.trace(cov[:3, :3])) * slope
+    sigma = np.sqrt(noise**2 + np.nan_to_num(footprint) ** 2 + along**2 + np.nan_to_num(turn) ** 2 + np.nan_to_num(across) ** 2)
+    return Seen(view, posed, whole, np.asarray(sigma, float))
+
+
+def weigh(seen: Seen, without: Raycaster, part: int, config: InspectConfig) -> Evidence:
+    """The likelihood ratio of one part in one view.
+
+    A pixel's likelihood is a Gaussian of its sigma beside a share `outliers` that is flat over `wide_m` (a mirror, a cable,
+    a dropout: no pixel may decide alone). Its log ratio is bounded by that. Sums over cells of `cell_px` pixels are
+    divided by what a shared error of `shared_mm` makes of them.
+    """
+    view, whole = seen.view, seen.whole
+    near = _surroundings(whole.part == part)
+    bare = _render_near(without, seen, near)
+    present, absent = whole.depth.astype(float), bare
+    both = near & view.valid & np.isfinite(present) & np.isfinite(absent)
+    gap = np.abs(present - absent)
+    clear = both & (whole.mixed <= config.mixed) & (whole.incidence < np.radians(config.grazing_deg))
+    scale = np.hypot(seen.sigma, config.shared_mm * 1e-3)
+    stands = clear & (gap > config.stand_out * scale)
+    index = np.flatnonzero(stands)
+    z = view.depth.ravel()[index].astype(float)
+    s = scale.ravel()[index]
+    p, a = present.ravel()[index], absent.ravel()[index]
+    ratio = _log_likelihood(z - p, s, config) - _log_likelihood(z - a, s, config)
+    return Evidence(len(index), int((whole.part == part).sum()), _together(ratio, index, view.camera.width, config), index, p, a, z, s)
+
+
+def _surroundings(covered: Mask, margin: int = 1) -> Mask:
+    """Pixels that the part fills by the CAD, without their outermost ring where it is large enough to spare it."""
+    from scipy import ndimage
+
+    inner = ndimage.binary_erosion(covered, iterations=margin)
+    return np.asarray(inner if int(inner.sum()) >= 60 else covered)
+
+
+def _render_near(without: Raycaster, seen: Seen, near: Mask) -> Float:
+    """(H, W) z of the scene without the part, at the pixels that matter only."""
+    out = np.full(near.shape, np.nan)
+    T = seen.posed.T_cell_camera
+    rays = seen.view.camera.rays()[near]
+    if len(rays):
+        out[near] = without.cast(T[:3, 3], rays @ T[:3, :3].T).t
+    return out
+
+
+def _log_likelihood(error: Float, sigma: Float, config: InspectConfig) -> Float:
+    inside = (1.0 - config.outliers) * np.exp(-0.5 * (error / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
+    return np.asarray(np.log(inside + config.outliers / config.wide_m))
+
+
+def _together(ratio: Float, index: Ints, width: int, config: InspectConfig) -> float:
+    """Sum of log ratios, each cell of neighbours counting as at most a few witnesses."""
+    if not len(ratio):
+        return 0.0
+    row, col = np.divmod(index, width)
+    cell = np.unique((row // config.cell_px) * width + col // config.cell_px, return_inverse=True)[1]
+    total = np.bincount(cell, weights=ratio)
+    count = np.bincount(cell)
+    return float((total / np.sqrt(count)).sum())

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One verdict for each part: present, absent, displaced or not observable, with its probability."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core.errors import RefusedError, SceneError
+from tof_inspect.displaced import Fit, fit_part
+from tof_inspect.evidence import Evidence, see, weigh
+from tof_scene.raycast import Raycaster
+from tof_scene.scene import Scene
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tof_core.capture import Posed, View
+    from tof_inspect.config import InspectConfig
+    from tof_inspect.evidence import Seen
+    from tof_scene.scene import Part
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartVerdict:
+    """What is said of one part.
+
+    state: present, absent, displaced, not_observable; probability: that the part is there (also where it is displaced);
+    pixels: those that stand out, of all views; displaced_mm with std_mm: how far from the CAD, NaN where not asked;
+    log_depth, log_colour: log likelihood ratios of presence; why: one line.
+    """
+
+    name: str
+    state: str
+    probability: float
+    pixels: int
+    views: int
+    log_depth: float
+    log_colour: float
+    displaced_mm: float
+    std_mm: float
+    tolerance_mm: float
+    why: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; what is not known is null."""
+        out = {name: getattr(self, name) for name in self.__slots__}
+        return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in out.items()}
+
+
+class Inspector:
+    """A scene made ready: a ray caster without each part that is inspected, made when first asked for."""
+
+    def __init__(self, caster: Raycaster, config: InspectConfig) -> None:
+        """Refuse a scene without parts to inspect."""
+        self.caster, self.config, self.scene = caster, config, caster.scene
+        self.names = tuple(part.name for part in self.scene.parts if part.inspect)
+        if not self.names:
+            raise SceneError("no part has `inspect: true`", where=self.scene.folder, todo="mark the parts to inspect in scene.yaml")
+        self._without: dict[str, Raycaster] = {}
+        self._alone: dict[str, Raycaster] = {}
+
+    def without(self, name: str) -> Raycaster:
+        """The scene without one part."""
+        if name not in self._without:
+            self._without[name] = Raycaster(self.scene.without(name))
+        return self._without[name]
+
+    def alone(self, name: str) -> Raycaster:
+        """One part alone."""
+        if name not in self._alone:
+            self._alone[name] = Raycaster(Scene(self.scene.frame, (self.scene.part(name),), None, self.scene.folder))
+        return self._alone[name]
+
+    def inspect(self, views: Sequence[View], posed: Sequence[Posed], colour: Mapping[str, float] | None = None) -> tuple[PartVerdict, ...]:
+        """Judge every part from views whose poses are accepted.
+
+        Args:
+            views: depth.
+            posed: their poses.
+            colour: log likelihood ratio of presence by part name, from a reference picture.
+        """
+        seen = [see(v, p, self.caster, self.config) for v, p in zip(views, posed, strict=True) if p.accepted]
+        if not seen:
+            raise RefusedError(
+                "no view has an accepted pose", where="inspection", todo="check the scene, its placement and the robot's pose"
+            )
+        return tuple(self._part(self.scene.part(name), seen, (colour or {}).get(name, 0.0)) for name in self.names)
+
+    def _part(self, part: Part, seen: Sequence[Seen], colour: float) -> PartVerdict:
+        index = self.scene.index(part.name)
+        evidence = [weigh(s, self.without(part.name), index, self.config) for s in seen]
+        telling = [s for s, e in zip(seen, evidence, strict=True) if e.pixels >= self.config.min_pixels // 3]
+        pixels, ratio = sum(e.pixels for e in evidence), sum(e.log_ratio for e in evidence)
+        if pixels < self.config.min_pixels:
+            return _verdict(part, "not_observable", evidence, ratio, colour, None, _unseen(part, evidence, self.config), self.config)
+        fit = fit_part(part, telling or seen, self.alone(part.name), self.without(part.name), self.config)
+        return decide(part, evidence, ratio, colour, fit, self.config)
+
+
+def decide(part: Part, evidence: Sequence[Evidence], ratio: float, colour: float, fit: Fit, config: InspectConfig) -> PartVerdict:
+    """Present within tolerance, displaced beyond it, absent when the scene without it explains the pixels better."""
+    # A part that moved is neither where the CAD has it nor gone: its best place speaks for presence.
+    there = max(ratio, ratio + fit.ratio / config.cell_px)
+    p = probability(there + colour, config)
+    beyond = fit.mm > part.tolerance_mm and fit.mm - part.tolerance_mm > config.displaced_sigma * fit.std_mm
+    if p >= config.decide and beyond:
+        return _verdict(
+            part,
+            "displaced",
+            evidence,
+            there,
+            colour,
+            fit,
+            f"{fit.mm:.1f} ± {fit.std_mm:.1f} mm from the CAD, tolerance {part.tolerance_mm:g}",
+            config,
+        )
+    if p >= config.decide:
+        return _verdict(part, "present", evidence, there, colour, fit, "depth fits the CAD with the part", config)
+    if p <= 1.0 - config.decide:
+        return _verdict(part, "absent", evidence, there, colour, None, "depth fits the CAD without the part", config)
+    return _verdict(part, "not_observable", evidence, there, colour, None, f"undecided: probability {p:.2f}", config)
+
+
+def probability(ratio: float, config: InspectConfig) -> float:
+    """That a part is there, from the log likelihood ratio and the prior."""
+    return float(1.0 / (1.0 + np.exp(-np.clip(ratio + np.log(config.prior / (1.0 - config.prior)), -500, 500))))
+
+
+def _unseen(part: Part, evidence: Sequence[Evidence], config: InspectConfig) -> str:
+    covered = sum(e.covered for e in evidence)
+    if not covered:
+        return f"{part.name} is in no view, or lies behind or inside another part"
+    return f"only {sum(e.pixels for e in evidence)} of its {covered} pixels are valid and stand out (at least {config.min_pixels})"
+
+
+def _verdict(
+    part: Part,
+    state: str,
+    evidence: Sequence[Evidence],
+    ratio: float,
+    colour: float,
+    fit: Fit | None,
+    why: str,
+    config: InspectConfig,
+) -> PartVerdict:
+    return PartVerdict(
+        part.name,
+        state,
+        probability(ratio + colour, config),
+        sum(e.pixels for e in evidence),
+        sum(e.pixels > 0 for e in evidence),
+        ratio,
+        colour,
+        fit.mm if fit else float("nan"),
+        fit.std_mm if fit else float("nan"),
+        part.tolerance_mm,
+        why,
+    )
