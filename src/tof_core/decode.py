@@ -141,7 +141,7 @@ def camera_from_info(msg: Any, where: str = "camera_info", *, rectified: bool = 
             width=width // bx, height=height // by, fx=fx / bx, fy=fy / by,
             cx=(cx - x0 + 0.5) / bx - 0.5, cy=(cy - y0 + 0.5) / by - 0.5,
             distortion_model=str(msg.distortion_model), frame_id=str(msg.header.frame_id),
-            distortion=() if rectified else tuple(float(x) for x in msg.d),
+            distortion=() if rectified or not any(msg.d) else tuple(float(x) for x in msg.d),
         )
     except CameraError as error:
         raise CameraError(error.what, where=where, todo=error.todo) from None

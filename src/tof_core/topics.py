@@ -171,8 +171,5 @@ def _words(topic: str) -> frozenset[str]:
 
 
 def _nearness(topic: str, other: str) -> int:
-    """How many parts of the path two topics share, from the front and from the back."""
-    a, b = topic.split("/"), other.split("/")
-    front = next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
-    back = next((i for i, (x, y) in enumerate(zip(a[::-1], b[::-1], strict=False)) if x != y), min(len(a), len(b)))
-    return front + back
+    """How many parts of their paths two topics share, wherever they stand (`/depth/hand/image`, `/hand/temperature`)."""
+    return len(set(topic.split("/")) & set(other.split("/")) - {""})
