@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a ROS domain publishes: topics, publishers with their QoS, and a short recording."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import rclpy
+
+from tof_ros import qos
+from tof_ros.environment import ros_context
+from tof_ros.recorder import Recorder, message_class
+from tof_ros.spin import spinning
+
+if TYPE_CHECKING:
+    from collections import Counter
+    from collections.abc import Collection
+    from pathlib import Path
+
+    from rclpy.node import Node
+
+DISCOVERY_S = 2.0
+"""DDS has found the publishers of this host by then."""
+
+
+@dataclass(frozen=True, slots=True)
+class Publisher:
+    """One publisher of a topic: its node and what it offers (`reliable` or `best_effort`, `volatile` or `transient_local`)."""
+
+    node: str
+    reliability: str
+    durability: str
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Publishers by topic, and how many messages of each were recorded."""
+
+    publishers: dict[str, list[Publisher]]
+    counts: Counter[str]
+
+
+def middleware_name() -> str:
+    """The middleware that rclpy would use here."""
+    from rclpy.utilities import get_rmw_implementation_identifier
+
+    return str(get_rmw_implementation_identifier())
+
+
+def survey(path: Path, kinds: Collection[str], seconds: float) -> Seen:
+    """Record every topic of some types for a while into a new bag at `path`; sensors are heard best-effort, which hears all."""
+    with ros_context() as context:
+        node = rclpy.create_node("toftwin_doctor", context=context, start_parameter_services=False)
+        with spinning([node]):
+            time.sleep(DISCOVERY_S)
+            types = {topic: found[0] for topic, found in node.get_topic_names_and_types() if len(found) == 1 and found[0] in kinds}
+            publishers = {topic: offers for topic in sorted(types) if (offers := _publishers(node, topic))}
+            classes = [(topic, kind) for topic in publishers if (kind := message_class(types[topic])) is not None]
+            recorder = Recorder(node, path, classes, qos.sensor(depth=64))
+            time.sleep(seconds)
+            recorder.close()
+    return Seen(publishers, recorder.counts)
+
+
+def _publishers(node: Node, topic: str) -> list[Publisher]:
+    return [
+        Publisher(
+            f"{p.node_namespace.rstrip('/')}/{p.node_name}", p.qos_profile.reliability.name.lower(), p.qos_profile.durability.name.lower()
+        )
+        for p in node.get_publishers_info_by_topic(topic)
+    ]

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bag, from its files to the chain of transforms; a check that cannot be made ends the list, with its reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from tof_core.errors import BagError, ToftwinError
+from tof_core.topics import find_topics
+from toftwin.doctor.camera import camera_of
+from toftwin.doctor.chain import examine_chain
+from toftwin.doctor.finding import mend, note, ok, refused
+from toftwin.doctor.frames import examine_frames
+from toftwin.doctor.recording import Recording
+from toftwin.doctor.streams import examine_streams
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tof_core.options import BagOptions
+    from tof_core.topics import Topics
+    from tof_scene.scene import Scene
+    from toftwin.doctor.finding import Finding
+
+
+def examine_bag(path: Path | str, options: BagOptions, scene: Scene | None = None, initial_pose: str | None = None) -> Iterator[Finding]:
+    """Everything that the graph needs of a bag, in the order in which it would miss it."""
+    try:
+        recording = Recording(path, options)
+    except ToftwinError as error:
+        yield refused("bag", error)
+        if not isinstance(error, BagError) or options.recover:
+            return
+        try:  # what is whole is worth looking at
+            recording = Recording(path, replace(options, recover=True))
+        except ToftwinError:
+            return
+    try:
+        yield from _examine(recording, scene, initial_pose)
+    finally:
+        recording.close()
+
+
+def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None) -> Iterator[Finding]:
+    from toftwin.options import parse_placement
+
+    if recording.files.note:
+        yield note("bag", recording.files.note, "stop the recorder with Ctrl-C and wait until it has finished")
+    else:
+        yield ok("bag", f"{len(recording.types)} topics with messages")
+    if "/tf" not in recording.types and "/tf_static" not in recording.types:
+        yield mend("TF", "no /tf and no /tf_static", "record both: ros2 bag record /tf /tf_static DEPTH CAMERA_INFO")
+    try:
+        topics = find_topics(recording.types, recording.options, encodings=recording.index.encodings, where=str(recording.files.path))
+    except ToftwinError as error:
+        yield refused("topic", error)
+        return
+    streams = recording.read(topics)
+    yield from examine_streams(recording, topics, streams)
+    camera, said = camera_of(topics, streams)
+    yield from said
+    if camera is None:
+        return
+    source = streams[topics.depth or topics.points]
+    yield from examine_frames(source.kept, topics, camera, recording.options)
+    frame = _camera_frame(recording, topics) or camera.frame_id
+    placed = parse_placement(initial_pose, frame) or (scene.placed_in if scene else None)
+    yield from examine_chain(recording.transforms, frame, source.stamps, recording.options, scene.frame if scene else "", placed)
+
+
+def _camera_frame(recording: Recording, topics: Topics) -> str:
+    """The frame that the depth image names; a cloud's camera is its CameraInfo's."""
+    return recording.index.frame_ids.get(topics.depth, "")

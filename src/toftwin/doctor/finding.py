@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A finding: what was looked at, what is the case, and what to do about it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from tof_core.errors import ToftwinError
+
+
+class Level(StrEnum):
+    """How bad: as it should be, worth knowing, to be mended before the graph can work."""
+
+    OK = "ok"
+    NOTE = "note"
+    MEND = "mend"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of the report; `todo` is empty only where there is nothing to do."""
+
+    level: Level
+    check: str
+    what: str
+    todo: str = ""
+
+    def line(self) -> str:
+        """The finding as one line of text."""
+        return f"{self.level:<4}  {self.check:<14}  {self.what}" + (f"; {self.todo}" if self.todo else "")
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**asdict(self), "level": str(self.level)}
+
+
+def ok(check: str, what: str) -> Finding:
+    """As it should be."""
+    return Finding(Level.OK, check, what)
+
+
+def note(check: str, what: str, todo: str) -> Finding:
+    """Worth knowing; the graph works without a change."""
+    return Finding(Level.NOTE, check, what, todo)
+
+
+def mend(check: str, what: str, todo: str) -> Finding:
+    """The graph does not work, or works wrongly, until this is mended."""
+    return Finding(Level.MEND, check, what, todo)
+
+
+def refused(check: str, error: ToftwinError) -> Finding:
+    """An error of the graph's own code, as the finding it would be."""
+    what = f"{error.where}: {error.what}" if error.where else error.what
+    return mend(check, " ".join(what.split()), " ".join((error.todo or "mend it, then run doctor again").split()))
+
+
+def healthy(findings: Iterable[Finding]) -> bool:
+    """Whether nothing must be mended."""
+    return all(f.level is not Level.MEND for f in findings)

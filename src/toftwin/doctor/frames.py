@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the frames hold: invalid codes, plausible distances, and whether they are z or radial."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core.decode import check_size, decode_depth, depth_from_points, pixels
+from tof_core.errors import ToftwinError
+from tof_core.radial import radial_evidence
+from tof_core.reasons import Reason
+from tof_sim_label.wide_plane import wide_bend
+from toftwin.doctor.finding import mend, note, ok, refused
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from tof_core.arrays import Bytes, Image
+    from tof_core.camera import Camera
+    from tof_core.options import BagOptions
+    from tof_core.topics import Topics
+    from toftwin.doctor.finding import Finding
+
+CHECK = "depth"
+PLAUSIBLE_M = (0.03, 15.0)
+"""Median distances that a time-of-flight camera on an arm gives."""
+ASKED = 4
+"""Frames that are asked whether they are radial."""
+SURE = 0.99
+
+
+def examine_frames(messages: Sequence[Any], topics: Topics, camera: Camera, options: BagOptions) -> Iterator[Finding]:
+    """All that is said of the depth frames kept from a recording."""
+    try:
+        decoded = [_decoded(m, topics, camera, options) for m in messages]
+    except ToftwinError as error:
+        yield refused(CHECK, error)
+        return
+    depths, reasons = [d for d, _ in decoded], np.stack([r for _, r in decoded])
+    if topics.depth:
+        yield from one_byte(messages)
+    yield codes(reasons)
+    yield from distances(np.stack(depths), options)
+    if options.depth == "z":
+        yield radial(depths[: ASKED * max(1, len(depths) // ASKED) : max(1, len(depths) // ASKED)], camera)
+
+
+def _decoded(message: Any, topics: Topics, camera: Camera, options: BagOptions) -> tuple[Image, Bytes]:
+    if not topics.depth:
+        return depth_from_points(message, camera, None, topics.points)
+    depth, reason = decode_depth(message, topics.depth, scale=options.depth_scale)
+    check_size(depth.shape, camera, topics.depth)
+    return depth, reason
+
+
+def one_byte(messages: Sequence[Any]) -> Iterator[Finding]:
+    """A 16-bit image whose counts never exceed 255 has lost its high bytes on the way."""
+    raster = np.stack([pixels(m) for m in messages])
+    if raster.dtype.kind == "u" and 0 < raster.max() <= 255:
+        todo = "the publisher crops to 8 bits, or swaps bytes and says not so (spot_ros2 #561): record on the robot's own host"
+        yield mend(CHECK, f"no count above {raster.max()} in a 16-bit image", todo)
+
+
+def codes(reasons: Bytes) -> Finding:
+    """Shares of the invalid codes: 0 and NaN, 65535 and infinity."""
+    valid, nothing, full, beyond = (
+        float((reasons == r).mean()) for r in (Reason.VALID, Reason.NO_RETURN, Reason.SATURATED, Reason.OUT_OF_RANGE)
+    )
+    what = f"{valid:.0%} of pixels valid, {nothing:.0%} no return (0, NaN), {full:.0%} saturated (65535), {beyond:.0%} out of range"
+    if valid == 0:
+        return mend("invalid codes", what, "is the lens covered, the exposure set, the right topic named (--depth-topic)? (spot_ros2 #526)")
+    if valid < 0.2:
+        return note("invalid codes", what, "move nearer or raise the exposure; dark and shiny parts return little")
+    return ok("invalid codes", what)
+
+
+def distances(depth: Image, options: BagOptions) -> Iterator[Finding]:
+    """The median distance is one that such a camera sees."""
+    if not np.isfinite(depth).any():
+        return
+    low, middle, high = np.nanpercentile(depth, [5, 50, 95])
+    what = f"5 %, median, 95 %: {low:.3f}, {middle:.3f}, {high:.3f} m"
+    if PLAUSIBLE_M[0] < middle < PLAUSIBLE_M[1]:
+        yield ok(CHECK, what)
+    else:
+        yield mend(
+            CHECK, f"{what}: not metres", f"pass --depth-scale (now {options.depth_scale:g} m a count); 32FC1 must be in metres (REP 118)"
+        )
+
+
+def radial(depths: Sequence[Image], camera: Camera) -> Finding:
+    """Flat surfaces bend when distance along the ray is read as z."""
+    found = [radial_evidence(d, camera) for d in depths]
+    planes, log_odds = sum(f.planes for f in found), sum(f.log_odds for f in found)
+    suspicion = float(1 / (1 + np.exp(-np.clip(log_odds, -50, 50))))
+    if 1 - SURE < suspicion < SURE and (wide := wide_bend(depths[0], camera)) is not None:
+        suspicion = 1.0 if wide.radial else 0.0
+    if not planes and suspicion == 0.5:
+        return note(
+            "z or radial", "no flat surface is seen", "show the camera a wall once and run doctor on that bag, or read the camera's manual"
+        )
+    told = [f for f in found if f.planes]
+    bend_z, bend_radial = (float(np.mean([getattr(f, name) for f in told] or [np.nan])) for name in ("bend_z_mm", "bend_radial_mm"))
+    what = f"{planes} flat surfaces bend {bend_z:.1f} mm read as z, {bend_radial:.1f} mm read as radial"
+    if suspicion > SURE:
+        return mend("z or radial", f"{what}: the depth looks radial", "pass --depth radial (node: input.depth:=radial)")
+    if suspicion > 1 - SURE:
+        return note(
+            "z or radial", f"{what}: they do not tell (radial with {suspicion:.0%})", "show the camera a wall that fills the picture"
+        )
+    return ok("z or radial", f"{what}: z")

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Is this host fit: Python, ROS and its middleware, ray casters, ONNX providers, system libraries."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import os
+import platform
+import sys
+from importlib import metadata
+from typing import TYPE_CHECKING
+
+from toftwin.doctor.finding import mend, note, ok
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from toftwin.doctor.finding import Finding
+
+PYTHONS = ((3, 11), (3, 12))
+LIBRARIES = {"libgomp.so.1": "libgomp1", "libGL.so.1": "libgl1", "libX11.so.6": "libx11-6", "libEGL.so.1": "libegl1"}
+"""What wheels link and do not bring, and the Debian package that has it."""
+CASTERS = {"embreex": "embreex", "open3d": "open3d"}
+
+
+def examine_host() -> Iterator[Finding]:
+    """All checks that need no data."""
+    yield python()
+    yield middleware()
+    yield discovery(os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", ""), os.environ.get("ROS_DOMAIN_ID", ""))
+    yield from ray_casters()
+    yield onnx_providers()
+    yield from libraries()
+
+
+def python(version: tuple[int, int] | None = None) -> Finding:
+    """Python is one that the wheels and ROS exist for."""
+    version = version or (sys.version_info.major, sys.version_info.minor)
+    named = f"Python {version[0]}.{version[1]} on {platform.machine()}"
+    if version in PYTHONS:
+        return ok("python", named)
+    return mend("python", f"{named} is not 3.11 or 3.12", "PYTHON=python3.11 make setup")
+
+
+def middleware() -> Finding:
+    """rclpy can be imported and has a middleware."""
+    from tof_ros.survey import middleware_name
+
+    try:
+        name = middleware_name()
+    except ImportError as error:
+        return mend(
+            "ROS", f"rclpy cannot be imported ({error})", "run make setup, or source /opt/ros/jazzy/setup.sh first and then make setup"
+        )
+    sourced = os.environ.get("ROS_DISTRO", "")
+    if sourced and sourced != "jazzy":
+        return mend(
+            "ROS", f"ROS {sourced} is sourced", "open a shell without it; its bags and topics are read by Jazzy's rclpy all the same"
+        )
+    return ok("ROS", f"rclpy over {name}, {'sourced Jazzy' if sourced else 'from pip'}")
+
+
+def discovery(reach: str, domain: str) -> Finding:
+    """How far discovery reaches: a robot on another host is not heard unless asked for."""
+    domain = domain or "0"
+    if not reach or reach == "LOCALHOST":
+        return note("discovery", f"domain {domain}, this host alone", "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET hears a robot on the network")
+    return ok("discovery", f"domain {domain}, range {reach}")
+
+
+def ray_casters() -> Iterator[Finding]:
+    """One ray caster is enough; labels need it."""
+    found = {name: _version(name) for name in CASTERS}
+    works = {name: version for name, version in found.items() if version}
+    if not works:
+        yield mend("ray casting", "neither embreex nor open3d can be imported", "pip install embreex (aarch64: pip install open3d)")
+        return
+    yield ok("ray casting", ", ".join(f"{name} {version}" for name, version in works.items()))
+    if "embreex" not in works:
+        yield note("ray casting", "embreex cannot be imported; open3d stands in", "pip install embreex where a wheel exists")
+
+
+def onnx_providers() -> Finding:
+    """Inference needs onnxruntime; a GPU's provider is named where there is one."""
+    if not _version("onnxruntime"):
+        return mend("ONNX", "onnxruntime cannot be imported", "pip install onnxruntime (or onnxruntime-gpu)")
+    providers = importlib.import_module("onnxruntime").get_available_providers()
+    return ok("ONNX", ", ".join(name.removesuffix("ExecutionProvider") for name in providers))
+
+
+def libraries() -> Iterator[Finding]:
+    """Shared libraries that wheels expect of the system."""
+    missing = {library: package for library, package in LIBRARIES.items() if not _loads(library)}
+    if missing:
+        yield mend("libraries", f"the linker does not find {', '.join(missing)}", f"apt-get install {' '.join(sorted(missing.values()))}")
+    else:
+        yield ok("libraries", f"{len(LIBRARIES)} of {len(LIBRARIES)} system libraries found")
+
+
+def _version(package: str) -> str:
+    """The version of a package that can be imported, else empty."""
+    try:
+        importlib.import_module(package)
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "(version unknown)"
+    except (ImportError, OSError):
+        return ""
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The running robot: who publishes what with which QoS; a few seconds of it are recorded and examined as a bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from tof_core.errors import ToftwinError
+from tof_core.topics import IMAGE, INFO, POINTS, TEMPERATURE, TF
+from toftwin.doctor.bag import examine_bag
+from toftwin.doctor.finding import mend, note, ok
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from tof_core.options import BagOptions
+    from tof_ros.survey import Publisher
+    from tof_scene.scene import Scene
+    from toftwin.doctor.finding import Finding
+
+KINDS = (IMAGE, INFO, POINTS, TEMPERATURE, TF)
+
+
+def examine_live(options: BagOptions, scene: Scene | None, initial_pose: str | None, seconds: float) -> Iterator[Finding]:
+    """Look at the ROS graph of this domain, record it for a while, examine the recording."""
+    from tof_ros.survey import survey
+
+    with TemporaryDirectory(prefix="toftwin-doctor-") as folder:
+        path = Path(folder) / "live"
+        try:
+            seen = survey(path, KINDS, seconds)
+        except (ToftwinError, ImportError) as error:
+            yield mend("live", f"the ROS graph cannot be looked at ({error})", "see the line ROS above")
+            return
+        yield from publishers(seen.publishers)
+        silent = [t for t in seen.publishers if not seen.counts.get(t) and not t.endswith("tf_static")]
+        for topic in silent:
+            yield note(
+                "live",
+                f"{topic} has a publisher, but nothing came in {seconds:g} s",
+                "is the driver running, and does it publish only on demand?",
+            )
+        if seen.counts:
+            yield from examine_bag(path, options, scene, initial_pose)
+
+
+def publishers(seen: Mapping[str, Sequence[Publisher]]) -> Iterator[Finding]:
+    """Which topics of the graph's types are published, and whether our subscriptions can hear them."""
+    if not seen:
+        yield mend(
+            "live",
+            "no publisher of images, clouds or TF is seen",
+            "same ROS_DOMAIN_ID as the robot? on another host: ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
+        )
+    for topic, offers in sorted(seen.items()):
+        yield from _heard(topic, offers)
+
+
+def _heard(topic: str, offers: Sequence[Publisher]) -> Iterator[Finding]:
+    named = ", ".join(sorted({f"{o.node} ({o.reliability}, {o.durability})" for o in offers}))
+    if topic.endswith("/tf_static") and any(o.durability == "volatile" for o in offers):
+        yield mend(
+            "QoS",
+            f"{topic}: {named}",
+            "a latched subscription hears no volatile publisher (policy DURABILITY): use a StaticTransformBroadcaster",
+        )
+    elif topic == "/tf" and any(o.reliability == "best_effort" for o in offers):
+        yield mend(
+            "QoS", f"{topic}: {named}", "a reliable subscription hears no best-effort publisher (policy RELIABILITY): publish /tf reliably"
+        )
+    elif any(o.reliability == "best_effort" for o in offers):
+        yield note("QoS", f"{topic}: {named}", "heard by default; leave live.reliable false, it would hear nothing (policy RELIABILITY)")
+    else:
+        yield ok("QoS", f"{topic}: {named}")

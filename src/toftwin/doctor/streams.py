@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every topic the graph needs: found or missing, type, encoding, rate, stamps, frozen frames."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.decode import stamp_ns
+from toftwin.doctor.finding import mend, note, ok
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tof_core.topics import Topics
+    from toftwin.doctor.finding import Finding
+    from toftwin.doctor.recording import Recording, Stream
+
+LACKING = {
+    "amplitude": "record an amplitude or infrared image beside the depth: without it amplitude_bias cannot be told from wiggling",
+    "colour": "record the colour camera where 2D inspection is wanted",
+    "temperature": "record sensor_msgs/Temperature: without it drift is told by time alone",
+}
+"""Optional topics, and what is lost without them."""
+SLOW_HZ = (0.5, 5.0)
+"""A stream as slow as this is a driver that does not keep up; slower still are single pictures."""
+ANOTHER_CLOCK_S = 3600.0
+LATE_LOG_S = 1.0
+
+
+def examine_streams(recording: Recording, topics: Topics, streams: dict[str, Stream]) -> Iterator[Finding]:
+    """What is said of each topic, then of the frames' stamps and contents."""
+    for f in fields(topics):
+        name = getattr(topics, f.name)
+        if name:
+            yield _found(recording, f.name, name, streams[name])
+        elif f.name in LACKING:
+            yield note("topic", f"no {f.name}", LACKING[f.name])
+    source = topics.depth or topics.points
+    yield from stamps(source, streams[source])
+    yield frozen(source, streams[source])
+    yield from joined(topics, streams, recording.options.join_s)
+
+
+def _found(recording: Recording, what: str, name: str, stream: Stream) -> Finding:
+    encoding = recording.index.encodings.get(name, "")
+    kind = recording.types[name].rpartition("/")[2] + (f" {encoding}" if encoding else "")
+    line = f"{what} {name}: {kind}, {len(stream.stamps)} messages at {stream.rate:.3g} Hz"
+    if what in ("depth", "points") and SLOW_HZ[0] < stream.rate < SLOW_HZ[1]:
+        return note("topic", line, "the driver publishes slowly: ask it for this camera alone (spot_ros2: cameras_used: [hand])")
+    return ok("topic", line)
+
+
+def stamps(name: str, stream: Stream) -> Iterator[Finding]:
+    """Header stamps are there, in the clock of the recording, without long pauses."""
+    if stream.kept and all(stamp_ns(m) == 0 for m in stream.kept):
+        yield mend(
+            "stamps",
+            f"{name} has no header stamps",
+            "the driver must stamp frames with their acquisition time; nothing can be joined without",
+        )
+        return
+    stamp, logged = np.array(stream.stamps, np.int64), np.array(stream.logged, np.int64)
+    behind = (logged - stamp) / 1e9
+    gaps = np.diff(stamp) / 1e9
+    usual = float(np.median(gaps)) if len(gaps) else 0.0
+    if abs(float(np.median(behind))) > ANOTHER_CLOCK_S:
+        yield note(
+            "stamps",
+            f"{name} is stamped in another clock than it was logged in",
+            "nothing to do for simulated time; else set the robot's clock",
+        )
+    elif float(np.median(behind)) < -0.1:
+        yield mend(
+            "stamps",
+            f"{name} is stamped {-np.median(behind):.1f} s in the future",
+            "synchronise the clocks of camera and recorder (chrony, PTP)",
+        )
+    elif float(np.percentile(behind, 95)) > LATE_LOG_S:
+        yield note(
+            "stamps", f"{name} arrives {np.percentile(behind, 95):.1f} s after its stamp", "look at the network, or raise live.patience_s"
+        )
+    else:
+        yield ok("stamps", f"{name}: {len(stamp)} stamps over {(stamp[-1] - stamp[0]) / 1e9:.1f} s")
+    if usual > 0 and (long := gaps[gaps > max(3 * usual, 0.5)]).size:
+        yield note(
+            "stamps",
+            f"{name} pauses {long.size} times, up to {long.max():.1f} s",
+            "frames were lost before the bag: see the recorder's and driver's logs",
+        )
+
+
+def frozen(name: str, stream: Stream) -> Finding:
+    """Frames that repeat the one before, by stamp or by content."""
+    pairs = list(zip(stream.stamps, stream.content, strict=True))
+    again = sum(a[0] == b[0] or a[1] == b[1] for a, b in pairwise(pairs))
+    if not again:
+        return ok("frozen frames", f"none of {len(pairs)} on {name}")
+    what = f"{again} of {len(pairs)} on {name} repeat the frame before; they count once"
+    if again > len(pairs) // 2:
+        return mend("frozen frames", what, "restart the camera's driver and record again (spot_ros2 #605)")
+    return note("frozen frames", what, "look at the driver's rate: it publishes faster than the camera measures")
+
+
+def joined(topics: Topics, streams: dict[str, Stream], join_s: float) -> Iterator[Finding]:
+    """Amplitude has a frame near each depth stamp."""
+    if not topics.amplitude:
+        return
+    depth = np.array(streams[topics.depth or topics.points].stamps, np.int64)
+    beside = np.array(sorted(streams[topics.amplitude].stamps), np.int64)
+    i = np.clip(np.searchsorted(beside, depth), 1, max(len(beside) - 1, 1))
+    nearest = np.minimum(np.abs(depth - beside[i - 1]), np.abs(depth - beside[np.minimum(i, len(beside) - 1)])) / 1e9
+    alone = int((nearest > join_s).sum())
+    if alone:
+        what = f"{alone} of {len(depth)} depth frames have no amplitude within {1e3 * join_s:.0f} ms (median {1e3 * np.median(nearest):.0f} ms)"
+        yield note("joining", what, f"raise --join-s, for instance to {1.2 * np.percentile(nearest, 95):.3f}, if the scene stands still")
+    else:
+        yield ok("joining", f"all {len(depth)} depth frames have amplitude within {1e3 * join_s:.0f} ms")
