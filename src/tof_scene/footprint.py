@@ -20,7 +20,7 @@ import numpy as np
 from tof_scene.overlaps import overlaps
 from tof_scene.planes import points_to_camera
 from tof_scene.resolve import LATTICES, lattice, resolve
-from tof_scene.seams import mark_edges, mark_neighbours
+from tof_scene.seams import mark_curved, mark_edges, mark_neighbours
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,6 +63,7 @@ def _flagged(caster: Raycaster, camera: Camera, eye: Float, points: Float, cells
     shape = camera.shape
     toward = np.einsum("ij,ij->i", caster.face_normal, caster.face_point - eye) < 0
     mark_edges(flag, *caster.outline, points, toward, cells.raster, cells.pixel, cells.span, canvas.depth, canvas.normal, cells.rays)
+    mark_curved(flag, canvas.depth, canvas.face, canvas.incidence, caster.curvature, camera.pixel_angle, TOLERANCE_M / 6)
     grids = (a.reshape(shape) for a in (flag, canvas.depth, canvas.part, canvas.face))
     mark_neighbours(*grids, canvas.normal.reshape(*shape, 3), cells.rays.reshape(*shape, 3), TOLERANCE_M)
     return flag

@@ -11,7 +11,7 @@ import numpy as np
 
 from tof_scene.backends import make_backend
 from tof_scene.planes import face_normals, plane_hits
-from tof_scene.seams import outline_edges
+from tof_scene.seams import face_curvature, outline_edges
 from tof_scene.topology import edges_of
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Mask
     from tof_scene.scene import Scene
+    from tof_scene.topology import Edges
 
 JITTER = 1e-6
 """Radians by which a ray that hit nothing is turned before it is given up (Embree works in float32: 6e-8)."""
@@ -89,7 +90,16 @@ class Raycaster:
     @cached_property
     def outline(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Mask]:
         """Edges that may bound what is seen (see `seams.outline_edges`), found when first asked for."""
-        return outline_edges(edges_of(self.vertices, self.faces, self.face_part), self.face_normal)
+        return outline_edges(self._edges, self.face_normal)
+
+    @cached_property
+    def curvature(self) -> NDArray[np.float32]:
+        """(m,) 1/m, the most that the surface bends from each face to a neighbour; 0 across sharp edges."""
+        return face_curvature(self._edges, self.vertices, self.faces, self.face_normal)
+
+    @cached_property
+    def _edges(self) -> Edges:
+        return edges_of(self.vertices, self.faces, self.face_part)
 
 
 def _turned(directions: NDArray[np.float32], angle: float) -> NDArray[np.float32]:

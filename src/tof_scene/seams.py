@@ -37,6 +37,34 @@ def outline_edges(edges: Edges, normal: Float) -> tuple[NDArray[np.int32], NDArr
     return np.ascontiguousarray(edges.ends[keep]), np.ascontiguousarray(edges.faces[keep]), always[keep]
 
 
+def face_curvature(edges: Edges, vertices: Float, faces: NDArray[np.int32], normal: Float) -> NDArray[np.float32]:
+    """(m,) 1/m: angle between neighbouring normals over the distance of the faces' middles across their edge, the largest of each face."""
+    both = edges.faces[:, 1] >= 0
+    (one, other), (p, q) = edges.faces[both].T, vertices[edges.ends[both]].transpose(1, 0, 2)
+    cosine = np.einsum("ij,ij->i", normal[one], normal[other])
+    middle = vertices[faces].mean(axis=1)
+    along = (q - p) / np.maximum(np.linalg.norm(q - p, axis=1, keepdims=True), 1e-12)
+    across = np.linalg.norm(np.cross(middle[other] - middle[one], along), axis=1)
+    bend = np.where(cosine > SHARP, np.arccos(np.clip(cosine, -1, 1)) / np.maximum(across, 1e-6), 0.0)
+    out = np.zeros(len(faces), np.float32)
+    np.maximum.at(out, one, bend)
+    np.maximum.at(out, other, bend)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def mark_curved(
+    flag: Bytes, depth: NDArray[np.float32], face: NDArray[np.int32], incidence: NDArray[np.float32], curvature: NDArray[np.float32],
+    pixel_angle: float, tolerance: float,
+) -> None:  # fmt: skip
+    """Raise to BEND the pixels whose mean depth curvature moves by `tolerance` metres: footprint² x curvature / 24 (flat arrays)."""
+    for i in range(len(flag)):
+        if face[i] >= 0 and flag[i] < BEND:
+            reach = depth[i] * pixel_angle / max(np.cos(incidence[i]), 0.05)
+            if reach * reach * curvature[face[i]] > 24.0 * tolerance:
+                flag[i] = BEND
+
+
 @njit(cache=True, nogil=True)
 def mark_neighbours(
     flag: Bytes, depth: NDArray[np.float32], part: NDArray[np.int16], face: NDArray[np.int32], normal: NDArray[np.float32], rays: Float,
@@ -73,10 +101,11 @@ def _compare(
     elif other or far > tolerance:
         level = EDGE if other else BEND
         at = abs(here) / (abs(here) + abs(there)) if 0.0 < far < np.inf else 0.5
-        if at < 0.6:
-            flag[i, j] = max(flag[i, j], level)
-        if at > 0.4:
-            flag[a, b] = max(flag[a, b], level)
+        bent = near > 2 * tolerance  # so far off both ways that either pixel may be curved itself
+        if at < 0.6 or bent:
+            flag[i, j] = max(flag[i, j], level if at < 0.6 else BEND)
+        if at > 0.4 or bent:
+            flag[a, b] = max(flag[a, b], level if at > 0.4 else BEND)
 
 
 @njit(cache=True, nogil=True, inline="always")
