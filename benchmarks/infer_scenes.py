@@ -64,7 +64,7 @@ def _ball(rng: np.random.Generator) -> Solid:
 
 
 def _tray(rng: np.random.Generator) -> Solid:
-    """Floor and four walls: open, concave, where light goes to and fro. It opens to z."""
+    """Floor and four walls: open, concave, where light goes back and forth. It opens to z."""
     x, y, z = rng.uniform(0.15, 0.5), rng.uniform(0.15, 0.6), rng.uniform(0.05, 0.25)
     t = 0.008
     walls = [box((x, t, z), (0, s * y / 2, z / 2)) for s in (-1, 1)] + [box((t, y, z), (s * x / 2, 0, z / 2)) for s in (-1, 1)]

@@ -18,11 +18,11 @@ DEFAULT = Path("src/tof_infer/models/default.onnx")
 EXAMPLE = "example: python -m benchmarks.make_model --work out/model --scenes 57 --epochs 40"
 
 
-def make_data(work: Path, scenes: int, views: int) -> list[Path]:
-    """Labelled datasets of random scenes, one each; those that are there are kept."""
+def make_data(work: Path, scenes: range, views: int) -> list[Path]:
+    """Labelled datasets of random scenes, one for each number; those that are there are kept."""
     camera = TwinCamera.measured()
     datasets = []
-    for seed in progress(range(1, scenes + 1), "scenes", scenes):
+    for seed in progress(scenes, "scenes", len(scenes)):
         name = f"random_{seed:02d}"
         dataset = work / f"{name}.zarr"
         datasets.append(dataset)
@@ -44,16 +44,19 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--work", type=Path, default=Path("out/model"), help="folder of sessions, datasets and checkpoints")
     parser.add_argument("--out", type=Path, default=DEFAULT, help="the model to write")
     parser.add_argument("--scenes", type=int, default=57, help="random scenes")
+    parser.add_argument("--unseen", type=int, default=20, help="random scenes to calibrate sigma on, never trained on")
     parser.add_argument("--views", type=int, default=10, help="views of each")
     parser.add_argument("--data-only", action="store_true", help="stop before training")
     options, rest = parser.parse_known_args(arguments)
     options.work.mkdir(parents=True, exist_ok=True)
-    datasets = make_data(options.work, options.scenes, options.views)
+    first = options.scenes + 1
+    datasets = make_data(options.work, range(1, first), options.views)
+    unseen = make_data(options.work, range(first, first + options.unseen), options.views)
     if options.data_only:
         return 0
     from toftwin.cli import main as toftwin
 
-    return toftwin(["train", *map(str, datasets), "--out", str(options.out), "--epochs", "40", *rest])
+    return toftwin(["train", *map(str, datasets), "--unseen", *map(str, unseen), "--out", str(options.out), "--epochs", "40", *rest])
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 BINS = 42
-LEFT_WRONG, KNOWN = 0.06, 0.85
+LEFT_WRONG, KNOWN = 0.06, 0.88
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 
-from tof_infer.honesty import calibrate, coverage, sigma_limit
+from tof_infer.honesty import Calibration, calibrate, coverage, sigma_limit
 from tof_infer.loss import loss_of, usable
 
 if TYPE_CHECKING:
@@ -32,21 +32,24 @@ class Verdict:
     raw_error: Float
     log_scale: Float
 
-    def figures(self, max_sigma_m: float) -> dict[str, Any]:
-        """Plain numbers for the card, with the calibration of sigma and the limit to it (chosen here where given as 0) they were reached with."""
+    def honest(self, max_sigma_m: float = 0.0) -> tuple[Calibration, float]:
+        """The calibration of sigma that these errors ask for, and the limit above which nothing is known (0: chosen here)."""
         calibration = calibrate(self.error, self.log_scale)
+        return calibration, max_sigma_m or sigma_limit(self.error, self.raw_error, calibration.sigma(self.log_scale))
+
+    def figures(self, name: str, calibration: Calibration, limit: float) -> dict[str, Any]:
+        """Plain numbers for the card, their names beginning with `name`."""
         sigma = calibration.sigma(self.log_scale)
-        limit = max_sigma_m or sigma_limit(self.error, self.raw_error, sigma)
         known = sigma <= limit
         one, two = coverage(self.error[known], sigma[known])
         wrong = (np.abs(self.error) > 0.01) & known
-        return {
-            "val_mae_mm": self.mae * 1e3, "val_raw_mae_mm": self.raw_mae * 1e3,
-            "val_mae_known_mm": float(np.abs(self.error[known]).mean() * 1e3) if known.any() else None,
-            "val_known": float(known.mean()), "val_within_1_sigma": one, "val_within_2_sigma": two,
-            "val_wrong_10mm": float(wrong.mean()), "val_raw_wrong_10mm": float((np.abs(self.raw_error) > 0.01).mean()),
-            "calibration": asdict(calibration), "max_sigma_m": limit,
+        values = {
+            "mae_mm": self.mae * 1e3, "raw_mae_mm": self.raw_mae * 1e3,
+            "mae_known_mm": float(np.abs(self.error[known]).mean() * 1e3) if known.any() else None,
+            "known": float(known.mean()), "within_1_sigma": one, "within_2_sigma": two,
+            "wrong_10mm": float(wrong.mean()), "raw_wrong_10mm": float((np.abs(self.raw_error) > 0.01).mean()),
         }
+        return {f"{name}_{key}": value for key, value in values.items()}
 
 
 @torch.no_grad()

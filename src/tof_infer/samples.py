@@ -108,7 +108,8 @@ class Pool:
     def facts(self) -> list[dict[str, Any]]:
         """What the data are, for the card: hashes, sizes, where the poses came from."""
         return [
-            {"name": d.path.name, "digest": digest_config(self._stamps[i]), "cad": d.attributes.cad_hash, "config": d.attributes.config_hash,
+            {"name": d.path.parent.name if d.path.name == "dataset.zarr" else d.path.name,
+             "digest": digest_config(self._stamps[i]), "cad": d.attributes.cad_hash, "config": d.attributes.config_hash,
              "pose_source": d.attributes.pose_source, "views": d.views, "captures": d.captures,
              "stations": len(np.unique(d.column("views/station")))}
             for i, d in enumerate(self.datasets)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,9 +54,12 @@ class State:
 
 def train(
     paths: Sequence[Path], out: Path, config: TrainConfig, *, redraw: Redraw | None = None, fresh: bool = False,
-    say: Callable[[str], None] = lambda _: None,
+    unseen: Sequence[Path] = (), say: Callable[[str], None] = lambda _: None,
 ) -> Card:
     """Train on datasets, write `out` and its card beside it; a checkpoint lies at `<out>.ckpt` until it is done.
+
+    `unseen` are datasets of other scenes: sigma is calibrated on them, for on new stations of a scene that was trained on errors are
+    smaller than before a new one. Without them the validation views serve.
 
     Raises:
         RefusedError: too few stations, or nothing to learn from.
@@ -90,7 +93,10 @@ def train(
         state.curves.append(point)
         _save(checkpoint, state, digest)
         say(f"{said}, {time.monotonic() - started:.1f} s")
-    card = _card(config, pool, split, training, judge(state.average, checker, device, config.loss), state)
+    verdicts = {"val": judge(state.average, checker, device, config.loss)}
+    if unseen:
+        verdicts["unseen"] = judge(state.average, Batcher(_all_of(unseen, pool), config), device, config.loss)
+    card = _card(config, pool, split, training, verdicts, state)
     out.parent.mkdir(parents=True, exist_ok=True)
     export(state.average.cpu(), Calibration(**card.figures["calibration"]), card, out)
     checkpoint.unlink(missing_ok=True)
@@ -118,6 +124,12 @@ def _samples(pool: Pool, split: Split, config: TrainConfig) -> tuple[Samples, Sa
             raise RefusedError(f"nothing to learn from in the {name} views ({why})", where=pool.datasets[0].path,
                                todo="label again, and look at its verdicts")
     return training, validation
+
+
+def _all_of(paths: Sequence[Path], pool: Pool) -> Samples:
+    """Every capture of datasets of the same camera."""
+    other = Pool([pool.datasets[0].path, *paths])  # the first one only holds the camera to ours
+    return Samples(other, np.arange(pool.datasets[0].views, other.views))
 
 
 def thinned(views: Ints, count: int) -> Ints:
@@ -200,14 +212,15 @@ def _resume(path: Path, state: State, digest: str) -> None:
     state.epoch, state.curves = saved["epoch"], saved["curves"]
 
 
-def _card(config: TrainConfig, pool: Pool, split: Split, training: Samples, verdict: Verdict, state: State) -> Card:
+def _card(config: TrainConfig, pool: Pool, split: Split, training: Samples, verdicts: dict[str, Verdict], state: State) -> Card:
     low, high = np.quantile(np.concatenate([training[i].label[training[i].mask][::101] for i in range(len(training))]), [0.002, 0.998])
-    figures = verdict.figures(config.max_sigma_mm * 1e-3)
+    calibration, limit = verdicts.get("unseen", verdicts["val"]).honest(config.max_sigma_mm * 1e-3)
+    figures = {key: value for name, verdict in verdicts.items() for key, value in verdict.figures(name, calibration, limit).items()}
     return Card(
         inputs=config.net.names, multiple=config.net.multiple, camera=pool.camera, range_m=(float(low), float(high)),
-        max_sigma_m=figures["max_sigma_m"], config=to_mapping(config), data=pool.facts(),
+        max_sigma_m=limit, config=to_mapping(config), data=pool.facts(),
         split={"by": "station", "seed": config.seed, "train_views": len(split.train), "val_views": len(split.val), "test_views": len(split.test),
                "train_captures": len(training)},
-        figures={**figures, "weights": sum(p.numel() for p in state.net.parameters())},
+        figures={**figures, "calibration": asdict(calibration), "weights": sum(p.numel() for p in state.net.parameters())},
         curves=state.curves,
     )

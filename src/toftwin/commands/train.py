@@ -29,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="dataset.zarr, or the folder that `toftwin label` wrote")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the .onnx file to write; its card lies beside it as .json")
+    parser.add_argument("--unseen", nargs="+", type=Path, default=[], metavar="DATASET", help="datasets of other scenes, on which sigma is calibrated")
     parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml of `toftwin gap`: half of the frames are drawn anew from it")
     parser.add_argument("--fresh", action="store_true", help="begin anew, whatever checkpoint is there")
     parser.add_argument("--json", action="store_true", help="print the card's figures as JSON")
@@ -53,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("must end in .onnx", where=f"--out {args.out}")
     train = _trainer()
     redraw = _redraw(args)
-    card = train([dataset_at(p) for p in args.datasets], args.out, config, redraw=redraw, fresh=args.fresh,
+    card = train([dataset_at(p) for p in args.datasets], args.out, config, redraw=redraw, fresh=args.fresh, unseen=[dataset_at(p) for p in args.unseen],
                  say=lambda line: print(line, file=sys.stderr, flush=True))
     if args.json:
         import json
@@ -112,3 +113,6 @@ def _print(card: Card, out: Path) -> None:
     if f["val_mae_known_mm"] is not None:
         print(f"where it says it knows ({f['val_known']:.1%} of pixels): MAE {f['val_mae_known_mm']:.2f} mm")
     print(f"errors within 1 sigma {f['val_within_1_sigma']:.1%}, within 2 sigma {f['val_within_2_sigma']:.1%}")
+    if "unseen_mae_mm" in f:
+        print(f"scenes never seen: MAE {f['unseen_mae_mm']:.2f} mm, raw {f['unseen_raw_mae_mm']:.2f} mm; where it says it knows ({f['unseen_known']:.1%}) "
+              f"{f['unseen_mae_known_mm']:.2f} mm; within 1 sigma {f['unseen_within_1_sigma']:.1%}, within 2 sigma {f['unseen_within_2_sigma']:.1%}")

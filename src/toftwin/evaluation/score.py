@@ -55,7 +55,7 @@ class MethodScore:
             "captures": [plain(e) for e in self.captures], "captures_equal_coverage": [plain(e) for e in self.captures_common],
             "by": {axis: {name: plain(p.error) for name, p in sorted(bins.items())} for axis, bins in self.by.items()},
             "ms_per_frame": 1e3 * float(np.median(self.seconds)) if self.seconds else None,
-            "within_1_sigma": self.sigma[1] / n if n else None, "within_2_sigma": self.sigma[2] / n if n else None,
+            "sigma_pixels": int(n), "within_1_sigma": self.sigma[1] / n if n else None, "within_2_sigma": self.sigma[2] / n if n else None,
             "flying_left_wrong": self.flying_left / self.flying_raw if self.flying_raw else None,
         }
 
