@@ -18,6 +18,7 @@ from tof_gap.posterior import camera_covs, floor2
 from tof_gap.select import Selector, deal
 from tof_gap.shrink import Shrink, blocks, measure
 from tof_gap.unexplained import Unexplained, look
+from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -114,8 +115,9 @@ def diagnose(
     figures = _Figures(residual, floors, maps | corrections, held, rng)
     gap = figures.shrink(list(figures.maps))
     leftover = [r - figures.total(list(figures.maps), v) for v, r in enumerate(residual)]
+    step = max((f.effect.step_m for f in findings if isinstance(f.effect, Quantization)), default=0.0)
     named_gross = any(f.name == "phase_wrap" for f in findings)
-    unexplained = look(evidence, leftover, floors, gap, caster.scene, gross_named=named_gross)
+    unexplained = look(evidence, leftover, floors, gap, caster.scene, gross_named=named_gross, step_m=step)
     judged = tuple(Cause(c, figures.shrink([c.name]), figures.shrink([m for m in figures.maps if m != c.name]).shrink) for c in causes)
     share = explainable(
         [evidence[i] for i in fit_views],

@@ -47,10 +47,12 @@ def look(
     scene: Scene,
     *,
     gross_named: bool = False,
+    step_m: float = 0.0,
 ) -> Unexplained:
     """Judge what is left (H, W) metres per view against the floor.
 
-    Pixels off by more than any bias, away from edges, count too unless an effect named them (`gross_named`).
+    Pixels off by more than any bias, away from edges, count too unless an effect named them (`gross_named`). Where
+    depth comes in steps of `step_m`, neighbours round alike: that much structure is the steps' own.
     """
     block, mean, expected, part = _block_means(views, left, floor2)
     if len(block) == 0:
@@ -59,7 +61,7 @@ def look(
     size = 1e3 * float(np.sqrt(max(excess2, 0.0)))
     before2 = max((gap.before.rmse**2 - gap.floor_mm**2), 1e-9)
     gross = max(0.0, _gross_share(views) - GROSS_SHARE) if not gross_named else 0.0
-    structured = (size > STRUCTURED_MM and size**2 > STRUCTURED_SHARE * before2) or gross > 0
+    structured = (size > np.hypot(STRUCTURED_MM, 1e3 * step_m / np.sqrt(12)) and size**2 > STRUCTURED_SHARE * before2) or gross > 0
     energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
     order = [i for i in np.argsort(-energy) if energy[i] > 0.1 * energy.sum()]
     return Unexplained(
