@@ -23,12 +23,13 @@ if TYPE_CHECKING:
 class Seen:
     """A view at its pose with the whole CAD rendered.
 
-    sigma (H, W): metres along z, the measurement's noise, the pose's share and the slope's together.
+    noise (H, W): the measurement's own sigma, metres along z; sigma (H, W): with the pose's share and the slope's.
     """
 
     view: View
     posed: Posed
     whole: Rendering
+    noise: Float
     sigma: Float
 
 
@@ -36,9 +37,10 @@ class Seen:
 class Evidence:
     """What one view says of one part.
 
-    pixels: valid pixels where presence and absence differ by `stand_out` sigmas; covered: pixels that the part fills by the
-    CAD; log_ratio: log likelihood of present over absent, correlated pixels counted once; index (n,) flat indices of the
-    pixels used, present, absent, measured, sigma (n,) metres.
+    pixels: valid pixels of the part where presence and absence differ by `stand_out` of the measured sigmas: what makes it
+    observable; covered: pixels that the part fills by the CAD; log_ratio: log likelihood of present over absent, neighbours
+    counted as few; index (n,) flat indices of the pixels weighed (no mixed, grazing or rim pixels where there are others),
+    present, absent, measured, sigma (n,) metres.
     """
 
     pixels: int
@@ -63,7 +65,7 @@ def see(view: View, posed: Posed, caster: Raycaster, config: InspectConfig) -> S
     turn = np.sqrt(np.trace(cov[3:, 3:])) * np.nan_to_num(whole.depth) * slope
     across = np.sqrt(np.trace(cov[:3, :3])) * slope
     sigma = np.sqrt(noise**2 + np.nan_to_num(footprint) ** 2 + along**2 + np.nan_to_num(turn) ** 2 + np.nan_to_num(across) ** 2)
-    return Seen(view, posed, whole, np.asarray(sigma, float))
+    return Seen(view, posed, whole, noise, np.asarray(sigma, float))
 
 
 def weigh(seen: Seen, without: Raycaster, part: int, config: InspectConfig) -> Evidence:
@@ -74,37 +76,43 @@ def weigh(seen: Seen, without: Raycaster, part: int, config: InspectConfig) -> E
     divided by what a shared error of `shared_mm` makes of them.
     """
     view, whole = seen.view, seen.whole
-    near = _surroundings(whole.part == part)
-    bare = _render_near(without, seen, near)
-    present, absent = whole.depth.astype(float), bare
-    both = near & view.valid & np.isfinite(present) & np.isfinite(absent)
+    covered = whole.part == part
+    present, absent = whole.depth.astype(float), _render_at(without, seen, covered)
+    both = covered & view.valid & np.isfinite(present) & np.isfinite(absent)
     gap = np.abs(present - absent)
-    clear = both & (whole.mixed <= config.mixed) & (whole.incidence < np.radians(config.grazing_deg))
+    outstanding = both & (gap > config.stand_out * seen.noise)
     scale = np.hypot(seen.sigma, config.shared_mm * 1e-3)
-    stands = clear & (gap > config.stand_out * scale)
-    index = np.flatnonzero(stands)
+    clear = both & (whole.mixed <= config.mixed) & (whole.incidence < np.radians(config.grazing_deg)) & (gap > config.stand_out * scale)
+    index = _clearest([clear & _inner(covered), clear, outstanding])
     z = view.depth.ravel()[index].astype(float)
     s = scale.ravel()[index]
     p, a = present.ravel()[index], absent.ravel()[index]
     ratio = _log_likelihood(z - p, s, config) - _log_likelihood(z - a, s, config)
-    return Evidence(len(index), int((whole.part == part).sum()), _together(ratio, index, view.camera.width, config), index, p, a, z, s)
+    return Evidence(int(outstanding.sum()), int(covered.sum()), _together(ratio, index, view.camera.width, config), index, p, a, z, s)
 
 
-def _surroundings(covered: Mask, margin: int = 1) -> Mask:
-    """Pixels that the part fills by the CAD, without their outermost ring where it is large enough to spare it."""
+def _inner(covered: Mask) -> Mask:
+    """Pixels of the part without their outermost ring."""
     from scipy import ndimage
 
-    inner = ndimage.binary_erosion(covered, iterations=margin)
-    return np.asarray(inner if int(inner.sum()) >= 60 else covered)
+    return np.asarray(ndimage.binary_erosion(covered))
 
 
-def _render_near(without: Raycaster, seen: Seen, near: Mask) -> Float:
+def _clearest(choices: list[Mask], enough: int = 20) -> Ints:
+    """Flat indices of the first choice that leaves enough pixels, or of the last."""
+    for mask in choices:
+        if int(mask.sum()) >= enough:
+            return np.flatnonzero(mask)
+    return np.flatnonzero(choices[-1])
+
+
+def _render_at(without: Raycaster, seen: Seen, where: Mask) -> Float:
     """(H, W) z of the scene without the part, at the pixels that matter only."""
-    out = np.full(near.shape, np.nan)
+    out = np.full(where.shape, np.nan)
     T = seen.posed.T_cell_camera
-    rays = seen.view.camera.rays()[near]
+    rays = seen.view.camera.rays()[where]
     if len(rays):
-        out[near] = without.cast(T[:3, 3], rays @ T[:3, :3].T).t
+        out[where] = without.cast(T[:3, 3], rays @ T[:3, :3].T).t
     return out
 
 

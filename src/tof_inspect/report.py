@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`inspection.json` and one page that shows each part: what was expected, what was measured, what is said."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core import se3
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from tof_core.arrays import Float, Image, Mask
+    from tof_core.capture import Posed, View
+    from tof_inspect.judge import Inspector, PartVerdict
+
+SCHEMA = "toftwin.inspection/1"
+
+
+def content(verdicts: Sequence[PartVerdict], views: Sequence[View], posed: Sequence[Posed], scene: str) -> dict[str, Any]:
+    """What a program reads."""
+    states = [v.state for v in verdicts]
+    return {
+        "schema": SCHEMA,
+        "scene": scene,
+        "counts": {state: states.count(state) for state in ("present", "absent", "displaced", "not_observable")},
+        "parts": [v.to_dict() for v in verdicts],
+        "views": [{"stamp_ns": v.stamp_ns, "accepted": p.accepted, "verdict": p.verdict} for v, p in zip(views, posed, strict=True)],
+    }
+
+
+def write(inspector: Inspector, verdicts: Sequence[PartVerdict], views: Sequence[View], posed: Sequence[Posed], folder: Path, title: str) -> Path:
+    """Write `inspection.json` and `inspection.html` into a folder; returns the page."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    folder.mkdir(parents=True, exist_ok=True)
+    told = content(verdicts, views, posed, inspector.scene.digest)
+    (folder / "inspection.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+    rows = [v.to_dict() | {"picture": picture(inspector, v, views, posed)} for v in verdicts]
+    order = {"absent": 0, "displaced": 1, "not_observable": 2, "present": 3}
+    rows.sort(key=lambda row: (order[row["state"]], row["name"]))
+    environment = Environment(loader=PackageLoader("tof_inspect"), autoescape=True, undefined=StrictUndefined)
+    page = folder / "inspection.html"
+    page.write_text(environment.get_template("inspection.html.j2").render(title=title, counts=told["counts"], parts=rows, views=told["views"]), encoding="utf-8")
+    return page
+
+
+def picture(inspector: Inspector, verdict: PartVerdict, views: Sequence[View], posed: Sequence[Posed], margin: int = 12) -> str:
+    """Three crops as a PNG data URL: measured depth, the CAD with the part, the CAD without it; "" where no view has the part."""
+    from tof_scene.render import render
+
+    index = inspector.scene.index(verdict.name)
+    best = max((s for s in zip(views, posed, strict=True) if s[1].accepted), key=lambda s: _size(inspector, s[1], s[0], verdict.name), default=None)
+    if best is None:
+        return ""
+    view, pose = best
+    whole = render(inspector.caster, view.camera, pose.T_cell_camera, footprints=False)
+    covered = whole.part == index
+    if not covered.any():
+        return ""
+    box = _box(covered, margin)
+    bare = render(inspector.without(verdict.name), view.camera, pose.T_cell_camera, footprints=False)
+    return _png([view.depth[box], whole.depth[box], bare.depth[box]], covered[box])
+
+
+def _size(inspector: Inspector, posed: Posed, view: View, name: str) -> float:
+    """How large a part is in a view: its vertices inside the picture over the square of their distance."""
+    p = se3.apply(se3.inverse(posed.T_cell_camera), inspector.scene.part(name).vertices)
+    uv = view.camera.project(p)
+    inside = (p[:, 2] > 0.05) & (uv > -0.5).all(axis=1) & (uv < [view.camera.width - 0.5, view.camera.height - 0.5]).all(axis=1)
+    return float(inside.mean() / max(float(np.median(p[:, 2])), 0.05) ** 2)
+
+
+def _box(covered: Mask, margin: int) -> tuple[slice, slice]:
+    rows, cols = np.flatnonzero(covered.any(axis=1)), np.flatnonzero(covered.any(axis=0))
+    return slice(max(rows[0] - margin, 0), rows[-1] + margin + 1), slice(max(cols[0] - margin, 0), cols[-1] + margin + 1)
+
+
+def _png(crops: Sequence[Image], covered: Mask) -> str:
+    import matplotlib as mpl
+    from PIL import Image as Picture
+
+    outline = covered & ~_eroded(covered)
+    low, high = np.nanpercentile(crops[1], [2, 98]) + np.array([-0.005, 0.005])
+    shown = []
+    for crop in crops:
+        rgb = mpl.colormaps["viridis"](np.clip((crop - low) / (high - low), 0, 1))[..., :3]
+        rgb[~np.isfinite(crop)] = 0.85
+        rgb[outline] = 0.6 * rgb[outline] + 0.4 * np.array([1.0, 0.2, 0.1])
+        shown += [rgb, np.ones((rgb.shape[0], 2, 3))]
+    wide: Float = np.concatenate(shown[:-1], axis=1)
+    scale = max(1, 120 // wide.shape[0])
+    out = io.BytesIO()
+    Picture.fromarray((255 * np.kron(wide, np.ones((scale, scale, 1)))).astype(np.uint8)).save(out, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(out.getvalue()).decode()
+
+
+def _eroded(mask: Mask) -> Mask:
+    from scipy import ndimage
+
+    return np.asarray(ndimage.binary_erosion(mask))
