@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The repository's `src/` as a ROS package; name, version and sources are the same as pip's."""
+# ruff: noqa: INP001
+
+import os
+import tomllib
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[2]
+# setuptools wants paths relative to this folder, wherever it was called from.
+SOURCES = os.path.relpath(ROOT / "src", HERE)
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+NODES = ("preproc", "sim_label", "infer")
+
+setup(
+    name="toftwin",
+    version=PROJECT["project"]["version"],
+    description=PROJECT["project"]["description"],
+    license="Apache-2.0",
+    package_dir={"": SOURCES},
+    packages=find_packages(SOURCES),
+    package_data=PROJECT["tool"]["setuptools"]["package-data"],
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/toftwin"]),
+        ("share/toftwin", ["package.xml"]),
+    ],
+    zip_safe=False,
+    entry_points={"console_scripts": ["toftwin = toftwin.cli:main", *(f"{node} = toftwin.executables:{node}" for node in NODES)]},
+)

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The launch file, executed against a stand-in of `launch` (tests/ros_ws/stand_in.py): what would start, with what."""
+
+from __future__ import annotations
+
+import runpy
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tests.ros_ws.stand_in import ExecuteProcess, Node, installed
+from toftwin.graph import NODES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+Launch = dict[str, Any]
+
+
+@pytest.fixture
+def launch(repository: Path) -> Iterator[Launch]:
+    share = repository / "ros_ws" / "src" / "toftwin_bringup"
+    for _ in installed(share):
+        yield runpy.run_path(str(share / "launch" / "graph.launch.py"))
+
+
+def started(launch: Launch, **given: str) -> list[Any]:
+    """The actions for some arguments, the others at their defaults."""
+    defaults = {a.name: a.given["default_value"] for a in launch["ARGUMENTS"]}
+    assert given.keys() <= defaults.keys()
+    actions: list[Any] = launch["graph"]({**defaults, **given})
+    return actions
+
+
+def nodes(actions: list[Any]) -> dict[str, Node]:
+    return {a.given["executable"]: a for a in actions if isinstance(a, Node)}
+
+
+def parameters(node: Node) -> dict[str, Any]:
+    overrides: dict[str, Any] = node.given["parameters"][1]
+    return overrides
+
+
+def test_every_argument_is_described_and_has_a_default(launch: Launch) -> None:
+    names = [a.name for a in launch["ARGUMENTS"]]
+    assert {"mode", "bag", "scene", "namespace", "params_file", "rviz", "use_sim_time"} <= set(names)
+    assert all(a.given["description"] and isinstance(a.given["default_value"], str) for a in launch["ARGUMENTS"])
+    assert all(a.given["default_value"] in a.given["choices"] for a in launch["ARGUMENTS"] if "choices" in a.given)
+    assert len(launch["generate_launch_description"]()) == len(names) + 1
+
+
+def test_live_without_a_scene_labels_nothing(launch: Launch) -> None:
+    found = nodes(started(launch))
+    assert list(found) == ["preproc", "infer"]
+    assert all(parameters(n)["use_sim_time"] is False and n.given["respawn"] for n in found.values())
+
+
+def test_a_scene_starts_the_labels_in_the_robots_namespace(launch: Launch) -> None:
+    found = nodes(started(launch, scene="cell/scene.yaml", namespace="spot", infer="false"))
+    assert list(found) == ["preproc", "sim_label"]
+    assert parameters(found["sim_label"])["live.scene"] == "cell/scene.yaml"
+    assert {n.given["namespace"] for n in found.values()} == {"spot"}
+
+
+def test_executables_are_nodes_and_are_not_renamed(launch: Launch) -> None:
+    """`__node` would rename the transform listener, which lives in the same process."""
+    found = nodes(started(launch, scene="s"))
+    assert set(found) <= set(NODES)
+    assert all(n.given["package"] == "toftwin" and "name" not in n.given for n in found.values())
+
+
+def test_replay_plays_the_bag_with_its_clock_and_stops_with_it(launch: Launch, tmp_path: Path) -> None:
+    actions = started(launch, mode="replay", bag=str(tmp_path), scene="s", rate="2.0")
+    (player,) = [a for a in actions if isinstance(a, ExecuteProcess)]
+    assert player.given["cmd"][:4] == ["ros2", "bag", "play", str(tmp_path)]
+    assert "--clock" in player.given["cmd"]
+    assert "on_exit" in player.given
+    assert all(parameters(n)["use_sim_time"] is True and not n.given["respawn"] for n in nodes(actions).values())
+
+
+def test_sim_time_can_be_forced_either_way(launch: Launch, tmp_path: Path) -> None:
+    assert parameters(nodes(started(launch, use_sim_time="true"))["preproc"])["use_sim_time"] is True
+    forced = started(launch, mode="replay", bag=str(tmp_path), use_sim_time="false")
+    assert parameters(nodes(forced)["preproc"])["use_sim_time"] is False
+
+
+def test_rviz_starts_with_a_config_that_exists(launch: Launch, repository: Path) -> None:
+    rviz = nodes(started(launch, rviz="true"))["rviz2"]
+    assert (repository / rviz.given["arguments"][1]).is_file()
+
+
+@pytest.mark.parametrize("wrong", [{"mode": "replay"}, {"mode": "replay", "bag": "no/such/bag"}, {"params_file": "no/such.yaml"}])
+def test_a_wrong_call_starts_nothing_and_names_the_argument(launch: Launch, wrong: dict[str, str]) -> None:
+    with pytest.raises(RuntimeError, match=r"(bag|params_file):="):
+        started(launch, **wrong)

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ROS packages: what they name exists, what is generated is up to date, and an executable takes ROS's arguments."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+import signal
+import subprocess
+import sys
+import time
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree as ET
+
+import pytest
+import yaml
+
+from tof_core.config import table
+from toftwin.executables import called
+from toftwin.graph import NODES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+PACKAGES = ("toftwin", "toftwin_bringup")
+
+
+@pytest.fixture
+def packages(repository: Path) -> Path:
+    return repository / "ros_ws" / "src"
+
+
+def set_up(folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What a package's setup.py tells setuptools."""
+    told: dict[str, Any] = {}
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("setuptools.setup", lambda **given: told.update(given))
+    runpy.run_path(str(folder / "setup.py"))
+    return told
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_package_xml_and_setup_py_agree(name: str, packages: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = ET.parse(packages / name / "package.xml").getroot()  # noqa: S314  (our own file)
+    told = set_up(packages / name, monkeypatch)
+    assert (root.findtext("name"), root.findtext("version")) == (told["name"], told["version"]) == (name, told["version"])
+    assert root.findtext("export/build_type") == "ament_python"
+    assert (packages / name / "resource" / name).is_file()
+    assert f"$base/lib/{name}" in (packages / name / "setup.cfg").read_text()
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_every_file_that_is_installed_exists(name: str, packages: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told = set_up(packages / name, monkeypatch)
+    listed = [file for _, files in told["data_files"] for file in files]
+    assert len(listed) >= 2
+    assert all((packages / name / file).is_file() for file in listed)
+
+
+def test_every_room_is_installed_with_its_data(packages: Path, repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told = set_up(packages / "toftwin", monkeypatch)
+    assert {p.name for p in (repository / "src").iterdir() if (p / "__init__.py").exists()} <= set(told["packages"])
+    assert (packages / "toftwin" / told["package_dir"][""]).resolve() == repository / "src"
+    assert "*.onnx" in told["package_data"]["*"]
+
+
+def test_every_node_has_an_executable_that_can_be_imported(packages: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scripts = dict(re.split(r"\s*=\s*", line) for line in set_up(packages / "toftwin", monkeypatch)["entry_points"]["console_scripts"])
+    assert set(scripts) == {"toftwin", *NODES}
+    for target in scripts.values():
+        module, _, function = target.partition(":")
+        assert callable(getattr(import_module(module), function))
+
+
+def test_ros_packages_that_the_code_imports_are_depended_on(packages: Path, repository: Path) -> None:
+    depends = {e.text for e in ET.parse(packages / "toftwin" / "package.xml").getroot().iter("exec_depend")}  # noqa: S314
+    sources = "\n".join(p.read_text() for p in (repository / "src").rglob("*.py"))
+    imported = set(re.findall(r"^\s*(?:from|import) (rclpy|\w+_msgs|\w+_interfaces|std_srvs)\b", sources, re.MULTILINE))
+    assert {"rclpy", "sensor_msgs"} <= imported <= depends
+
+
+def test_the_parameter_file_is_what_the_configuration_says() -> None:
+    make_params = import_module("make_params")
+    assert make_params.FILE.read_text() == make_params.text(), "run .venv/bin/python scripts/make_params.py"
+
+
+def test_the_parameter_file_holds_every_parameter_of_every_node_at_its_default() -> None:
+    written = yaml.safe_load(import_module("make_params").FILE.read_text())
+    for name, module in NODES.items():
+        rows = {info.name: info.default for info in table(import_module(module).CONFIG)}
+        assert written[f"/**/{name}"]["ros__parameters"] == rows
+
+
+def topics_of(value: Any) -> Iterator[str]:
+    """Every topic that a view names."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            if key in ("Value", "imageTopic", "topicPath", "topicToRender"):
+                yield inner.lstrip("/")
+            elif key == "topics":
+                yield from (topic.lstrip("/") for topic in inner)
+            else:
+                yield from topics_of(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from topics_of(inner)
+
+
+@pytest.mark.parametrize("view", ["rviz/graph.rviz", "foxglove/graph.json"])
+def test_views_show_topics_of_the_contract(view: str, packages: Path) -> None:
+    text = (packages / "toftwin_bringup" / view).read_text()
+    shown = set(topics_of(json.loads(text) if view.endswith("json") else yaml.safe_load(text)))
+    rooms = {"preproc": "preproc", "sim_label": "label", "infer": "infer"}
+    published = {f"{rooms[name]}/{topic}" for name, module in NODES.items() for topic in import_module(module).OUTPUTS}
+    promised = {"depth/hand/image", "gap/residual", "correction/pose", "correction/verdict", "diagnostics"}
+    assert shown <= published | promised
+    assert {"depth/hand/image", "preproc/depth", "label/depth", "gap/residual", "correction/pose"} <= shown
+
+
+def test_ros_arguments_are_handed_on_as_they_came() -> None:
+    call = called("preproc", ["--ros-args", "-r", "__ns:=/spot", "--ros-args", "--params-file", "p.yaml"])
+    assert call.nodes == ("preproc",)
+    assert call.ros_args() == ["-r", "__ns:=/spot", "--params-file", "p.yaml"]
+
+
+@pytest.mark.dds
+def test_the_executable_takes_namespace_and_parameter_file_as_ros_gives_them(ros_domain: int, tmp_path: Path) -> None:
+    from tof_ros.environment import ros_context
+    from tof_ros.spin import spinning
+
+    file = tmp_path / "graph.yaml"
+    file.write_text(import_module("make_params").text().replace("preproc.sor.enable: true", "preproc.sor.enable: false"))
+    code = "import sys; from toftwin.executables import preproc; sys.exit(preproc())"
+    process = subprocess.Popen([sys.executable, "-c", code, "--ros-args", "-r", "__ns:=/spot", "--params-file", str(file)])
+    try:
+        with ros_context() as context:
+            import rclpy
+            from rcl_interfaces.srv import GetParameters
+
+            node = rclpy.create_node("asker", context=context)
+            client = node.create_client(GetParameters, "/spot/preproc/get_parameters")
+            with spinning([node]):
+                assert client.wait_for_service(60.0)
+                answer = client.call(GetParameters.Request(names=["preproc.sor.enable", "preproc.sigma3.enable"]), timeout_sec=20.0)
+        assert [v.bool_value for v in answer.values] == [False, True]
+    finally:
+        process.send_signal(signal.SIGTERM)
+        time.sleep(0.1)
+        assert process.wait(20) == 0
