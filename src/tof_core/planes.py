@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Mask
 
-COLUMNS = 240
+COLUMNS = 120
 """About how many columns of a picture are looked at; finer ones tell nothing more of large planes."""
 PLANES = 8
 SAMPLES = 250
 """Local patches tried for each plane."""
 PATCH = 24
 """Pixels drawn for a patch, from a twelfth of the picture to each side; half of them must be free."""
-LEAST = 150
+LEAST = 60
 """Pixels below which a surface is too small."""
 FLAT = 0.002
 """Relative distance (2 mm at 1 m) from a plane, beside the noise, at which a pixel still belongs."""

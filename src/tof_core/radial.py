@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.planes import PlaneGrower, thinned
+from tof_core.planes import LEAST, PlaneGrower, thinned
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -129,7 +129,7 @@ def _found(d: Float, rays: Float, length: Float) -> Iterator[Mask]:
 def _fit(on: Mask, d: Float, rays: Float, length: Float) -> _Fit | None:
     """Fit a plane and the exponent to one surface, robustly; None where it is too small to tell."""
     on = on & np.isfinite(d) & np.isfinite(length)
-    if on.sum() < 100:
+    if on.sum() < LEAST:
         return None
     w, x, y, log_length = np.sqrt(length[on]) / d[on], rays[on][:, 0], rays[on][:, 1], np.log(length[on])
     # First order about the exponent in the middle, from which both readings are equally far.
