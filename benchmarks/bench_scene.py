@@ -44,7 +44,11 @@ def closed_forms() -> list[Figure]:
     corner = join(wall(), block(0, -0.05, 0, (8, 0.1, 8)), block(0, 0, -0.05, (8, 8, 0.1)))
     cases: dict[str, tuple[Raycaster, Float, Callable[[Camera, Float], Float]]] = {
         "plane": (Raycaster(scene(wall=wall())), looking((1, 0.2, 0.3), (0, 0, 0)), lambda c, T: -T[0, 3] / rays_in_cell(c, T)[..., 0]),
-        "sphere, 0.25 m": (Raycaster(scene(b=ball(0.25, 1200))), looking((0.8, 0.1, 0.2), (0, 0, 0)), lambda c, T: sphere_depth(c, T, 0.25)),
+        "sphere, 0.25 m": (
+            Raycaster(scene(b=ball(0.25, 1200))),
+            looking((0.8, 0.1, 0.2), (0, 0, 0)),
+            lambda c, T: sphere_depth(c, T, 0.25),
+        ),
         "cylinder, 0.1 m": (Raycaster(scene(b=bar(0.1))), looking((0.8, 0.1, 0.2), (0, 0, 0)), lambda c, T: bar_depth(c, T, 0.1)),
         "corner of three planes": (Raycaster(scene(c=corner)), looking((0.9, 0.7, 0.6), (0, 0, 0)), corner_depth),
     }
@@ -192,7 +196,7 @@ def casters() -> list[Figure]:
     cell = make_builtin("body_section")
     T = looking(EYES[0], (0, 0, 0.8))
     rays = np.tile(CAMERA.rays().reshape(-1, 3) @ T[:3, :3].T, (4, 1))
-    found = {}
+    found: dict[str, tuple[Raycaster, list[float]]] = {}
     for name in ("embree", other()):
         caster = Raycaster(cell, name)
         found[name] = (caster, [])

@@ -50,6 +50,8 @@ class Canvas:
 
     def rendering(self, camera: Camera, T: Float) -> Rendering:
         """The same arrays in the raster's shape."""
-        flat = (self.depth, self.part, self.face, self.incidence, self.albedo, self.mixed, self.second)
-        depth, part, face, incidence, albedo, mixed, second = (a.reshape(camera.shape) for a in flat)
-        return Rendering(camera, T, depth, part, face, self.normal.reshape(*camera.shape, 3), incidence, albedo, mixed, second)
+        depth, incidence, albedo, mixed, second = (
+            a.reshape(camera.shape) for a in (self.depth, self.incidence, self.albedo, self.mixed, self.second)
+        )
+        part, face, normal = self.part.reshape(camera.shape), self.face.reshape(camera.shape), self.normal.reshape(*camera.shape, 3)
+        return Rendering(camera, T, depth, part, face, normal, incidence, albedo, mixed, second)

@@ -12,7 +12,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_core.camera import Camera
 
 EDGE = 1e-6
@@ -47,7 +47,7 @@ def cells_of(camera: Camera) -> Cells:
     corner = np.nanmin(low, axis=0)
     per_unit = np.array([camera.fx, camera.fy])
     columns, rows = (int(n) for n in np.maximum(np.rint((np.nanmax(high, axis=0) - corner) * per_unit), 1))
-    seen = np.isfinite(low).all(axis=1)
+    seen: Mask = np.asarray(np.isfinite(low).all(axis=1))
     first = np.where(seen[:, None], np.floor((low - corner) * per_unit + EDGE), 0)
     last = np.where(seen[:, None], np.ceil((high - corner) * per_unit - EDGE) - 1, -1)
     limit = [columns - 1, rows - 1]
@@ -67,6 +67,7 @@ def _turn(camera: Camera) -> Float:
         return np.tile([1 / camera.fx, 0.0, 0.0, 1 / camera.fy], (camera.height * camera.width, 1))
     v, u = np.mgrid[: camera.height, : camera.width]
     at = np.stack([u, v], -1).astype(float)
-    du = camera.rays_at(at + [0.5, 0]) - camera.rays_at(at - [0.5, 0])
-    dv = camera.rays_at(at + [0, 0.5]) - camera.rays_at(at - [0, 0.5])
+    right, down = np.array([0.5, 0]), np.array([0, 0.5])
+    du = camera.rays_at(at + right) - camera.rays_at(at - right)
+    dv = camera.rays_at(at + down) - camera.rays_at(at - down)
     return np.ascontiguousarray(np.concatenate([du[..., :2], dv[..., :2]], -1).reshape(-1, 4))

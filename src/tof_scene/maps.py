@@ -72,8 +72,7 @@ def concavity_map(caster: Raycaster, rendering: Rendering, stride: int = 4, rays
 
 def _spread(coarse: Image, rendering: Rendering, stride: int) -> Image:
     """Nearest coarse value of the same part within one step, else the nearest one."""
-    rows, columns = (np.minimum(np.arange(n) // stride, m - 1)
-                     for n, m in zip(rendering.part.shape, coarse.shape, strict=True))
+    rows, columns = (np.minimum(np.arange(n) // stride, m - 1) for n, m in zip(rendering.part.shape, coarse.shape, strict=True))
     coarse_part = rendering.part[stride // 2 :: stride, stride // 2 :: stride]
     out = np.full(rendering.part.shape, np.nan, np.float32)
     for down, right in sorted(((a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)), key=lambda s: s[0] ** 2 + s[1] ** 2):

@@ -51,7 +51,9 @@ class Marked:
         keys = tuple(keys)
         for key in self._mapping():
             if key not in keys:
-                wrong = next((k for k, _ in self.node.value if k.value == str(key)), None) if isinstance(self.node, yaml.MappingNode) else None
+                wrong = (
+                    next((k for k, _ in self.node.value if k.value == str(key)), None) if isinstance(self.node, yaml.MappingNode) else None
+                )
                 raise Marked(key, self.name, self.path, wrong or self.node).error(f"unknown key '{key}'", f"known keys: {', '.join(keys)}")
 
     def items(self) -> list[Marked]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
@@ -127,13 +127,13 @@ def _cover(planes: Float32, c: np.int32, samples: Float32, inverse: Float32, own
         b = b0 + b1 * su[s] + b2 * sv[s]
         d = c0 + c1 * su[s] + c2 * sv[s]
         w = a + b + d
-        inside = (min(min(a, b), d) >= slack) & (w > inverse[s])
+        inside = (a >= slack) & (b >= slack) & (d >= slack) & (w > inverse[s])
         inverse[s] = w if inside else inverse[s]
         owner[s] = c if inside else owner[s]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _lowest(inverse: Float32) -> np.float32:
+def _lowest(inverse: Float32) -> Any:
     """The smallest 1/z of all samples (ndarray.min looks for NaN and takes ten times as long)."""
     lowest = inverse[0]
     for w in inverse:
@@ -166,7 +166,7 @@ def _write(
 
 
 @njit(cache=True, nogil=True)
-def _front(g: int, found: int, seen: Int32, group: Int32, count: Int32, candidates: Int32, centre: int) -> int:
+def _front(g: int, found: int, seen: Int32, group: Int32, count: Int32, candidates: Int32, centre: int) -> Any:
     """The face that stands for a surface: the one at the pixel's centre, else the one with most samples."""
     best = -1
     for i in range(found):

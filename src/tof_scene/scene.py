@@ -105,10 +105,12 @@ class Scene:
 
     def bounds(self) -> Float:
         """(2, 3) lowest and highest corner in metres."""
-        return np.array([
-            np.min([part.vertices.min(axis=0) for part in self.parts], axis=0),
-            np.max([part.vertices.max(axis=0) for part in self.parts], axis=0),
-        ])
+        return np.array(
+            [
+                np.min([part.vertices.min(axis=0) for part in self.parts], axis=0),
+                np.max([part.vertices.max(axis=0) for part in self.parts], axis=0),
+            ]
+        )
 
     def triangles(self) -> tuple[Float, NDArray[np.int32], NDArray[np.int16]]:
         """All parts in one mesh: vertices (n, 3), faces (m, 3), part id of each face (m,)."""

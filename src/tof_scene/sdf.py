@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -73,7 +73,7 @@ def _seated(folder: Path, insert: str, seat: Seat, T_cell_insert: Float) -> Part
     T = np.eye(4)
     T[:3, :3] = se3.so3_exp(np.radians(seat.turn))
     T[:3, 3] = _contact(folder, insert, seat.contact) - T[:3, :3] @ seat.tip
-    area = [np.linalg.norm(np.cross(*(v[f[:, k]] - v[f[:, 0]] for k in (1, 2))), axis=1).sum() for _, (v, f), _ in visuals]
+    area = [np.linalg.norm(np.cross(v[f[:, 1]] - v[f[:, 0]], v[f[:, 2]] - v[f[:, 0]]), axis=1).sum() for _, (v, f), _ in visuals]
     albedo = float(np.average([a for *_, a in visuals], weights=area))
     solid = join(*(solid for _, solid, _ in visuals))
     return Part(seat.model, *_placed(T_cell_insert @ T, solid), Material(round(albedo, 3)), inspect=True, tolerance_mm=2.0)
@@ -100,21 +100,21 @@ def _contact(folder: Path, insert: str, name: str) -> Float:
     raise SceneError(f"there is no contact '{name}'", where=folder / f"{insert}.sdf")
 
 
-def _root(folder: Path, model: str) -> ElementTree.Element:
+def _root(folder: Path, model: str) -> ET.Element:
     path = folder / f"{model}.sdf"
     try:
-        return ElementTree.parse(path).getroot()  # noqa: S314  (expat 2.4.1 and later bounds what entities may grow to)
-    except (OSError, ElementTree.ParseError) as error:
+        return ET.parse(path).getroot()  # noqa: S314  (expat 2.4.1 and later bounds what entities may grow to)
+    except (OSError, ET.ParseError) as error:
         raise SceneError(f"the model cannot be read: {error}", where=path) from None
 
 
-def _mesh_file(folder: Path, shape: ElementTree.Element) -> Path:
+def _mesh_file(folder: Path, shape: ET.Element) -> Path:
     """`model://pump/meshes/pump_base.stl` lies beside the SDF as pump_pump_base.stl."""
     uri = (shape.findtext("geometry/mesh/uri") or "").removeprefix("model://").split("/")
     return folder / f"{uri[0]}_{uri[-1]}"
 
 
-def _pose(element: ElementTree.Element) -> Float:
+def _pose(element: ET.Element) -> Float:
     """x y z roll pitch yaw of an element, fixed axes, radians."""
     x, y, z, roll, pitch, yaw = _numbers(element, "pose", (0.0,) * 6)
     T = np.eye(4)
@@ -123,7 +123,7 @@ def _pose(element: ElementTree.Element) -> Float:
     return T
 
 
-def _numbers(element: ElementTree.Element, tag: str, default: tuple[float, ...]) -> tuple[float, ...]:
+def _numbers(element: ET.Element, tag: str, default: tuple[float, ...]) -> tuple[float, ...]:
     text = element.findtext(tag)
     return tuple(float(word) for word in text.split()) if text else default
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
@@ -109,7 +109,7 @@ def _compare(
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _miss(depth: NDArray[np.float32], normal: NDArray[np.float32], rays: Float, i: int, j: int, a: int, b: int) -> float:
+def _miss(depth: NDArray[np.float32], normal: NDArray[np.float32], rays: Float, i: int, j: int, a: int, b: int) -> Any:
     """How far along z pixel (i, j)'s plane lies beyond pixel (a, b)'s hit."""
     here = there = 0.0
     for c in range(3):
@@ -185,7 +185,7 @@ def _walk(
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _next_line(start: float, step: float, s: float) -> float:
+def _next_line(start: float, step: float, s: float) -> Any:
     """Where along the edge the next line of the raster is crossed, a little beyond so that the walk moves on."""
     if step == 0.0:
         return np.inf

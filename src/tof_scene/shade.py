@@ -44,9 +44,7 @@ def shade(
         x, y, z = rays[i, 0], rays[i, 1], rays[i, 2]
         along = nx * x + ny * y + nz * z
         if np.isnan(depth[i]):
-            height = (
-                normal[f, 0] * (point[f, 0] - eye[0]) + normal[f, 1] * (point[f, 1] - eye[1]) + normal[f, 2] * (point[f, 2] - eye[2])
-            )
+            height = normal[f, 0] * (point[f, 0] - eye[0]) + normal[f, 1] * (point[f, 1] - eye[1]) + normal[f, 2] * (point[f, 2] - eye[2])
             depth[i] = plane_distance(height, along, float(near[i])) * (_spread(nx, ny, along, turn[i]) if len(turn) else 1.0)
         sign = -1.0 if along > 0 else 1.0
         out_normal[i, 0], out_normal[i, 1], out_normal[i, 2] = sign * nx, sign * ny, sign * nz

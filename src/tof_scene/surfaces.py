@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
@@ -50,7 +50,7 @@ def tally(inverse: Float32, owner: Int32, drawn: Int32, count: Int32, depths: Fl
 
 
 @njit(cache=True, nogil=True)
-def _mine(owner: Int32, c: np.int32) -> int:
+def _mine(owner: Int32, c: np.int32) -> Any:
     """Number of one candidate's samples."""
     n = np.int32(0)
     for s in range(len(owner)):
@@ -59,7 +59,7 @@ def _mine(owner: Int32, c: np.int32) -> int:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _sums(z: Float32, owner: Int32, c: np.int32) -> tuple[float, float, float]:
+def _sums(z: Float32, owner: Int32, c: np.int32) -> tuple[Any, Any, Any]:
     """Sum, least and greatest z of one candidate's samples."""
     total, low, high = np.float32(0), FAR, np.float32(0)
     for s in range(len(z)):
@@ -108,7 +108,7 @@ def fold(found: int, seen: Int32, planes: Float32, depths: Float) -> float:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _lean(planes: Float32, c: int, z: float) -> float:
+def _lean(planes: Float32, c: int, z: float) -> Any:
     """How far a face's plane reaches along z over the whole pixel."""
     per_u, per_v = planes[c, 1] + planes[c, 4] + planes[c, 7], planes[c, 2] + planes[c, 5] + planes[c, 8]
     return (abs(per_u) + abs(per_v)) * z * z

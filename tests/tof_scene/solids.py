@@ -3,12 +3,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from tof_core.arrays import Float
 from tof_core.camera import Camera
-from tof_scene.builtin.shapes import Solid, box, moved, sphere, tube
+from tof_scene.builtin.shapes import box, moved, sphere, tube
 from tof_scene.scene import Material, Part, Scene
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_scene.builtin.shapes import Solid
 
 
 def camera(width: int = 80, height: int = 60, fov_deg: float = 56.0, **lens: object) -> Camera:

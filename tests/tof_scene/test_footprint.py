@@ -62,8 +62,13 @@ def test_a_hole_smaller_than_a_pixel_is_not_lost() -> None:
     cam = camera(40, 30)
     radius = 0.35 / cam.fx
     at = np.array([(20.45 - cam.cx) / cam.fx, (14.55 - cam.cy) / cam.fy])
-    plate = sheet((0.4, 0.4), (21, 21), 1e-4, lambda uv: np.stack([np.zeros(len(uv)), uv[:, 0] - 0.2, uv[:, 1] - 0.2], 1),
-                  [(0.2 + at[0], 0.2 - at[1], radius)])
+    plate = sheet(
+        (0.4, 0.4),
+        (21, 21),
+        1e-4,
+        lambda uv: np.stack([np.zeros(len(uv)), uv[:, 0] - 0.2, uv[:, 1] - 0.2], 1),
+        [(0.2 + at[0], 0.2 - at[1], radius)],
+    )
     view = render(Raycaster(scene(wall=wall(-0.5), plate=plate)), cam, FRONT)
     around = view.mixed[13:17, 19:23]
     assert around.sum() == pytest.approx(np.pi * 0.35**2, abs=0.03)
@@ -76,8 +81,14 @@ def test_steps_within_one_part_are_two_surfaces_and_creases_are_one() -> None:
     view = render(stair, cam, FRONT)
     assert view.mixed[15, 20] == pytest.approx(0.3, abs=0.02)
     assert view.second[15, 20] - view.depth[15, 20] == pytest.approx(0.05, abs=1e-4)
-    roof = Raycaster(scene(roof=(np.array([[0, 0, -1.0], [0, 0, 1], [-0.5, 1, 1], [-0.5, 1, -1], [-0.5, -1, 1], [-0.5, -1, -1]]),
-                                 np.array([[0, 2, 1], [0, 3, 2], [0, 1, 4], [0, 4, 5]]))))
+    roof = Raycaster(
+        scene(
+            roof=(
+                np.array([[0, 0, -1.0], [0, 0, 1], [-0.5, 1, 1], [-0.5, 1, -1], [-0.5, -1, 1], [-0.5, -1, -1]]),
+                np.array([[0, 2, 1], [0, 3, 2], [0, 1, 4], [0, 4, 5]]),
+            )
+        )
+    )
     assert (render(roof, cam, FRONT).mixed == 0).all()
 
 

@@ -39,7 +39,7 @@ def test_distance_is_float64_even_far_from_the_origin() -> None:
     far = np.array([1000.0, -2000.0, 500.0])
     solid = wall(1 / 3)
     caster = Raycaster(scene(wall=(solid[0] + far, solid[1])))
-    hits = caster.cast(far + [1.0, 0.1, 0.2], [(-1.0, 0.0, 0.0)])
+    hits = caster.cast(far + np.array([1.0, 0.1, 0.2]), [(-1.0, 0.0, 0.0)])
     assert hits.t[0] == pytest.approx(2 / 3, abs=1e-12)
 
 

@@ -35,7 +35,9 @@ def refusal(path: Path) -> str:
 
 
 def test_everything_a_part_may_say_is_read(tmp_path: Path) -> None:
-    path = write(tmp_path, """
+    path = write(
+        tmp_path,
+        """
 frame: line_3
 placed_in: {frame: odom, pose: [1, 2, 3, 0, 0, 0.7071068, 0.7071068]}
 parts:
@@ -48,7 +50,8 @@ parts:
   tolerance_mm: 0.4
 - {name: b, mesh: cube.stl, pose: [[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
 - {name: c, mesh: cube.stl, pose: {xyz: [0, 0, 7]}}
-""")
+""",
+    )
     scene = load_scene(path)
     a, b, c = scene.parts
     assert (scene.frame, scene.names, scene.folder) == ("line_3", ("a", "b", "c"), tmp_path)
@@ -89,12 +92,15 @@ def test_each_mistake_is_one_line_that_names_file_and_line(tmp_path: Path, text:
     assert f"scene.yaml:{line}" in said
 
 
-@pytest.mark.parametrize(("mesh", "what"), [
-    (b"", "a file of 0 bytes"),
-    (b"solid nothing\nendsolid nothing\n", "cube.stl"),
-    (stl_bytes(CUBE)[:-30], "cube.stl: the mesh"),
-    (stl_bytes(CUBE).replace(np.float32(0.2).tobytes(), np.float32(np.nan).tobytes()), "NaN or infinite"),
-])
+@pytest.mark.parametrize(
+    ("mesh", "what"),
+    [
+        (b"", "a file of 0 bytes"),
+        (b"solid nothing\nendsolid nothing\n", "cube.stl"),
+        (stl_bytes(CUBE)[:-30], "cube.stl: the mesh"),
+        (stl_bytes(CUBE).replace(np.float32(0.2).tobytes(), np.float32(np.nan).tobytes()), "NaN or infinite"),
+    ],
+)
 def test_meshes_that_no_ray_can_hit_are_refused(tmp_path: Path, mesh: bytes, what: str) -> None:
     assert what in refusal(write(tmp_path, HEAD + "- {name: a, mesh: cube.stl}\n", mesh))
 
@@ -130,7 +136,7 @@ def test_formats_give_the_same_triangles(tmp_path: Path, kind: str) -> None:
 def test_an_open_mesh_and_faces_without_area_are_fine(tmp_path: Path) -> None:
     corners = CUBE.vertices[CUBE.faces][:5].copy()
     corners[3, 2] = corners[3, 1]
-    open_mesh = Part("a", corners.reshape(-1, 3), np.arange(15).reshape(5, 3))
+    open_mesh = Part("a", corners.reshape(-1, 3), np.arange(15, dtype=np.int32).reshape(5, 3))
     assert len(open_mesh.faces) == 4
     assert len(load_scene(write(tmp_path, HEAD + "- {name: a, mesh: cube.stl}\n", stl_bytes(open_mesh))).parts[0].faces) == 4
 

@@ -46,7 +46,14 @@ def _panels() -> tuple[Part, ...]:
         cross = sum(_bead(u, c, 0.013) for c in (0.25, 0.45, 0.65)) * _window(v, 0.19, 0.24)
         return np.stack([x - 0.005 * np.maximum(long, cross), u - LENGTH / 2, z], 1)
 
-    holes = [(0.06, 0.215, 0.014), (0.35, 0.215, 0.009), (0.55, 0.215, 0.009), (0.84, 0.215, 0.014), (0.20, 0.335, 0.010), (0.70, 0.335, 0.010)]
+    holes = [
+        (0.06, 0.215, 0.014),
+        (0.35, 0.215, 0.009),
+        (0.55, 0.215, 0.009),
+        (0.84, 0.215, 0.014),
+        (0.20, 0.335, 0.010),
+        (0.70, 0.335, 0.010),
+    ]
     holes += [(u, 0.016, 0.004) for u in np.arange(0.06, 0.9, 0.12)] + [(u, length - 0.022, 0.004) for u in np.arange(0.09, 0.9, 0.12)]
 
     def pillar(uv: Float) -> Float:
@@ -63,9 +70,15 @@ def _panels() -> tuple[Part, ...]:
 
 def _bracket() -> tuple[Part, ...]:
     """An angle bolted to the sill's face, with a gusset and a shelf."""
+
     def flat(x: float, z: float) -> Solid:
-        return sheet((0.14, 0.10), (28, 20), 0.004, lambda uv: np.stack([np.full(len(uv), x), uv[:, 0] - 0.30, uv[:, 1] + z], 1),
-                     [(0.02, 0.05, 0.006), (0.12, 0.05, 0.006)])
+        return sheet(
+            (0.14, 0.10),
+            (28, 20),
+            0.004,
+            lambda uv: np.stack([np.full(len(uv), x), uv[:, 0] - 0.30, uv[:, 1] + z], 1),
+            [(0.02, 0.05, 0.006), (0.12, 0.05, 0.006)],
+        )
 
     shelf = box((0.09, 0.14, 0.004), (0.160, -0.23, 0.712), 4)
     gussets = [_gusset(y) for y in (-0.295, -0.165)]
@@ -88,7 +101,9 @@ def _nut() -> Solid:
 
 def _clips() -> tuple[Part, ...]:
     """Trim clips and studs in the panel's own colour, on the sill's face and shelf."""
-    body = join(box((0.030, 0.016, 0.006), (0, 0, 0.003)), box((0.018, 0.010, 0.008), (0, 0, 0.010)), moved(cylinder(0.004, 0.006), (0, 0, 0.014)))
+    body = join(
+        box((0.030, 0.016, 0.006), (0, 0, 0.003)), box((0.018, 0.010, 0.008), (0, 0, 0.010)), moved(cylinder(0.004, 0.006), (0, 0, 0.014))
+    )
     face = [(0.114, y, 0.805) for y in (-0.38, -0.08, 0.035, 0.30)]
     clips = [part(f"clip_{i + 1}", moved(body, p, axis="x"), PANEL, inspect=True) for i, p in enumerate(face)]
     stud = lathe([(0, 0), (0.006, 0), (0.006, 0.003), (0.003, 0.004), (0.003, 0.022), (0, 0.022)], 32)

@@ -27,7 +27,12 @@ def make() -> Scene:
 
 def _frame() -> tuple[Part, ...]:
     plate = box((0.012, 1.0, 0.62), (-0.13, 0, 0.83), 10)
-    steps = join(*(box((0.05 - 0.012 * i, 0.17 - 0.035 * i, 0.028), (-0.124 + (0.05 - 0.012 * i) / 2, -0.36, 0.600 + 0.0279 * i), 4) for i in range(4)))
+    steps = join(
+        *(
+            box((0.05 - 0.012 * i, 0.17 - 0.035 * i, 0.028), (-0.124 + (0.05 - 0.012 * i) / 2, -0.36, 0.600 + 0.0279 * i), 4)
+            for i in range(4)
+        )
+    )
     skid = box((0.52, 1.1, 0.05), (0.02, 0, 0.495), 8)
     legs = join(*(box((0.05, 0.05, 0.472), (x, y, 0.236), 3) for x in (-0.18, 0.22) for y in (-0.48, 0.48)))
     return part("back_plate", plate, Material(0.28, 0.8)), part("steps", steps, STEEL), part("skid", join(skid, legs), Material(0.22, 0.9))
@@ -35,9 +40,29 @@ def _frame() -> tuple[Part, ...]:
 
 def _pipes() -> tuple[Part, ...]:
     main = tube(_straight((0.0, -0.46, 0.93), (0.0, 0.12, 0.93)), 0.042, 96)
-    bend = tube(_joined([_straight((0.02, 0.22, 0.53), (0.02, 0.22, 0.86)), arc((0.02, 0.15, 0.86), (0.02, 0.22, 0.86), (0.02, 0.15, 0.93), 40)]), 0.030, 80)
-    riser = tube(_joined([_straight((0.03, -0.20, 0.53), (0.03, -0.20, 0.84)), arc((-0.03, -0.20, 0.84), (0.03, -0.20, 0.84), (-0.03, -0.20, 0.90), 30)]), 0.019, 64)
-    thin = tube(_joined([_straight((0.055, -0.44, 0.70), (0.055, 0.02, 0.70)), arc((0.055, 0.02, 0.74), (0.055, 0.02, 0.70), (0.055, 0.06, 0.74), 20), _straight((0.055, 0.06, 0.745), (0.055, 0.06, 1.08))]), 0.008, 40)
+    bend = tube(
+        _joined([_straight((0.02, 0.22, 0.53), (0.02, 0.22, 0.86)), arc((0.02, 0.15, 0.86), (0.02, 0.22, 0.86), (0.02, 0.15, 0.93), 40)]),
+        0.030,
+        80,
+    )
+    riser = tube(
+        _joined(
+            [_straight((0.03, -0.20, 0.53), (0.03, -0.20, 0.84)), arc((-0.03, -0.20, 0.84), (0.03, -0.20, 0.84), (-0.03, -0.20, 0.90), 30)]
+        ),
+        0.019,
+        64,
+    )
+    thin = tube(
+        _joined(
+            [
+                _straight((0.055, -0.44, 0.70), (0.055, 0.02, 0.70)),
+                arc((0.055, 0.02, 0.74), (0.055, 0.02, 0.70), (0.055, 0.06, 0.74), 20),
+                _straight((0.055, 0.06, 0.745), (0.055, 0.06, 1.08)),
+            ]
+        ),
+        0.008,
+        40,
+    )
     sleeve = tube(_straight((0.0, -0.42, 0.93), (0.0, -0.27, 0.93)), 0.054, 96)
     clamps = [part(f"clamp_{i + 1}", _clamp(y), ZINC, inspect=True) for i, y in enumerate((-0.235, -0.03))]
     return (
@@ -60,7 +85,9 @@ def _flanges() -> tuple[Part, ...]:
     blind = moved(cylinder(0.066, 0.016, 96), (0.0, 0.11, 0.93), axis="y")
     angle = np.radians([-75, -37, 0, 37, 110, 180, 250])
     bolts = [moved(hexagon_bolt(0.008), (0.02 + 0.046 * np.cos(a), 0.22 + 0.046 * np.sin(a), 0.7198)) for a in angle]
-    round_bolts = [moved(hexagon_bolt(0.008), (0.053 * np.cos(a), 0.1258, 0.93 + 0.053 * np.sin(a)), axis="y") for a in np.radians([0, 60, 120])]
+    round_bolts = [
+        moved(hexagon_bolt(0.008), (0.053 * np.cos(a), 0.1258, 0.93 + 0.053 * np.sin(a)), axis="y") for a in np.radians([0, 60, 120])
+    ]
     return (
         part("flange", pair, STEEL), part("seal", seal, RUBBER), part("blind_flange", blind, STEEL),
         *(part(f"bolt_{i + 1}", b, ZINC, inspect=True) for i, b in enumerate([*bolts[:4], *round_bolts])), part("far_bolts", join(*bolts[4:]), ZINC),
@@ -82,9 +109,22 @@ def _tank() -> tuple[Part, ...]:
 
 def _small() -> tuple[Part, ...]:
     """Valve, gauge, plugs and sensors."""
-    wheel = moved(join(torus(0.036, 0.005, 72), cylinder(0.010, 0.012), rotated(box((0.068, 0.008, 0.005), (0, 0, 0.003)), "z", 30), rotated(box((0.068, 0.008, 0.005), (0, 0, 0.0035)), "z", 120)), (0.105, -0.20, 0.72), axis="x")
+    wheel = moved(
+        join(
+            torus(0.036, 0.005, 72),
+            cylinder(0.010, 0.012),
+            rotated(box((0.068, 0.008, 0.005), (0, 0, 0.003)), "z", 30),
+            rotated(box((0.068, 0.008, 0.005), (0, 0, 0.0035)), "z", 120),
+        ),
+        (0.105, -0.20, 0.72),
+        axis="x",
+    )
     stem = moved(join(cylinder(0.016, 0.045, 64), moved(cylinder(0.007, 0.055), (0, 0, 0.043))), (0.018, -0.20, 0.72), axis="x")
-    gauge = moved(lathe([(0, 0), (0.030, 0), (0.032, 0.003), (0.032, 0.022), (0.029, 0.024), (0.028, 0.020), (0, 0.020)], 96), (0.062, 0.06, 1.055), axis="x")
+    gauge = moved(
+        lathe([(0, 0), (0.030, 0), (0.032, 0.003), (0.032, 0.022), (0.029, 0.024), (0.028, 0.020), (0, 0.020)], 96),
+        (0.062, 0.06, 1.055),
+        axis="x",
+    )
     dial = moved(cylinder(0.0265, 0.0006, 96), (0.0821, 0.06, 1.055), axis="x")
     plug = moved(cylinder(0.011, 0.016, 6), (0.041, 0.0, 0), axis="x")
     plugs = [(plug[0] + [0, y, 0.93], plug[1]) for y in (-0.14, 0.06)]
@@ -101,10 +141,10 @@ def _small() -> tuple[Part, ...]:
 
 
 def _straight(a: tuple[float, float, float], b: tuple[float, float, float], n: int = 24) -> Float:
-    return np.linspace(a, b, n)
+    return np.linspace(np.asarray(a), np.asarray(b), n)
 
 
 def _joined(pieces: list[Float]) -> Float:
     """Pieces of a path in a row, points that repeat left out."""
     path = np.concatenate(pieces)
-    return path[np.append(True, np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-9)]
+    return np.asarray(path[np.append(True, np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-9)])

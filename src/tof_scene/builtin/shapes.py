@@ -146,7 +146,10 @@ def tube(path: ArrayLike, radius: float, segments: int = 24) -> Solid:
     base = np.arange(n - 1)[:, None] * segments
     quads = [np.stack([base + i, base + j, base + segments + j], -1), np.stack([base + i, base + segments + j, base + segments + i], -1)]
     first, last = n * segments, n * segments + 1
-    caps = [np.stack([np.full_like(i, first), j, i], 1), np.stack([np.full_like(i, last), (n - 1) * segments + i, (n - 1) * segments + j], 1)]
+    caps = [
+        np.stack([np.full_like(i, first), j, i], 1),
+        np.stack([np.full_like(i, last), (n - 1) * segments + i, (n - 1) * segments + j], 1),
+    ]
     faces = np.concatenate([*(q.reshape(-1, 3) for q in quads), *caps])
     return np.concatenate([*rings, path[:1], path[-1:]]), faces.astype(np.int32)
 
@@ -175,8 +178,8 @@ def sheet(
     for hole in holes:
         uv, tri = _pierced(uv, tri, hole, np.asarray(size) / cells)
     front = surface(uv)
-    h = 1e-6
-    normal = np.cross(surface(uv + [h, 0]) - surface(uv - [h, 0]), surface(uv + [0, h]) - surface(uv - [0, h]))
+    du, dv = np.array([1e-6, 0]), np.array([0, 1e-6])
+    normal = np.cross(surface(uv + du) - surface(uv - du), surface(uv + dv) - surface(uv - dv))
     back = front - thickness * normal / np.linalg.norm(normal, axis=1, keepdims=True)
     n = np.int32(len(uv))
     rim = _rim(tri)
