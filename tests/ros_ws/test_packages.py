@@ -64,7 +64,7 @@ def test_every_room_is_installed_with_its_data(packages: Path, repository: Path,
     told = set_up(packages / "toftwin", monkeypatch)
     assert {p.name for p in (repository / "src").iterdir() if (p / "__init__.py").exists()} <= set(told["packages"])
     assert (packages / "toftwin" / told["package_dir"][""]).resolve() == repository / "src"
-    assert "*.onnx" in told["package_data"]["*"]
+    assert {"*.onnx", "*.j2", "templates/*", "models/*"} <= set(told["package_data"][""])
 
 
 def test_every_node_has_an_executable_that_can_be_imported(packages: Path, monkeypatch: pytest.MonkeyPatch) -> None:

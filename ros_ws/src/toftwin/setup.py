@@ -22,7 +22,8 @@ setup(
     license="Apache-2.0",
     package_dir={"": SOURCES},
     packages=find_packages(SOURCES),
-    package_data=PROJECT["tool"]["setuptools"]["package-data"],
+    # What pyproject.toml calls "*" (every package) is "" here.
+    package_data={"": PROJECT["tool"]["setuptools"]["package-data"]["*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/toftwin"]),
         ("share/toftwin", ["package.xml"]),
