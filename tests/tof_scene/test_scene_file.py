@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.tof_scene.solids import block
+from tests.tof_scene.step import box_step
 from tof_core.errors import SceneError
 from tof_scene.builtin import make_builtin, open_scene, write_builtin
 from tof_scene.scene import Material, Part, Scene
@@ -162,3 +163,14 @@ def test_the_digest_tells_scenes_apart() -> None:
     assert scene.digest == Scene("cell", scene.parts).digest
     with pytest.raises(SceneError, match="there is no part 'c'; parts: cube, b"):
         scene.without("c")
+
+
+def test_a_step_file_in_millimetres_gives_metres(tmp_path: Path) -> None:
+    pytest.importorskip("cascadio", reason="the STEP reader is not installed")
+    (tmp_path / "box.step").write_text(box_step((200.0, 100.0, 50.0)))
+    (tmp_path / "scene.yaml").write_text(HEAD + "- {name: a, mesh: box.step}\n")
+    part = load_scene(tmp_path).parts[0]
+    assert np.allclose(part.vertices.min(axis=0), 0, atol=1e-9)
+    assert np.allclose(part.vertices.max(axis=0), [0.2, 0.1, 0.05], atol=1e-7)
+    a, b, c = (part.vertices[part.faces[:, k]] for k in range(3))
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(1e-3, rel=1e-6)
