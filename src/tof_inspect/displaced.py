@@ -11,7 +11,7 @@ import numpy as np
 from tof_core import se3
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from tof_core.arrays import Float
     from tof_inspect.config import InspectConfig
@@ -48,36 +48,68 @@ def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Raycaster
         config: noise, how far it may have moved.
     """
     centre = part.vertices.mean(axis=0)
-    start = min((np.zeros(3), *_offsets(config.search_mm * 1e-3)), key=lambda t: _cost(_at(t), seen, alone, bare, config, centre, step=2))
-    xi = np.concatenate([start, np.zeros(3)])
+
+    def cost(motion: Float, step: int = 1) -> float:
+        return _cost(motion, seen, alone, bare, config, centre, step=step)
+
+    def linear(motion: Float) -> tuple[Float, Float, Float]:
+        return _linearised(motion, seen, alone, bare, config, centre)
+
+    start = min((np.zeros(3), *_offsets(config.search_mm * 1e-3)), key=lambda t: cost(_at(t), 2))
+    motion = _smoothed(_patterned(_at(start), cost), cost, linear, config)
+    nominal, best = cost(np.eye(4)), cost(motion)
+    values, axes = np.linalg.eigh(_curvature(motion, cost) + np.eye(3) * (config.search_mm * 1e-3) ** -2.0)
+    # Neighbours share their errors: what n of them tell is worth as many cells.
+    spread = config.cell_px / np.maximum(values, 1e-3)
+    told = spread < 0.25 * (config.search_mm * 1e-3) ** 2
+    shift = axes[:, told] @ (axes[:, told].T @ motion[:3, 3])
+    mm = 1e3 * float(np.linalg.norm(shift))
+    direction = shift / np.linalg.norm(shift) if mm > 1e-9 else axes[:, -1]
+    std = 1e3 * float(np.sqrt(((direction @ axes) ** 2 * spread).sum()))
+    return Fit(mm, float(np.hypot(std, config.shared_mm)), shift, nominal - best)
+
+
+def _patterned(motion: Float, cost: Callable[[Float], float]) -> Float:
+    """Slide along the cell's axes as long as it gets better, in ever smaller steps: edges have no gradient."""
+    best = cost(motion)
+    for size in (4e-3, 2e-3, 1e-3, 5e-4):
+        for _ in range(3):
+            found = [(cost(_at(d * size) @ motion), d) for d in (*np.eye(3), *-np.eye(3))]
+            least, d = min(found, key=lambda f: f[0])
+            if least >= best:
+                break
+            best, motion = least, _at(d * size) @ motion
+    return motion
+
+
+def _smoothed(motion: Float, cost: Callable[[Float], float], linear: Callable[[Float], tuple[Float, Float, Float]], config: InspectConfig) -> Float:
+    """Gauss-Newton from there, turns too, kept where it is better."""
     prior = np.repeat([config.search_mm * 1e-3, np.radians(LOOSE_DEG)], 3) ** -2.0
-    H = np.diag(prior)
-    for _ in range(8):
-        e, J, w = _linearised(se3.exp(xi), seen, alone, bare, config, centre)
+    best, kept = cost(motion), motion
+    for _ in range(4):
+        e, J, w = linear(motion)
         if len(e) < 12:
             break
         H = (J * w[:, None]).T @ J + np.diag(prior)
-        step = np.linalg.solve(H, J.T @ (w * e) - prior * xi)
-        xi = se3.log(se3.exp(step) @ se3.exp(xi))
-        if np.linalg.norm(step) < 1e-5:
+        step = np.linalg.solve(H, J.T @ (w * e) - prior * se3.log(motion))
+        motion = se3.exp(step) @ motion
+        if (now := cost(motion)) < best:
+            best, kept = now, motion
+        if np.linalg.norm(step) < 1e-4:
             break
-    cov = np.linalg.inv(H)
-    known, shift = _known(xi[:3], cov[:3, :3], config)
-    mm = 1e3 * float(np.linalg.norm(shift))
-    direction = shift / np.linalg.norm(shift) if mm > 1e-9 else np.eye(3)[0]
-    std = 1e3 * float(np.sqrt(direction @ known @ direction))
-    gain = _cost(_at(np.zeros(3)), seen, alone, bare, config, centre, step=1) - _cost(
-        se3.exp(xi), seen, alone, bare, config, centre, step=1
-    )
-    return Fit(mm, max(std, config.shared_mm), shift, gain)
+    return kept
 
 
-def _known(shift: Float, cov: Float, config: InspectConfig) -> tuple[Float, Float]:
-    """Covariance and shift along directions that the data narrow to half of what was assumed."""
-    values, axes = np.linalg.eigh(cov)
-    told = values < 0.25 * (config.search_mm * 1e-3) ** 2
-    along = axes[:, told]
-    return (axes * values) @ axes.T, np.asarray(along @ (along.T @ shift))
+def _curvature(motion: Float, cost: Callable[[Float], float], h: float = 1.5e-3) -> Float:
+    """(3, 3) second derivatives of the cost for slides, made positive."""
+    middle = cost(motion)
+    one = np.array([[cost(_at(s * h * d) @ motion) for s in (1, -1)] for d in np.eye(3)])
+    H = np.diag((one.sum(axis=1) - 2 * middle) / h**2)
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        both = [cost(_at(s * h * (np.eye(3)[i] + np.eye(3)[j])) @ motion) for s in (1, -1)]
+        H[i, j] = H[j, i] = 0.5 * (sum(both) - one[i].sum() - one[j].sum() + 2 * middle) / h**2
+    values, axes = np.linalg.eigh(H)
+    return np.asarray((axes * np.maximum(values, 0.0)) @ axes.T)
 
 
 def _offsets(reach: float) -> list[Float]:
