@@ -120,15 +120,16 @@ def open_files(path: Path | str, *, recover: bool = False) -> BagFiles:
     if not path.exists():
         raise BagError("does not exist", where=path, todo="name a bag's folder, .mcap or .db3 file")
     files = _storage_files(path)
-    if not files:
-        raise BagError("is no bag (no .mcap and no .db3 file)", where=path, todo="name the folder that holds metadata.yaml")
-    unfinished = not path.is_dir() or not (path / "metadata.yaml").exists()
-    if not unfinished:
+    if path.is_dir() and (path / "metadata.yaml").exists():
         try:
             return _whole(path, [path])
         except BagError as error:
-            if not recover:
+            if not recover or not files:
                 raise _with_hint(error, files) from None
+    if not files:
+        packed = path.is_dir() and any(path.glob("*.zstd"))
+        todo = "unpack its .zstd files first" if packed else "name the folder that holds metadata.yaml"
+        raise BagError("is no bag (no .mcap and no .db3 file)", where=path, todo=todo)
     return _unfinished(path, files)
 
 
@@ -185,7 +186,7 @@ def _types_of(definitions: dict[str, str]) -> Typestore:
 
 def _with_hint(error: BagError, files: list[Path]) -> BagError:
     """The same error, with what can still be had of a cut MCAP file."""
-    if files[0].suffix != ".mcap":
+    if not files or files[0].suffix != ".mcap":
         return error
     try:
         whole = sum(1 for file in files for _ in McapScan(file).messages())

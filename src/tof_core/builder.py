@@ -194,13 +194,14 @@ class CaptureBuilder:
 
     def _tf_settled(self, frame: _Frame) -> bool:
         """Whether TF has the pose at the stamp and a little after it, or never will."""
-        if self.chain is None or self.chain.transforms.settled(frame.stamp + self._ahead_ns):
+        if self.chain is None:
             return True
+        camera, after = self._frame_id(frame), frame.stamp + self._ahead_ns
         try:
-            for stamp in (frame.stamp, frame.stamp + self._ahead_ns):
-                self.chain.pose(self._frame_id(frame), stamp)
+            for stamp in (frame.stamp, after):
+                self.chain.pose(camera, stamp)
         except TransformError:
-            return False
+            return self.chain.settled(camera, after)
         return True
 
     def _frame_id(self, frame: _Frame) -> str:

@@ -49,6 +49,19 @@ class RobotChain:
         T_cell_body, T_body_camera = (self.transforms.lookup(a, b, stamp_ns) for a, b in ((cell, body), (body, camera_frame)))
         return RobotPose(T_cell_body, T_body_camera, twist)
 
+    def settled(self, camera_frame: str, stamp_ns: int) -> bool:
+        """Whether a pose that is lacking now will not come: TF joins the frames and has gone past the stamp.
+
+        While it does not join them, a latched transform may still be on its way.
+        """
+        if not self.transforms.settled(stamp_ns):
+            return False
+        try:
+            self.resolve(camera_frame)
+        except TransformError:
+            return False
+        return True
+
     def resolve(self, camera_frame: str) -> tuple[str, str]:
         """The names (cell, body) for a camera; body is empty where the chain has none."""
         cell = self._cell(camera_frame)
