@@ -32,8 +32,8 @@ EFFECTS = ("wiggling", "amplitude_bias", "multipath", "temperature_drift")
 
 
 def plan(seed: int, **values: object) -> dict[str, object]:
-    """Twenty views of 224 x 171 from four stations, sixteen captures each, as a robot in a cell would take them."""
-    return {"plan": {"views": 20, "stations": 4, "captures": 16, **values}, "seed": seed}
+    """Twenty views of 224 x 171 from four stations, eight captures each, as a robot in a cell would take them."""
+    return {"plan": {"views": 20, "stations": 4, "captures": 8, **values}, "seed": seed}
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,6 +50,8 @@ class WeightConfig:
     """How much one pixel counts."""
 
     pixels: int = param(8000, "pixels of a view that enter the normal equations, on a raster", low=200)
+    last_pixels: int = param(24000, "the same for the last linearisation, where the session's views are few enough", low=200)
+    last_total: int = param(800_000, "most pixels of all views together that the last linearisation holds", low=200)
     coarse_pixels: int = param(1200, "the same while far from the answer", low=100)
     live_pixels: int = param(4000, "the same for a live view (causal mode)", low=200)
     noise_mm: float = param(2.0, "noise of one capture where the view does not tell it", unit="mm", low=1e-3)

@@ -45,9 +45,10 @@ class Fitter:
     theta_std: Float | None = None
     basis: Basis | None = None
     sizes: dict[str, float] | None = None
+    last: Sequence[Pixels] | None = None
 
     def fit(self, rig: R, iterations: int) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
-        """Step `iterations` times, then linearise and fit once more at the end.
+        """Step `iterations` times, then linearise and fit once more, with the pixels of `last` if given.
 
         Returns the last system, its answer (whose step is not taken yet), and the columns.
         """
@@ -57,6 +58,7 @@ class Fitter:
             rig = rig.moved(answer.x, answer.own)
             if float(np.abs(system.camera_steps(answer)).max()) < 2e-6:
                 break
+        self.pixels = self.last or self.pixels
         return self.once(rig, answer)
 
     def once(self, rig: R, before: Mixed | None = None) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:

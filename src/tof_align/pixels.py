@@ -38,6 +38,15 @@ class Pixels:
         """(h, w) of the raster."""
         return self.depth.shape[0], self.depth.shape[1]
 
+    def thinned(self, pixels: int) -> Pixels:
+        """Every k-th row and column, so that about `pixels` are left (all, where there are no more)."""
+        k = max(1, round(float(np.sqrt(self.depth.size / pixels))))
+        if k == 1:
+            return self
+        at = np.s_[k // 2::k, k // 2::k]
+        amplitude = None if self.log_amplitude is None else self.log_amplitude[at]
+        return Pixels(self.camera, self.index[at], self.rays[at], self.depth[at], self.sigma[at], amplitude, self.angle)
+
 
 def take_pixels(view: View, config: WeightConfig, *, pixels: int = 0) -> Pixels:
     """A raster of about `pixels` (default: the configured number) of a view's pixels."""
@@ -56,19 +65,28 @@ def take_pixels(view: View, config: WeightConfig, *, pixels: int = 0) -> Pixels:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """What alignment keeps of a view: rasters of its pixels, and where the robot says it is."""
+    """What alignment keeps of a view: a raster of its pixels, and where the robot says it is."""
 
     stamp_ns: int
     station: int
     robot: RobotPose | None
-    fine: Pixels
-    coarse: Pixels
+    full: Pixels
+    config: WeightConfig
+
+    @property
+    def fine(self) -> Pixels:
+        """The raster of most linearisations."""
+        return self.full.thinned(self.config.pixels)
+
+    @property
+    def coarse(self) -> Pixels:
+        """The raster while far from the answer."""
+        return self.full.thinned(self.config.coarse_pixels)
 
 
 def sample(view: View, config: WeightConfig) -> Sample:
-    """Take the rasters of a view."""
-    coarse = take_pixels(view, config, pixels=config.coarse_pixels)
-    return Sample(view.stamp_ns, view.station, view.robot, take_pixels(view, config), coarse)
+    """Take what is kept of a view."""
+    return Sample(view.stamp_ns, view.station, view.robot, take_pixels(view, config, pixels=config.last_pixels), config)
 
 
 @lru_cache(maxsize=16)

@@ -113,7 +113,9 @@ def solve_samples(
     if config.mode != "session":
         return _without_session(samples, seed, caster, config)
     chain = start or near(samples, seed, caster, config)
-    fitter = Fitter([s.fine for s in samples], caster, config, columns, theta_std)
+    share = config.weights.last_total // len(samples)
+    last = [s.full.thinned(max(share, config.weights.pixels)) for s in samples]
+    fitter = Fitter([s.fine for s in samples], caster, config, columns, theta_std, last=last)
     system, answer, given = fitter.fit(chain, config.iterations)
     return _conclude(fitter, system, answer, given, seed)
 

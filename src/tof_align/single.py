@@ -87,7 +87,7 @@ def align_sample(taken: Sample, caster: Raycaster, T_prior: Float, cov_prior: Fl
         config = replace(config, discrepancy=replace(config.discrepancy, centres=0))
     std = np.sqrt(np.diag(prior))
     start = T_prior @ approach([taken.coarse], T_prior[None], T_prior, std, caster, config)
-    fitter = Fitter([taken.fine], caster, config)
+    fitter = Fitter([taken.fine], caster, config, last=[taken.full])
     rig = Single(T_prior, start, np.linalg.cholesky(prior))
     system, answer, _ = fitter.fit(rig, 3 * config.iterations if free else config.iterations)
     return _conclude(fitter, system, answer, T_prior, None if free else prior)

@@ -25,7 +25,7 @@ from tests.tof_align.made import (
     wiggling,
 )
 from tof_align.linearise import linearise
-from tof_align.pixels import take_pixels
+from tof_align.pixels import sample
 from tof_align.single import align_view
 from tof_core import se3
 from tof_core.capture import RobotPose, View
@@ -69,7 +69,7 @@ def test_the_hessian_is_the_second_derivative_of_the_weighted_cost() -> None:
     view, _ = one_view(section(), np.zeros(6))
     found = align_view(view, section(), robot(view), COV, CONFIG)
     lin, weight = found.system.views[0], found.system.weights[0]
-    pixels = take_pixels(view, CONFIG.weights)
+    pixels = sample(view, CONFIG.weights).full
 
     def cost(xi: np.ndarray) -> float:
         there = linearise(pixels, lin.T_cell_camera @ se3.exp(xi), section(), CONFIG.weights)
