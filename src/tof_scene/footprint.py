@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 TOLERANCE_M = 6e-5
 """How far neighbours may lie from a pixel's plane before it is looked at closely; its mean is then off by a sixth at most."""
 THREADS = 2
-_pool = ThreadPoolExecutor(THREADS, "footprint")
 _lattices = tuple(lattice(*size) for size in LATTICES)
 
 
@@ -53,7 +52,8 @@ def fill_footprints(caster: Raycaster, camera: Camera, T_cell_camera: Float, cel
         )  # fmt: skip
 
     bounds = np.linspace(0, len(pixels), 4 * THREADS + 1).astype(int)
-    list(_pool.map(work, bounds[:-1], bounds[1:]))
+    with ThreadPoolExecutor(THREADS, "footprint") as pool:  # made anew: one kept at module level would not survive a fork
+        list(pool.map(work, bounds[:-1], bounds[1:]))
     return pixels
 
 

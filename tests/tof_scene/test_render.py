@@ -90,6 +90,15 @@ def test_a_distorted_lens_sees_the_same_plane_along_its_own_rays() -> None:
     assert (view.mixed > 0).sum() > 40
 
 
+def test_pixels_beyond_the_lens_field_are_void_and_the_others_are_not() -> None:
+    lens = camera(fov_deg=100, distortion=(-0.45, 0.0, 0.0, 0.0, 0.0), distortion_model="plumb_bob")
+    outside = ~np.isfinite(lens.rays()).all(axis=-1)
+    assert 0.01 < outside.mean() < 0.9
+    view = render(Raycaster(scene(wall=wall(), cube=block(0.1, 0, 0, (0.2, 0.2, 0.2)))), lens, looking(EYE, (0, 0, 0)))
+    assert np.array_equal(np.isnan(view.depth), outside)
+    assert np.array_equal(view.part == -1, outside)
+
+
 def test_what_hits_nothing_is_void_everywhere() -> None:
     cam = camera(20, 10)
     view = render(Raycaster(scene(cube=block(0, 0, 0, (0.1, 0.1, 0.1)))), cam, looking((1, 0, 0), (2, 0, 0)))

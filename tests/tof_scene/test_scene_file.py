@@ -174,3 +174,12 @@ def test_a_step_file_in_millimetres_gives_metres(tmp_path: Path) -> None:
     assert np.allclose(part.vertices.max(axis=0), [0.2, 0.1, 0.05], atol=1e-7)
     a, b, c = (part.vertices[part.faces[:, k]] for k in range(3))
     assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(1e-3, rel=1e-6)
+
+
+@pytest.mark.shared
+def test_the_example_scenes_load(shared_data: Path) -> None:
+    for case in ("example_null", "example_wiggling"):
+        scene = load_scene(shared_data / "cases" / case / "scene")
+        assert scene.frame == "cell"
+        assert scene.part("rubber").material.albedo == 0.03
+        assert len(scene.parts) == 13
