@@ -19,7 +19,7 @@ import yaml
 
 from tof_core.config import table
 from toftwin.executables import called
-from toftwin.graph import NODES
+from toftwin.graph import DONE, NODES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -113,8 +113,7 @@ def topics_of(value: Any) -> Iterator[str]:
 def test_views_show_topics_of_the_contract(view: str, packages: Path) -> None:
     text = (packages / "toftwin_bringup" / view).read_text()
     shown = set(topics_of(json.loads(text) if view.endswith("json") else yaml.safe_load(text)))
-    rooms = {"preproc": "preproc", "sim_label": "label", "infer": "infer"}
-    published = {f"{rooms[name]}/{topic}" for name, module in NODES.items() for topic in import_module(module).OUTPUTS}
+    published = {f"{DONE[name].partition('/')[0]}/{topic}" for name, module in NODES.items() for topic in import_module(module).OUTPUTS}
     promised = {"depth/hand/image", "gap/residual", "correction/pose", "correction/verdict", "diagnostics"}
     assert shown <= published | promised
     assert {"depth/hand/image", "preproc/depth", "label/depth", "gap/residual", "correction/pose"} <= shown

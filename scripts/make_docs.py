@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Write docs/nodes/*.md and docs/commands.md from the code they describe: `.venv/bin/python scripts/make_docs.py`."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from node_pages import INPUTS, NODE_TEXTS, NodeText, Topic
+from tof_core.config import table
+from toftwin.cli import build_parser, command_names, load_command
+from toftwin.graph import DONE, NODES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tof_core.config import ParamInfo
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+CHANGES = (
+    "Those that begin with {} are set at the start only; the others change while the node runs (`ros2 param set`), checked as a whole. "
+    "Names are the same in `--set`, `--config` and `config/graph.yaml`."
+)
+MADE = "<!-- Made by scripts/make_docs.py; a test holds it up to date. -->"
+
+
+def pages() -> dict[str, str]:
+    """Every generated page: its path under docs/, and its text."""
+    nodes = {f"nodes/{name}.md": node_page(name) for name in NODES}
+    return {**nodes, "nodes/README.md": nodes_index(), "commands.md": commands_page()}
+
+
+def node_page(name: str) -> str:
+    """One node: how to start it, topics, services, diagnostics, parameters."""
+    module, text = import_module(NODES[name]), text_of(name)
+    room = DONE[name].partition("/")[0]
+    rows = [Topic(f"`{room}/{topic}`", _type(kind), text.outputs.get(topic, "")) for topic, kind in module.OUTPUTS.items()]
+    rows.append(Topic(f"`{room}/done`", "sensor_msgs/TimeReference", "what became of each frame: `kept`, or the reason why it was skipped"))
+    parts = [
+        f"# Node `{name}`", MADE, text.about,
+        "## Start", "\n".join(f"    {line}" for line in text.start),
+        "## Heard", _topics(INPUTS.get(name, [])),
+        "## Published", _topics(rows),
+        "## Services", _services(module),
+        "## Diagnostics", _diagnostics(text),
+        "## Parameters", CHANGES.format(", ".join(f"`{p}`" for p in fixed_of(module))),
+        parameters(list(table(module.CONFIG))),
+    ]  # fmt: skip
+    return "\n\n".join(parts) + "\n"
+
+
+def text_of(name: str) -> NodeText:
+    """A node's prose; one that has none here is described by its module's docstring."""
+    said = (import_module(NODES[name]).__doc__ or "").partition(":")[2].strip() or name
+    return NODE_TEXTS.get(name) or NodeText(
+        said.rstrip("."), said, (f"toftwin node {name}", f"ros2 run toftwin {name}"), {}, (), "its input is wanting"
+    )
+
+
+def _type(kind: type[Any]) -> str:
+    return f"{kind.__module__.partition('.')[0]}/{kind.__name__}"
+
+
+def _topics(rows: list[Topic]) -> str:
+    return "\n".join(["| topic | type | what |", "|---|---|---|", *(f"| {t.name} | {t.type} | {t.what} |" for t in rows)])
+
+
+SERVICES = {
+    "reset": "forget what was accumulated",
+    "capture": "end the dwell: what was accumulated is a view, the next frame begins another",
+    "flush": "give out every frame that waits, as at the end of a bag",
+    "start_recording": "begin a bag in the folder `live.record`",
+    "stop_recording": "finish it",
+}
+
+
+def services_of(module: Any) -> list[str]:
+    """Names of the services that a node's source offers, the base node's included."""
+    source = inspect.getsource(module) + inspect.getsource(import_module("tof_ros.base"))
+    found = set(re.findall(r"self\.service\(\"(\w+)\"", source))
+    return sorted(found | ({"start_recording", "stop_recording"} if "RecordService(" in source else set()))
+
+
+def _services(module: Any) -> str:
+    rows = [f"| `~/{name}` | {SERVICES[name]} |" for name in services_of(module)]
+    return "\n".join(
+        ["All are `std_srvs/Trigger`; the answer's message says what was done, or why not.", "", "| service | what |", "|---|---|", *rows]
+    )
+
+
+def fixed_of(module: Any) -> list[str]:
+    """Prefixes of the parameters that cannot change while the node runs."""
+    found = re.search(r"fixed=\(([^)]*)\)", inspect.getsource(module))
+    return re.findall(r"\"([^\"]+)\"", found.group(1)) if found else []
+
+
+def _diagnostics(text: NodeText) -> str:
+    from tof_ros.diagnostics import Tally
+
+    keys = ", ".join(f"`{key}`" for key in (*Tally().values(), "skipped.REASON", *text.figures))
+    return f"`/diagnostics`, once a second on the wall clock. Values: {keys}. Level WARN while frames are skipped or {text.warns}; STALE after 5 s without frames."
+
+
+def parameters(rows: list[ParamInfo]) -> str:
+    """A table of parameters."""
+    lines = [f"| `{i.name}` | {_default(i.default)} | {i.unit} | {bounds(i)} | {_cell(i.text)} |" for i in rows]
+    return "\n".join(["| parameter | default | unit | bounds | what |", "|---|---|---|---|---|", *lines])
+
+
+def _default(value: float | str) -> str:
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    return f'`"{value}"`' if isinstance(value, str) else f"`{value:g}`"
+
+
+def bounds(info: ParamInfo) -> str:
+    """What values are taken."""
+    if info.choices:
+        return ", ".join(info.choices)
+    low, high = ("" if v is None else f"{v:g}" for v in (info.low, info.high))
+    return f"{low} .. {high}".strip() if low or high else ""
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def nodes_index() -> str:
+    """The nodes, and the quality of service of what they hear and publish."""
+    listed = "\n".join(f"- [`{name}`]({name}.md): {text_of(name).short}" for name in NODES)
+    text = (
+        "A reliable subscription cannot hear a best-effort publisher, a transient-local one no volatile publisher. `toftwin doctor --live` shows "
+        "what each publisher offers and which policy is in the way. Every profile can be overridden by `qos_overrides.TOPIC.*` parameters."
+    )
+    return f"# Nodes\n\n{MADE}\n\n{listed}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
+
+
+def qos_table() -> str:
+    """One row per kind of topic, from the profiles in use."""
+    from tof_ros import qos
+
+    kinds = {
+        "sensors, heard (`live.reliable: false`, the default)": qos.sensor(depth=32),
+        "sensors, heard (`live.reliable: true`)": qos.sensor(reliable=True, depth=32),
+        "`/tf`, heard": qos.TF,
+        "`/tf_static`, heard": qos.TF_STATIC,
+        "results and `/diagnostics`, published; `preproc/*` as `sim_label` hears it": qos.OUTPUT,
+    }
+    lines = [
+        f"| {kind} | {p.reliability.name.lower()} | {p.durability.name.lower()} | {p.history.name.lower()} {p.depth} |"
+        for kind, p in kinds.items()
+    ]
+    return "\n".join(["| topics | reliability | durability | history |", "|---|---|---|---|", *lines])
+
+
+def commands_page() -> str:
+    """Every command with its flags, from the parsers."""
+    about = (
+        "Exit codes: 0 done, 1 the data says no (with its reason), 2 the call was wrong. An error is one line: what, where, what to do; "
+        "`--debug` shows its traceback. `--settings` prints every number that a command uses; `--config` and `--set` change them."
+    )
+    return "\n\n".join(["# Commands", MADE, about, *(part for name in command_names() for part in command_parts(name))]) + "\n"
+
+
+def command_parts(name: str) -> Iterator[str]:
+    """One command: what it does, an example, its flags; the bag's flags are listed once, under `doctor`."""
+    command = load_command(name)
+    yield f"## `toftwin {command.NAME}`"
+    yield command.HELP[0].upper() + command.HELP[1:] + "."
+    yield "\n".join(f"    {line.strip()}" for line in command.EXAMPLE.splitlines())
+    rows = [row for group in subparser(name)._action_groups for row in _rows(group, name)]  # noqa: SLF001  (argparse tells it nowhere else)
+    yield "\n".join(["| argument | what |", "|---|---|", *rows])
+
+
+def subparser(name: str) -> argparse.ArgumentParser:
+    """The parser of one command."""
+    actions = build_parser(name)._actions  # noqa: SLF001
+    commands = next(a for a in actions if isinstance(a, argparse._SubParsersAction))  # noqa: SLF001
+    parser: argparse.ArgumentParser = commands.choices[name]
+    return parser
+
+
+COMMON = {"help", "debug", "quiet"}
+
+
+def _rows(group: Any, command: str) -> Iterator[str]:
+    if group.title == "the bag" and command != "doctor":
+        yield "| `--depth-topic`, ... `--initial-pose` | what the bag's topics, frames and units are: [as for `doctor`](#toftwin-doctor) |"
+        return
+    for action in group._group_actions:  # noqa: SLF001
+        if action.dest not in COMMON:
+            yield f"| `{_shown(action)}` | {_cell(' '.join((action.help or '').split()))} |"
+
+
+def _shown(action: argparse.Action) -> str:
+    value = (
+        "" if action.nargs == 0 else action.metavar or (" \\| ".join(map(str, action.choices)) if action.choices else action.dest.upper())
+    )
+    return " ".join(filter(None, [", ".join(action.option_strings), str(value)]))
+
+
+def main() -> int:
+    """Write the pages."""
+    for name, text in pages().items():
+        path = DOCS / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        print(f"docs/{name}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
