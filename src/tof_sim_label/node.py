@@ -111,7 +111,7 @@ class LabelNode(RoomNode[LabelNodeConfig]):
             try:
                 view = view_of(stamp, parts, self._chain)
             except TransformError as error:
-                if stamp > self._overdue and not self._chain.transforms.settled(stamp):
+                if stamp > self._overdue and not self._chain.settled(parts["depth"].header.frame_id, stamp):
                     return
                 self._waiting.popleft()
                 self._patience.end(stamp)

@@ -84,3 +84,18 @@ def test_a_graph_is_started_by_a_command_line_that_says_the_same() -> None:
 def test_an_unknown_node_is_a_wrong_call() -> None:
     with pytest.raises(UsageError, match="'lable' is no node"):
         GraphSpec(("lable",))
+
+
+def test_a_frame_waits_for_a_latched_transform_however_far_tf_has_gone() -> None:
+    with open_bag(GOLDEN) as reader:
+        stream = PreprocStream(StreamConfig(), reader.topics, type(reader.transforms)())
+        messages = {topic: [reader.deserialize(m) for m in reader.messages((topic,))] for topic in reader.types}
+    stream.builder.info(messages[reader.topics.info][0])
+    stream.builder.depth(messages[reader.topics.depth][0])
+    stream.builder.amplitude(messages[reader.topics.amplitude][0])
+    for moving in messages["/tf"]:
+        stream.transforms.add_message(moving)
+    assert list(stream.ready()) == []
+    for latched in messages["/tf_static"]:
+        stream.transforms.add_message(latched, static=True)
+    assert [p.fate for p in stream.ready()] == ["kept"]
