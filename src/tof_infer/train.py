@@ -70,6 +70,7 @@ def train(
     pool = Pool(paths)
     split = pool.split(config.val, config.test, config.seed)
     training, validation = _samples(pool, split, config)
+    others = _all_of(unseen, pool) if unseen else None
     say(f"{len(training)} captures to train on, {len(validation)} to check on, {pool.stations} stations; "
         f"left out: {dict(training.skipped + validation.skipped) or 'none'}")
     device = _prepare(config)
@@ -80,27 +81,33 @@ def train(
         _resume(checkpoint, state, digest)
         say(f"going on after epoch {state.epoch}")
     batcher, checker = Batcher(training, config, redraw), Batcher(validation, config)
-    every = -(-2 * len(validation) // len(training))  # checking must not take longer than learning
     while state.epoch < config.epochs:
-        started = time.monotonic()
-        point = {"epoch": state.epoch + 1, "loss": _epoch(state, batcher, config, device)}
-        state.epoch += 1
-        said = f"epoch {state.epoch}/{config.epochs}: loss {point['loss']:.4f}"
-        if state.epoch % every == 0:
-            verdict = judge(state.average, checker, device, config.loss)
-            point |= {"val_loss": verdict.loss, "val_mae_mm": verdict.mae * 1e3}
-            said += f", validation {verdict.loss:.4f}, MAE {verdict.mae * 1e3:.2f} mm (raw {verdict.raw_mae * 1e3:.2f} mm)"
-        state.curves.append(point)
+        said = _one_epoch(state, batcher, checker, device)
         _save(checkpoint, state, digest)
-        say(f"{said}, {time.monotonic() - started:.1f} s")
+        say(said)
     verdicts = {"val": judge(state.average, checker, device, config.loss)}
-    if unseen:
-        verdicts["unseen"] = judge(state.average, Batcher(_all_of(unseen, pool), config), device, config.loss)
+    if others is not None:
+        verdicts["unseen"] = judge(state.average, Batcher(others, config), device, config.loss)
     card = _card(config, pool, split, training, verdicts, state)
     out.parent.mkdir(parents=True, exist_ok=True)
     export(state.average.cpu(), Calibration(**card.figures["calibration"]), card, out)
     checkpoint.unlink(missing_ok=True)
     return card
+
+
+def _one_epoch(state: State, batcher: Batcher, checker: Batcher, device: torch.device) -> str:
+    """Train over all samples once, check now and then; what to say of it."""
+    config, started = batcher.config, time.monotonic()
+    every = -(-2 * len(checker.samples) // len(batcher.samples))  # checking must not take longer than learning
+    point = {"epoch": state.epoch + 1, "loss": _epoch(state, batcher, config, device)}
+    state.epoch += 1
+    said = f"epoch {state.epoch}/{config.epochs}: loss {point['loss']:.4f}"
+    if state.epoch % every == 0:
+        verdict = judge(state.average, checker, device, config.loss)
+        point |= {"val_loss": verdict.loss, "val_mae_mm": verdict.mae * 1e3}
+        said += f", validation {verdict.loss:.4f}, MAE {verdict.mae * 1e3:.2f} mm (raw {verdict.raw_mae * 1e3:.2f} mm)"
+    state.curves.append(point)
+    return f"{said}, {time.monotonic() - started:.1f} s"
 
 
 def learning_rate(step: int, steps: int, config: TrainConfig) -> float:

@@ -149,3 +149,15 @@ def test_a_limit_takes_views_evenly() -> None:
 def test_incidence_may_be_an_input_by_option(dataset: Path, tmp_path: Path) -> None:
     net = NetConfig(inputs="depth,ray,incidence", base=4, levels=2)
     assert train([dataset], tmp_path / "m.onnx", replace(TINY, net=net, epochs=1)).inputs == ("depth", "ray", "incidence")
+
+
+def test_sigma_is_calibrated_on_scenes_never_seen_where_given(dataset: Path, tmp_path: Path) -> None:
+    unseen = write_dataset(tmp_path / "unseen.zarr", views=4, stations=2, first=100)
+    card = train([dataset], tmp_path / "m.onnx", replace(TINY, epochs=1), unseen=[unseen])
+    plain = train([dataset], tmp_path / "p.onnx", replace(TINY, epochs=1))
+    assert card.figures["unseen_raw_mae_mm"] == pytest.approx(20, abs=1)
+    assert card.figures["val_mae_mm"] == plain.figures["val_mae_mm"]
+    assert card.figures["calibration"] != plain.figures["calibration"]
+    other = write_dataset(tmp_path / "other.zarr", camera=Camera(44, 30, 41.0, 41.0, 21.5, 14.5, frame_id="hand_depth"))
+    with pytest.raises(DatasetError, match="is of another camera"):
+        train([dataset], tmp_path / "o.onnx", replace(TINY, epochs=1), unseen=[other])
