@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Protocol
 
-from tof_core.errors import BagError, ToftwinError
+from tof_core.errors import BagError, NoBagError, ToftwinError
 from tof_core.mcap_recover import McapScan
 from tof_core.typestores import typestore_of
 
@@ -118,7 +118,7 @@ def open_files(path: Path | str, *, recover: bool = False) -> BagFiles:
     """
     path = Path(path)
     if not path.exists():
-        raise BagError("does not exist", where=path, todo="name a bag's folder, .mcap or .db3 file")
+        raise NoBagError("does not exist", where=path, todo="name a bag's folder, .mcap or .db3 file")
     files = _storage_files(path)
     if path.is_dir() and (path / "metadata.yaml").exists():
         try:

@@ -36,8 +36,20 @@ class BagError(ToftwinError):
     """A bag is missing, truncated, or lacks what is needed."""
 
 
+class NoBagError(BagError, UsageError):
+    """There is no bag where the call says there is one. Exit code 2."""
+
+    exit_code = 2
+
+
 class TopicError(BagError):
     """A topic is missing or ambiguous; the message lists the candidates and the flag."""
+
+
+class NoTopicError(TopicError, UsageError):
+    """A topic that the call names is not there or is of another type. Exit code 2."""
+
+    exit_code = 2
 
 
 class DecodeError(ToftwinError):

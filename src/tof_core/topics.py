@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from tof_core.decode import AMPLITUDE_ENCODINGS, COLOUR_ENCODINGS, DEPTH_ENCODINGS
-from tof_core.errors import TopicError
+from tof_core.errors import NoTopicError, TopicError
 from tof_core.options import NOT_WANTED
 
 if TYPE_CHECKING:
@@ -142,9 +142,9 @@ class _Finder:
             return ""
         found = name if name in self.types else "/" + name.lstrip("/")
         if found not in self.types:
-            raise TopicError(f"has no topic '{name}' ({flag})", where=self.where, todo=self._all())
+            raise NoTopicError(f"has no topic '{name}' ({flag})", where=self.where, todo=self._all())
         if kind and self.types[found] != kind:
-            raise TopicError(f"topic '{found}' ({flag}) is a {self.types[found]}, not a {kind}", where=self.where)
+            raise NoTopicError(f"topic '{found}' ({flag}) is a {self.types[found]}, not a {kind}", where=self.where)
         return found
 
     def _info_beside(self, topic: str, flag: str) -> str:

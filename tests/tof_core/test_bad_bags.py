@@ -48,6 +48,8 @@ def storage_file(path: Path) -> Path:
 
 def test_no_bag_no_folder_and_no_storage_are_told_apart(tmp_path: Path) -> None:
     assert "does not exist" in refusal(tmp_path / "nothing")
+    with pytest.raises(UsageError):
+        open_bag(tmp_path / "nothing")
     (tmp_path / "empty").mkdir()
     assert "is no bag" in refusal(tmp_path / "empty")
     (tmp_path / "letter.txt").write_text("dear")

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from tof_core.errors import TopicError
+from tof_core.errors import TopicError, UsageError
 from tof_core.options import BagOptions
 from tof_core.topics import COMPRESSED, IMAGE, INFO, POINTS, TEMPERATURE, Topics, find_topics
 
@@ -103,3 +103,9 @@ def test_points_that_the_user_names_win_over_the_image() -> None:
 def test_what_is_missing_is_said_with_what_to_do(types: dict[str, str], options: BagOptions, message: str) -> None:
     with pytest.raises(TopicError, match=message):
         find_topics(types, options)
+
+
+def test_a_wrong_name_in_the_call_is_the_call_s_fault() -> None:
+    with pytest.raises(UsageError, match="--points-topic") as caught:
+        find_topics(SPOT, BagOptions(points_topic="/nope"))
+    assert caught.value.exit_code == 2

@@ -58,7 +58,7 @@ def refused(capsys: pytest.CaptureFixture[str], bag: Path, scene: Path, out: Pat
 
 
 def test_no_bag(capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path) -> None:
-    assert refused(capsys, tmp_path / "nowhere", scene, tmp_path / "out").startswith(f"{tmp_path}/nowhere: does not exist")
+    assert refused(capsys, tmp_path / "nowhere", scene, tmp_path / "out", code=2).startswith(f"{tmp_path}/nowhere: does not exist")
 
 
 def test_a_truncated_bag_is_refused_and_says_what_can_be_had(capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path) -> None:
