@@ -6,7 +6,7 @@ from __future__ import annotations
 import fcntl
 import os
 import tempfile
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,10 +55,11 @@ def private_domain() -> Iterator[int]:
         yield named_domain()
         return
     for domain in DOMAINS:
-        with (Path(tempfile.gettempdir()) / f"toftwin-ros-domain-{domain}.lock").open("w") as lock:
+        with ExitStack() as stack:
             try:
+                lock = stack.enter_context((Path(tempfile.gettempdir()) / f"toftwin-ros-domain-{domain}.lock").open("w"))
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
+            except OSError:  # held, or another user's
                 continue
             yield domain
             return
