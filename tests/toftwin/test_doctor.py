@@ -149,6 +149,20 @@ def test_what_is_lost_without_amplitude_is_a_note(tmp_path: Path) -> None:
     assert any("no amplitude" in line for line in worst(said, Level.NOTE))
 
 
+def test_without_tf_an_initial_pose_is_enough(tmp_path: Path) -> None:
+    bag = record(tmp_path / "bag", Robot(tf=False))
+    assert worst(list(examine_bag(bag, BagOptions(), initial_pose="0 0 0.8 0 0 0 1"))) == []
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    ("bag", "level"), [("ifm_o3r/bag_radial", Level.MEND), ("azure_kinect_nfov/bag", Level.OK), ("azure_kinect_static/bag", Level.OK)]
+)
+def test_real_cameras_are_told_apart_by_what_their_depth_is(bag: str, level: Level, shared_data: Path) -> None:
+    (told,) = [f for f in examine_bag(shared_data / "real" / bag, BagOptions()) if f.check == "z or radial"]
+    assert told.level is level
+
+
 def test_a_root_that_is_no_cell_is_said(tmp_path: Path) -> None:
     assert any("root 'odom' is no cell" in line for line in worst(findings(tmp_path, Robot(root="odom")), Level.NOTE))
 

@@ -50,7 +50,7 @@ def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None
         yield note("bag", recording.files.note, "stop the recorder with Ctrl-C and wait until it has finished")
     else:
         yield ok("bag", f"{len(recording.types)} topics with messages")
-    if "/tf" not in recording.types and "/tf_static" not in recording.types:
+    if not {"/tf", "/tf_static"} & recording.types.keys() and not initial_pose:
         yield mend("TF", "no /tf and no /tf_static", "record both: ros2 bag record /tf /tf_static DEPTH CAMERA_INFO")
     try:
         topics = find_topics(recording.types, recording.options, encodings=recording.index.encodings, where=str(recording.files.path))

@@ -39,12 +39,13 @@ def examine_chain(
     if not camera_frame:
         yield mend(CHECK, "the depth image names no frame (header.frame_id is empty)", "set the frame in the camera's driver")
         return
-    if camera_frame not in transforms.frames():
+    here = placed is not None and placed.frame.lstrip("/") == camera_frame
+    if camera_frame not in transforms.frames() and not here:
         known = ", ".join(transforms.frames()) or "none"
         yield mend(
             CHECK,
             f"no transform to the camera's frame '{camera_frame}' (TF has: {known})",
-            "record /tf_static and /tf too; start the recorder before the driver, which sends /tf_static once",
+            "record /tf_static and /tf too; start the recorder before the driver, which sends /tf_static once; without TF, --initial-pose places the camera",
         )
         return
     chain = RobotChain(transforms, options.cell_frame or cell, options.body_frame, placed)

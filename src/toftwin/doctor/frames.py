@@ -95,19 +95,22 @@ def radial(depths: Sequence[Image], camera: Camera) -> Finding:
     found = [radial_evidence(d, camera) for d in depths]
     planes, log_odds = sum(f.planes for f in found), sum(f.log_odds for f in found)
     suspicion = float(1 / (1 + np.exp(-np.clip(log_odds, -50, 50))))
+    told = [f for f in found if f.planes]
+    bend_z, bend_radial = (float(np.mean([getattr(f, name) for f in told] or [0.0])) for name in ("bend_z_mm", "bend_radial_mm"))
+    what = f"{planes} flat surfaces bend {bend_z:.1f} mm read as z, {bend_radial:.1f} mm read as radial"
     if 1 - SURE < suspicion < SURE and (wide := wide_bend(depths[0], camera)) is not None:
         suspicion = 1.0 if wide.radial else 0.0
-    if not planes and suspicion == 0.5:
+        what = f"a plane in pieces ({wide.share:.0%} of the pixels) bends {1e3 * wide.metres:.0f} mm read as {'z' if wide.radial else 'radial'}"
+    return _verdict(suspicion, planes, what)
+
+
+def _verdict(suspicion: float, planes: int, what: str) -> Finding:
+    if suspicion > SURE:
+        return mend("z or radial", f"{what}: the depth looks radial", "pass --depth radial (node: input.depth:=radial)")
+    if suspicion < 1 - SURE:
+        return ok("z or radial", f"{what}: z")
+    if not planes:
         return note(
             "z or radial", "no flat surface is seen", "show the camera a wall once and run doctor on that bag, or read the camera's manual"
         )
-    told = [f for f in found if f.planes]
-    bend_z, bend_radial = (float(np.mean([getattr(f, name) for f in told] or [np.nan])) for name in ("bend_z_mm", "bend_radial_mm"))
-    what = f"{planes} flat surfaces bend {bend_z:.1f} mm read as z, {bend_radial:.1f} mm read as radial"
-    if suspicion > SURE:
-        return mend("z or radial", f"{what}: the depth looks radial", "pass --depth radial (node: input.depth:=radial)")
-    if suspicion > 1 - SURE:
-        return note(
-            "z or radial", f"{what}: they do not tell (radial with {suspicion:.0%})", "show the camera a wall that fills the picture"
-        )
-    return ok("z or radial", f"{what}: z")
+    return note("z or radial", f"{what}: they do not tell (radial with {suspicion:.0%})", "show the camera a wall that fills the picture")
