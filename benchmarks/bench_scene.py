@@ -196,19 +196,15 @@ def casters() -> list[Figure]:
     cell = make_builtin("body_section")
     T = looking(EYES[0], (0, 0, 0.8))
     rays = np.tile(CAMERA.rays().reshape(-1, 3) @ T[:3, :3].T, (4, 1))
-    found: dict[str, tuple[Raycaster, list[float]]] = {}
-    for name in ("embree", other()):
-        caster = Raycaster(cell, name)
-        found[name] = (caster, [])
-    for _ in range(7):
-        for caster, taken in found.values():
-            start = time.perf_counter()
-            caster.first_faces(T[:3, 3], rays)
-            taken.append(time.perf_counter() - start)
-    figures = [Figure(f"{name}: 480 000 rays, 73 000 triangles", float(np.median(taken)) * 1e3, "ms", remark=f"{0.48 / min(taken):.1f} million rays a second at best")
-               for name, (_, taken) in found.items()]  # fmt: skip
+    found = {name: Raycaster(cell, name) for name in ("embree", other())}
+    start, along = np.tile((T[:3, 3] - cell.bounds().mean(axis=0)).astype(np.float32), (len(rays), 1)), rays.astype(np.float32)
+    taken = {name: best(partial(caster._backend.nearest, start, along), 15) for name, caster in found.items()}  # noqa: SLF001
+    figures = [
+        Figure(f"{name}: 480 000 rays, 73 000 triangles, both cores", wall_ms, "ms", remark=f"processor time {cpu_ms:.0f} ms; best of 15")
+        for name, (wall_ms, cpu_ms) in taken.items()
+    ]
     if len(found) > 1:
-        one, two = (caster.cast(T[:3, 3], rays[:120000]) for caster, _ in found.values())
+        one, two = (caster.cast(T[:3, 3], rays[:120000]) for caster in found.values())
         differ = float(np.mean(~np.isclose(one.t, two.t, atol=1e-9, equal_nan=True)))
         figures.append(at_most("rays on which embree and open3d differ by more than a nanometre", differ * 100, 0.05, "%"))
     return figures
