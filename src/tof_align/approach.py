@@ -38,19 +38,69 @@ def approach(
         caster: the scene.
         config: kernels and verdict limits.
 
-    Starts at the robot's pose; where that ends badly, at many others inside the prior.
+    Starts at the robot's pose; where that ends badly, at many others inside the prior; and slides
+    along what the surfaces leave nearly open, since a descent cannot.
     """
     seen = _spread_out(pixels)
     local = se3.inverse(frame) @ poses
     descend = _descent([pixels[v] for v in seen], local[seen], frame, prior_std, caster, config)
     best, score = descend(np.eye(4), config.weights.kernel_far_mm * 1e-3)
-    if score < 0.5 * _LIMIT and np.max(prior_std / _NEAR) <= 1.0:
-        return best
-    for start in _starts([pixels[v] for v in seen], local[seen], frame, prior_std, caster):
-        motion, found = descend(start, 0.06)
-        if found < 0.95 * score:
-            best, score = motion, found
+    if score > 0.5 * _LIMIT or np.max(prior_std / _NEAR) > 1.0:
+        for start in _starts([pixels[v] for v in seen], local[seen], frame, prior_std, caster):
+            motion, found = descend(start, 0.06)
+            if found < 0.95 * score:
+                best, score = motion, found
+    return _slid(best, score, descend, [pixels[v] for v in seen], local[seen], frame, prior_std, caster, config)
+
+
+def _slid(
+    motion: Float, score: float, descend: Callable[[Float, float], tuple[Float, float]], pixels: Sequence[Pixels], local: Float,
+    frame: Float, prior_std: Float, caster: Raycaster, config: AlignConfig,
+) -> Float:
+    """Look along the three directions that the surfaces tell least, as far as the prior reaches, and descend again.
+
+    A part that is nearly the same everywhere along a direction holds the descent at whatever
+    place it reached; its few features count there as outliers. The score sees them.
+    """
+    few = [p.thinned(max(200, p.depth.size // 2)) for p in pixels]
+
+    def cost(there: Float) -> float:
+        return _score(few, frame @ there @ local, caster)
+
+    for _ in range(2):
+        before = score
+        for direction in _least_known(pixels, motion, local, frame, prior_std, caster, config):
+            slid = _along(direction * prior_std, motion, cost)
+            if cost(slid) > 0.98 * cost(motion):
+                continue
+            candidates = [(_score(pixels, frame @ slid @ local, caster), slid), descend(slid, 0.02)[::-1]]
+            found, moved = min(candidates, key=lambda c: c[0])
+            if found < 0.98 * score:
+                motion, score = moved, found
+        if score == before:
+            break
+    return motion
+
+
+def _along(twist: Float, motion: Float, cost: Callable[[Float], float]) -> Float:
+    """The best place along a direction (6,), within 1.6 of it to either side: 21 looks, then 4 closer ones."""
+    step, best = 0.16, motion
+    for offsets in (np.arange(-10, 11) * step, np.array([-0.6, -0.3, 0.0, 0.3, 0.6]) * step):
+        places = [best @ se3.exp(t * twist) for t in offsets]
+        best = places[int(np.argmin([cost(p) for p in places]))]
     return best
+
+
+def _least_known(
+    pixels: Sequence[Pixels], motion: Float, local: Float, frame: Float, prior_std: Float, caster: Raycaster, config: AlignConfig,
+) -> Float:
+    """(3, 6) unit directions, in the prior's deviations, in which the surfaces' tangent planes say least."""
+    H = np.zeros((6, 6))
+    for p, T in zip(pixels, local, strict=True):
+        view = linearise(p, frame @ motion @ T, caster, config.weights)
+        J = view.jacobian @ se3.adjoint(se3.inverse(T)) * prior_std
+        H += J.T @ J
+    return np.asarray(np.linalg.eigh(H)[1][:, :3].T)
 
 
 _LIMIT = 0.03
