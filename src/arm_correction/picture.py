@@ -15,7 +15,7 @@ def by_features(first: Bytes, now: Bytes) -> Float | None:
     """Homography (3, 3) that maps pixels of `now` (h, w, 3) to those of `first`, by SIFT and RANSAC; None if not found."""
     import cv2
 
-    detector = cv2.SIFT_create(3000)
+    detector = cv2.SIFT.create(3000)
     (k1, d1), (k2, d2) = (detector.detectAndCompute(_grey(image), None) for image in (first, now))
     if d1 is None or d2 is None or min(len(k1), len(k2)) < 8:
         return None

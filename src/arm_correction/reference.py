@@ -123,31 +123,26 @@ def load_reference(path: Path | str) -> Reference:
     """Read what `save_reference` wrote; refuses what is damaged or of another schema."""
     path = Path(path).with_suffix("")
     try:
-        facts = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-        with np.load(path.with_suffix(".npz"), allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-        if facts.get("schema") != SCHEMA:
-            raise RefusedError(f"schema '{facts.get('schema')}' is not {SCHEMA}", where=path, todo="capture the reference again")
-        camera = Camera(**{**facts["camera"], "distortion": tuple(facts["camera"]["distortion"])})
-        poses = {name: se3.as_se3(name, arrays[name]) for name in ("T_cell_body", "T_body_camera")}
-        by_cad = se3.as_se3("T_cell_camera", arrays["T_cell_camera"]) if "T_cell_camera" in arrays else None
-        out = Reference(
-            camera,
-            arrays["depth"],
-            arrays["sigma"],
-            arrays["region"].astype(bool),
-            **poses,
-            stamp_ns=int(facts["stamp_ns"]),
-            scene=str(facts["scene"]),
-            T_cell_camera=by_cad,
-            colour=arrays.get("colour"),
-        )
+        out = _read(path)
     except FileNotFoundError as error:
         raise UsageError("there is no such reference (a .json and a .npz)", where=path, todo="capture one with --save") from error
     except ToftwinError:
         raise
     except Exception as error:  # whatever a damaged zip or JSON raises
         raise RefusedError(f"cannot be read ({type(error).__name__})", where=path, todo="capture the reference again") from error
-    if not out.depth.shape == out.sigma.shape == out.region.shape == camera.shape:
+    if not out.depth.shape == out.sigma.shape == out.region.shape == out.camera.shape:
         raise RefusedError("its images have not the camera's size", where=path, todo="capture the reference again")
     return out
+
+
+def _read(path: Path) -> Reference:
+    facts = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    if facts.get("schema") != SCHEMA:
+        raise RefusedError(f"schema '{facts.get('schema')}' is not {SCHEMA}", where=path, todo="capture the reference again")
+    with np.load(path.with_suffix(".npz"), allow_pickle=False) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    camera = Camera(**{**facts["camera"], "distortion": tuple(facts["camera"]["distortion"])})
+    poses = {name: se3.as_se3(name, arrays[name]) for name in ("T_cell_body", "T_body_camera")}
+    by_cad = se3.as_se3("T_cell_camera", arrays["T_cell_camera"]) if "T_cell_camera" in arrays else None
+    return Reference(camera, arrays["depth"], arrays["sigma"], arrays["region"].astype(bool), **poses, stamp_ns=int(facts["stamp_ns"]),
+                     scene=str(facts["scene"]), T_cell_camera=by_cad, colour=arrays.get("colour"))  # fmt: skip

@@ -13,7 +13,7 @@ from tof_core import se3
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_inspect.config import InspectConfig
     from tof_inspect.evidence import Seen
     from tof_scene.raycast import Raycaster
@@ -82,7 +82,9 @@ def _patterned(motion: Float, cost: Callable[[Float], float]) -> Float:
     return motion
 
 
-def _smoothed(motion: Float, cost: Callable[[Float], float], linear: Callable[[Float], tuple[Float, Float, Float]], config: InspectConfig) -> Float:
+def _smoothed(
+    motion: Float, cost: Callable[[Float], float], linear: Callable[[Float], tuple[Float, Float, Float]], config: InspectConfig
+) -> Float:
     """Gauss-Newton from there, turns too, kept where it is better."""
     prior = np.repeat([config.search_mm * 1e-3, np.radians(LOOSE_DEG)], 3) ** -2.0
     best, kept = cost(motion), motion
@@ -140,7 +142,7 @@ def _rays(seen: Seen, part: Float, margin: float, step: int) -> tuple[Float, Flo
     return (camera.rays()[box].reshape(-1, 3) @ T[:3, :3].T)[ok], z[ok], s[ok]
 
 
-def _moved_hits(motion: Float, origin: Float, rays: Float, alone: Raycaster, bare: Raycaster, centre: Float) -> tuple[Float, Float, Float]:
+def _moved_hits(motion: Float, origin: Float, rays: Float, alone: Raycaster, bare: Raycaster, centre: Float) -> tuple[Float, Mask, Float]:
     """Depth (n,) with the part moved by `motion` about its middle, which rays meet it, and its normals (n, 3)."""
     back = se3.inverse(_about(motion, centre))
     hits = alone.cast(se3.apply(back, origin), rays @ back[:3, :3].T)

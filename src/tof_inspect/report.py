@@ -35,7 +35,9 @@ def content(verdicts: Sequence[PartVerdict], views: Sequence[View], posed: Seque
     }
 
 
-def write(inspector: Inspector, verdicts: Sequence[PartVerdict], views: Sequence[View], posed: Sequence[Posed], folder: Path, title: str) -> Path:
+def write(
+    inspector: Inspector, verdicts: Sequence[PartVerdict], views: Sequence[View], posed: Sequence[Posed], folder: Path, title: str
+) -> Path:
     """Write `inspection.json` and `inspection.html` into a folder; returns the page."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -47,7 +49,10 @@ def write(inspector: Inspector, verdicts: Sequence[PartVerdict], views: Sequence
     rows.sort(key=lambda row: (order[row["state"]], row["name"]))
     environment = Environment(loader=PackageLoader("tof_inspect"), autoescape=True, undefined=StrictUndefined)
     page = folder / "inspection.html"
-    page.write_text(environment.get_template("inspection.html.j2").render(title=title, counts=told["counts"], parts=rows, views=told["views"]), encoding="utf-8")
+    page.write_text(
+        environment.get_template("inspection.html.j2").render(title=title, counts=told["counts"], parts=rows, views=told["views"]),
+        encoding="utf-8",
+    )
     return page
 
 
@@ -56,7 +61,9 @@ def picture(inspector: Inspector, verdict: PartVerdict, views: Sequence[View], p
     from tof_scene.render import render
 
     index = inspector.scene.index(verdict.name)
-    best = max((s for s in zip(views, posed, strict=True) if s[1].accepted), key=lambda s: _size(inspector, s[1], s[0], verdict.name), default=None)
+    best = max(
+        (s for s in zip(views, posed, strict=True) if s[1].accepted), key=lambda s: _size(inspector, s[1], s[0], verdict.name), default=None
+    )
     if best is None:
         return ""
     view, pose = best

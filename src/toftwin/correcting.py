@@ -79,7 +79,9 @@ def frames_of(reader: BagReader, view: View, hand: str, frame: str) -> Frames:
     return Frames(T_hand_camera, tf.lookup(frame, body, view.stamp_ns), frame)
 
 
-def correct_views(views: list[View], reference: Reference | None, scene: Scene | None, frames: Frames, config: CorrectionConfig) -> dict[str, Correction]:
+def correct_views(
+    views: list[View], reference: Reference | None, scene: Scene | None, frames: Frames, config: CorrectionConfig
+) -> dict[str, Correction]:
     """Corrections of the last view by what it was registered to: `reference` first where there is one, then `cad`."""
     view = views[-1]
     assert view.robot is not None
@@ -116,7 +118,9 @@ def _twin(views: list[View], config: CorrectionConfig) -> View | None:
     return views[-2] if 1e3 * metres < limits.moved_mm and degrees < limits.moved_deg else None
 
 
-def _proposal(found: Registration, view: View, frames: Frames, config: CorrectionConfig, by: str, earlier: Registration | None) -> Correction:
+def _proposal(
+    found: Registration, view: View, frames: Frames, config: CorrectionConfig, by: str, earlier: Registration | None
+) -> Correction:
     assert view.robot is not None
     return propose(found, view.robot, config.correct, T_hand_camera=frames.T_hand_camera, T_frame_body=frames.T_frame_body,
                    frame=frames.frame, earlier=earlier, by=by)  # fmt: skip

@@ -21,7 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
     parser.add_argument("--reference", type=Path, metavar="REF", help="the first picture, written by --save")
     parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene.yaml of the cell: corrects to the CAD, too")
-    parser.add_argument("--save", type=Path, metavar="REF", help="keep a view of this bag as the first picture (REF.json, REF.npz) and stop")
+    parser.add_argument(
+        "--save", type=Path, metavar="REF", help="keep a view of this bag as the first picture (REF.json, REF.npz) and stop"
+    )
     parser.add_argument("--view", type=int, default=-1, metavar="N", help="which view: 0 the first, -1 the last (default: -1)")
     parser.add_argument("--frame", default="body", metavar="FRAME", help="TF frame in which the target is given (default: the body)")
     parser.add_argument("--hand-frame", default="", metavar="FRAME", help="TF frame that the arm is commanded by (default: hand)")

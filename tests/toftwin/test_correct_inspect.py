@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin correct` and `toftwin inspect` on recorded bags."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tof_core import se3
+from tof_core.config import from_mapping
+from tof_scene.builtin import make_builtin
+from tof_virtual.config import VirtualConfig
+from tof_virtual.record import record
+from tof_virtual.robot import HAND_OF_CAMERA
+from toftwin.cli import main
+from toftwin.commands.simulate import bodies_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def recorded(folder: Path, name: str, *, without: str = "", **robot: float) -> tuple[Path, np.ndarray]:
+    """One view of the body section; the robot's plan is the same in each, its base error is not. Also where the camera was."""
+    plan = {"views": 1, "stations": 1, "captures": 6, "range_min_m": 0.6, "range_max_m": 0.7}
+    config = from_mapping(VirtualConfig, {"plan": plan, "robot": robot, "camera": {"width": 160, "height": 120}, "seed": 2})
+    bodies = [b for b in bodies_of(make_builtin("body_section")) if b.name != without]
+    record(bodies, folder / name, config, truth_path=folder / f"{name}_truth")
+    with np.load(folder / f"{name}_truth.npz") as truth:
+        return folder / name, np.array(truth["T_cell_camera"][0])
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, np.ndarray]]:
+    folder = tmp_path_factory.mktemp("bags")
+    return {
+        "first": recorded(folder, "first", base_min_mm=0.0, base_max_mm=0.1),
+        "later": recorded(folder, "later", base_min_mm=40.0, base_max_mm=45.0),
+        "gone": recorded(folder, "gone", without="connector", base_min_mm=5.0, base_max_mm=10.0),
+    }
+
+
+def test_a_reference_and_the_cad_bring_the_hand_back(
+    bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (first, T_first), (later, T_later) = bags["first"], bags["later"]
+    assert main(["correct", str(first), "--save", str(tmp_path / "ref"), "--scene", "body_section"]) == 0
+    capsys.readouterr()
+    assert main(["correct", str(later), "--reference", str(tmp_path / "ref"), "--scene", "body_section", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    for by in ("reference", "cad"):
+        assert told[by]["verdict"] in ("accepted", "partial"), told[by]["reason"]
+        delta = HAND_OF_CAMERA @ np.eye(4)
+        camera_delta = se3.inverse(delta) @ se3.exp(told[by]["delta"]) @ delta
+        metres, degrees = se3.distance(T_later @ camera_delta, T_first)
+        assert 1e3 * metres < 3.0, by
+        assert degrees < 0.3, by
+    assert told["reference"]["frame"] == "body"
+    assert told["reference"]["step_mm"] > 20
+
+
+def test_without_a_reference_or_scene_the_call_is_wrong(
+    bags: dict[str, tuple[Path, np.ndarray]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["correct", str(bags["later"][0])]) == 2
+    assert "--reference" in capsys.readouterr().err
+
+
+def test_a_reference_of_another_scene_is_refused(
+    bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = bags["first"][0]
+    assert main(["correct", str(first), "--save", str(tmp_path / "ref"), "--scene", "body_section"]) == 0
+    assert main(["correct", str(first), "--reference", str(tmp_path / "ref"), "--scene", "pipework"]) == 1
+    assert "another scene" in capsys.readouterr().err
+
+
+def test_inspection_finds_the_part_that_is_gone(
+    bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["inspect", str(bags["gone"][0]), "--scene", "body_section", "--out", str(tmp_path / "out"), "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    states = {p["name"]: p["state"] for p in told["parts"]}
+    assert states["connector"] == "absent"
+    assert sum(s == "absent" for s in states.values()) == 1
+    assert (tmp_path / "out" / "inspection.html").read_text().count("connector") >= 1
