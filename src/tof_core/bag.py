@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self
 
-from tof_core.bag_files import open_files
+from tof_core.bag_files import deserialize, open_files
 from tof_core.bag_index import BagIndex, RawMessage
 from tof_core.builder import CaptureBuilder
 from tof_core.errors import BagError, TransformError
@@ -65,7 +65,7 @@ class BagReader:
         self.options, self._files = options, files
         self.transforms = TransformBuffer(options.max_gap_s)
         self.chain = RobotChain(self.transforms, cell_frame, options.body_frame, placed)
-        self._index = BagIndex(files, self.transforms)
+        self._index = BagIndex(files, self.transforms, lenient=options.recover)
         self.topics: Topics = find_topics(self.types, options, encodings=self._index.encodings, where=str(files.path))
         self._builder = self._new_builder(need_tf=True)
         self.camera: Camera = self._first_camera()
@@ -84,8 +84,9 @@ class BagReader:
 
     @property
     def note(self) -> str:
-        """What a user should know of the bag's state; empty for a finished one."""
-        return self._files.note
+        """What a user should know of the bag's state; empty for a finished and whole one."""
+        left_out = [f"{n} messages left out: {why}" for why, n in self._index.left_out.items()]
+        return "; ".join(filter(None, [self._files.note, *left_out]))
 
     @property
     def types(self) -> dict[str, str]:
@@ -125,7 +126,13 @@ class BagReader:
             self.topics.colour_info: builder.colour_info, self.topics.temperature: builder.temperature,
         }
         for m in self.messages(self.topics.named()):
-            takes[m.topic](self._files.types.deserialize_cdr(m.cdr, m.type))
+            try:
+                takes[m.topic](self.deserialize(m))
+            except BagError as error:
+                if not self.options.recover:
+                    raise
+                builder.skipped["damaged"] += 1
+                builder.last_error = str(error)
             yield from builder.ready()
         yield from builder.ready(final=True)
 
@@ -135,7 +142,7 @@ class BagReader:
 
     def deserialize(self, message: RawMessage) -> Any:
         """The message's fields."""
-        return self._files.types.deserialize_cdr(message.cdr, message.type)
+        return deserialize(self._files, message.topic, message.cdr)
 
     def _new_builder(self, *, need_tf: bool) -> CaptureBuilder:
         return CaptureBuilder(self.options, self.chain, self.topics, need_tf=need_tf)

@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from tof_core.errors import BagError, NoBagError, ToftwinError
 from tof_core.mcap_recover import McapScan
@@ -195,8 +195,14 @@ def _with_hint(error: BagError, files: list[Path]) -> BagError:
     return BagError(error.what, where=error.where, todo=f"copy it again, or pass --recover to read the {whole} messages that are whole")
 
 
+def deserialize(files: BagFiles, topic: str, cdr: bytes) -> Any:
+    """The fields of a message; bytes that are none raise a BagError that names the topic."""
+    with _one_line(f"{files.path}, topic {topic}"):
+        return files.types.deserialize_cdr(cdr, files.topics[topic].type)
+
+
 @contextmanager
-def _one_line(path: Path) -> Iterator[None]:
+def _one_line(path: object) -> Iterator[None]:
     """Whatever rosbags, SQLite or a decompressor raise over foreign bytes becomes one BagError."""
     try:
         yield

@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import heapq
 import struct
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tof_core.bag_files import deserialize
+from tof_core.errors import BagError, TransformError
 from tof_core.topics import IMAGE, POINTS, TF
 
 if TYPE_CHECKING:
@@ -20,6 +23,10 @@ if TYPE_CHECKING:
 
     from tof_core.bag_files import BagFiles
     from tof_core.tf import TransformBuffer
+
+
+LATEST_NS = 2**62
+"""Times beyond (the year 2116) are damage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +44,10 @@ class RawMessage:
 class BagIndex:
     """Stamps of every message; TF into `transforms`, and of each image topic its encoding and frame."""
 
-    def __init__(self, files: BagFiles, transforms: TransformBuffer) -> None:
-        """Read the bag once from front to back."""
-        self._files = files
+    def __init__(self, files: BagFiles, transforms: TransformBuffer, *, lenient: bool = False) -> None:
+        """Read the bag once from front to back; `lenient` leaves damaged messages out instead of raising."""
+        self._files, self._lenient = files, lenient
+        self.left_out: Counter[str] = Counter()
         self._number = {name: i for i, name in enumerate(files.topics)}
         self._peek = {t.name: _peek_of(t.type, files) for t in files.topics.values()}
         self._shift_ns = 0
@@ -74,13 +82,15 @@ class BagIndex:
     def _scan(self, transforms: TransformBuffer) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         rows: list[tuple[int, int, int]] = []
         for name, log_ns, raw in self._files.messages():
-            rows.append((self._number[name], self._peek[name](raw), log_ns))
-            kind = self._files.topics[name].type
-            if kind == TF:
-                transforms.add_message(self._files.types.deserialize_cdr(raw, kind), static=is_latched(name))
-            elif kind == IMAGE and name not in self.encodings:
-                first: Any = self._files.types.deserialize_cdr(raw, kind)
-                self.encodings[name], self.frame_ids[name] = first.encoding, first.header.frame_id.lstrip("/")
+            rows.append((self._number[name], self._peek[name](raw), min(log_ns, LATEST_NS)))
+            try:
+                self._look_into(name, raw, transforms)
+            except BagError:
+                if not self._lenient:
+                    raise
+                self.left_out["damaged"] += 1
+            except TransformError:
+                self.left_out["no rigid motion"] += 1
         table = np.array(rows, np.int64).reshape(-1, 3)
         stamp, log = table[:, 1].copy(), table[:, 2]
         stamped = stamp > 0
@@ -89,6 +99,15 @@ class BagIndex:
             self._shift_ns = int(np.median((stamp - log)[stamped]))
         stamp[~stamped] = log[~stamped] + self._shift_ns
         return table[:, 0], stamp
+
+    def _look_into(self, name: str, raw: bytes, transforms: TransformBuffer) -> None:
+        """Keep what TF says, and of an image topic's first message its encoding and frame."""
+        kind = self._files.topics[name].type
+        if kind == TF:
+            transforms.add_message(deserialize(self._files, name, raw), static=is_latched(name))
+        elif kind == IMAGE and name not in self.encodings:
+            first: Any = deserialize(self._files, name, raw)
+            self.encodings[name], self.frame_ids[name] = first.encoding, first.header.frame_id.lstrip("/")
 
     def _message(self, name: str, log_ns: int, raw: bytes) -> RawMessage:
         info = self._files.topics[name]

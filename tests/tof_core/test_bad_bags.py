@@ -245,3 +245,32 @@ def test_a_bag_without_any_message_is_one_line(tmp_path: Path) -> None:
         pass
     assert "has no depth image" in refusal(tmp_path / "bag")
 
+
+
+def test_a_transform_that_is_no_motion_is_a_gap_not_the_end(tmp_path: Path) -> None:
+    s = Session(tf_gap=(0.09, 0.11))
+    with BagWriter(tmp_path / "bag") as bag:
+        bags.write_tf(bag, s)
+        for i in range(6):
+            bags.write_frame(bag, s, i)
+        bad = bag._new("geometry_msgs/msg/Transform", **bag._parts(np.eye(4), "translation", "rotation", "Vector3"))
+        bad.rotation.w = float("nan")
+        header = bag._header(stamp(1) + 1000, "cell")
+        edge = bag._new("geometry_msgs/msg/TransformStamped", header=header, child_frame_id="spot/body", transform=bad)
+        bag._message("/tf", "tf2_msgs/msg/TFMessage", stamp(1) + 1000, transforms=[edge])
+    assert stamps(tmp_path / "bag") == [stamp(i) for i in range(6)]
+    with open_bag(tmp_path / "bag") as reader:
+        assert reader.note == "1 messages left out: no rigid motion"
+
+
+def test_one_damaged_message_costs_itself_alone_if_asked(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        bags.write_tf(bag, Session())
+        for i in range(6):
+            bags.write_frame(bag, Session(), i)
+        header = b"\0\1\0\0" + (stamp(5) // bags.SECOND).to_bytes(4, "little") + (stamp(5) % bags.SECOND + 7).to_bytes(4, "little")
+        bag.raw("/spot/depth/hand/image", "sensor_msgs/msg/Image", header + b"\xff" * 40, stamp(6))
+    assert "topic /spot/depth/hand/image: is damaged" in refusal(tmp_path / "bag")
+    with open_bag(tmp_path / "bag", BagOptions(recover=True), cell_frame="cell") as reader:
+        assert len(list(reader.captures())) == 6
+        assert reader.skipped == {"damaged": 1}
