@@ -49,12 +49,23 @@ def run() -> list[Figure]:
         shown = training_examples(camera, work)
         rules, found = search_rules(shown)
         fitted = fit_correction(shown)
-        methods: list[Method] = [Raw(), Rules(rules), Rules(rules, FRAMES), Corrected(fitted, rules), Corrected(fitted, rules, FRAMES), Model(session)]
+        methods: list[Method] = [
+            Raw(),
+            Rules(rules),
+            Rules(rules, FRAMES),
+            Corrected(fitted, rules),
+            Corrected(fitted, rules, FRAMES),
+            Model(session),
+        ]
         swept = {HELD_OUT: sweep(camera, methods, work)}
         swept |= {name: sweep(camera, [Raw(), Rules(rules), Model(session)], work, name, frames=1) for name in OTHERS}
-        return [*sweep_figures(swept[HELD_OUT], f"filters searched: {rules.order}, {found['train_mae_mm']:.2f} mm on their training stations"),
-                *(other_figure(name, swept[name]) for name in OTHERS), *honest_figures(swept),
-                panel_figure(camera, session, work), *timing_figures(session)]
+        return [
+            *sweep_figures(swept[HELD_OUT], f"filters searched: {rules.order}, {found['train_mae_mm']:.2f} mm on their training stations"),
+            *(other_figure(name, swept[name]) for name in OTHERS),
+            *honest_figures(swept),
+            panel_figure(camera, session, work),
+            *timing_figures(session),
+        ]
 
 
 def training_examples(camera: TwinCamera, work: Path) -> list[Example]:
@@ -64,7 +75,9 @@ def training_examples(camera: TwinCamera, work: Path) -> list[Example]:
     out: list[Example] = []
     for seed in TUNED_ON:
         scene = random_scene(seed)
-        bag = record_bag(scene, camera, work / f"tune_{seed}", seed=10_000 + seed, settings={"plan.views": 4, "plan.stations": 2, **EXACT_ROBOT})
+        bag = record_bag(
+            scene, camera, work / f"tune_{seed}", seed=10_000 + seed, settings={"plan.views": 4, "plan.stations": 2, **EXACT_ROBOT}
+        )
         label_bag(bag, scene, work / f"tune_{seed}.zarr")
         out += examples(open_dataset(work / f"tune_{seed}.zarr"), range(4))
     return out
@@ -83,8 +96,12 @@ def sweep(camera: TwinCamera, methods: Sequence[Method], work: Path, name: str =
 def sweep_figures(m: dict[str, Any], remark: str) -> list[Figure]:
     """Rows about the sweep."""
     model, rules, many = m["model"], m["rules"], m[f"rules{FRAMES}"]
-    won = sum(a["alignment"] > b["alignment"] for a, b in zip(model["captures_equal_coverage"], rules["captures_equal_coverage"], strict=True))
-    won_many = sum(a["alignment"] > b["alignment"] for a, b in zip(model["captures_equal_coverage"], many["captures_equal_coverage"], strict=True))
+    won = sum(
+        a["alignment"] > b["alignment"] for a, b in zip(model["captures_equal_coverage"], rules["captures_equal_coverage"], strict=True)
+    )
+    won_many = sum(
+        a["alignment"] > b["alignment"] for a, b in zip(model["captures_equal_coverage"], many["captures_equal_coverage"], strict=True)
+    )
 
     def ratio(rival: dict[str, Any]) -> float:
         return float(model["equal_coverage"]["mae_mm"] / rival["equal_coverage"]["mae_mm"])
@@ -97,23 +114,46 @@ def sweep_figures(m: dict[str, Any], remark: str) -> list[Figure]:
     return [
         at_least(f"sweep of {HELD_OUT}, 11 captures: model better than filters", won, 11, "", remark=remark),
         at_most("sweep: MAE of model over MAE of filters, equal coverage", ratio(rules), 0.5, "", remark=f"MAE mm: {mae}"),
-        at_least("sweep: pixels that the model repairs", 100 * model["all"]["completeness"], 80, "%",
-                 remark=f"equal coverage {100 * model['equal_coverage_share']:.1f} %"),
+        at_least(
+            "sweep: pixels that the model repairs",
+            100 * model["all"]["completeness"],
+            80,
+            "%",
+            remark=f"equal coverage {100 * model['equal_coverage_share']:.1f} %",
+        ),
         at_least(f"sweep: model with 1 frame better than filters with {FRAMES}", won_many, 11, "", remark=f"MAE ratio {ratio(many):.2f}"),
-        Figure("sweep: MAE of model over fitted sensor correction and filters", ratio(m["corrected"]), "",
-               remark=f"second rival: offset, scale, wiggling, amplitude bias by least squares; given {FRAMES} frames {ratio(m[f'corrected{FRAMES}']):.2f}"),
-        at_most("sweep: flying pixels left wrong by more than 10 mm, of raw's", 100 * model["flying_left_wrong"], 10, "%",
-                remark=f"filters {100 * rules['flying_left_wrong']:.0f} %, with {FRAMES} frames {100 * many['flying_left_wrong']:.0f} %"),
-        Figure("sweep: MAE on dark parts (albedo under 0.1), model", dark("model")["mae_mm"], "mm",
-               remark=f"complete {100 * dark('model')['completeness']:.0f} %; raw {dark('raw')['mae_mm']:.2f} mm, complete {100 * dark('raw')['completeness']:.0f} %"),
+        Figure(
+            "sweep: MAE of model over fitted sensor correction and filters",
+            ratio(m["corrected"]),
+            "",
+            remark=f"second rival: offset, scale, wiggling, amplitude bias by least squares; given {FRAMES} frames {ratio(m[f'corrected{FRAMES}']):.2f}",
+        ),
+        at_most(
+            "sweep: flying pixels left wrong by more than 10 mm, of raw's",
+            100 * model["flying_left_wrong"],
+            10,
+            "%",
+            remark=f"filters {100 * rules['flying_left_wrong']:.0f} %, with {FRAMES} frames {100 * many['flying_left_wrong']:.0f} %",
+        ),
+        Figure(
+            "sweep: MAE on dark parts (albedo under 0.1), model",
+            dark("model")["mae_mm"],
+            "mm",
+            remark=f"complete {100 * dark('model')['completeness']:.0f} %; raw {dark('raw')['mae_mm']:.2f} mm, complete {100 * dark('raw')['completeness']:.0f} %",
+        ),
     ]
 
 
 def other_figure(name: str, m: dict[str, Any]) -> Figure:
     """The sweep of another scene in one row."""
     model, rules = m["model"], m["rules"]
-    return at_most(f"sweep of {name}: MAE of model over MAE of filters, equal coverage", model["equal_coverage"]["mae_mm"] / rules["equal_coverage"]["mae_mm"],
-                   0.5, "", remark=f"complete {100 * model['all']['completeness']:.0f} %, flying left {100 * model['flying_left_wrong']:.0f} %")
+    return at_most(
+        f"sweep of {name}: MAE of model over MAE of filters, equal coverage",
+        model["equal_coverage"]["mae_mm"] / rules["equal_coverage"]["mae_mm"],
+        0.5,
+        "",
+        remark=f"complete {100 * model['all']['completeness']:.0f} %, flying left {100 * model['flying_left_wrong']:.0f} %",
+    )
 
 
 def honest_figures(swept: dict[str, dict[str, Any]]) -> list[Figure]:
@@ -124,8 +164,16 @@ def honest_figures(swept: dict[str, dict[str, Any]]) -> list[Figure]:
     for k, word, wanted, tolerance in ((1, "one", 68, 5), (2, "two", 95, 3)):
         share = 100 * sum(m["sigma_pixels"] * m[f"within_{k}_sigma"] for m in models.values()) / pixels
         each = ", ".join(f"{name} {100 * m[f'within_{k}_sigma']:.0f}" for name, m in models.items())
-        rows.append(Figure(f"errors within {word} sigma, {len(models)} held-out scenes together", share, "%", f"{wanted} +- {tolerance} %",
-                           abs(share - wanted) <= tolerance, remark=f"each: {each} %"))
+        rows.append(
+            Figure(
+                f"errors within {word} sigma, {len(models)} held-out scenes together",
+                share,
+                "%",
+                f"{wanted} +- {tolerance} %",
+                abs(share - wanted) <= tolerance,
+                remark=f"each: {each} %",
+            )
+        )
     return rows
 
 
@@ -142,8 +190,13 @@ def panel_figure(camera: TwinCamera, session: Session, work: Path) -> Figure:
             repaired = session.repair(capture)
             before.append(np.nanstd((capture.depth - true)[repaired.known]))
             after.append(np.nanstd((repaired.depth - true)[repaired.known]))
-    return at_most("flat panel: residual std after over before, median of 8 views", float(np.median(np.divide(after, before))), 0.35, "",
-                   remark=f"{1e3 * np.median(before):.2f} to {1e3 * np.median(after):.2f} mm")
+    return at_most(
+        "flat panel: residual std after over before, median of 8 views",
+        float(np.median(np.divide(after, before))),
+        0.35,
+        "",
+        remark=f"{1e3 * np.median(before):.2f} to {1e3 * np.median(after):.2f} mm",
+    )
 
 
 def timing_figures(session: Session) -> list[Figure]:
@@ -165,8 +218,12 @@ def timing_figures(session: Session) -> list[Figure]:
     run = Session(replace(InferConfig(), model=str(session.path), force=True, threads=2))
     size = padded_size(camera.shape, run.card.multiple)
     net = RepairNet(from_mapping(NetConfig, run.card.config["net"])).eval()
-    images = {"depth": torch.ones(1, 1, *size), "amplitude": torch.ones(1, 1, *size), "temperature": torch.ones(1),
-              "ray": torch.nn.functional.pad(torch.from_numpy(unit_rays(camera)), (0, size[1] - 400, 0, size[0] - 300), value=1.0)[None]}
+    images = {
+        "depth": torch.ones(1, 1, *size),
+        "amplitude": torch.ones(1, 1, *size),
+        "temperature": torch.ones(1),
+        "ray": torch.nn.functional.pad(torch.from_numpy(unit_rays(camera)), (0, size[1] - 400, 0, size[0] - 300), value=1.0)[None],
+    }
     torch.set_num_threads(2)
     with torch.no_grad():
         # Turn by turn, so that both meet the same load.
@@ -176,10 +233,22 @@ def timing_figures(session: Session) -> list[Figure]:
     cpu = time.process_time() - started
     best, eager = (min(x) for x in zip(*pairs, strict=True))
     ours, theirs = (float(np.median(x)) for x in zip(*pairs, strict=True))
-    return [at_most("onnxruntime, a frame of 400x300, 2 threads, inputs and marks included, best of 20", 1e3 * best, 33, "ms",
-                    remark=f"median {1e3 * ours:.1f} ms, {1e3 * cpu:.0f} ms of processor time; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"),
-            at_least("PyTorch eager over onnxruntime, same frame, turn by turn, medians", theirs / ours, 2, "",
-                     remark=f"eager {1e3 * theirs:.1f} ms, best {1e3 * eager:.1f} ms")]
+    return [
+        at_most(
+            "onnxruntime, a frame of 400x300, 2 threads, inputs and marks included, best of 20",
+            1e3 * best,
+            33,
+            "ms",
+            remark=f"median {1e3 * ours:.1f} ms, {1e3 * cpu:.0f} ms of processor time; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores",
+        ),
+        at_least(
+            "PyTorch eager over onnxruntime, same frame, turn by turn, medians",
+            theirs / ours,
+            2,
+            "",
+            remark=f"eager {1e3 * theirs:.1f} ms, best {1e3 * eager:.1f} ms",
+        ),
+    ]
 
 
 def _seconds(call: Any) -> float:

@@ -53,12 +53,20 @@ def run() -> list[Figure]:
     f = trained("base_8", TrainConfig(limit=most, net=NetConfig(base=8)), datasets, held, most)
     rows.append(Figure(f"width: 8 channels for {NetConfig().base}, {most} views, {STEPS} steps: MAE", f.trusted, "mm", remark=told(f)))
     paper = trained("paper", TrainConfig(limit=40, recipe="paper", net=NetConfig(base=8)), datasets, held, 40, epochs=100)
-    return [*rows, Figure("the paper's recipe (depth alone, MSE, no residual), 40 views, 100 epochs: MAE of all pixels", paper.every, "mm",
-                          remark=f"raw {paper.raw:.2f} mm")]
+    return [
+        *rows,
+        Figure(
+            "the paper's recipe (depth alone, MSE, no residual), 40 views, 100 epochs: MAE of all pixels",
+            paper.every,
+            "mm",
+            remark=f"raw {paper.raw:.2f} mm",
+        ),
+    ]
 
 
 ABLATIONS = {
-    "depth alone": "depth", "without amplitude": "depth,ray,temperature",
+    "depth alone": "depth",
+    "without amplitude": "depth,ray,temperature",
     "and the CAD's incidence and material": ",".join(SENSOR_INPUTS + CAD_INPUTS),
 }
 
@@ -75,8 +83,13 @@ def held_out() -> Path:
     dataset = WORK / "held_out.zarr"
     if not dataset.exists():
         scene = make_builtin(HELD_OUT)
-        bag = record_bag(scene, TwinCamera.measured(), WORK / "held_out_session", seed=4242,
-                         settings={"plan.views": HELD_VIEWS, "plan.stations": 3, **EXACT_ROBOT})
+        bag = record_bag(
+            scene,
+            TwinCamera.measured(),
+            WORK / "held_out_session",
+            seed=4242,
+            settings={"plan.views": HELD_VIEWS, "plan.stations": 3, **EXACT_ROBOT},
+        )
         label_bag(bag, scene, dataset)
     return dataset
 

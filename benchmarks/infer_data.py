@@ -22,8 +22,20 @@ EFFECTS = ("wiggling", "amplitude_bias", "multipath", "flying_pixels", "noise")
 """What ails the camera, each at a strength of 1 (3 mm RMS over the pixels it affects)."""
 CAMERA_SEED = 2
 """A camera whose noise is the same everywhere; other seeds draw bursts or rows."""
-EXACT_ROBOT = {f"robot.{name}": 0.0 for name in ("base_min_mm", "base_max_mm", "base_deg", "base_tilt_deg", "base_height_mm", "arm_mm", "arm_deg",
-                                                 "repeat_mm", "repeat_deg")}
+EXACT_ROBOT = {
+    f"robot.{name}": 0.0
+    for name in (
+        "base_min_mm",
+        "base_max_mm",
+        "base_deg",
+        "base_tilt_deg",
+        "base_height_mm",
+        "arm_mm",
+        "arm_deg",
+        "repeat_mm",
+        "repeat_deg",
+    )
+}
 """A robot that stands where it believes to stand: its poses label the training data, and no truth is opened."""
 SWEEP = {"plan.views": 11, "plan.stations": 1, "plan.sweep_deg": 20.0, "plan.range_min_m": 0.7, "plan.range_max_m": 0.9}
 """The paper's figure 9: 0 to 20 degrees in steps of 2."""
@@ -92,7 +104,8 @@ def label_bag(bag: Path, scene: Scene, dataset: Path) -> None:
     config = LabelConfig(unseen_offset_mm=0.0)
     caster = Raycaster(scene)
     attributes = Attributes(
-        scene.digest, digest_config(config), "robot", scene.names, {"bag": bag.name, "albedo": [p.material.albedo for p in scene.parts]})
+        scene.digest, digest_config(config), "robot", scene.names, {"bag": bag.name, "albedo": [p.material.albedo for p in scene.parts]}
+    )
     with open_bag(bag, cell_frame=scene.frame) as reader, DatasetWriter(dataset, reader.camera, attributes) as writer:
         bodies: list[bytes] = []
         for number, capture in enumerate(reader.captures()):

@@ -32,7 +32,9 @@ def make_data(work: Path, scenes: range, views: int) -> list[Path]:
         shutil.rmtree(work / f"{name}.part", ignore_errors=True)
         bag = work / f"{name}_session"
         shutil.rmtree(bag, ignore_errors=True)
-        record_bag(scene, camera, bag, seed=10_000 + seed, settings={"plan.views": views, "plan.stations": max(views // 2, 1), **EXACT_ROBOT})
+        record_bag(
+            scene, camera, bag, seed=10_000 + seed, settings={"plan.views": views, "plan.stations": max(views // 2, 1), **EXACT_ROBOT}
+        )
         label_bag(bag, scene, work / f"{name}.part")
         (work / f"{name}.part").rename(dataset)
     return datasets

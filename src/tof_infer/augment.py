@@ -50,8 +50,15 @@ class Redraw:
         depth = np.where(seen, sample.label, np.nan)
         amplitude = np.where(np.isfinite(sample.amplitude) & (sample.amplitude > 0), sample.amplitude, 1.0).astype(np.float64)
         zero = np.zeros(depth.shape)
-        frame = Frame(cast("Any", self._labelled(sample, depth)), self.camera.rays(), depth.astype(np.float64), amplitude, zero, zero,
-                      Context(temperature=sample.temperature))
+        frame = Frame(
+            cast("Any", self._labelled(sample, depth)),
+            self.camera.rays(),
+            depth.astype(np.float64),
+            amplitude,
+            zero,
+            zero,
+            Context(temperature=sample.temperature),
+        )
         drawn = self.model.apply(frame, rng)
         lost = rng.uniform(size=depth.shape) < drawn.missing
         # pixels at edges keep what was measured: there the label alone does not say what the sensor saw
@@ -61,8 +68,18 @@ class Redraw:
     def _labelled(self, sample: Sample, depth: Float) -> Labelled:
         none = np.full(depth.shape, np.nan, np.float32)
         number = np.full(depth.shape, -1, np.int32)
-        return Labelled(self.camera, np.eye(4), depth.astype(np.float32), number, number, _normals(self.camera, depth), sample.incidence,
-                        sample.material, np.zeros(depth.shape, np.float32), none)
+        return Labelled(
+            self.camera,
+            np.eye(4),
+            depth.astype(np.float32),
+            number,
+            number,
+            _normals(self.camera, depth),
+            sample.incidence,
+            sample.material,
+            np.zeros(depth.shape, np.float32),
+            none,
+        )
 
 
 def _normals(camera: Camera, depth: Float) -> Image:

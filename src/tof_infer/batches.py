@@ -43,7 +43,7 @@ class Batcher:
         rng = np.random.default_rng([self.config.seed, epoch])
         order = rng.permutation(len(self.samples))
         for start in range(0, len(order), self.config.batch):
-            yield self._batch([self._augmented(self.samples[int(i)], rng) for i in order[start:start + self.config.batch]], rng)
+            yield self._batch([self._augmented(self.samples[int(i)], rng) for i in order[start : start + self.config.batch]], rng)
 
     def plain(self) -> Iterator[tuple[dict[str, Tensor], dict[str, Tensor]]]:
         """Every sample once, as it is."""
@@ -61,10 +61,12 @@ class Batcher:
 
         nan = float("nan")
         images: dict[str, Any] = {
-            "depth": stacked("depth", nan), "amplitude": stacked("amplitude", nan),
+            "depth": stacked("depth", nan),
+            "amplitude": stacked("amplitude", nan),
             "ray": torch.from_numpy(np.stack([self.ray] * len(samples))),
             "temperature": torch.tensor([s.temperature for s in samples], dtype=torch.float32),
-            "incidence": stacked("incidence", nan), "material": stacked("material", nan),
+            "incidence": stacked("incidence", nan),
+            "material": stacked("material", nan),
         }
         target = {"label": stacked("label", nan), "sigma": stacked("label_sigma", 0.0), "mask": stacked("mask", 0.0) > 0}
         images = {name: images[name] for name in {"depth", "ray", *self.config.net.names}}

@@ -22,7 +22,9 @@ class NetConfig:
     base: int = param(16, "channels of the finest level; each coarser level has twice as many, up to 4 times", low=4, high=128)
     levels: int = param(4, "levels of the U-Net, the coarsest included", low=2, high=6)
     unshuffle: int = param(2, "pixels along each side that the finest level takes as channels of one", low=1, high=4)
-    waves_m: str = param("1.5,0.75,0.375,0.1875", "periods of the range encoding, from which training starts; a wiggle's is c / 8 f", unit="m")
+    waves_m: str = param(
+        "1.5,0.75,0.375,0.1875", "periods of the range encoding, from which training starts; a wiggle's is c / 8 f", unit="m"
+    )
     residual: bool = param(True, "predict what to take off the raw depth; false predicts the depth itself")
 
     def __post_init__(self) -> None:
@@ -59,11 +61,15 @@ class NetConfig:
 class TrainConfig:
     """Training."""
 
-    recipe: str = param("default", "paper: a plain U-Net on depth alone, mean squared error, as section 3.3 of the paper has it",
-                        choices=("default", "paper"))
+    recipe: str = param(
+        "default",
+        "paper: a plain U-Net on depth alone, mean squared error, as section 3.3 of the paper has it",
+        choices=("default", "paper"),
+    )
     net: NetConfig = section(NetConfig, "the network")
-    loss: str = param("laplace", "negative log-likelihood of a Laplace or a normal error, or the mean square",
-                      choices=("laplace", "normal", "mse"))
+    loss: str = param(
+        "laplace", "negative log-likelihood of a Laplace or a normal error, or the mean square", choices=("laplace", "normal", "mse")
+    )
     epochs: int = param(60, "passes over the captures", low=1, high=100000)
     batch: int = param(2, "captures of one step", low=1, high=256)
     rate: float = param(3e-3, "largest learning rate; it warms up and falls as a cosine", low=1e-6, high=1.0)
@@ -75,8 +81,9 @@ class TrainConfig:
     val: float = param(0.2, "share of the views kept for validation, whole stations", low=0.01, high=0.5)
     test: float = param(0.0, "share of the views kept out altogether, whole stations", low=0.0, high=0.5)
     limit: int = param(0, "train on so many views only, spread evenly; 0 is all", low=0)
-    max_sigma_mm: float = param(0.0, "above this the network does not know, and the raw value stays; 0: as validation tells", unit="mm",
-                                low=0.0, high=1000.0)
+    max_sigma_mm: float = param(
+        0.0, "above this the network does not know, and the raw value stays; 0: as validation tells", unit="mm", low=0.0, high=1000.0
+    )
     threads: int = param(0, "threads of the CPU; 0 leaves it to PyTorch", low=0, high=256)
     device: str = param("auto", "where to train", choices=("auto", "cpu", "cuda"))
 
@@ -86,8 +93,17 @@ class TrainConfig:
         if self.recipe == "default":
             return self
         plain = replace(self.net, inputs="depth", unshuffle=1, waves_m="", residual=False)
-        return replace(self, net=plain, loss="mse", rate=1e-3, decay=0.0, drop=0.0, flip=False, simulated=0.0,
-                       epochs=100 if self.epochs == TrainConfig().epochs else self.epochs)
+        return replace(
+            self,
+            net=plain,
+            loss="mse",
+            rate=1e-3,
+            decay=0.0,
+            drop=0.0,
+            flip=False,
+            simulated=0.0,
+            epochs=100 if self.epochs == TrainConfig().epochs else self.epochs,
+        )
 
 
 @dataclass(frozen=True, slots=True)

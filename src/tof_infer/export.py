@@ -59,8 +59,16 @@ def export(net: RepairNet, calibration: Calibration, card: Card, path: Path) -> 
     with warnings.catch_warnings():
         # The tracing exporter is called old; it takes a tenth of a second where the new one takes half a minute.
         warnings.simplefilter("ignore")
-        torch.onnx.export(Exported(net, calibration), examples, graph, dynamo=False, opset_version=OPSET, input_names=list(names),
-                          output_names=OUTPUTS, dynamic_axes=free)
+        torch.onnx.export(
+            Exported(net, calibration),
+            examples,
+            graph,
+            dynamo=False,
+            opset_version=OPSET,
+            input_names=list(names),
+            output_names=OUTPUTS,
+            dynamic_axes=free,
+        )
     model = onnx.load_from_string(graph.getvalue())
     onnx.helper.set_model_props(model, {KEY: card.to_json()})
     model.doc_string = "ToF depth repair; contract and story in the metadata under " + KEY

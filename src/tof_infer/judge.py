@@ -44,10 +44,14 @@ class Verdict:
         one, two = coverage(self.error[known], sigma[known])
         wrong = (np.abs(self.error) > 0.01) & known
         values = {
-            "mae_mm": self.mae * 1e3, "raw_mae_mm": self.raw_mae * 1e3,
+            "mae_mm": self.mae * 1e3,
+            "raw_mae_mm": self.raw_mae * 1e3,
             "mae_known_mm": float(np.abs(self.error[known]).mean() * 1e3) if known.any() else None,
-            "known": float(known.mean()), "within_1_sigma": one, "within_2_sigma": two,
-            "wrong_10mm": float(wrong.mean()), "raw_wrong_10mm": float((np.abs(self.raw_error) > 0.01).mean()),
+            "known": float(known.mean()),
+            "within_1_sigma": one,
+            "within_2_sigma": two,
+            "wrong_10mm": float(wrong.mean()),
+            "raw_wrong_10mm": float((np.abs(self.raw_error) > 0.01).mean()),
         }
         return {f"{name}_{key}": value for key, value in values.items()}
 

@@ -151,8 +151,11 @@ class InferNode(RoomNode[InferNodeConfig]):
 def _topics(options: BagOptions) -> Topics:
     depth = options.depth_topic or "depth/hand/image"
     return Topics(
-        depth=depth, points="", info=options.info_topic or f"{depth.rpartition('/')[0]}/camera_info",
-        amplitude=_wanted(options.amplitude_topic, "ir/hand/image"), temperature=_wanted(options.temperature_topic, "hand/temperature"),
+        depth=depth,
+        points="",
+        info=options.info_topic or f"{depth.rpartition('/')[0]}/camera_info",
+        amplitude=_wanted(options.amplitude_topic, "ir/hand/image"),
+        temperature=_wanted(options.temperature_topic, "hand/temperature"),
     )
 
 

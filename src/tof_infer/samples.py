@@ -102,16 +102,24 @@ class Pool:
         wanted = {int(v) for v in views}
         return [
             Place(i, c, int(v), int(v + self.first[i]))
-            for i, d in enumerate(self.datasets) for c, v in enumerate(d.column("captures/view")) if v >= 0 and int(v + self.first[i]) in wanted
+            for i, d in enumerate(self.datasets)
+            for c, v in enumerate(d.column("captures/view"))
+            if v >= 0 and int(v + self.first[i]) in wanted
         ]
 
     def facts(self) -> list[dict[str, Any]]:
         """What the data are, for the card: hashes, sizes, where the poses came from."""
         return [
-            {"name": d.path.parent.name if d.path.name == "dataset.zarr" else d.path.name,
-             "digest": digest_config(self._stamps[i]), "cad": d.attributes.cad_hash, "config": d.attributes.config_hash,
-             "pose_source": d.attributes.pose_source, "views": d.views, "captures": d.captures,
-             "stations": len(np.unique(d.column("views/station")))}
+            {
+                "name": d.path.parent.name if d.path.name == "dataset.zarr" else d.path.name,
+                "digest": digest_config(self._stamps[i]),
+                "cad": d.attributes.cad_hash,
+                "config": d.attributes.config_hash,
+                "pose_source": d.attributes.pose_source,
+                "views": d.views,
+                "captures": d.captures,
+                "stations": len(np.unique(d.column("views/station"))),
+            }
             for i, d in enumerate(self.datasets)
         ]
 
@@ -155,9 +163,13 @@ class Samples:
         label, sigma = d.frame("views/label", place.view), d.frame("views/label_sigma", place.view)
         mask = (d.frame("views/mask", place.view) > 0) & np.isfinite(label) & (label > 0)
         sample = Sample(
-            depth=d.frame("captures/raw", place.capture), amplitude=d.frame("captures/amplitude", place.capture),
-            temperature=float(self._temperature[place.dataset][place.capture]), label=label,
-            label_sigma=np.where(np.isfinite(sigma), sigma, 0), mask=mask, incidence=d.frame("views/incidence", place.view),
+            depth=d.frame("captures/raw", place.capture),
+            amplitude=d.frame("captures/amplitude", place.capture),
+            temperature=float(self._temperature[place.dataset][place.capture]),
+            label=label,
+            label_sigma=np.where(np.isfinite(sigma), sigma, 0),
+            mask=mask,
+            incidence=d.frame("views/incidence", place.view),
             material=_material(d, place.view),
         )
         if self._bytes + sample.nbytes < CACHE_BYTES:

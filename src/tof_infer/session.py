@@ -75,13 +75,16 @@ class Session:
             return
         difference = self.card.difference(camera)
         if difference and not self.config.force:
-            raise RefusedError(f"the model was made for another camera: {difference}", where=self.path.name,
-                               todo="train one for this camera, or pass --force and check with toftwin evaluate")
+            raise RefusedError(
+                f"the model was made for another camera: {difference}",
+                where=self.path.name,
+                todo="train one for this camera, or pass --force and check with toftwin evaluate",
+            )
         size = padded_size(camera.shape, self.card.multiple)
         self._camera = camera
         self._inputs = {n: np.full((1, 1, *size), np.nan, np.float32) for n in self.card.inputs}
         self._inputs["ray"] = np.ones((1, 3, *size), np.float32)
-        self._inputs["ray"][0, :, :camera.height, :camera.width] = unit_rays(camera)
+        self._inputs["ray"][0, :, : camera.height, : camera.width] = unit_rays(camera)
         self._inputs["temperature"] = np.full(1, np.nan, np.float32)
         self._inputs = {n: self._inputs[n] for n in self.card.inputs}
 
@@ -122,8 +125,11 @@ class Session:
             return
         middle, (low, high) = float(np.median(seen)), self.card.range_m
         if not low / FAR_OUTSIDE <= middle <= high * FAR_OUTSIDE:
-            raise RefusedError(f"the frame is {middle:.2f} m away, the model was trained on {low:.2f} to {high:.2f} m", where=self.path.name,
-                               todo="train on such ranges, or pass --force and check with toftwin evaluate")
+            raise RefusedError(
+                f"the frame is {middle:.2f} m away, the model was trained on {low:.2f} to {high:.2f} m",
+                where=self.path.name,
+                todo="train on such ranges, or pass --force and check with toftwin evaluate",
+            )
 
 
 def _load(path: Path, config: InferConfig) -> Any:
@@ -155,7 +161,9 @@ def _checked_card(session: Any, path: Path) -> Card:
     """The card, held to what the graph really takes and gives."""
     text = session.get_modelmeta().custom_metadata_map.get(KEY)
     if text is None:
-        raise ModelError("was not made by `toftwin train` (it has no card)", where=path, todo="train a model; others have no contract to check")
+        raise ModelError(
+            "was not made by `toftwin train` (it has no card)", where=path, todo="train a model; others have no contract to check"
+        )
     card = parse_card(text, path)
     takes = {i.name: i.type for i in session.get_inputs()}
     gives = [o.name for o in session.get_outputs()]

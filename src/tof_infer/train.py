@@ -53,8 +53,14 @@ class State:
 
 
 def train(
-    paths: Sequence[Path], out: Path, config: TrainConfig, *, redraw: Redraw | None = None, fresh: bool = False,
-    unseen: Sequence[Path] = (), say: Callable[[str], None] = lambda _: None,
+    paths: Sequence[Path],
+    out: Path,
+    config: TrainConfig,
+    *,
+    redraw: Redraw | None = None,
+    fresh: bool = False,
+    unseen: Sequence[Path] = (),
+    say: Callable[[str], None] = lambda _: None,
 ) -> Card:
     """Train on datasets, write `out` and its card beside it; a checkpoint lies at `<out>.ckpt` until it is done.
 
@@ -71,8 +77,10 @@ def train(
     split = pool.split(config.val, config.test, config.seed)
     training, validation = _samples(pool, split, config)
     others = _all_of(unseen, pool) if unseen else None
-    say(f"{len(training)} captures to train on, {len(validation)} to check on, {pool.stations} stations; "
-        f"left out: {dict(training.skipped + validation.skipped) or 'none'}")
+    say(
+        f"{len(training)} captures to train on, {len(validation)} to check on, {pool.stations} stations; "
+        f"left out: {dict(training.skipped + validation.skipped) or 'none'}"
+    )
     device = _prepare(config)
     state = _new_state(config, training, device)
     digest = digest_config({"config": to_mapping(config), "data": pool.facts(), "redraw": repr(redraw)})
@@ -128,8 +136,11 @@ def _samples(pool: Pool, split: Split, config: TrainConfig) -> tuple[Samples, Sa
     for name, samples in (("training", training), ("validation", validation)):
         if not len(samples):
             why = ", ".join(f"{n} with {reason}" for reason, n in samples.skipped.items()) or "no captures"
-            raise RefusedError(f"nothing to learn from in the {name} views ({why})", where=pool.datasets[0].path,
-                               todo="label again, and look at its verdicts")
+            raise RefusedError(
+                f"nothing to learn from in the {name} views ({why})",
+                where=pool.datasets[0].path,
+                todo="label again, and look at its verdicts",
+            )
     return training, validation
 
 
@@ -201,8 +212,17 @@ def _average(state: State, step: int) -> None:
 def _save(path: Path, state: State, digest: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(path.name + ".tmp")
-    torch.save({"digest": digest, "epoch": state.epoch, "curves": state.curves, "net": state.net.state_dict(),
-                "average": state.average.state_dict(), "optimiser": state.optimiser.state_dict()}, temporary)
+    torch.save(
+        {
+            "digest": digest,
+            "epoch": state.epoch,
+            "curves": state.curves,
+            "net": state.net.state_dict(),
+            "average": state.average.state_dict(),
+            "optimiser": state.optimiser.state_dict(),
+        },
+        temporary,
+    )
     temporary.replace(path)
 
 
@@ -224,10 +244,21 @@ def _card(config: TrainConfig, pool: Pool, split: Split, training: Samples, verd
     calibration, limit = verdicts.get("unseen", verdicts["val"]).honest(config.max_sigma_mm * 1e-3)
     figures = {key: value for name, verdict in verdicts.items() for key, value in verdict.figures(name, calibration, limit).items()}
     return Card(
-        inputs=config.net.names, multiple=config.net.multiple, camera=pool.camera, range_m=(float(low), float(high)),
-        max_sigma_m=limit, config=to_mapping(config), data=pool.facts(),
-        split={"by": "station", "seed": config.seed, "train_views": len(split.train), "val_views": len(split.val), "test_views": len(split.test),
-               "train_captures": len(training)},
+        inputs=config.net.names,
+        multiple=config.net.multiple,
+        camera=pool.camera,
+        range_m=(float(low), float(high)),
+        max_sigma_m=limit,
+        config=to_mapping(config),
+        data=pool.facts(),
+        split={
+            "by": "station",
+            "seed": config.seed,
+            "train_views": len(split.train),
+            "val_views": len(split.val),
+            "test_views": len(split.test),
+            "train_captures": len(training),
+        },
         figures={**figures, "calibration": asdict(calibration), "weights": sum(p.numel() for p in state.net.parameters())},
         curves=state.curves,
     )

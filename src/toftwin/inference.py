@@ -64,8 +64,13 @@ class Tally:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        return {"model": self.model, "device": self.device, "frames": self.frames, "ms_per_frame": self.median_ms,
-                **{mark.name.lower(): self.share(mark.name.lower()) for mark in Mark}}
+        return {
+            "model": self.model,
+            "device": self.device,
+            "frames": self.frames,
+            "ms_per_frame": self.median_ms,
+            **{mark.name.lower(): self.share(mark.name.lower()) for mark in Mark},
+        }
 
 
 def infer_bag(reader: BagReader, out: Path, config: InferConfig, *, copy: bool = True) -> Tally:
@@ -97,8 +102,11 @@ def infer_bag(reader: BagReader, out: Path, config: InferConfig, *, copy: bool =
 
 def _must_have_frames(tally: Tally, reader: BagReader) -> None:
     if not tally.frames:
-        raise RefusedError(f"no frame of {reader.frame_count} could be read ({reader.last_error or 'all empty'})", where="infer",
-                           todo="toftwin doctor tells what the bag lacks")
+        raise RefusedError(
+            f"no frame of {reader.frame_count} could be read ({reader.last_error or 'all empty'})",
+            where="infer",
+            todo="toftwin doctor tells what the bag lacks",
+        )
 
 
 def write_repaired(bag: BagWriter, capture: Capture, repaired: Repaired) -> None:

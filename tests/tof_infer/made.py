@@ -38,17 +38,28 @@ def measured(number: int, camera: Camera = CAMERA) -> Capture:
     true = wall(number, camera)
     depth = (true + OFFSET_M + rng.normal(0, 2e-3, true.shape)).astype(np.float32)
     depth[2, 3] = np.nan
-    return Capture(1_000_000_000 + number, camera, depth, np.isnan(depth).astype(np.uint8), None, (100 / true**2).astype(np.float32), None, 30.0)
+    return Capture(
+        1_000_000_000 + number, camera, depth, np.isnan(depth).astype(np.uint8), None, (100 / true**2).astype(np.float32), None, 30.0
+    )
 
 
 def labelled(number: int, camera: Camera = CAMERA) -> Label:
     """Its exact label, trusted everywhere."""
     true = wall(number, camera)
-    return Label(true, np.full_like(true, 1e-4), np.ones(true.shape, np.uint8), np.zeros(true.shape, np.int16), np.zeros_like(true),
-                 np.full_like(true, 0.2), Posed(np.eye(4), np.eye(6) * 1e-8))
+    return Label(
+        true,
+        np.full_like(true, 1e-4),
+        np.ones(true.shape, np.uint8),
+        np.zeros(true.shape, np.int16),
+        np.zeros_like(true),
+        np.full_like(true, 0.2),
+        Posed(np.eye(4), np.eye(6) * 1e-8),
+    )
 
 
-def write_dataset(path: Path, views: int = 8, stations: int = 4, camera: Camera = CAMERA, *, spoil: str = "", spoiled: int = 1, first: int = 0) -> Path:
+def write_dataset(
+    path: Path, views: int = 8, stations: int = 4, camera: Camera = CAMERA, *, spoil: str = "", spoiled: int = 1, first: int = 0
+) -> Path:
     """A dataset of so many walls; `spoil` ruins the first `spoiled` views: `nan` its label, `mask` its mask, `raw` its frame."""
     with DatasetWriter(path, camera, Attributes("cad", "config", "robot", ("wall",))) as writer:
         for k in range(views):

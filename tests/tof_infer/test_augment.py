@@ -21,8 +21,16 @@ INSIDE = np.s_[3:-3, 4:-4]
 def sample(number: int = 1) -> Sample:
     capture, true = measured(number), wall(number)
     assert capture.amplitude is not None
-    return Sample(capture.depth, capture.amplitude, 30.0, true, np.zeros_like(true), np.ones(true.shape, bool), np.full_like(true, 0.2),
-                  np.full_like(true, np.nan))
+    return Sample(
+        capture.depth,
+        capture.amplitude,
+        30.0,
+        true,
+        np.zeros_like(true),
+        np.ones(true.shape, bool),
+        np.full_like(true, 0.2),
+        np.full_like(true, np.nan),
+    )
 
 
 def test_the_bias_is_the_models() -> None:

@@ -47,8 +47,12 @@ def images(number: int, size: tuple[int, int]) -> dict[str, Tensor]:
     assert capture.amplitude is not None
     ray = pad(unit_rays(CAMERA), size, 0.0)
     ray[2][ray[2] == 0] = 1.0
-    return {"depth": torch.from_numpy(pad(capture.depth, size, np.nan))[None, None], "ray": torch.from_numpy(ray)[None],
-            "amplitude": torch.from_numpy(pad(capture.amplitude, size, np.nan))[None, None], "temperature": torch.tensor([30.0])}
+    return {
+        "depth": torch.from_numpy(pad(capture.depth, size, np.nan))[None, None],
+        "ray": torch.from_numpy(ray)[None],
+        "amplitude": torch.from_numpy(pad(capture.amplitude, size, np.nan))[None, None],
+        "temperature": torch.tensor([30.0]),
+    }
 
 
 @torch.no_grad()

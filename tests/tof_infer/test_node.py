@@ -38,8 +38,14 @@ class Bench:
 
         self.heard: list[tuple[str, Any]] = []
         self.publishers = {
-            name: peer.create_publisher(kind, f"spot/{name}", qos.sensor(reliable=True)) for name, kind in {
-                "depth/hand/image": Image, "depth/hand/camera_info": CameraInfo, "ir/hand/image": Image, "hand/temperature": Temperature}.items()}
+            name: peer.create_publisher(kind, f"spot/{name}", qos.sensor(reliable=True))
+            for name, kind in {
+                "depth/hand/image": Image,
+                "depth/hand/camera_info": CameraInfo,
+                "ir/hand/image": Image,
+                "hand/temperature": Temperature,
+            }.items()
+        }
         for name, kind in {**OUTPUTS, "done": TimeReference}.items():
             peer.create_subscription(kind, f"spot/infer/{name}", lambda m, name=name: self.heard.append((name, m)), qos.OUTPUT)
         wait_for(lambda: all(p.get_subscription_count() for p in self.publishers.values()) and peer.count_publishers("spot/infer/done"))
@@ -62,6 +68,7 @@ class Bench:
 
     def outputs(self, stamp: int) -> dict[str, Any]:
         """What was published for a frame, once it is done."""
+
         def found() -> dict[str, Any]:
             return {name: m for name, m in self.heard if stamp_ns(m) == stamp}
 

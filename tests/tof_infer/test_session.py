@@ -126,8 +126,9 @@ def test_the_padding_contract() -> None:
     assert rays.shape == (3, 30, 44)
 
 
-@pytest.mark.parametrize("camera", [
-    Camera(48, 30, 40.0, 40.0, 21.5, 14.5), Camera(44, 30, 44.0, 44.0, 21.5, 14.5), Camera(44, 30, 40.0, 40.0, 27.5, 14.5)])
+@pytest.mark.parametrize(
+    "camera", [Camera(48, 30, 40.0, 40.0, 21.5, 14.5), Camera(44, 30, 44.0, 44.0, 21.5, 14.5), Camera(44, 30, 40.0, 40.0, 27.5, 14.5)]
+)
 def test_another_camera_is_refused_unless_forced(model: Path, camera: Camera) -> None:
     capture = replace(measured(508), camera=camera, depth=np.full(camera.shape, 0.8, np.float32), amplitude=None)
     with pytest.raises(RefusedError, match=r"walls\.onnx: the model was made for another camera: .*pass --force"):
@@ -152,7 +153,7 @@ def test_no_file(tmp_path: Path) -> None:
 def test_a_truncated_file(model: Path, tmp_path: Path, share: float) -> None:
     data = model.read_bytes()
     short = tmp_path / "short.onnx"
-    short.write_bytes(data[:int(share * len(data))])
+    short.write_bytes(data[: int(share * len(data))])
     with pytest.raises(ModelError, match=r"short\.onnx"):
         opened(short)
 
@@ -171,9 +172,16 @@ def test_a_model_from_elsewhere_has_no_card(model: Path, tmp_path: Path) -> None
         opened(tmp_path / "foreign.onnx")
 
 
-@pytest.mark.parametrize(("key", "value", "said"), [
-    ("inputs", ["depth"], "takes depth, amplitude, ray, temperature .* its card says depth"), ("schema", "other/9", "has schema 'other/9'"),
-    ("multiple", 0, "impossible values"), ("range_m", [2, 1], "impossible values"), ("camera", 7, "its card is damaged")])
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("inputs", ["depth"], "takes depth, amplitude, ray, temperature .* its card says depth"),
+        ("schema", "other/9", "has schema 'other/9'"),
+        ("multiple", 0, "impossible values"),
+        ("range_m", [2, 1], "impossible values"),
+        ("camera", 7, "its card is damaged"),
+    ],
+)
 def test_a_card_that_does_not_fit(model: Path, tmp_path: Path, key: str, value: object, said: str) -> None:
     other = changed(model, tmp_path / "other.onnx", lambda _, card: card.__setitem__(key, value))
     with pytest.raises(ModelError, match=said):

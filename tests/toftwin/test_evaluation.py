@@ -27,13 +27,25 @@ def rendering(depth: np.ndarray, albedo: float = 0.5) -> Rendering:
     part[:, 20:] = 1
     none = np.full(shape, np.nan, np.float32)
     light = np.where(part == 0, 0.05, albedo).astype(np.float32)
-    return Rendering(CAMERA, np.eye(4), depth, part, part.astype(np.int32), np.zeros((*shape, 3), np.float32), np.full(shape, 0.3, np.float32), light,
-                     np.zeros(shape, np.float32), none)
+    return Rendering(
+        CAMERA,
+        np.eye(4),
+        depth,
+        part,
+        part.astype(np.int32),
+        np.zeros((*shape, 3), np.float32),
+        np.full(shape, 0.3, np.float32),
+        light,
+        np.zeros(shape, np.float32),
+        none,
+    )
 
 
 def capture(depth: np.ndarray, stamp: int = 1, amplitude: np.ndarray | None = None) -> Capture:
     depth = depth.astype(np.float32)
-    return Capture(stamp, CAMERA, depth, np.isnan(depth).astype(np.uint8), None, None if amplitude is None else amplitude.astype(np.float32))
+    return Capture(
+        stamp, CAMERA, depth, np.isnan(depth).astype(np.uint8), None, None if amplitude is None else amplitude.astype(np.float32)
+    )
 
 
 def test_errors_by_method_bin_and_equal_coverage() -> None:
@@ -59,7 +71,9 @@ def test_sigma_is_held_to_what_it_says() -> None:
     true = np.full(CAMERA.shape, 1.0, np.float32)
     noisy = (true + RNG.normal(0, 0.004, CAMERA.shape)).astype(np.float32)
     scores = Scores(["model"], ())
-    scores.add(Judged((capture(noisy),), true, rendering(true), 0), {"model": Estimate(noisy, np.full(CAMERA.shape, 0.004, np.float32), 0.0)})
+    scores.add(
+        Judged((capture(noisy),), true, rendering(true), 0), {"model": Estimate(noisy, np.full(CAMERA.shape, 0.004, np.float32), 0.0)}
+    )
     d = scores.to_dict()["model"]
     assert d["within_1_sigma"] == pytest.approx(0.683, abs=0.05)
     assert d["within_2_sigma"] == pytest.approx(0.954, abs=0.02)
@@ -113,7 +127,9 @@ def test_the_search_is_no_worse_than_the_defaults_and_keeps_coverage() -> None:
         measured[:, 20] = RNG.uniform(1.05, 1.25, 30)
         shown.append(Example(capture(measured), true))
     config, found = search_rules(shown, rounds=1)
-    raw, default = (1e3 * np.mean([np.nanmean(np.abs(m.estimate([e.capture]).depth - e.label)) for e in shown]) for m in (Raw(), Rules(PreprocConfig())))
+    raw, default = (
+        1e3 * np.mean([np.nanmean(np.abs(m.estimate([e.capture]).depth - e.label)) for e in shown]) for m in (Raw(), Rules(PreprocConfig()))
+    )
     assert found["train_mae_mm"] < 0.5 * raw
     assert found["train_mae_mm"] <= default + 1e-6
     assert np.isfinite(Rules(config).estimate([shown[0].capture]).depth).mean() >= 0.8

@@ -20,8 +20,27 @@ if TYPE_CHECKING:
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two views of the built-in body section with wiggling."""
     out = tmp_path_factory.mktemp("session") / "bag"
-    assert cli.main(["simulate", "--scene", "body_section", "--out", str(out), "--views", "2", "--stations", "1", "--captures", "2",
-                     "--effect", "wiggling", "--quiet"]) == 0
+    assert (
+        cli.main(
+            [
+                "simulate",
+                "--scene",
+                "body_section",
+                "--out",
+                str(out),
+                "--views",
+                "2",
+                "--stations",
+                "1",
+                "--captures",
+                "2",
+                "--effect",
+                "wiggling",
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     return out
 
 
@@ -48,7 +67,12 @@ def test_infer_writes_over_nothing(session: Path, capsys: pytest.CaptureFixture[
 
 def test_a_model_for_another_camera_leaves_no_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag, out = tmp_path / "bag", tmp_path / "out"
-    assert cli.main(["simulate", "--scene", "body_section", "--out", str(bag), "--views", "1", "--stations", "1", "--size", "64x48", "--quiet"]) == 0
+    assert (
+        cli.main(
+            ["simulate", "--scene", "body_section", "--out", str(bag), "--views", "1", "--stations", "1", "--size", "64x48", "--quiet"]
+        )
+        == 0
+    )
     assert cli.main(["infer", str(bag), "--out", str(out)]) == 1
     assert "the model was made for another camera: it is 64x48, the model's 224x171" in capsys.readouterr().err
     assert not out.exists()
@@ -57,7 +81,12 @@ def test_a_model_for_another_camera_leaves_no_bag(tmp_path: Path, capsys: pytest
 
 def test_evaluate_against_the_truth(session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     truth = session.with_name("bag.truth.npz")
-    assert cli.main(["evaluate", str(session), "--scene", "body_section", "--truth", str(truth), "--frames", "2", "--out", str(tmp_path), "--json"]) == 0
+    assert (
+        cli.main(
+            ["evaluate", str(session), "--scene", "body_section", "--truth", str(truth), "--frames", "2", "--out", str(tmp_path), "--json"]
+        )
+        == 0
+    )
     result = json.loads(capsys.readouterr().out)
     assert result["schema"] == "toftwin.evaluation/1"
     assert result["reference"] == "the truth that lies beside the bag"

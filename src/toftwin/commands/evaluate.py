@@ -21,9 +21,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
     parser.add_argument("--scene", type=Path, required=True, metavar="FILE", help="scene.yaml of the cell")
-    parser.add_argument("--methods", default="raw,rules,model", metavar="LIST", help="of raw, rules, corrected, model (default: raw,rules,model)")
+    parser.add_argument(
+        "--methods", default="raw,rules,model", metavar="LIST", help="of raw, rules, corrected, model (default: raw,rules,model)"
+    )
     parser.add_argument("--truth", type=Path, metavar="FILE", help="truth .npz of a virtual session; without it, the session's own label")
-    parser.add_argument("--model", default="default", metavar="FILE", help="an .onnx file of `toftwin train` (default: the one in the package)")
+    parser.add_argument(
+        "--model", default="default", metavar="FILE", help="an .onnx file of `toftwin train` (default: the one in the package)"
+    )
     parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml for the method 'corrected'")
     parser.add_argument("--frames", type=int, default=1, metavar="N", help="show the rules with N captures of a dwell besides (default: 1)")
     parser.add_argument("--force", action="store_true", help="run a model made for another camera or range")
@@ -76,13 +80,22 @@ def run(args: argparse.Namespace) -> int:
 def text(result: Mapping[str, Any]) -> str:
     """The tables for a terminal."""
     methods = result["methods"]
-    lines = [f"{result['views']} views, compared with {result['reference']}", "",
-             f"{'method':<14}{'MAE mm':>9}{'bias mm':>9}{'RMSE mm':>9}{'complete':>10}{'align %':>9}{'equal cov. MAE':>16}{'flying left':>13}{'ms':>8}"]
+    lines = [
+        f"{result['views']} views, compared with {result['reference']}",
+        "",
+        f"{'method':<14}{'MAE mm':>9}{'bias mm':>9}{'RMSE mm':>9}{'complete':>10}{'align %':>9}{'equal cov. MAE':>16}{'flying left':>13}{'ms':>8}",
+    ]
     for name, m in methods.items():
         a = m["all"]
-        lines.append(f"{name:<14}{_n(a['mae_mm']):>9}{_n(a['bias_mm']):>9}{_n(a['rmse_mm']):>9}{_p(a['completeness']):>10}{_n(a['alignment'], 3):>9}"
-                     f"{_n(m['equal_coverage']['mae_mm']):>16}{_p(m['flying_left_wrong']):>13}{_n(m['ms_per_frame'], 1):>8}")
-    lines += ["", "alignment rate per capture, at equal coverage (the paper's figure 9)", f"{'capture':<10}" + "".join(f"{name:>12}" for name in methods)]
+        lines.append(
+            f"{name:<14}{_n(a['mae_mm']):>9}{_n(a['bias_mm']):>9}{_n(a['rmse_mm']):>9}{_p(a['completeness']):>10}{_n(a['alignment'], 3):>9}"
+            f"{_n(m['equal_coverage']['mae_mm']):>16}{_p(m['flying_left_wrong']):>13}{_n(m['ms_per_frame'], 1):>8}"
+        )
+    lines += [
+        "",
+        "alignment rate per capture, at equal coverage (the paper's figure 9)",
+        f"{'capture':<10}" + "".join(f"{name:>12}" for name in methods),
+    ]
     rows = zip(*(m["captures_equal_coverage"] for m in methods.values()), strict=True)
     lines += [f"{k:<10}" + "".join(f"{_n(c['alignment'], 3):>12}" for c in row) for k, row in enumerate(rows, 1)]
     return "\n".join(lines)

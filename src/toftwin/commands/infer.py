@@ -21,11 +21,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from toftwin.options import add_bag_arguments, add_config_arguments
 
     parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
-    parser.add_argument("--model", dest="infer.model", metavar="FILE", help="an .onnx file of `toftwin train` (default: the one in the package)")
+    parser.add_argument(
+        "--model", dest="infer.model", metavar="FILE", help="an .onnx file of `toftwin train` (default: the one in the package)"
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="folder of the bag to write; it must not exist")
     parser.add_argument("--device", dest="infer.device", choices=("cpu", "cuda", "auto"), help="where to run (default: cpu)")
     parser.add_argument("--threads", dest="infer.threads", type=int, help="threads of the CPU (default: 2)")
-    parser.add_argument("--force", dest="infer.force", action="store_const", const=True, help="run a model made for another camera or range")
+    parser.add_argument(
+        "--force", dest="infer.force", action="store_const", const=True, help="run a model made for another camera or range"
+    )
     parser.add_argument("--only", action="store_true", help="write infer/* alone, without the messages of the bag")
     parser.add_argument("--json", action="store_true", help="print the counts as JSON")
     add_bag_arguments(parser)
@@ -54,7 +58,9 @@ def run(args: argparse.Namespace) -> int:
 
         print(json.dumps(tally.to_dict(), indent=1))
         return 0
-    print(f"{tally.frames} frames to {args.out}: {tally.share('repaired'):.1%} of their pixels repaired, {tally.share('raw_kept'):.1%} kept raw "
-          f"(sigma infinite), {tally.share('invalid'):.1%} without depth")
+    print(
+        f"{tally.frames} frames to {args.out}: {tally.share('repaired'):.1%} of their pixels repaired, {tally.share('raw_kept'):.1%} kept raw "
+        f"(sigma infinite), {tally.share('invalid'):.1%} without depth"
+    )
     print(f"{tally.median_ms:.1f} ms a frame on {tally.device} ({tally.model})")
     return 0

@@ -29,13 +29,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="dataset.zarr, or the folder that `toftwin label` wrote")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the .onnx file to write; its card lies beside it as .json")
-    parser.add_argument("--unseen", nargs="+", type=Path, default=[], metavar="DATASET", help="datasets of other scenes, on which sigma is calibrated")
-    parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml of `toftwin gap`: half of the frames are drawn anew from it")
+    parser.add_argument(
+        "--unseen", nargs="+", type=Path, default=[], metavar="DATASET", help="datasets of other scenes, on which sigma is calibrated"
+    )
+    parser.add_argument(
+        "--sensor", type=Path, metavar="FILE", help="sensor.yaml of `toftwin gap`: half of the frames are drawn anew from it"
+    )
     parser.add_argument("--fresh", action="store_true", help="begin anew, whatever checkpoint is there")
     parser.add_argument("--json", action="store_true", help="print the card's figures as JSON")
     for info in table(TrainConfig):
         if info.name in FLAGS:
-            parser.add_argument(f"--{info.name}", type=info.kind, choices=info.choices or None, help=f"{info.text} (default: {info.default})")
+            parser.add_argument(
+                f"--{info.name}", type=info.kind, choices=info.choices or None, help=f"{info.text} (default: {info.default})"
+            )
     add_config_arguments(parser, _settings)
 
 
@@ -54,8 +60,15 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("must end in .onnx", where=f"--out {args.out}")
     train = _trainer()
     redraw = _redraw(args)
-    card = train([dataset_at(p) for p in args.datasets], args.out, config, redraw=redraw, fresh=args.fresh, unseen=[dataset_at(p) for p in args.unseen],
-                 say=lambda line: print(line, file=sys.stderr, flush=True))
+    card = train(
+        [dataset_at(p) for p in args.datasets],
+        args.out,
+        config,
+        redraw=redraw,
+        fresh=args.fresh,
+        unseen=[dataset_at(p) for p in args.unseen],
+        say=lambda line: print(line, file=sys.stderr, flush=True),
+    )
     if args.json:
         import json
 
@@ -91,8 +104,9 @@ def _trainer() -> Any:
     except ModuleNotFoundError as error:
         if error.name not in {"torch", "onnx"}:
             raise
-        raise UsageError(f"needs {error.name}, which is not installed", where="train",
-                         todo="run make setup-dev, or pip install 'toftwin[train]'") from None
+        raise UsageError(
+            f"needs {error.name}, which is not installed", where="train", todo="run make setup-dev, or pip install 'toftwin[train]'"
+        ) from None
     return train
 
 
@@ -114,5 +128,7 @@ def _print(card: Card, out: Path) -> None:
         print(f"where it says it knows ({f['val_known']:.1%} of pixels): MAE {f['val_mae_known_mm']:.2f} mm")
     print(f"errors within 1 sigma {f['val_within_1_sigma']:.1%}, within 2 sigma {f['val_within_2_sigma']:.1%}")
     if "unseen_mae_mm" in f:
-        print(f"scenes never seen: MAE {f['unseen_mae_mm']:.2f} mm, raw {f['unseen_raw_mae_mm']:.2f} mm; where it says it knows ({f['unseen_known']:.1%}) "
-              f"{f['unseen_mae_known_mm']:.2f} mm; within 1 sigma {f['unseen_within_1_sigma']:.1%}, within 2 sigma {f['unseen_within_2_sigma']:.1%}")
+        print(
+            f"scenes never seen: MAE {f['unseen_mae_mm']:.2f} mm, raw {f['unseen_raw_mae_mm']:.2f} mm; where it says it knows ({f['unseen_known']:.1%}) "
+            f"{f['unseen_mae_known_mm']:.2f} mm; within 1 sigma {f['unseen_within_1_sigma']:.1%}, within 2 sigma {f['unseen_within_2_sigma']:.1%}"
+        )

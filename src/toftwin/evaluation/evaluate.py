@@ -34,7 +34,12 @@ class Evaluation:
 
 
 def evaluate_bag(
-    reader: BagReader, caster: Raycaster, methods: Sequence[Method], config: PipelineConfig, *, truth: Path | None = None,
+    reader: BagReader,
+    caster: Raycaster,
+    methods: Sequence[Method],
+    config: PipelineConfig,
+    *,
+    truth: Path | None = None,
 ) -> Evaluation:
     """Every method on every view; a method that takes several captures gets the last ones of the dwell.
 
@@ -44,18 +49,26 @@ def evaluate_bag(
     # No dwell may be cut short of what a method takes.
     accumulate = config.preproc.accumulate
     most = max(m.frames for m in methods)
-    config = replace(config, preproc=replace(config.preproc, accumulate=replace(accumulate, max_captures=max(accumulate.max_captures, most))))
+    config = replace(
+        config, preproc=replace(config.preproc, accumulate=replace(accumulate, max_captures=max(accumulate.max_captures, most)))
+    )
     scores = Scores([m.name for m in methods], caster.scene.names)
     shown: tuple[Judged, Mapping[str, Estimate]] | None = None
     for judged in progress(judged_views(reader, caster, config, truth, most), "evaluate"):
-        estimates = {m.name: m.estimate(judged.captures[-m.frames:]) for m in methods}
+        estimates = {m.name: m.estimate(judged.captures[-m.frames :]) for m in methods}
         scores.add(judged, estimates)
         if shown is None or _parts(judged) > _parts(shown[0]):
             shown = judged, estimates
     assert shown is not None
     result = {
-        "schema": SCHEMA, "bag": "", "scene": caster.scene.folder.name, "views": scores.views, "flying_px": FLYING_PX,
-        "reference": "the truth that lies beside the bag" if truth is not None else "the session's own label (its poses solved from the same frames)",
+        "schema": SCHEMA,
+        "bag": "",
+        "scene": caster.scene.folder.name,
+        "views": scores.views,
+        "flying_px": FLYING_PX,
+        "reference": "the truth that lies beside the bag"
+        if truth is not None
+        else "the session's own label (its poses solved from the same frames)",
         "methods": scores.to_dict(),
     }
     return Evaluation(result, shown)

@@ -109,7 +109,11 @@ class Model:
 
 
 def make_methods(
-    names: Sequence[str], rules: PreprocConfig, session: Session | None, sensor: Path | None, frames: int,
+    names: Sequence[str],
+    rules: PreprocConfig,
+    session: Session | None,
+    sensor: Path | None,
+    frames: int,
 ) -> list[Method]:
     """Methods by name; with `frames` above 1 the rules come a second time, given so many captures.
 
@@ -126,7 +130,9 @@ def make_methods(
             out.append(Model(session))
         elif name == "corrected":
             if sensor is None:
-                raise UsageError("'corrected' needs a fitted sensor model", where="--methods", todo="pass --sensor sensor.yaml (toftwin gap)")
+                raise UsageError(
+                    "'corrected' needs a fitted sensor model", where="--methods", todo="pass --sensor sensor.yaml (toftwin gap)"
+                )
             from tof_sensor.model import load_model
 
             out += [Corrected(load_model(sensor), rules, n) for n in _counts(frames)]

@@ -34,7 +34,11 @@ class Judged:
 
 
 def judged_views(
-    reader: BagReader, caster: Raycaster, config: PipelineConfig, truth: Path | None, keep: int,
+    reader: BagReader,
+    caster: Raycaster,
+    config: PipelineConfig,
+    truth: Path | None,
+    keep: int,
 ) -> Iterator[Judged]:
     """Views with their reference; of each at most `keep` captures, the last ones.
 
@@ -44,15 +48,20 @@ def judged_views(
     stream = ViewStream(reader, config)
     members: list[tuple[View, tuple[Capture, ...]]] = [(view, tuple(stream.members[-keep:])) for view in stream]
     if not members:
-        raise RefusedError(f"no frame of {reader.frame_count} can be used: {reader.last_error}", where="evaluate",
-                           todo="toftwin doctor tells what the bag lacks")
+        raise RefusedError(
+            f"no frame of {reader.frame_count} can be used: {reader.last_error}",
+            where="evaluate",
+            todo="toftwin doctor tells what the bag lacks",
+        )
     judged = _by_truth(members, caster, truth) if truth is not None else _by_label(members, caster, config)
     empty = True
     for one in judged:
         empty = False
         yield one
     if empty:
-        raise RefusedError("no view has a reference", where=truth or "evaluate", todo="give the truth of this bag, or align it first: toftwin label")
+        raise RefusedError(
+            "no view has a reference", where=truth or "evaluate", todo="give the truth of this bag, or align it first: toftwin label"
+        )
 
 
 def _by_truth(members: list[tuple[View, tuple[Capture, ...]]], caster: Raycaster, path: Path) -> Iterator[Judged]:

@@ -28,11 +28,18 @@ def write(folder: Path, result: Mapping[str, Any], shown: tuple[Judged, Mapping[
 
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "evaluation.json").write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    environment = Environment(loader=PackageLoader("toftwin"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=PackageLoader("toftwin"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     tables = {AXES[axis]: _rows(result["methods"], axis) for axis in AXES}
     html = environment.get_template("evaluation.html.j2").render(
-        result=result, methods=result["methods"], tables={k: v for k, v in tables.items() if v}, sweep=sweep_plot(result["methods"]),
-        by=by_plot(result["methods"]), view=view_picture(*shown), names=list(result["methods"]),
+        result=result,
+        methods=result["methods"],
+        tables={k: v for k, v in tables.items() if v},
+        sweep=sweep_plot(result["methods"]),
+        by=by_plot(result["methods"]),
+        view=view_picture(*shown),
+        names=list(result["methods"]),
     )
     path = folder / "report.html"
     path.write_text(html, encoding="utf-8")

@@ -25,11 +25,22 @@ if TYPE_CHECKING:
     from tof_sim_label.dataset import Dataset
 
 MIN_COVERAGE = 0.8
-ORDERS = (PreprocConfig().order, "range,accumulate", "range,accumulate,flying", "range,accumulate,flying,grazing", "range,accumulate,sor",
-          "range,accumulate,flying,grazing,sor", "range,flying,accumulate,sor")
+ORDERS = (
+    PreprocConfig().order,
+    "range,accumulate",
+    "range,accumulate,flying",
+    "range,accumulate,flying,grazing",
+    "range,accumulate,sor",
+    "range,accumulate,flying,grazing,sor",
+    "range,flying,accumulate,sor",
+)
 STEPS: dict[str, tuple[Any, ...]] = {
-    "order": ORDERS, "flying.ratio": (1.5, 2.5, 4.0, 6.0), "flying.slope_deg": (50.0, 60.0, 70.0, 80.0), "grazing.max_deg": (65.0, 75.0, 82.0),
-    "sor.ratio": (0.5, 1.0, 2.0, 3.0), "sor.neighbours": (10, 20, 40),
+    "order": ORDERS,
+    "flying.ratio": (1.5, 2.5, 4.0, 6.0),
+    "flying.slope_deg": (50.0, 60.0, 70.0, 80.0),
+    "grazing.max_deg": (65.0, 75.0, 82.0),
+    "sor.ratio": (0.5, 1.0, 2.0, 3.0),
+    "sor.neighbours": (10, 20, 40),
 }
 TRIM = 3.0
 """Residuals beyond so many robust deviations take no part in the fit (flying pixels, other surfaces)."""
@@ -92,8 +103,16 @@ def fit_correction(shown: Sequence[Example], modulation_mhz: float = 100.0) -> S
     from tof_sensor.effects.wiggling import Wiggling
     from tof_sensor.model import SensorModel
 
-    reference = float(np.exp(np.median(np.concatenate([np.log(e.capture.amplitude[e.capture.amplitude > 0]) for e in shown
-                                                       if e.capture.amplitude is not None] or [np.zeros(1)]))))
+    reference = float(
+        np.exp(
+            np.median(
+                np.concatenate(
+                    [np.log(e.capture.amplitude[e.capture.amplitude > 0]) for e in shown if e.capture.amplitude is not None]
+                    or [np.zeros(1)]
+                )
+            )
+        )
+    )
     effects = (RangeOffset(), DepthScale(), Wiggling(modulation_mhz=modulation_mhz), AmplitudeBias(reference=reference))
     columns, residual = [], []
     for example in shown:

@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from toftwin.evaluation.reference import Judged
 
 BINS: dict[str, tuple[float, ...]] = {
-    "range_m": (0, 0.3, 0.5, 0.7, 0.9, 1.2, 1.6, 2.2, 100), "incidence_deg": (0, 15, 30, 45, 60, 75, 90),
-    "albedo": (0, 0.1, 0.25, 0.5, 0.75, 1.01), "edge_px": (0, 1.5, 3, 8, 10_000),
+    "range_m": (0, 0.3, 0.5, 0.7, 0.9, 1.2, 1.6, 2.2, 100),
+    "incidence_deg": (0, 15, 30, 45, 60, 75, 90),
+    "albedo": (0, 0.1, 0.25, 0.5, 0.75, 1.01),
+    "edge_px": (0, 1.5, 3, 8, 10_000),
 }
 WRONG_M = 0.01
 """A pixel is wrong when it is farther than this from the truth."""
@@ -50,12 +52,16 @@ class MethodScore:
         """Plain numbers for JSON: millimetres, shares, per cent."""
         n = self.sigma[0]
         return {
-            "all": plain(self.total.error), "equal_coverage": plain(self.common.error),
+            "all": plain(self.total.error),
+            "equal_coverage": plain(self.common.error),
             "equal_coverage_share": self.common.pixels / self.total.reference if self.total.reference else None,
-            "captures": [plain(e) for e in self.captures], "captures_equal_coverage": [plain(e) for e in self.captures_common],
+            "captures": [plain(e) for e in self.captures],
+            "captures_equal_coverage": [plain(e) for e in self.captures_common],
             "by": {axis: {name: plain(p.error) for name, p in sorted(bins.items())} for axis, bins in self.by.items()},
             "ms_per_frame": 1e3 * float(np.median(self.seconds)) if self.seconds else None,
-            "sigma_pixels": int(n), "within_1_sigma": self.sigma[1] / n if n else None, "within_2_sigma": self.sigma[2] / n if n else None,
+            "sigma_pixels": int(n),
+            "within_1_sigma": self.sigma[1] / n if n else None,
+            "within_2_sigma": self.sigma[2] / n if n else None,
             "flying_left_wrong": self.flying_left / self.flying_raw if self.flying_raw else None,
         }
 
@@ -139,9 +145,23 @@ def _name(low: float, high: float) -> str:
 def plain(e: DepthError) -> dict[str, float | int | None]:
     """Figures in millimetres; `std_mm` is the scatter about the bias; None where nothing was compared."""
     if not e.pixels:
-        return {"pixels": 0, "reference": e.reference, "completeness": 0.0, "mae_mm": None, "bias_mm": None, "rmse_mm": None, "std_mm": None,
-                "alignment": None}
+        return {
+            "pixels": 0,
+            "reference": e.reference,
+            "completeness": 0.0,
+            "mae_mm": None,
+            "bias_mm": None,
+            "rmse_mm": None,
+            "std_mm": None,
+            "alignment": None,
+        }
     return {
-        "pixels": e.pixels, "reference": e.reference, "completeness": e.completeness, "mae_mm": 1e3 * e.mae, "bias_mm": 1e3 * e.bias,
-        "rmse_mm": 1e3 * e.rmse, "std_mm": 1e3 * float(np.sqrt(max(e.rmse**2 - e.bias**2, 0.0))), "alignment": e.alignment,
+        "pixels": e.pixels,
+        "reference": e.reference,
+        "completeness": e.completeness,
+        "mae_mm": 1e3 * e.mae,
+        "bias_mm": 1e3 * e.bias,
+        "rmse_mm": 1e3 * e.rmse,
+        "std_mm": 1e3 * float(np.sqrt(max(e.rmse**2 - e.bias**2, 0.0))),
+        "alignment": e.alignment,
     }
