@@ -96,15 +96,14 @@ class Player(Node):
         stamp = messages.to_ns(message.header.stamp)
         with self._changed:
             self._heard = time.monotonic()
-            waiting = self._open.get(stamp)
             if topic == self._first:
                 self.report.fates[message.source] += 1
-                if waiting is not None and message.source == "kept":
-                    waiting.update(self._after)
-            if waiting is not None:
-                waiting.discard(topic)
-                if not waiting:
-                    del self._open[stamp]
+            waiting = self._open.get(stamp, set())
+            waiting.discard(topic)
+            if topic == self._first and message.source != "kept":
+                waiting.clear()  # the nodes after it never see the frame
+            if not waiting:
+                self._open.pop(stamp, None)
             self._changed.notify_all()
 
     def wait_for_graph(self, heard: Mapping[str, int], alive: Callable[[], bool], timeout_s: float = 60.0) -> None:
@@ -179,7 +178,7 @@ class Player(Node):
         with self._changed:
             if not self._options.realtime and not self._wait(lambda: len(self._open) < self._options.in_flight):
                 raise ReplayError(f"the graph has not answered for {self._options.give_up_s:.0f} s", todo="its messages are above")
-            self._open[stamp_ns] = {self._first}
+            self._open[stamp_ns] = {self._first, *self._after}
 
     def _wait(self, done: Callable[[], bool]) -> bool:
         """With the lock held: until `done` (true), or nothing was answered for long (false)."""
