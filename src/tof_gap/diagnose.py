@@ -15,10 +15,12 @@ from tof_gap.causes import Named, named, shares
 from tof_gap.flexible import explainable
 from tof_gap.joint import moved, observe, solve
 from tof_gap.posterior import camera_covs, floor2
+from tof_gap.radial import gate
 from tof_gap.select import Selector, deal
 from tof_gap.shrink import Shrink, blocks, measure
 from tof_gap.unexplained import Unexplained, look
 from tof_sensor.effects.quantization import Quantization
+from tof_sensor.effects.radial_depth import RadialDepth
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -93,6 +95,8 @@ def diagnose(
     """
     check(views)
     rng = np.random.default_rng(config.evidence.seed)
+    say("depth or distance")
+    views, along_ray = gate(views, caster, config, align) if RadialDepth.NAME not in left_out else (views, None)
     say("poses and effects together")
     joint = solve(views, caster, config, align, left_out)
     say("what scatter, loss and edges say")
@@ -101,6 +105,7 @@ def diagnose(
         for f in (*scatter.findings(joint.views, config.scatter), *missing.findings(joint.views, config.missing))
         if f.name not in left_out
     )
+    findings = findings if along_ray is None else (along_ray, *findings)
     say("how far the gap shrinks on held-out views")
     judge = Selector(joint.design, config.select)
     fit_views, held = split(joint.chain)
@@ -112,6 +117,8 @@ def diagnose(
     maps = shares(causes, evidence)
     corrections = {f.name: list(f.share) for f in findings if f.corrects and f.share is not None}
     residual = [used(v, findings) for v in evidence]
+    if along_ray is not None and along_ray.share is not None:
+        residual = [r + share for r, share in zip(residual, along_ray.share, strict=True)]
     figures = _Figures(residual, floors, maps | corrections, held, rng)
     gap = figures.shrink(list(figures.maps))
     leftover = [r - figures.total(list(figures.maps), v) for v, r in enumerate(residual)]

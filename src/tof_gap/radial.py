@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first gate: a camera that gives distance along the ray where z was declared."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.camera import radial_to_z
+from tof_gap.joint import observe, start
+from tof_gap.kinds import Finding
+from tof_sensor.effects.radial_depth import RadialDepth
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.config import AlignConfig
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+    from tof_gap.config import GapConfig
+    from tof_scene.raycast import Raycaster
+
+BETTER = 0.6
+"""Read as radial, the session must miss the CAD by less than this share of what it misses read as z."""
+LEAST_M = 0.004
+"""Below this median miss nothing is that wrong (radial for z is tens of millimetres at the corners)."""
+
+
+def gate(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> tuple[list[View], Finding | None]:
+    """The views as z, and `radial_depth` where they were not.
+
+    Both readings are brought to the CAD with the robot's priors; the one that misses it by less is believed.
+    """
+    as_z = median_miss(views, caster, config, align)
+    if as_z < LEAST_M:
+        return list(views), None
+    converted = [replace(v, depth=radial_to_z(v.camera, v.depth)) for v in views]
+    if median_miss(converted, caster, config, align) > BETTER * as_z:
+        return list(views), None
+    share = np.stack([(v.depth - c.depth).astype(np.float64) for v, c in zip(views, converted, strict=True)])
+    return converted, Finding(RadialDepth(share=1.0), 1.0, share=share, corrects=True, note="the depth image holds distance along the ray")
+
+
+def median_miss(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> float:
+    """Metres: median over the session of |measured - rendered| once bases and arms are fitted."""
+    chain = start(views, caster, config, align)
+    evidence = observe(views, caster, chain, config, footprints=False)
+    miss: list[Float] = [np.abs(v.residual[np.isfinite(v.residual) & ~v.edge]) for v in evidence]
+    every = np.concatenate(miss)
+    return float(np.median(every)) if len(every) else 0.0
