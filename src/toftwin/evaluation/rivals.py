@@ -129,7 +129,7 @@ def _trimmed(A: Float, b: Float) -> Float:
     keep: Mask = np.ones(len(b), bool)
     x: Float = np.zeros(A.shape[1])
     for _ in range(6):
-        x = np.linalg.lstsq(A[keep], b[keep], rcond=None)[0]
+        x = np.asarray(np.linalg.lstsq(A[keep], b[keep], rcond=None)[0], float)
         r = b - A @ x
         keep = np.abs(r) <= TRIM * 1.4826 * np.median(np.abs(r[keep]))
     return x
