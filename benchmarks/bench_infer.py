@@ -43,7 +43,7 @@ def run() -> list[Figure]:
     """The figures of the issue's table, but for those that need training."""
     from tof_infer.session import Session
 
-    camera, session = TwinCamera.measured(), Session()
+    camera, session = TwinCamera(), Session()
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         shown = training_examples(camera, work)

@@ -85,7 +85,7 @@ def held_out() -> Path:
         scene = make_builtin(HELD_OUT)
         bag = record_bag(
             scene,
-            TwinCamera.measured(),
+            TwinCamera(),
             WORK / "held_out_session",
             seed=4242,
             settings={"plan.views": HELD_VIEWS, "plan.stations": 3, **EXACT_ROBOT},

@@ -20,7 +20,7 @@ EXAMPLE = "example: python -m benchmarks.make_model --work out/model --scenes 57
 
 def make_data(work: Path, scenes: range, views: int) -> list[Path]:
     """Labelled datasets of random scenes, one for each number; those that are there are kept."""
-    camera = TwinCamera.measured()
+    camera = TwinCamera()
     datasets = []
     for seed in progress(scenes, "scenes", len(scenes)):
         name = f"random_{seed:02d}"

@@ -5,15 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.infer_data import EXACT_ROBOT, SWEEP, TwinCamera, make_session
+from benchmarks.infer_data import EXACT_ROBOT, SIZES, SWEEP, TwinCamera, make_session
 from benchmarks.infer_scenes import random_scene
 
-SIZES = {"wiggling": 0.02, "amplitude_bias": 0.01, "multipath": 0.3, "flying_pixels": 1.0, "noise": 0.003}
 FEW = {"plan.views": 3, "plan.stations": 1, "camera.width": 32, "camera.height": 24, **EXACT_ROBOT}
 
 
 def test_every_session_has_the_same_camera() -> None:
-    camera = TwinCamera(sizes=SIZES)
+    camera = TwinCamera()
     one, other = (make_session(random_scene(k), camera, seed=k, settings=FEW) for k in (1, 2))
     assert [e.params() for e in one.effects] == [e.params() for e in other.effects]
     assert {e.name: e.size for e in one.effects} == SIZES
@@ -21,19 +20,19 @@ def test_every_session_has_the_same_camera() -> None:
 
 
 def test_noise_is_drawn_anew_in_every_session() -> None:
-    camera = TwinCamera(sizes=SIZES)
+    camera = TwinCamera()
     one, other = (next(e for e in make_session(random_scene(1), camera, seed=k, settings=FEW).effects if e.name == "noise") for k in (1, 2))
     assert one.rng(10).normal() != other.rng(10).normal()
 
 
 def test_the_exact_robot_stands_where_it_says() -> None:
-    session = make_session(random_scene(3), TwinCamera(sizes=SIZES), seed=3, settings=FEW)
+    session = make_session(random_scene(3), TwinCamera(), seed=3, settings=FEW)
     for shutter in session.shutters:
         np.testing.assert_allclose(session.true_pose(shutter), session.robot_pose(shutter), atol=1e-12)
 
 
 def test_the_sweep_is_eleven_views_two_degrees_apart_around_one_point() -> None:
-    session = make_session(random_scene(1), TwinCamera(sizes=SIZES), seed=1, settings={**FEW, **SWEEP})
+    session = make_session(random_scene(1), TwinCamera(), seed=1, settings={**FEW, **SWEEP})
     poses = np.stack([session.robot_pose(s) for s in session.shutters])
     assert len(poses) == 11
     axes = poses[:, :3, 2]
