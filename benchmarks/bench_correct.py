@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 STILL = {"base_min_mm": 0.0, "base_max_mm": 1e-3, "base_deg": 1e-3, "base_tilt_deg": 1e-3, "base_height_mm": 1e-3}
 """The base where it believes to be: what is off is put into the hand's pose, so that its size is known."""
 NEAR, FAR = (50.0, 3.0), (300.0, 15.0)
-STARTS_NEAR, STARTS_FAR = 200, 60
+STARTS_NEAR, STARTS_FAR = 60, 36
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +155,7 @@ def far_figures(ended: list[Ended]) -> list[Figure]:
 
 def biased() -> Figure:
     """A camera that nobody modelled."""
-    ended = returns(*NEAR, 24, {"wiggling": 1.0, "multipath": 1.0})
+    ended = returns(*NEAR, 12, {"wiggling": 1.0, "multipath": 1.0})
     worst = max((e.mm for e in ended if e.done), default=float("nan"))
     return at_most("return to a reference with wiggling and multipath on: worst", worst, 1.5, "mm", remark=_why(ended))
 

@@ -24,5 +24,7 @@ class InspectConfig:
     prior: float = param(0.98, "probability that a part is there before anything is seen", low=0.5, high=0.9999)
     decide: float = param(0.99, "a verdict needs this probability, else it is uncertain and not observable", low=0.6, high=0.99999)
     search_mm: float = param(12.0, "a part may have moved by this and still be the same part", unit="mm", low=0.5)
+    moved_cost: float = param(12.0, "log likelihood that a displaced place must earn: it is rare, and one of many", low=0.0)
+    min_agreement: float = param(0.94, "share of a view's pixels that must lie on the CAD; else its pose is not trusted", low=0.0, high=1.0)
     displaced_sigma: float = param(3.0, "displaced is said when beyond tolerance and beyond this many of its own sigmas", low=1.0)
     weights: WeightConfig = section(WeightConfig, "noise of pixels where the view does not tell it")

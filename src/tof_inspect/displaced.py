@@ -28,7 +28,7 @@ class Fit:
     """A part's motion from the CAD.
 
     mm: how far its middle moved along the directions that the data tell; std_mm: its own uncertainty there; shift (3,) metres
-    in the cell; ratio: log likelihood gained over the part where the CAD has it.
+    in the cell; ratio: log likelihood of the part there over no part at all, all pixels around it.
     """
 
     mm: float
@@ -50,6 +50,8 @@ def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Raycaster
     centre = part.vertices.mean(axis=0)
 
     def cost(motion: Float, step: int = 1) -> float:
+        if np.linalg.norm(motion[:3, 3]) > 1.3e-3 * config.search_mm:
+            return float("inf")
         return _cost(motion, seen, alone, bare, config, centre, step=step)
 
     def linear(motion: Float) -> tuple[Float, Float, Float]:
@@ -57,7 +59,8 @@ def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Raycaster
 
     start = min((np.zeros(3), *_offsets(config.search_mm * 1e-3)), key=lambda t: cost(_at(t), 2))
     motion = _smoothed(_patterned(_at(start), cost), cost, linear, config)
-    nominal, best = cost(np.eye(4)), cost(motion)
+    gone = _cost(_at(np.full(3, 1e3)), seen, alone, bare, config, centre, step=1)
+    gained = gone - cost(motion)
     values, axes = np.linalg.eigh(_curvature(motion, cost) + np.eye(3) * (config.search_mm * 1e-3) ** -2.0)
     # Neighbours share their errors: what n of them tell is worth as many cells.
     spread = config.cell_px / np.maximum(values, 1e-3)
@@ -66,7 +69,7 @@ def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Raycaster
     mm = 1e3 * float(np.linalg.norm(shift))
     direction = shift / np.linalg.norm(shift) if mm > 1e-9 else axes[:, -1]
     std = 1e3 * float(np.sqrt(((direction @ axes) ** 2 * spread).sum()))
-    return Fit(mm, float(np.hypot(std, config.shared_mm)), shift, nominal - best)
+    return Fit(mm, float(np.hypot(std, config.shared_mm)), shift, gained)
 
 
 def _patterned(motion: Float, cost: Callable[[Float], float]) -> Float:
@@ -106,9 +109,13 @@ def _curvature(motion: Float, cost: Callable[[Float], float], h: float = 1.5e-3)
     """(3, 3) second derivatives of the cost for slides, made positive."""
     middle = cost(motion)
     one = np.array([[cost(_at(s * h * d) @ motion) for s in (1, -1)] for d in np.eye(3)])
+    if not np.isfinite(one).all():
+        return np.zeros((3, 3))
     H = np.diag((one.sum(axis=1) - 2 * middle) / h**2)
     for i, j in ((0, 1), (0, 2), (1, 2)):
         both = [cost(_at(s * h * (np.eye(3)[i] + np.eye(3)[j])) @ motion) for s in (1, -1)]
+        if not np.isfinite(both).all():
+            return np.zeros((3, 3))
         H[i, j] = H[j, i] = 0.5 * (sum(both) - one[i].sum() - one[j].sum() + 2 * middle) / h**2
     values, axes = np.linalg.eigh(H)
     return np.asarray((axes * np.maximum(values, 0.0)) @ axes.T)

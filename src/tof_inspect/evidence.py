@@ -68,6 +68,16 @@ def see(view: View, posed: Posed, caster: Raycaster, config: InspectConfig) -> S
     return Seen(view, posed, whole, noise, np.asarray(sigma, float))
 
 
+def agreement(seen: Seen) -> float:
+    """Share of the pixels that lie on the CAD within 10 mm (or four sigmas); edges and grazing pixels are left out.
+
+    A pose that is wrong by centimetres can pass for right where faces are large; what is inspected then is an illusion.
+    """
+    error = np.abs(seen.view.depth - seen.whole.depth)
+    clear = np.isfinite(error) & (seen.whole.mixed < 0.02) & (seen.whole.incidence < np.radians(75.0))
+    return float((error[clear] < np.maximum(0.01, 4.0 * seen.noise[clear])).mean()) if clear.any() else 0.0
+
+
 def weigh(seen: Seen, without: Raycaster, part: int, config: InspectConfig) -> Evidence:
     """The likelihood ratio of one part in one view.
 

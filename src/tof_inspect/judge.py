@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.errors import RefusedError, SceneError
 from tof_inspect.displaced import Fit, fit_part
-from tof_inspect.evidence import Evidence, see, weigh
+from tof_inspect.evidence import Evidence, agreement, see, weigh
 from tof_scene.raycast import Raycaster
 from tof_scene.scene import Scene
 
@@ -83,9 +83,12 @@ class Inspector:
             colour: log likelihood ratio of presence by part name, from a reference picture.
         """
         seen = [see(v, p, self.caster, self.config) for v, p in zip(views, posed, strict=True) if p.accepted]
+        seen = [s for s in seen if agreement(s) >= self.config.min_agreement]
         if not seen:
             raise RefusedError(
-                "no view has an accepted pose", where="inspection", todo="check the scene, its placement and the robot's pose"
+                "no view has an accepted pose at which it agrees with the CAD",
+                where="inspection",
+                todo="check the scene, its placement and the robot's pose",
             )
         return tuple(self._part(self.scene.part(name), seen, (colour or {}).get(name, 0.0)) for name in self.names)
 
@@ -102,8 +105,9 @@ class Inspector:
 
 def decide(part: Part, evidence: Sequence[Evidence], ratio: float, colour: float, fit: Fit, config: InspectConfig) -> PartVerdict:
     """Present within tolerance, displaced beyond it, absent when the scene without it explains the pixels better."""
-    # A part that moved is neither where the CAD has it nor gone: its best place speaks for presence.
-    there = max(ratio, ratio + fit.ratio / config.cell_px)
+    # A part that moved is neither where the CAD has it nor gone: its best place, against no part at all, speaks for presence,
+    # less what so free a hypothesis must earn first (a part may always hide behind another one and explain nothing).
+    there = max(ratio, fit.ratio / config.cell_px - config.moved_cost)
     p = probability(there + colour, config)
     beyond = fit.mm > part.tolerance_mm and fit.mm - part.tolerance_mm > config.displaced_sigma * fit.std_mm
     if p >= config.decide and beyond:
