@@ -118,7 +118,7 @@ def noise_alone() -> list[Figure]:
 def flat_views(session: Recorded) -> int:
     """Views that see a single plane (one normal for 99 % of their pixels)."""
     caster, count = Raycaster(session.scene), 0
-    for view, T in zip(session.views()[:: 8], session.truth["T_cell_camera"], strict=False):
+    for view, T in zip(session.views()[::8], session.truth["T_cell_camera"], strict=False):
         hits = caster.cast(T[:3, 3], view.camera.rays()[::3, ::3].reshape(-1, 3) @ T[:3, :3].T)
         normals = hits.normal[np.isfinite(hits.t)]
         count += bool((np.abs(normals @ np.median(normals, axis=0)) > 0.999).mean() > 0.99)
@@ -173,5 +173,11 @@ def degenerate() -> list[Figure]:
     names = ", ".join(n.split(" (")[0] for n in seen.names)
     return [
         at_least("thin panel: open directions named, of 3", float(len(seen.names)), 3.0, "", remark=names),
-        at_most("thin panel: robot's pose left along them", 1e3 * float(np.abs(kept[1:]).max()), 0.1, "mm", remark=f"turned about the normal by {turned:.4f} deg"),
+        at_most(
+            "thin panel: robot's pose left along them",
+            1e3 * float(np.abs(kept[1:]).max()),
+            0.1,
+            "mm",
+            remark=f"turned about the normal by {turned:.4f} deg",
+        ),
     ]

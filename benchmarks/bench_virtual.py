@@ -48,9 +48,21 @@ def run() -> list[Figure]:
         at_most("virtual: record 12 views 224x171, no effect, CPU of one core", null, 10, "s"),
         at_most("virtual: record 12 views 224x171, slowest effect, CPU of one core", cases[slowest], 10, "s", remark=each),
         at_most("virtual: record 20 views x 10 captures 400x300 with colour, CPU of one core", demo(bodies), 60, "s"),
-        at_most("virtual: mean error without effects, 200 frames", 1e3 * abs(bias), 0.05, "mm", remark=f"scatter of one frame {1e3 * scatter:.2f} mm (median)"),
+        at_most(
+            "virtual: mean error without effects, 200 frames",
+            1e3 * abs(bias),
+            0.05,
+            "mm",
+            remark=f"scatter of one frame {1e3 * scatter:.2f} mm (median)",
+        ),
         at_most("virtual: multipath in a V corner against path tracing, worst bin", 100 * corner_error(), 15, "%"),
-        at_least("virtual: primary rays against embree's, one core, same run", rays / peer, 0.5, "", remark=f"{rays / 1e6:.1f} million rays a second"),
+        at_least(
+            "virtual: primary rays against embree's, one core, same run",
+            rays / peer,
+            0.5,
+            "",
+            remark=f"{rays / 1e6:.1f} million rays a second",
+        ),
     ]
 
 
@@ -95,8 +107,13 @@ def corner_bias(albedo: float) -> tuple[Float, Float]:
     """Distance from the apex line and bias in mm of the pixels that see the V."""
     camera = Camera(224, 172, 210.6, 210.6, 111.5, 85.5)
     walls = [
-        Body(f"wall{s}", np.array([[0, -0.5, 1.2], [s * 0.5, -0.5, 0.7], [s * 0.5, 0.5, 0.7], [0, 0.5, 1.2]]),
-             np.array([[0, 1, 2], [0, 2, 3]], np.int32), albedo) for s in (-1, 1)
+        Body(
+            f"wall{s}",
+            np.array([[0, -0.5, 1.2], [s * 0.5, -0.5, 0.7], [s * 0.5, 0.5, 0.7], [0, 0.5, 1.2]]),
+            np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+            albedo,
+        )
+        for s in (-1, 1)
     ]
     world = World.of(walls)
     sight = look(world, camera.rays(), np.eye(4))

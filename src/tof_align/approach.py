@@ -26,7 +26,12 @@ WITNESSES = 100.0
 
 
 def approach(
-    pixels: Sequence[Pixels], poses: Float, frame: Float, prior_std: Float, caster: Raycaster, config: AlignConfig,
+    pixels: Sequence[Pixels],
+    poses: Float,
+    frame: Float,
+    prior_std: Float,
+    caster: Raycaster,
+    config: AlignConfig,
 ) -> Float:
     """The motion (4, 4) of `frame` that brings cameras held rigidly together near the CAD.
 
@@ -54,8 +59,15 @@ def approach(
 
 
 def _slid(
-    motion: Float, score: float, descend: Callable[[Float, float], tuple[Float, float]], pixels: Sequence[Pixels], local: Float,
-    frame: Float, prior_std: Float, caster: Raycaster, config: AlignConfig,
+    motion: Float,
+    score: float,
+    descend: Callable[[Float, float], tuple[Float, float]],
+    pixels: Sequence[Pixels],
+    local: Float,
+    frame: Float,
+    prior_std: Float,
+    caster: Raycaster,
+    config: AlignConfig,
 ) -> Float:
     """Look along the three directions that the surfaces tell least, as far as the prior reaches, and descend again.
 
@@ -92,7 +104,13 @@ def _along(twist: Float, motion: Float, cost: Callable[[Float], float]) -> Float
 
 
 def _least_known(
-    pixels: Sequence[Pixels], motion: Float, local: Float, frame: Float, prior_std: Float, caster: Raycaster, config: AlignConfig,
+    pixels: Sequence[Pixels],
+    motion: Float,
+    local: Float,
+    frame: Float,
+    prior_std: Float,
+    caster: Raycaster,
+    config: AlignConfig,
 ) -> Float:
     """(3, 6) unit directions, in the prior's deviations, in which the surfaces' tangent planes say least."""
     H = np.zeros((6, 6))
@@ -113,7 +131,12 @@ def _spread_out(pixels: Sequence[Pixels], most: int = 6) -> list[int]:
 
 
 def _descent(
-    pixels: Sequence[Pixels], local: Float, frame: Float, prior_std: Float, caster: Raycaster, config: AlignConfig,
+    pixels: Sequence[Pixels],
+    local: Float,
+    frame: Float,
+    prior_std: Float,
+    caster: Raycaster,
+    config: AlignConfig,
 ) -> Callable[[Float, float], tuple[Float, float]]:
     def descend(motion: Float, kernel: float) -> tuple[Float, float]:
         for _ in range(24):
@@ -162,15 +185,26 @@ def _errors(depth: Float, rays: Float, T: Float, caster: Raycaster) -> Float:
 
 
 def _starts(
-    pixels: Sequence[Pixels], local: Float, frame: Float, prior_std: Float, caster: Raycaster, *, tried: int = 256, kept: int = 6,
+    pixels: Sequence[Pixels],
+    local: Float,
+    frame: Float,
+    prior_std: Float,
+    caster: Raycaster,
+    *,
+    tried: int = 256,
+    kept: int = 6,
 ) -> list[Float]:
     """The most promising of many motions inside the prior (a fixed low-discrepancy set), on few rays."""
     sobol = qmc.Sobol(6, scramble=True, seed=1).random(tried)
     twists = np.clip(qmc.scale(sobol, -1.8 * np.ones(6), 1.8 * np.ones(6)), -1.8, 1.8) * prior_std
     few = [(p.depth.ravel()[::9], p.rays.reshape(-1, 3)[::9]) for p in pixels[:3]]
     scores = [
-        np.mean([np.minimum(_errors(z, r, frame @ se3.exp(x) @ T, caster), 0.15).mean() if np.isfinite(z).any() else 0.15
-                 for (z, r), T in zip(few, local, strict=False)])
+        np.mean(
+            [
+                np.minimum(_errors(z, r, frame @ se3.exp(x) @ T, caster), 0.15).mean() if np.isfinite(z).any() else 0.15
+                for (z, r), T in zip(few, local, strict=False)
+            ]
+        )
         for x in twists
     ]
     return [se3.exp(twists[i]) for i in np.argsort(scores)[:kept]]

@@ -124,7 +124,9 @@ class SessionAligner:
             return self._refused(predicted, verdict.reason)
         self._remember(taken, moved, fit)
         T = moved.pose(-1)
-        return Posed(T, se3.cov_fixed_axes(T, camera_cov(fit.chain, fit.answer, len(self._kept) - 1)), seen.at(T[:3, 3]), verdict=verdict.reason)
+        return Posed(
+            T, se3.cov_fixed_axes(T, camera_cov(fit.chain, fit.answer, len(self._kept) - 1)), seen.at(T[:3, 3]), verdict=verdict.reason
+        )
 
     def _fit(self, live: Pixels, chain: Chain, lin: Linearised) -> _Fit:
         """Gauss-Newton on the new view and the window; the answer's step is not taken yet."""
@@ -193,8 +195,9 @@ class SessionAligner:
         assert self._chain is not None
         assert self._basis is not None
         chain = chain_of([k.sample for k in views], self.config.priors)
-        chain = replace(chain, pivot=self._chain.pivot, base=self._chain.base, hand_eye=self._chain.hand_eye,
-                        arm=np.array([k.arm for k in views]))
+        chain = replace(
+            chain, pivot=self._chain.pivot, base=self._chain.base, hand_eye=self._chain.hand_eye, arm=np.array([k.arm for k in views])
+        )
         shifts = np.array([se3.log(se3.inverse(k.T_cell_camera) @ chain.pose(v)) for v, k in enumerate(views)])
         normal = assemble([k.gram for k in views], chain, self._basis, np.zeros(0), shifts)
         self._carry = Carry.of(normal, self._sizes, chain, self._carry)

@@ -95,7 +95,8 @@ class AlignConfig:
     """Alignment of views to the CAD."""
 
     mode: str = param(
-        "session", "session: one solution along the chain; per_view: a free pose per view (the paper's); robot: keep the robot's pose",
+        "session",
+        "session: one solution along the chain; per_view: a free pose per view (the paper's); robot: keep the robot's pose",
         choices=("session", "per_view", "robot"),
     )
     iterations: int = param(4, "linearisations of the fine stage", low=1)

@@ -83,7 +83,9 @@ def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: f
     knots_a, root_a = _line(amplitudes, step=0.4, length=1.0)
     surface = np.concatenate([_surface(v, config.object_m)[::7] for v in views])
     centres = farthest_points(surface, config.centres)
-    return Basis(knots, root, knots_a, root_a, centres, _inverse_root(_surface_covariance(centres, centres)), config.object_m, config.image_order)
+    return Basis(
+        knots, root, knots_a, root_a, centres, _inverse_root(_surface_covariance(centres, centres)), config.object_m, config.image_order
+    )
 
 
 def shared_columns(basis: Basis, view: Linearised) -> Float:

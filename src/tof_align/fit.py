@@ -64,7 +64,9 @@ class Fitter:
     def once(self, rig: R, before: Mixed | None = None) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
         """Cast, linearise, weigh by what the last answer left (the first time: a free pose), solve."""
         with ThreadPoolExecutor(WORKERS) as pool:
-            views = tuple(pool.map(lambda v: linearise(self.pixels[v], rig.pose(v), self.caster, self.config.weights), range(len(self.pixels))))
+            views = tuple(
+                pool.map(lambda v: linearise(self.pixels[v], rig.pose(v), self.caster, self.config.weights), range(len(self.pixels)))
+            )
             if not any(len(v.residual) for v in views):
                 raise RefusedError("no view sees the CAD", where="alignment", todo="check the scene's frame and the robot's pose")
             self.basis = self.basis or basis_of(views, self.config.discrepancy)

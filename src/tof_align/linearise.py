@@ -73,10 +73,17 @@ def linearise(pixels: Pixels, T_cell_camera: Float, caster: Raycaster, config: W
     slope = np.sqrt(np.maximum((length[at] / facing[at]) ** 2 - 1.0, 0.0))
     lateral = 0.3 * pixels.angle * z[at] * slope  # a third of a footprint, as depth on a slope
     return Linearised(
-        T_cell_camera=T_cell_camera, index=pixels.index.ravel()[at], cell=at, raster=pixels.shape,
-        jacobian=jacobian, residual=pixels.depth.ravel()[at] - z[at],
-        sigma=np.hypot(pixels.sigma.ravel()[at], lateral), depth=z[at], ray=rays[at],
-        point=t + z[at, None] * flat[at], normal=normal[at],
+        T_cell_camera=T_cell_camera,
+        index=pixels.index.ravel()[at],
+        cell=at,
+        raster=pixels.shape,
+        jacobian=jacobian,
+        residual=pixels.depth.ravel()[at] - z[at],
+        sigma=np.hypot(pixels.sigma.ravel()[at], lateral),
+        depth=z[at],
+        ray=rays[at],
+        point=t + z[at, None] * flat[at],
+        normal=normal[at],
         log_amplitude=None if pixels.log_amplitude is None else pixels.log_amplitude.ravel()[at],
         on_cad=int(both.sum()),
     )
@@ -87,11 +94,13 @@ def _edges(z: Float, normal: Float, direction: Float, facing: Float, raster: tup
     h, w = raster
     z = z.reshape(h, w)
     n, d = normal.reshape(h, w, 3), direction.reshape(h, w, 3)
-    own = (z * facing.reshape(h, w))  # n . p of the tangent plane
+    own = z * facing.reshape(h, w)  # n . p of the tangent plane
     edge = np.zeros((h, w), bool)
     for here, there in (
-        (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:, 1:], np.s_[:, :-1]),
-        (np.s_[:-1], np.s_[1:]), (np.s_[1:], np.s_[:-1]),
+        (np.s_[:, :-1], np.s_[:, 1:]),
+        (np.s_[:, 1:], np.s_[:, :-1]),
+        (np.s_[:-1], np.s_[1:]),
+        (np.s_[1:], np.s_[:-1]),
     ):
         off = np.abs(np.einsum("ijk,ijk->ij", n[here], d[there]) * z[there] - own[here])
         edge[here] |= ~(off < limit)

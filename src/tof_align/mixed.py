@@ -100,13 +100,14 @@ def reduce(normal: Normal, sizes: dict[str, float]) -> Reduced:
         else:
             own_prior[normal.own_kinds[kind]] = size**-2
     K = normal.gram
-    own_cov = np.linalg.inv(K[:, s:s + o, s:s + o] + np.diag(own_prior))
-    gain = own_cov @ K[:, s:s + o, :s]
-    own_right = K[:, s:s + o, -1] - own_prior * normal.own_error
+    own_cov = np.linalg.inv(K[:, s : s + o, s : s + o] + np.diag(own_prior))
+    gain = own_cov @ K[:, s : s + o, :s]
+    own_right = K[:, s : s + o, -1] - own_prior * normal.own_error
     own0 = np.einsum("vij,vj->vi", own_cov, own_right)
     H, b = _scatter(
-        normal, K[:, :s, :s] - np.swapaxes(gain, 1, 2) @ K[:, s:s + o, :s],
-        K[:, :s, -1] - np.einsum("vij,vj->vi", K[:, :s, s:s + o], own0),
+        normal,
+        K[:, :s, :s] - np.swapaxes(gain, 1, 2) @ K[:, s : s + o, :s],
+        K[:, :s, -1] - np.einsum("vij,vj->vi", K[:, :s, s : s + o], own0),
     )
     H += np.diag(prior)
     b -= prior * normal.error
@@ -146,7 +147,13 @@ def _solve(H: Float, b: Float) -> tuple[Float, Float]:
 
 
 def estimate(
-    normal: Normal, sizes: dict[str, float], *, rounds: int, low: float, high: float, pull: tuple[Float, Float] | None = None,
+    normal: Normal,
+    sizes: dict[str, float],
+    *,
+    rounds: int,
+    low: float,
+    high: float,
+    pull: tuple[Float, Float] | None = None,
 ) -> Mixed:
     """Solve, and find the sizes (metres, between `low` and `high`) that make the data most probable."""
     answer = solve(normal, sizes, pull)

@@ -43,7 +43,7 @@ class Pixels:
         k = max(1, round(float(np.sqrt(self.depth.size / pixels))))
         if k == 1:
             return self
-        at = np.s_[k // 2::k, k // 2::k]
+        at = np.s_[k // 2 :: k, k // 2 :: k]
         amplitude = None if self.log_amplitude is None else self.log_amplitude[at]
         return Pixels(self.camera, self.index[at], self.rays[at], self.depth[at], self.sigma[at], amplitude, self.angle)
 

@@ -80,8 +80,13 @@ class SessionSolution:
 
 
 def solve_session(
-    views: Sequence[View], caster: Raycaster, config: AlignConfig, *, terms: Terms | None = None,
-    theta_std: Float | None = None, start: Chain | None = None,
+    views: Sequence[View],
+    caster: Raycaster,
+    config: AlignConfig,
+    *,
+    terms: Terms | None = None,
+    theta_std: Float | None = None,
+    start: Chain | None = None,
 ) -> SessionSolution:
     """Solve T_cell_camera = B_station T_cell_body T_body_camera A_view X for all views together.
 
@@ -103,8 +108,13 @@ def solve_session(
 
 
 def solve_samples(
-    samples: Sequence[Sample], caster: Raycaster, config: AlignConfig, *, columns: Columns | None = None,
-    theta_std: Float | None = None, start: Chain | None = None,
+    samples: Sequence[Sample],
+    caster: Raycaster,
+    config: AlignConfig,
+    *,
+    columns: Columns | None = None,
+    theta_std: Float | None = None,
+    start: Chain | None = None,
 ) -> SessionSolution:
     """`solve_session` on what `sample` kept of the views; `columns(v, linearised) -> (n, k)`."""
     if not samples:
@@ -166,7 +176,11 @@ def _columns(terms: Terms, views: Sequence[View], caster: Raycaster) -> Columns:
 
 
 def _conclude(
-    fitter: Fitter, system: SessionSystem[Chain], answer: Mixed, columns: list[Float] | None, seed: Chain,
+    fitter: Fitter,
+    system: SessionSystem[Chain],
+    answer: Mixed,
+    columns: list[Float] | None,
+    seed: Chain,
 ) -> SessionSolution:
     """Keep the robot's pose where nothing is known, judge every view, and sum up."""
     config, S, g = fitter.config, len(seed.names), seed.globals_
@@ -180,12 +194,20 @@ def _conclude(
     s, end = answer.scatter.shape[1], g + sum(system.basis.shared)
     return SessionSolution(
         posed=tuple(_posed(system, answer, chain, seen, v, judged[v]) for v in range(len(judged))),
-        verdicts=judged, stations=chain.names, B=chain.B,
-        B_cov=np.array([answer.cov[6 * i:6 * i + 6, 6 * i:6 * i + 6] for i in range(S)]),
-        A=chain.arm, A_cov=np.array([answer.joint_cov(v)[s:s + 6, s:s + 6] for v in range(len(judged))]),
-        X=chain.hand_eye, X_cov=answer.cov[g - 6:g, g - 6:g],
-        theta=kept.x[end:end + k], theta_cov=answer.cov[end:end + k, end:end + k],
-        sizes=dict(answer.sizes), observability=seen, system=replace(system, rig=chain), fitted=kept,
+        verdicts=judged,
+        stations=chain.names,
+        B=chain.B,
+        B_cov=np.array([answer.cov[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(S)]),
+        A=chain.arm,
+        A_cov=np.array([answer.joint_cov(v)[s : s + 6, s : s + 6] for v in range(len(judged))]),
+        X=chain.hand_eye,
+        X_cov=answer.cov[g - 6 : g, g - 6 : g],
+        theta=kept.x[end : end + k],
+        theta_cov=answer.cov[end : end + k, end : end + k],
+        sizes=dict(answer.sizes),
+        observability=seen,
+        system=replace(system, rig=chain),
+        fitted=kept,
     )
 
 
@@ -197,7 +219,10 @@ def _observe_station(system: SessionSystem[Chain], answer: Mixed, s: int, seed: 
 
 
 def _keep(
-    system: SessionSystem[Chain], columns: Sequence[Float] | None, answer: Mixed, seen: Sequence[Observability],
+    system: SessionSystem[Chain],
+    columns: Sequence[Float] | None,
+    answer: Mixed,
+    seen: Sequence[Observability],
 ) -> Mixed:
     """Solve again with the base pinned to the robot's pose along what the data leave open."""
     if not any(len(o.null) for o in seen):
@@ -211,8 +236,14 @@ def _keep(
 
 
 def _judge_view(
-    fitter: Fitter, system: SessionSystem[Chain], kept: Mixed, columns: Sequence[Float] | None, chain: Chain, seed: Chain,
-    seen: Sequence[Observability], v: int,
+    fitter: Fitter,
+    system: SessionSystem[Chain],
+    kept: Mixed,
+    columns: Sequence[Float] | None,
+    chain: Chain,
+    seed: Chain,
+    seen: Sequence[Observability],
+    v: int,
 ) -> verdicts.Verdict:
     config, T_seed = fitter.config, seed.pose(v)
     before = verdicts.fit_of(linearise(fitter.pixels[v], T_seed, fitter.caster, config.weights), config)
@@ -222,7 +253,12 @@ def _judge_view(
 
 
 def _posed(
-    system: SessionSystem[Chain], answer: Mixed, chain: Chain, seen: Sequence[Observability], v: int, verdict: verdicts.Verdict,
+    system: SessionSystem[Chain],
+    answer: Mixed,
+    chain: Chain,
+    seen: Sequence[Observability],
+    v: int,
+    verdict: verdicts.Verdict,
 ) -> Posed:
     T = chain.pose(v)
     cov = se3.cov_fixed_axes(T, system.camera_cov(answer, v))

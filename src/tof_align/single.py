@@ -55,7 +55,11 @@ class ViewAlignment:
 
 
 def align_view(
-    view: View, caster: Raycaster, T_prior: Float, cov_prior: Float | None, config: AlignConfig | None = None,
+    view: View,
+    caster: Raycaster,
+    T_prior: Float,
+    cov_prior: Float | None,
+    config: AlignConfig | None = None,
 ) -> ViewAlignment:
     """Align one view to the CAD, point to plane along the pixels' rays, robustly, coarse to fine.
 
@@ -94,7 +98,11 @@ def align_sample(taken: Sample, caster: Raycaster, T_prior: Float, cov_prior: Fl
 
 
 def _conclude(
-    fitter: Fitter, system: SessionSystem[Single], answer: Mixed, T_prior: Float, cov_prior: Float | None,
+    fitter: Fitter,
+    system: SessionSystem[Single],
+    answer: Mixed,
+    T_prior: Float,
+    cov_prior: Float | None,
 ) -> ViewAlignment:
     config, lin, rig = fitter.config, system.views[0], system.rig
     cov = system.camera_cov(answer, 0)

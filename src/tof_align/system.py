@@ -77,8 +77,9 @@ class SessionSystem(Generic[R]):
 
     def subset(self, views: Sequence[int]) -> SessionSystem[R]:
         """The same with some views only (all stations stay, those unseen at their prior)."""
-        return replace(self, rig=self.rig.subset(views), views=tuple(self.views[v] for v in views),
-                       weights=tuple(self.weights[v] for v in views))
+        return replace(
+            self, rig=self.rig.subset(views), views=tuple(self.views[v] for v in views), weights=tuple(self.weights[v] for v in views)
+        )
 
     def normal(self, columns: Sequence[Float] | None = None, *, discrepancy: bool = True) -> Normal:
         """Normal equations in poses, discrepancy (if wanted) and `columns` (per view (n, k))."""
@@ -133,7 +134,7 @@ class SessionSystem(Generic[R]):
         smooth = unmodelled(self.rig, self.basis, self.views[v], answer, v).sum(axis=1)
         if columns is None:
             return np.asarray(smooth)
-        return np.asarray(smooth + columns[v] @ answer.x[self.rig.globals_ + sum(self.basis.shared):])
+        return np.asarray(smooth + columns[v] @ answer.x[self.rig.globals_ + sum(self.basis.shared) :])
 
     def remaining(self, answer: Mixed, columns: Sequence[Float] | None = None) -> list[Float]:
         """Per view (n,) metres: residual minus pose, discrepancy and columns."""
@@ -160,7 +161,7 @@ def unmodelled(rig: Rig, basis: Basis, view: Linearised, answer: Mixed, v: int) 
     """(n, kinds) metres of a view that each kind of `discrepancy.kinds` explains."""
     g, o = rig.globals_, rig.own
     m, q = sum(basis.shared), sum(basis.local)
-    shared, local = shared_columns(basis, view) * answer.x[g:g + m], local_columns(basis, view) * answer.own[v, o:o + q]
+    shared, local = shared_columns(basis, view) * answer.x[g : g + m], local_columns(basis, view) * answer.own[v, o : o + q]
     parts = [*np.split(shared, np.cumsum(basis.shared)[:-1], axis=1), *np.split(local, np.cumsum(basis.local)[:-1], axis=1)]
     return np.stack([p.sum(axis=1) for p in parts], axis=1)
 
@@ -193,10 +194,12 @@ def assemble(grams: Sequence[Float], rig: Rig, basis: Basis | None, theta_info: 
     return Normal(
         gram=np.array([_expand(G, *rig.links(v), m + k, moved[v]) for v, G in enumerate(grams)]),
         scatter=np.array([np.concatenate([rig.where(v), tail]) for v in range(len(grams))]),
-        info=np.concatenate([info, np.zeros(m), theta_info]), error=np.concatenate([error, np.zeros(m + k)]),
+        info=np.concatenate([info, np.zeros(m), theta_info]),
+        error=np.concatenate([error, np.zeros(m + k)]),
         own_info=np.concatenate([own_info, np.zeros(q)]),
         own_error=np.concatenate([own_error, np.zeros((len(grams), q))], axis=1),
-        kinds=_indices(SHARED, shared_sizes, g), own_kinds=_indices(LOCAL, local_sizes, rig.own),
+        kinds=_indices(SHARED, shared_sizes, g),
+        own_kinds=_indices(LOCAL, local_sizes, rig.own),
     )
 
 
@@ -213,8 +216,8 @@ def _expand(G: Float, shared: Float, own: Float, middle: int, moved: Float) -> F
     """Put the links in the place of the camera's six columns; residual - jacobian @ moved in that of the residual."""
     s, o, p = shared.shape[1], own.shape[1], len(G)
     E = np.zeros((p, p - 6 + s + o))
-    E[:6, :s], E[:6, s + middle:s + middle + o] = shared, own
-    E[6:6 + middle, s:s + middle] = np.eye(middle)
-    E[6 + middle:, s + middle + o:] = np.eye(p - 6 - middle)
+    E[:6, :s], E[:6, s + middle : s + middle + o] = shared, own
+    E[6 : 6 + middle, s : s + middle] = np.eye(middle)
+    E[6 + middle :, s + middle + o :] = np.eye(p - 6 - middle)
     E[:6, -1] = -moved
     return np.asarray(E.T @ G @ E)

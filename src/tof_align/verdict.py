@@ -66,7 +66,13 @@ class Verdict:
 
 
 def judge(
-    seed: Fit, fit: Fit, T_seed: Float, T: Float, cov_prior: Float | None, null: tuple[str, ...], config: AlignConfig,
+    seed: Fit,
+    fit: Fit,
+    T_seed: Float,
+    T: Float,
+    cov_prior: Float | None,
+    null: tuple[str, ...],
+    config: AlignConfig,
 ) -> Verdict:
     """Accept or refuse, with the first reason that applies.
 

@@ -34,7 +34,11 @@ __all__ = ["BagOptions", "BagReader", "CaptureBuilder", "Placement", "RawMessage
 
 
 def open_bag(
-    path: Path | str, options: BagOptions | None = None, *, cell_frame: str = "", placed: Placement | None = None,
+    path: Path | str,
+    options: BagOptions | None = None,
+    *,
+    cell_frame: str = "",
+    placed: Placement | None = None,
 ) -> BagReader:
     """Open a recording of one depth camera; use the reader as a context manager.
 
@@ -121,9 +125,13 @@ class BagReader:
         if need_tf:
             self._check_frames()
         takes = {
-            self.topics.info: builder.info, self.topics.depth: builder.depth, self.topics.points: builder.points,
-            self.topics.amplitude: builder.amplitude, self.topics.colour: builder.colour,
-            self.topics.colour_info: builder.colour_info, self.topics.temperature: builder.temperature,
+            self.topics.info: builder.info,
+            self.topics.depth: builder.depth,
+            self.topics.points: builder.points,
+            self.topics.amplitude: builder.amplitude,
+            self.topics.colour: builder.colour,
+            self.topics.colour_info: builder.colour_info,
+            self.topics.temperature: builder.temperature,
         }
         for m in self.messages(self.topics.named()):
             try:
@@ -163,5 +171,3 @@ class BagReader:
             self.chain.resolve(self.camera.frame_id)
         except TransformError as error:
             raise TransformError(error.what, where=self._files.path, todo=error.todo) from None
-
-

@@ -44,7 +44,10 @@ class BagWriter:
     """
 
     def __init__(
-        self, path: Path | str, storage: Literal["mcap", "sqlite3"] = "mcap", distro: Literal["jazzy", "humble"] = "jazzy",
+        self,
+        path: Path | str,
+        storage: Literal["mcap", "sqlite3"] = "mcap",
+        distro: Literal["jazzy", "humble"] = "jazzy",
     ) -> None:
         """Check the call; nothing is written before `with`."""
         if storage not in ("mcap", "sqlite3"):
@@ -91,8 +94,14 @@ class BagWriter:
     def camera_info(self, topic: str, camera: Camera, stamp_ns: int, frame_id: str = "") -> None:
         """A `sensor_msgs/CameraInfo` in the camera's own frame, or in `frame_id`."""
         roi = self._new("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-        self._message(topic, "sensor_msgs/msg/CameraInfo", stamp_ns, header=self._header(stamp_ns, frame_id or camera.frame_id),
-                      roi=roi, **camera_info_fields(camera))
+        self._message(
+            topic,
+            "sensor_msgs/msg/CameraInfo",
+            stamp_ns,
+            header=self._header(stamp_ns, frame_id or camera.frame_id),
+            roi=roi,
+            **camera_info_fields(camera),
+        )
 
     def points(self, topic: str, points: ArrayLike, frame_id: str, stamp_ns: int, intensity: Image | None = None) -> None:
         """A `sensor_msgs/PointCloud2` of points (N, 3) or organised (H, W, 3), metres."""
@@ -103,16 +112,26 @@ class BagWriter:
     def tf(self, stamp_ns: int, edges: Iterable[tuple[str, str, Float]], *, static: bool = False, topic: str = "") -> None:
         """Transforms (parent, child, T_parent_child) at one stamp, on /tf or /tf_static."""
         transforms = [
-            self._new("geometry_msgs/msg/TransformStamped", header=self._header(stamp_ns, parent), child_frame_id=child,
-                      transform=self._new("geometry_msgs/msg/Transform", **self._parts(T, "translation", "rotation", "Vector3")))
+            self._new(
+                "geometry_msgs/msg/TransformStamped",
+                header=self._header(stamp_ns, parent),
+                child_frame_id=child,
+                transform=self._new("geometry_msgs/msg/Transform", **self._parts(T, "translation", "rotation", "Vector3")),
+            )
             for parent, child, T in edges
         ]
         self._message(topic or ("/tf_static" if static else "/tf"), "tf2_msgs/msg/TFMessage", stamp_ns, transforms=transforms)
 
     def temperature(self, topic: str, celsius: float, stamp_ns: int, frame_id: str = "") -> None:
         """A `sensor_msgs/Temperature`."""
-        self._message(topic, "sensor_msgs/msg/Temperature", stamp_ns, header=self._header(stamp_ns, frame_id),
-                      temperature=float(celsius), variance=0.0)
+        self._message(
+            topic,
+            "sensor_msgs/msg/Temperature",
+            stamp_ns,
+            header=self._header(stamp_ns, frame_id),
+            temperature=float(celsius),
+            variance=0.0,
+        )
 
     def pose(self, topic: str, T: Float, frame_id: str, stamp_ns: int, cov: Float | None = None) -> None:
         """A `geometry_msgs/PoseStamped`, or with a covariance (6, 6; fixed axes) a PoseWithCovarianceStamped."""
@@ -165,8 +184,11 @@ class BagWriter:
                 with suppress(Exception):
                     writer.abort()
             reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-            raise BagError(f"cannot be written further: {reason}", where=self.path,
-                           todo=f"free some space; what was on disk before ({self.count} messages written) stays readable") from None
+            raise BagError(
+                f"cannot be written further: {reason}",
+                where=self.path,
+                todo=f"free some space; what was on disk before ({self.count} messages written) stays readable",
+            ) from None
 
     def _message(self, topic: str, type_name: str, stamp_ns: int, **fields: Any) -> None:
         message = self._new(type_name, **fields)
@@ -177,22 +199,30 @@ class BagWriter:
 
     def _header(self, stamp_ns: int, frame_id: str) -> Any:
         sec, nanosec = divmod(int(stamp_ns), 1_000_000_000)
-        return self._new("std_msgs/msg/Header", frame_id=frame_id,
-                         stamp=self._new("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec))
+        return self._new("std_msgs/msg/Header", frame_id=frame_id, stamp=self._new("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec))
 
     def _parts(self, T: Float, place: str, turn: str, vector: str) -> dict[str, Any]:
         x, y, z = (float(v) for v in T[:3, 3])
         qx, qy, qz, qw = (float(v) for v in se3.quat_from_matrix(T[:3, :3]))
-        return {place: self._new(f"geometry_msgs/msg/{vector}", x=x, y=y, z=z),
-                turn: self._new("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw)}
+        return {
+            place: self._new(f"geometry_msgs/msg/{vector}", x=x, y=y, z=z),
+            turn: self._new("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
+        }
 
 
 def _qos(topic: str) -> list[Qos]:
     """What the publisher offered: latched for static transforms, so that players replay it so."""
     from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
-    volatile = Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.VOLATILE, QosTime(0, 0), QosTime(0, 0),
-                   QosLiveliness.AUTOMATIC, QosTime(0, 0), avoid_ros_namespace_conventions=False)
+    volatile = Qos(
+        QosHistory.KEEP_LAST,
+        10,
+        QosReliability.RELIABLE,
+        QosDurability.VOLATILE,
+        QosTime(0, 0),
+        QosTime(0, 0),
+        QosLiveliness.AUTOMATIC,
+        QosTime(0, 0),
+        avoid_ros_namespace_conventions=False,
+    )
     return [volatile._replace(durability=QosDurability.TRANSIENT_LOCAL)] if topic.endswith("tf_static") else [volatile]
-
-

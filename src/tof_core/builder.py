@@ -93,7 +93,13 @@ class CaptureBuilder:
     """
 
     def __init__(
-        self, options: BagOptions, chain: RobotChain | None, topics: Topics, *, need_tf: bool = True, wait_s: float = 0.5,
+        self,
+        options: BagOptions,
+        chain: RobotChain | None,
+        topics: Topics,
+        *,
+        need_tf: bool = True,
+        wait_s: float = 0.5,
         ahead_s: float = 0.04,
     ) -> None:
         """Nothing received yet."""
@@ -227,8 +233,14 @@ class CaptureBuilder:
             return None
         amplitude = self._amplitude.nearest(frame.stamp, self._join_ns)
         return Capture(
-            stamp_ns=frame.stamp, camera=camera, depth=depth, reason=reason, robot=robot, temperature=self._temperature(frame.stamp),
-            amplitude=None if amplitude is None else self._amplitude_of(amplitude, camera), colour=self._colour_of(frame_id, frame.stamp),
+            stamp_ns=frame.stamp,
+            camera=camera,
+            depth=depth,
+            reason=reason,
+            robot=robot,
+            temperature=self._temperature(frame.stamp),
+            amplitude=None if amplitude is None else self._amplitude_of(amplitude, camera),
+            colour=self._colour_of(frame_id, frame.stamp),
         )
 
     def _depth_of(self, frame: _Frame, camera: Camera) -> tuple[Image, Bytes]:

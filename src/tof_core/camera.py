@@ -52,7 +52,7 @@ class Camera:
         if self.distortion_model not in MODELS and any(self.distortion):
             msg = f"distortion model '{self.distortion_model}' is not known"
             raise CameraError(msg, where="camera_info", todo=f"use one of {', '.join(filter(None, MODELS))}")
-        if any(self.distortion[MODELS.get(self.distortion_model, 0):]) or not np.isfinite(self.distortion).all():
+        if any(self.distortion[MODELS.get(self.distortion_model, 0) :]) or not np.isfinite(self.distortion).all():
             msg = f"distortion {self.distortion} is more than '{self.distortion_model}' has, or not finite"
             raise CameraError(msg, where="camera_info", todo="calibrate with plumb_bob (5) or rational_polynomial (8)")
 
@@ -110,8 +110,15 @@ class Camera:
     def scaled(self, factor: int) -> Camera:
         """The same view on a raster `factor` times finer."""
         f = float(factor)
-        return replace(self, width=self.width * factor, height=self.height * factor, fx=self.fx * f, fy=self.fy * f,
-                       cx=(self.cx + 0.5) * f - 0.5, cy=(self.cy + 0.5) * f - 0.5)
+        return replace(
+            self,
+            width=self.width * factor,
+            height=self.height * factor,
+            fx=self.fx * f,
+            fy=self.fy * f,
+            cx=(self.cx + 0.5) * f - 0.5,
+            cy=(self.cy + 0.5) * f - 0.5,
+        )
 
 
 @lru_cache(maxsize=16)
@@ -139,10 +146,13 @@ def _distort(xy: Float, distortion: tuple[float, ...]) -> Float:
     x, y = xy[..., 0], xy[..., 1]
     r2 = x * x + y * y
     radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-    return np.stack([
-        x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-        y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-    ], axis=-1)
+    return np.stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ],
+        axis=-1,
+    )
 
 
 def _jacobian(x: Float, distortion: tuple[float, ...]) -> tuple[Float, Float, Float, Float]:

@@ -98,10 +98,18 @@ class View:
         """A view of one capture: nothing accumulated, nothing filtered."""
         valid = np.isfinite(capture.depth)
         return cls(
-            stamp_ns=capture.stamp_ns, dwell_ns=capture.stamp_ns, camera=capture.camera, depth=capture.depth,
-            sigma=np.full(capture.depth.shape, np.nan, np.float32), count=valid.astype(np.uint16),
-            reason=capture.reason, robot=capture.robot, station=station, amplitude=capture.amplitude,
-            colour=capture.colour, temperature=capture.temperature,
+            stamp_ns=capture.stamp_ns,
+            dwell_ns=capture.stamp_ns,
+            camera=capture.camera,
+            depth=capture.depth,
+            sigma=np.full(capture.depth.shape, np.nan, np.float32),
+            count=valid.astype(np.uint16),
+            reason=capture.reason,
+            robot=capture.robot,
+            station=station,
+            amplitude=capture.amplitude,
+            colour=capture.colour,
+            temperature=capture.temperature,
         )
 
     def with_station(self, station: int) -> View:

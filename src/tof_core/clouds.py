@@ -27,10 +27,14 @@ def cloud_fields(msg: Any, names: tuple[str, ...], where: str = "") -> list[Floa
         raise DecodeError(what, where=where, todo=f"its fields are {', '.join(known) or 'none'}")
     order = ">" if msg.is_bigendian else "<"
     height, width, step = int(msg.height), int(msg.width), int(msg.point_step)
-    layout = np.dtype({
-        "names": list(names), "itemsize": step, "offsets": [int(known[n].offset) for n in names],
-        "formats": [order + _element(known[n].datatype, where) for n in names],
-    })
+    layout = np.dtype(
+        {
+            "names": list(names),
+            "itemsize": step,
+            "offsets": [int(known[n].offset) for n in names],
+            "formats": [order + _element(known[n].datatype, where) for n in names],
+        }
+    )
     data = np.frombuffer(msg.data, np.uint8)
     row_step = int(msg.row_step) or width * step
     if row_step < width * step or data.size < (height - 1) * row_step + width * step or not width * height:
@@ -50,7 +54,10 @@ def _element(datatype: int, where: str) -> str:
 
 
 def depth_from_points(
-    msg: Any, camera: Camera, T_camera_cloud: Float | None = None, where: str = "",
+    msg: Any,
+    camera: Camera,
+    T_camera_cloud: Float | None = None,
+    where: str = "",
 ) -> tuple[Image, Bytes]:
     """z-depth (H, W) in metres and reason map of a `sensor_msgs/PointCloud2`.
 

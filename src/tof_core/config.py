@@ -19,7 +19,12 @@ C = TypeVar("C")
 
 
 def param(
-    default: Any, text: str, *, unit: str = "", low: float | None = None, high: float | None = None,
+    default: Any,
+    text: str,
+    *,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
     choices: tuple[str, ...] = (),
 ) -> Any:
     """A field of a configuration: its default, what it means, its unit and its bounds."""
@@ -94,10 +99,7 @@ def updated(config: C, values: Mapping[str, Any], *, where: str = "config") -> C
 
 def to_mapping(config: object) -> dict[str, Any]:
     """Nested plain values of a configuration, as YAML would hold them."""
-    return {
-        f.name: to_mapping(v) if is_dataclass(v := getattr(config, f.name)) else v
-        for f in fields(cast("Any", config))
-    }
+    return {f.name: to_mapping(v) if is_dataclass(v := getattr(config, f.name)) else v for f in fields(cast("Any", config))}
 
 
 def flatten(config: object, prefix: str = "") -> dict[str, Any]:

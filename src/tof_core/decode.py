@@ -138,9 +138,14 @@ def camera_from_info(msg: Any, where: str = "camera_info", *, rectified: bool = 
     width, height = int(roi.width) or int(msg.width) - x0, int(roi.height) or int(msg.height) - y0
     try:
         return Camera(
-            width=width // bx, height=height // by, fx=fx / bx, fy=fy / by,
-            cx=(cx - x0 + 0.5) / bx - 0.5, cy=(cy - y0 + 0.5) / by - 0.5,
-            distortion_model=str(msg.distortion_model), frame_id=str(msg.header.frame_id),
+            width=width // bx,
+            height=height // by,
+            fx=fx / bx,
+            fy=fy / by,
+            cx=(cx - x0 + 0.5) / bx - 0.5,
+            cy=(cy - y0 + 0.5) / by - 0.5,
+            distortion_model=str(msg.distortion_model),
+            frame_id=str(msg.header.frame_id),
             distortion=() if rectified or not any(msg.d) else tuple(float(x) for x in msg.d),
         )
     except CameraError as error:

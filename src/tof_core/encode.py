@@ -25,9 +25,16 @@ class Encoding(NamedTuple):
 
 
 ENCODINGS = {
-    "16UC1": Encoding("u2", 1), "mono16": Encoding("u2", 1), "32FC1": Encoding("f4", 1),
-    "mono8": Encoding("u1", 1), "8UC1": Encoding("u1", 1), "16SC1": Encoding("i2", 1),
-    "rgb8": Encoding("u1", 3), "bgr8": Encoding("u1", 3), "rgba8": Encoding("u1", 4), "bgra8": Encoding("u1", 4),
+    "16UC1": Encoding("u2", 1),
+    "mono16": Encoding("u2", 1),
+    "32FC1": Encoding("f4", 1),
+    "mono8": Encoding("u1", 1),
+    "8UC1": Encoding("u1", 1),
+    "16SC1": Encoding("i2", 1),
+    "rgb8": Encoding("u1", 3),
+    "bgr8": Encoding("u1", 3),
+    "rgba8": Encoding("u1", 4),
+    "bgra8": Encoding("u1", 4),
 }
 """The encodings of `sensor_msgs/Image` that are read and written."""
 
@@ -49,8 +56,12 @@ def image_fields(array: NDArray[Any], encoding: str, *, step: int = 0, bigendian
     if step > rows.shape[1]:
         rows = np.pad(rows, ((0, 0), (0, step - rows.shape[1])))
     return {
-        "height": height, "width": width, "encoding": encoding, "is_bigendian": int(bigendian),
-        "step": rows.shape[1], "data": rows.reshape(-1),
+        "height": height,
+        "width": width,
+        "encoding": encoding,
+        "is_bigendian": int(bigendian),
+        "step": rows.shape[1],
+        "data": rows.reshape(-1),
     }
 
 
@@ -77,9 +88,15 @@ def camera_info_fields(camera: Camera) -> dict[str, Any]:
     d = np.zeros(max(length, len(camera.distortion)))
     d[: len(camera.distortion)] = camera.distortion
     return {
-        "height": camera.height, "width": camera.width, "distortion_model": model, "d": d,
-        "k": camera.K.reshape(-1), "r": np.eye(3).reshape(-1),
-        "p": np.hstack([camera.K, np.zeros((3, 1))]).reshape(-1), "binning_x": 0, "binning_y": 0,
+        "height": camera.height,
+        "width": camera.width,
+        "distortion_model": model,
+        "d": d,
+        "k": camera.K.reshape(-1),
+        "r": np.eye(3).reshape(-1),
+        "p": np.hstack([camera.K, np.zeros((3, 1))]).reshape(-1),
+        "binning_x": 0,
+        "binning_y": 0,
     }
 
 
@@ -106,9 +123,14 @@ def points_fields(points: ArrayLike, intensity: Image | None = None) -> dict[str
     names = ("x", "y", "z") if intensity is None else ("x", "y", "z", "intensity")
     height, width, count = cloud.shape
     return {
-        "height": height, "width": width, "fields": [PointField(name, 4 * i) for i, name in enumerate(names)],
-        "is_bigendian": False, "point_step": 4 * count, "row_step": 4 * count * width,
-        "data": _bytes(cloud), "is_dense": bool(np.isfinite(cloud).all()),
+        "height": height,
+        "width": width,
+        "fields": [PointField(name, 4 * i) for i, name in enumerate(names)],
+        "is_bigendian": False,
+        "point_step": 4 * count,
+        "row_step": 4 * count * width,
+        "data": _bytes(cloud),
+        "is_dense": bool(np.isfinite(cloud).all()),
     }
 
 

@@ -45,7 +45,11 @@ def depth_error(measured: Image, true: Image, where: Mask | None = None) -> Dept
     t = true[both].astype(np.float64)
     e = measured[both].astype(np.float64) - t
     return DepthError(
-        mae=float(np.abs(e).mean()), bias=float(e.mean()), rmse=float(np.sqrt((e * e).mean())),
-        completeness=pixels / reference, alignment=float(100.0 * (1.0 - np.abs(e) / t).mean()),
-        pixels=pixels, reference=reference,
+        mae=float(np.abs(e).mean()),
+        bias=float(e.mean()),
+        rmse=float(np.sqrt((e * e).mean())),
+        completeness=pixels / reference,
+        alignment=float(100.0 * (1.0 - np.abs(e) / t).mean()),
+        pixels=pixels,
+        reference=reference,
     )

@@ -98,7 +98,11 @@ def _pose(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int) ->
 
 
 def is_still(
-    transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, config: MotionConfig | None = None,
+    transforms: TransformBuffer,
+    cell: str,
+    camera: str,
+    stamp_ns: int,
+    config: MotionConfig | None = None,
 ) -> bool:
     """Whether the camera stands still in the cell around a stamp; False where TF does not tell."""
     config = config or MotionConfig()

@@ -113,8 +113,14 @@ def _combined(fits: list[_Fit], copies: float) -> RadialEvidence:
     w = np.array([f.std**-2 for f in fits])
     a, bends = np.array([f.exponent for f in fits]), np.array([[f.bend_z, f.bend_radial] for f in fits])
     bend_z, bend_radial = 1e3 * np.sqrt(w @ bends**2 / w.sum())
-    return RadialEvidence(float(w @ a / w.sum()), float(np.sqrt(copies / w.sum())), len(fits), float(bend_z), float(bend_radial),
-                          sum(f.log_odds for f in fits) / copies)
+    return RadialEvidence(
+        float(w @ a / w.sum()),
+        float(np.sqrt(copies / w.sum())),
+        len(fits),
+        float(bend_z),
+        float(bend_radial),
+        sum(f.log_odds for f in fits) / copies,
+    )
 
 
 def _numbered(surfaces: Ints) -> Iterator[Mask]:

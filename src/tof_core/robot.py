@@ -69,8 +69,11 @@ class RobotChain:
         if self.body:
             wanted = self.body.lstrip("/")
             if wanted not in chain:
-                raise TransformError(f"body frame '{wanted}' is not between '{cell}' and '{camera_frame}'", where="--body-frame",
-                                     todo=f"that way are: {', '.join(chain)}")
+                raise TransformError(
+                    f"body frame '{wanted}' is not between '{cell}' and '{camera_frame}'",
+                    where="--body-frame",
+                    todo=f"that way are: {', '.join(chain)}",
+                )
             return cell, wanted
         found = [f for name in BODY_NAMES for f in chain[:-1] if f.rpartition("/")[2] == name and f != cell]
         return cell, found[0] if found else ""
@@ -87,7 +90,8 @@ class RobotChain:
             return cell or "cell"
         raise TransformError(
             f"TF does not have the cell frame '{cell}'" if cell not in frames else f"TF does not connect '{cell}' with '{camera_frame}'",
-            where="/tf", todo=f"pass --initial-pose (where the cell is) or --cell-frame (TF has {', '.join(frames) or 'no frame'})",
+            where="/tf",
+            todo=f"pass --initial-pose (where the cell is) or --cell-frame (TF has {', '.join(frames) or 'no frame'})",
         )
 
     def _place(self, cell: str, camera_frame: str) -> None:
@@ -95,6 +99,9 @@ class RobotChain:
         assert placed is not None
         frame = placed.frame.lstrip("/")
         if frame != camera_frame and not self.transforms.connected(frame, camera_frame):
-            raise TransformError(f"the cell is placed in '{frame}', which TF does not connect with '{camera_frame}'", where="/tf",
-                                 todo=f"TF has the frames: {', '.join(self.transforms.frames()) or 'none at all'}")
+            raise TransformError(
+                f"the cell is placed in '{frame}', which TF does not connect with '{camera_frame}'",
+                where="/tf",
+                todo=f"TF has the frames: {', '.join(self.transforms.frames()) or 'none at all'}",
+            )
         self.transforms.add(frame, cell, 0, placed.T_frame_cell, static=True)

@@ -190,8 +190,9 @@ class TransformBuffer:
         for frame in (*up, *down):
             if frame in self._two_parents:
                 first, second = self._two_parents[frame]
-                raise TransformError(f"frame '{frame}' has two parents, '{first}' and '{second}'", where="/tf",
-                                     todo="let one publisher own it")
+                raise TransformError(
+                    f"frame '{frame}' has two parents, '{first}' and '{second}'", where="/tf", todo="let one publisher own it"
+                )
         return up, down
 
     def _ancestors(self, frame: str) -> list[str]:
@@ -229,9 +230,15 @@ def _compose(p: Motion, q: Motion) -> Motion:
     x, y, z = _rotate(p, q[0], q[1], q[2])
     _, _, _, a, b, c, d = p
     _, _, _, e, f, g, h = q
-    return (p[0] + x, p[1] + y, p[2] + z,
-            d * e + a * h + b * g - c * f, d * f - a * g + b * h + c * e,
-            d * g + a * f - b * e + c * h, d * h - a * e - b * f - c * g)
+    return (
+        p[0] + x,
+        p[1] + y,
+        p[2] + z,
+        d * e + a * h + b * g - c * f,
+        d * f - a * g + b * h + c * e,
+        d * g + a * f - b * e + c * h,
+        d * h - a * e - b * f - c * g,
+    )
 
 
 def _inverse(p: Motion) -> Motion:
@@ -245,7 +252,9 @@ def _interpolate(p: Motion, q: Motion, share: float) -> Motion:
     dot = p[3] * q[3] + p[4] * q[4] + p[5] * q[5] + p[6] * q[6]
     sign = -1.0 if dot < 0 else 1.0
     angle = math.acos(min(abs(dot), 1.0))
-    a, b = (1 - share, share) if angle < 1e-7 else (math.sin((1 - share) * angle) / math.sin(angle), math.sin(share * angle) / math.sin(angle))
+    a, b = (
+        (1 - share, share) if angle < 1e-7 else (math.sin((1 - share) * angle) / math.sin(angle), math.sin(share * angle) / math.sin(angle))
+    )
     r = [a * m + sign * b * n for m, n in zip(p[3:], q[3:], strict=True)]
     n = math.sqrt(sum(c * c for c in r))
     s = 1 - share

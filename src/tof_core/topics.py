@@ -51,7 +51,11 @@ class Topics:
 
 
 def find_topics(
-    types: Mapping[str, str], options: BagOptions, *, encodings: Mapping[str, str] | None = None, where: str = "bag",
+    types: Mapping[str, str],
+    options: BagOptions,
+    *,
+    encodings: Mapping[str, str] | None = None,
+    where: str = "bag",
 ) -> Topics:
     """The topics of a recording's depth camera.
 
@@ -80,9 +84,12 @@ class _Finder:
         source = depth or points
         colour = self._optional(o.colour_topic, "--colour-topic", self._images(COLOUR_WORDS, COLOUR_ENCODINGS, depth), source)
         return Topics(
-            depth=depth, points=points,
+            depth=depth,
+            points=points,
             info=self._given(o.info_topic, INFO, "--info-topic") or self._info_beside(source, "--info-topic"),
-            amplitude=self._optional(o.amplitude_topic, "--amplitude-topic", self._images(AMPLITUDE_WORDS, AMPLITUDE_ENCODINGS, depth), source),
+            amplitude=self._optional(
+                o.amplitude_topic, "--amplitude-topic", self._images(AMPLITUDE_WORDS, AMPLITUDE_ENCODINGS, depth), source
+            ),
             colour=colour,
             colour_info=self._given(o.colour_info_topic, INFO, "--colour-info-topic") or self._sibling(colour),
             temperature=self._optional(o.temperature_topic, "--temperature-topic", self._of_type(TEMPERATURE), source),
@@ -105,7 +112,8 @@ class _Finder:
         """Image topics with one of the words that the other kinds do not claim first."""
         others = (DEPTH_WORDS | AMPLITUDE_WORDS) - words if words is COLOUR_WORDS else DEPTH_WORDS - words
         fitting = [
-            t for t in self._of_type(IMAGE)
+            t
+            for t in self._of_type(IMAGE)
             if t != depth and _words(t) & words and not _words(t) & others and self.encodings.get(t, encodings[0]) in encodings
         ]
         return [t for t in fitting if not _words(t) & DERIVED_WORDS] or fitting
@@ -113,8 +121,7 @@ class _Finder:
     def _unnamed_depth(self) -> list[str]:
         """Images that no word claims, but whose encoding can hold depth and that have a CameraInfo."""
         named = AMPLITUDE_WORDS | COLOUR_WORDS | DERIVED_WORDS
-        return [t for t in self._of_type(IMAGE)
-                if self.encodings.get(t) in DEPTH_ENCODINGS and self._sibling(t) and not _words(t) & named]
+        return [t for t in self._of_type(IMAGE) if self.encodings.get(t) in DEPTH_ENCODINGS and self._sibling(t) and not _words(t) & named]
 
     def _one(self, candidates: list[str], what: str, flag: str, beside: str) -> str:
         """The only candidate, the one with spot_ros2's name, or the one nearest to `beside`; else an error."""

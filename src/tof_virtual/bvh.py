@@ -47,8 +47,9 @@ class Bvh:
 
     def blocked(self, start: Float, end: Float) -> Mask:
         """Whether something stands between points (N, 3) and (N, 3), both pulled in by a hair."""
-        return np.asarray(_blocked(self.boxes, self.links, self.triangles, np.ascontiguousarray(start, float),
-                                   np.ascontiguousarray(end, float)))
+        return np.asarray(
+            _blocked(self.boxes, self.links, self.triangles, np.ascontiguousarray(start, float), np.ascontiguousarray(end, float))
+        )
 
 
 def build(corners: Float) -> Bvh:
@@ -238,7 +239,16 @@ def _cast(boxes: Float, links: NDArray[np.int32], tri: Float, origins: Float, di
 
 @njit(cache=True, error_model="numpy")
 def shadow(
-    boxes: Float, links: NDArray[np.int32], tri: Float, stack: NDArray[np.int32], hint: int, ox: float, oy: float, oz: float, dx: float, dy: float,
+    boxes: Float,
+    links: NDArray[np.int32],
+    tri: Float,
+    stack: NDArray[np.int32],
+    hint: int,
+    ox: float,
+    oy: float,
+    oz: float,
+    dx: float,
+    dy: float,
     dz: float,
 ) -> int:
     """A triangle that cuts the stretch from o to o + d, both ends pulled in by a hair; -1 if none. Tries `hint` first."""

@@ -16,7 +16,9 @@ class CameraConfig:
     height: int = param(171, "rows", unit="px", low=8, high=2000)
     fov_deg: float = param(55.9, "horizontal field of view", unit="deg", low=5, high=120)
     modulation_mhz: float = param(100.0, "modulation frequency of the fine phase", unit="MHz", low=1, high=500)
-    signal_ke: float = param(90.0, "signal electrons a tap collects from albedo 0.5 at 0.8 m, seen straight on", unit="1000 e-", low=0.1, high=1e4)
+    signal_ke: float = param(
+        90.0, "signal electrons a tap collects from albedo 0.5 at 0.8 m, seen straight on", unit="1000 e-", low=0.1, high=1e4
+    )
     ambient_ke: float = param(60.0, "ambient electrons a tap collects from albedo 0.5", unit="1000 e-", low=0, high=1e4)
     contrast: float = param(0.8, "demodulation contrast", low=0.05, high=1)
     read_noise_e: float = param(60.0, "read noise of a tap", unit="e-", low=0, high=1e4)
@@ -53,8 +55,13 @@ class PlanConfig:
     azimuth_deg: float = param(50.0, "largest azimuth to either side", unit="deg", low=0, high=180)
     elevation_min_deg: float = param(-10.0, "lowest elevation of the camera above the target", unit="deg", low=-89, high=89)
     elevation_max_deg: float = param(50.0, "highest elevation of the camera above the target", unit="deg", low=-89, high=89)
-    sweep_deg: float = param(0.0, "the paper's sweep: azimuth from 0 to this in equal steps around one point, from one station; 0 varies everything",
-                             unit="deg", low=0, high=180)
+    sweep_deg: float = param(
+        0.0,
+        "the paper's sweep: azimuth from 0 to this in equal steps around one point, from one station; 0 varies everything",
+        unit="deg",
+        low=0,
+        high=180,
+    )
     roll_deg: float = param(15.0, "largest roll about the axis", unit="deg", low=0, high=180)
     facing_deg: float = param(0.0, "azimuth of the robot's side, from the cell's x", unit="deg", low=-180, high=180)
     target: str = param("", "point looked at as 'x,y,z' in the cell, the middle of the subjects if empty")

@@ -49,7 +49,14 @@ class Patches:
 
 
 def irradiance(
-    world: World, sight: Sight, rays: Float, wavenumber: float, *, bounces: int = 4, wider: float = WIDER, cones: tuple[int, int] = CONES,
+    world: World,
+    sight: Sight,
+    rays: Float,
+    wavenumber: float,
+    *,
+    bounces: int = 4,
+    wider: float = WIDER,
+    cones: tuple[int, int] = CONES,
     points: int = POINTS,
 ) -> NDArray[np.complex128]:
     """Indirect irradiance (P,) of the main surfaces over the emitter's intensity, per square metre.
@@ -84,8 +91,11 @@ def _patches(world: World, sight: Sight, rays: Float, wavenumber: float, wider: 
     cosine = np.einsum("ij,ij->i", directions, world.soup.normals[face])
     normals = world.soup.normals[face] * -np.sign(cosine)[:, None]
     return Patches(
-        points=origin + directions * distance[:, None], normals=normals, albedo=world.soup.albedo[face],
-        area=angle * distance**2 / np.maximum(np.abs(cosine), GRAZING), power=angle * np.exp(0.5j * wavenumber * distance),
+        points=origin + directions * distance[:, None],
+        normals=normals,
+        albedo=world.soup.albedo[face],
+        area=angle * distance**2 / np.maximum(np.abs(cosine), GRAZING),
+        power=angle * np.exp(0.5j * wavenumber * distance),
     )
 
 
@@ -132,16 +142,34 @@ def _gather(world: World, rays: Rays, normals: Float, pixels: NDArray[np.int64],
     tree = world.tree
     out = np.zeros(pixels.size, np.complex128)
     out[hit] = _light(
-        tree.boxes, tree.links, tree.triangles, rays.points[chosen], normals[chosen], rays.distance[chosen], lit.points, lit.normals, lit.area,
-        lit.albedo * lit.power, wavenumber,
+        tree.boxes,
+        tree.links,
+        tree.triangles,
+        rays.points[chosen],
+        normals[chosen],
+        rays.distance[chosen],
+        lit.points,
+        lit.normals,
+        lit.area,
+        lit.albedo * lit.power,
+        wavenumber,
     )
     return out
 
 
 @njit(cache=True, error_model="numpy")
 def _light(
-    boxes: Float, links: NDArray[np.int32], tri: Float, points: Float, normals: Float, distance: Float, sources: Float, facing: Float, area: Float,
-    power: NDArray[np.complex128], wavenumber: float,
+    boxes: Float,
+    links: NDArray[np.int32],
+    tri: Float,
+    points: Float,
+    normals: Float,
+    distance: Float,
+    sources: Float,
+    facing: Float,
+    area: Float,
+    power: NDArray[np.complex128],
+    wavenumber: float,
 ) -> NDArray[np.complex128]:
     """What patches send to points, turned back by the phase of the points' direct path."""
     out = np.zeros(points.shape[0], np.complex128)
@@ -159,7 +187,11 @@ def _light(
             near = d2 < NEAR * area[s]
             if not near and (here <= 1e-9 or there <= 1e-9 or here * there < 1e-7 * np.pi * d2 * d2):
                 continue
-            z = _near(points[p], normals[p], sources[s], facing[s], area[s], wavenumber) if near else _far(here, there, d2, area[s], wavenumber)
+            z = (
+                _near(points[p], normals[p], sources[s], facing[s], area[s], wavenumber)
+                if near
+                else _far(here, there, d2, area[s], wavenumber)
+            )
             if z == 0:
                 continue
             found = shadow(boxes, links, tri, stack, hint, px + 1e-6 * nx, py + 1e-6 * ny, pz + 1e-6 * nz, dx, dy, dz)
@@ -205,7 +237,13 @@ def _near(point: Float, normal: Float, source: Float, facing: Float, area: float
 
 @njit(cache=True, error_model="numpy")
 def _transfer(
-    boxes: Float, links: NDArray[np.int32], tri: Float, points: Float, normals: Float, area: Float, wavenumber: float,
+    boxes: Float,
+    links: NDArray[np.int32],
+    tri: Float,
+    points: Float,
+    normals: Float,
+    area: Float,
+    wavenumber: float,
 ) -> NDArray[np.complex128]:
     """(n, n): irradiance of patch i per power of patch j, with half the phase of the way between."""
     n = points.shape[0]
@@ -233,8 +271,14 @@ def _transfer(
 
 @njit(cache=True)
 def _interpolate(
-    out: NDArray[np.complex128], gathered: NDArray[np.complex128], points: Float, normals: Float, face: NDArray[np.int32],
-    rows: NDArray[np.int64], columns: NDArray[np.int64], width: int,
+    out: NDArray[np.complex128],
+    gathered: NDArray[np.complex128],
+    points: Float,
+    normals: Float,
+    face: NDArray[np.int32],
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    width: int,
 ) -> NDArray[np.bool_]:
     """Bilinear on the raster between coarse points of the same smooth surface; returns the pixels that have none."""
     left = np.zeros(face.size, np.bool_)

@@ -106,9 +106,14 @@ class VirtualRobot:
         amplitude = decode_amplitude(_message(encode_amplitude(taken.amplitude, self.camera.shape), "mono16"))
         stamp = self.config.output.start_s * 1_000_000_000 + round(self._time_s * 1e9)
         capture = Capture(
-            stamp_ns=stamp, camera=self.camera, depth=depth, reason=reason, amplitude=amplitude,
+            stamp_ns=stamp,
+            camera=self.camera,
+            depth=depth,
+            reason=reason,
+            amplitude=amplitude,
             robot=RobotPose(self.T_cell_body.copy(), np.asarray(self.T_body_hand @ HAND_OF_CAMERA)),
-            colour=self._colour(stamp) if colour else None, temperature=round(self._session.temperature(self._time_s), 2),
+            colour=self._colour(stamp) if colour else None,
+            temperature=round(self._session.temperature(self._time_s), 2),
         )
         self._time_s += 1 / self.config.plan.rate_hz
         self._index += 1
@@ -117,8 +122,14 @@ class VirtualRobot:
     def _moment(self) -> Moment:
         s = self._session
         return Moment(
-            index=self._index, view=self._index, time_s=self._time_s, temperature=s.temperature(self._time_s), world=s.world(s.effects),
-            config=self.config, camera=self.camera, sights=(self._seen(),),
+            index=self._index,
+            view=self._index,
+            time_s=self._time_s,
+            temperature=s.temperature(self._time_s),
+            world=s.world(s.effects),
+            config=self.config,
+            camera=self.camera,
+            sights=(self._seen(),),
         )
 
     def _colour(self, stamp_ns: int) -> Colour:
@@ -136,7 +147,9 @@ class VirtualRobot:
             for e in effects:
                 camera = e.true_camera(camera)
             width = max((e.footprint() for e in effects), default=0.0) or 1.0
-            self._sight = look(s.world(effects), camera.rays(), self.T_cell_camera_true, subsamples=self.config.camera.subsamples, width=width)
+            self._sight = look(
+                s.world(effects), camera.rays(), self.T_cell_camera_true, subsamples=self.config.camera.subsamples, width=width
+            )
         return self._sight
 
 

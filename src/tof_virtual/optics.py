@@ -73,6 +73,10 @@ def _phasors(e: Echo, metres_per_radian: float, *, harmonics: bool) -> Light:
     first = np.exp(1j / metres_per_radian * e.distance)
     none = np.zeros(0, np.complex128)
     return Light(
-        first=e.strength * first, third=e.strength * first**3 if harmonics else none,
-        fifth=e.strength * first**5 if harmonics else none, total=e.strength.copy(), ambient=e.ambient.copy(), coarse=e.distance.copy(),
+        first=e.strength * first,
+        third=e.strength * first**3 if harmonics else none,
+        fifth=e.strength * first**5 if harmonics else none,
+        total=e.strength.copy(),
+        ambient=e.ambient.copy(),
+        coarse=e.distance.copy(),
     )

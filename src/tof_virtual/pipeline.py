@@ -59,7 +59,9 @@ def _charge(moment: Moment, effects: Sequence[Effect]) -> taps.Charge:
         phasor=four("first", config.contrast),
         third=four("third", config.contrast * third) if harmonics else None,
         fifth=four("fifth", config.contrast * fifth) if harmonics else None,
-        steady=four("total", 1.0) + four("ambient", 1.0), coarse=middle.coarse, lag=np.zeros(middle.total.size),
+        steady=four("total", 1.0) + four("ambient", 1.0),
+        coarse=middle.coarse,
+        lag=np.zeros(middle.total.size),
     )
 
 

@@ -63,7 +63,9 @@ def _sweep(world: World, config: PlanConfig) -> list[Stop]:
     target = _target(world, config)
     azimuths = np.radians(config.facing_deg + np.linspace(0, config.sweep_deg, config.views))
     elevation = np.radians(0.5 * (config.elevation_min_deg + config.elevation_max_deg))
-    away = np.stack([np.cos(elevation) * np.cos(azimuths), np.cos(elevation) * np.sin(azimuths), np.full(config.views, np.sin(elevation))], axis=1)
+    away = np.stack(
+        [np.cos(elevation) * np.cos(azimuths), np.cos(elevation) * np.sin(azimuths), np.full(config.views, np.sin(elevation))], axis=1
+    )
     middle = away[config.views // 2]
     far = target + middle * (world.soup.extent + 3.0)
     t, _ = world.tree.cast(far, -middle[None])
@@ -116,7 +118,14 @@ def _body(target: Float, azimuth: float) -> Float:
 
 
 def _view(
-    world: World, rays: Float, rng: np.random.Generator, config: PlanConfig, target: Float, extent: Float, range_m: float, azimuth: float,
+    world: World,
+    rays: Float,
+    rng: np.random.Generator,
+    config: PlanConfig,
+    target: Float,
+    extent: Float,
+    range_m: float,
+    azimuth: float,
     elevation: float,
 ) -> Float:
     """A camera at `range_m` from the first surface on the way to a point near the target; of some tries the best seen."""

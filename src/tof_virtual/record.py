@@ -46,8 +46,13 @@ class Event(NamedTuple):
 
 
 def record(
-    bodies: Sequence[Body], out_bag: Path | str, config: VirtualConfig, *, effects: Mapping[str, float] | None = None,
-    truth_path: Path | str | None = None, sensor: Sensor | None = None,
+    bodies: Sequence[Body],
+    out_bag: Path | str,
+    config: VirtualConfig,
+    *,
+    effects: Mapping[str, float] | None = None,
+    truth_path: Path | str | None = None,
+    sensor: Sensor | None = None,
 ) -> Truth:
     """Record a session.
 
@@ -65,7 +70,11 @@ def record(
 
 
 def record_session(
-    session: Session, out_bag: Path | str, *, truth_path: Path | str | None = None, sensor: Sensor | None = None,
+    session: Session,
+    out_bag: Path | str,
+    *,
+    truth_path: Path | str | None = None,
+    sensor: Sensor | None = None,
 ) -> Truth:
     """Record a session whose effects have their sizes; arguments as of `record`."""
     truth = Truth(session)

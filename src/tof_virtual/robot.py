@@ -63,7 +63,8 @@ class Robot:
         self.T_body_hand = T_body_hand
         random = self._rng.normal(0, 1, 6) * _per_axis(c.repeat_mm, c.repeat_deg)
         steady = self._repeatable(T_body_hand) * _per_axis(
-            np.sqrt(max(c.arm_mm**2 - c.repeat_mm**2, 0)), np.sqrt(max(c.arm_deg**2 - c.repeat_deg**2, 0)))
+            np.sqrt(max(c.arm_mm**2 - c.repeat_mm**2, 0)), np.sqrt(max(c.arm_deg**2 - c.repeat_deg**2, 0))
+        )
         self.A = se3.exp(steady + random)
 
     def _repeatable(self, T_body_hand: Float) -> Float:

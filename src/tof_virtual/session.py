@@ -44,8 +44,17 @@ class Errors:
 def stated_camera(config: CameraConfig, frame_id: str) -> Camera:
     """The published calibration: square pixels, principal point near the middle."""
     f = 0.5 * config.width / np.tan(np.radians(config.fov_deg) / 2)
-    return Camera(config.width, config.height, float(f), float(f), 0.5 * (config.width - 1) + 0.8, 0.5 * (config.height - 1) - 0.6,
-                  "plumb_bob", (0.0,) * 5, frame_id)
+    return Camera(
+        config.width,
+        config.height,
+        float(f),
+        float(f),
+        0.5 * (config.width - 1) + 0.8,
+        0.5 * (config.height - 1) - 0.6,
+        "plumb_bob",
+        (0.0,) * 5,
+        frame_id,
+    )
 
 
 class Session:
@@ -152,8 +161,9 @@ class Session:
             width = max((e.footprint() for e in effects), default=0.0) or 1.0
             while len(self._sights) >= SIGHTS_KEPT:
                 self._sights.pop(next(iter(self._sights)))
-            self._sights[key] = look(self.world(effects), camera.rays(), self.true_pose(shutter, effects, shift_s),
-                                     subsamples=subsamples, width=width)
+            self._sights[key] = look(
+                self.world(effects), camera.rays(), self.true_pose(shutter, effects, shift_s), subsamples=subsamples, width=width
+            )
         return self._sights[key]
 
     def moment(self, index: int, effects: Sequence[Effect] | None = None, *, subsamples: int = 0) -> Moment:
@@ -166,8 +176,15 @@ class Session:
         if not self._lights or any(a is not b for a, b in zip_longest(self._lights[0], sights)):
             self._lights = (sights, {})
         return Moment(
-            index=index, view=shutter.stop, time_s=shutter.time_s, temperature=self.temperature(shutter.time_s),
-            world=self.world(effects), config=self.config, camera=self.camera, sights=sights, lights=self._lights[1],
+            index=index,
+            view=shutter.stop,
+            time_s=shutter.time_s,
+            temperature=self.temperature(shutter.time_s),
+            world=self.world(effects),
+            config=self.config,
+            camera=self.camera,
+            sights=sights,
+            lights=self._lights[1],
         )
 
     def bias(self, index: int, effect: Effect) -> Float:

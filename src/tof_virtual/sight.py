@@ -103,8 +103,14 @@ def look(world: World, rays: Float, T_cell_camera: Float, *, subsamples: int = 6
         _majority(edge, du.size, part_z, part_face, bundle, nearest, flat, s.normals, s.body, z, face)
     length = np.linalg.norm(flat, axis=1)
     return Sight(
-        main=_rays(z, face, flat, origin, s), edge=edge, parts=replace(_rays(part_z, part_face, bundle, origin, s), direction=np.zeros((0, 3))),
-        samples=du.size, z=z, length=length, shape=(height, columns), T_cell_camera=T_cell_camera,
+        main=_rays(z, face, flat, origin, s),
+        edge=edge,
+        parts=replace(_rays(part_z, part_face, bundle, origin, s), direction=np.zeros((0, 3))),
+        samples=du.size,
+        z=z,
+        length=length,
+        shape=(height, columns),
+        T_cell_camera=T_cell_camera,
     )
 
 
@@ -149,8 +155,17 @@ def _edges(z: Float, face: NDArray[np.int32], rays: Float, normals: Float, body:
 
 @njit(cache=True)
 def _majority(
-    edge: NDArray[np.int64], samples: int, part_z: Float, part_face: NDArray[np.int32], bundle: Float, nearest: NDArray[np.int64], rays: Float,
-    normals: Float, body: NDArray[np.int32], z: Float, face: NDArray[np.int32],
+    edge: NDArray[np.int64],
+    samples: int,
+    part_z: Float,
+    part_face: NDArray[np.int32],
+    bundle: Float,
+    nearest: NDArray[np.int64],
+    rays: Float,
+    normals: Float,
+    body: NDArray[np.int32],
+    z: Float,
+    face: NDArray[np.int32],
 ) -> None:
     """Write into z and face the surface that most of each edge pixel's rays meet, prolonged to the pixel's centre."""
     group = np.empty(samples, np.int64)

@@ -44,7 +44,9 @@ def metres_per_radian(modulation_mhz: float) -> float:
 
 
 def measure(
-    charge: Charge, config: CameraConfig, rng: np.random.Generator | None,
+    charge: Charge,
+    config: CameraConfig,
+    rng: np.random.Generator | None,
 ) -> tuple[Float, Float, Mask]:
     """Distance (P,) in metres, amplitude (P,) in electrons, and which pixels saturated, of one frame.
 
@@ -55,9 +57,16 @@ def measure(
     empty = np.zeros((4, 0), np.complex128)
     noise = none.astype(np.float32) if rng is None else rng.standard_normal((4, P), dtype=np.float32)
     phase, amplitude, full = _taps(
-        charge.phasor, empty if charge.third is None else charge.third, empty if charge.fifth is None else charge.fifth,
-        charge.steady, charge.lag, none if charge.extra is None else charge.extra, noise,
-        config.read_noise_e, config.full_well_ke * 1e3, config.full_well_ke * 1e3 / 2**config.adc_bits,
+        charge.phasor,
+        empty if charge.third is None else charge.third,
+        empty if charge.fifth is None else charge.fifth,
+        charge.steady,
+        charge.lag,
+        none if charge.extra is None else charge.extra,
+        noise,
+        config.read_noise_e,
+        config.full_well_ke * 1e3,
+        config.full_well_ke * 1e3 / 2**config.adc_bits,
     )
     scale = metres_per_radian(config.modulation_mhz)
     unambiguous = 2 * math.pi * scale
@@ -67,8 +76,16 @@ def measure(
 
 @njit(cache=True, error_model="numpy")
 def _taps(
-    first: NDArray[np.complex128], third: NDArray[np.complex128], fifth: NDArray[np.complex128], steady: Float, lag: Float, extra: Float,
-    noise: NDArray[np.float32], read: float, full_well: float, step: float,
+    first: NDArray[np.complex128],
+    third: NDArray[np.complex128],
+    fifth: NDArray[np.complex128],
+    steady: Float,
+    lag: Float,
+    extra: Float,
+    noise: NDArray[np.float32],
+    read: float,
+    full_well: float,
+    step: float,
 ) -> tuple[Float, Float, Mask]:
     P = lag.size
     phase, amplitude, full = np.zeros(P), np.zeros(P), np.zeros(P, np.bool_)

@@ -38,8 +38,10 @@ class Segment:
         if self.smooth:
             share = share**3 * (10 - 15 * share + 6 * share**2)
         body, hand = self.T_cell_body, self.T_body_hand
-        return (body[0] if body[0] is body[1] else se3.interpolate(*body, share),
-                hand[0] if hand[0] is hand[1] else se3.interpolate(*hand, share))
+        return (
+            body[0] if body[0] is body[1] else se3.interpolate(*body, share),
+            hand[0] if hand[0] is hand[1] else se3.interpolate(*hand, share),
+        )
 
     def ticks(self, rate_hz: float) -> Iterator[float]:
         """Times at which TF is sent: both ends and every period between."""
@@ -82,6 +84,9 @@ def _sweep(T_body_hand: Float, config: PlanConfig, dwell_s: float, rng: np.rando
     if not config.capture_moving:
         return T_body_hand, T_body_hand
     way, turn = rng.normal(0, 1, 3), rng.normal(0, 1, 3)
-    twist = np.concatenate([config.speed_m_s * way / np.linalg.norm(way),
-                            np.radians(config.turn_deg_s) * turn / np.linalg.norm(turn)]) * dwell_s / 2
+    twist = (
+        np.concatenate([config.speed_m_s * way / np.linalg.norm(way), np.radians(config.turn_deg_s) * turn / np.linalg.norm(turn)])
+        * dwell_s
+        / 2
+    )
     return T_body_hand @ se3.exp(-twist), T_body_hand @ se3.exp(twist)

@@ -49,12 +49,20 @@ class Truth:
         self._key = key
         sight = s.sight(shutter, s.effects)
         part = np.where(sight.main.face >= 0, s.world(s.effects).soup.body[sight.main.face], -1)
-        self._rows.append({
-            "stamp_ns": stamp, "dwell_ns": stamp, "station": s.stops[shutter.stop].station, "stop": shutter.stop,
-            "T_cell_camera": s.true_pose(shutter), "T_robot": s.robot_pose(shutter), "A": s.errors[shutter.stop].A,
-            "depth": _image(sight.z, sight.shape), "part": part.astype(np.int16).reshape(sight.shape),
-            **{f"{e.kind}_{e.name}": _image(s.bias(index, e), sight.shape) for e in s.effects},
-        })
+        self._rows.append(
+            {
+                "stamp_ns": stamp,
+                "dwell_ns": stamp,
+                "station": s.stops[shutter.stop].station,
+                "stop": shutter.stop,
+                "T_cell_camera": s.true_pose(shutter),
+                "T_robot": s.robot_pose(shutter),
+                "A": s.errors[shutter.stop].A,
+                "depth": _image(sight.z, sight.shape),
+                "part": part.astype(np.int16).reshape(sight.shape),
+                **{f"{e.kind}_{e.name}": _image(s.bias(index, e), sight.shape) for e in s.effects},
+            }
+        )
 
     def __len__(self) -> int:
         """Views taken down so far."""
@@ -71,10 +79,19 @@ class Truth:
         """Everything of the `.json` file."""
         s = self.session
         return {
-            "schema": SCHEMA, "seed": s.config.seed, "config": to_mapping(s.config), "parts": list(s.nominal.soup.names),
+            "schema": SCHEMA,
+            "seed": s.config.seed,
+            "config": to_mapping(s.config),
+            "parts": list(s.nominal.soup.names),
             "effects": {
-                e.name: {"strength": e.strength, "size": e.size, "unit": e.unit, "kind": e.kind, "rms_mm": 1e3 * self._rms(e),
-                         "params": e.params()}
+                e.name: {
+                    "strength": e.strength,
+                    "size": e.size,
+                    "unit": e.unit,
+                    "kind": e.kind,
+                    "rms_mm": 1e3 * self._rms(e),
+                    "params": e.params(),
+                }
                 for e in s.effects
             },
         }

@@ -31,7 +31,20 @@ ROBOT = np.repeat([0.05, np.radians(2.0)], 3)
 def box(name: str, size: tuple[float, float, float], T: Float) -> Part:
     """A box of `size` metres about the origin of T."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * size
-    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    faces = [
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 6, 7],
+        [4, 7, 5],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
+    ]
     return Part(name, se3.apply(T, corners), np.array(faces, np.int32))
 
 
@@ -109,8 +122,17 @@ def true_depth(caster: Raycaster, T: Float, camera: Camera = CAMERA) -> tuple[Fl
 
 
 def measured(
-    caster: Raycaster, T: Float, robot: RobotPose, *, number: int = 0, station: int = 0, noise_mm: float = 1.0, captures: int = 10,
-    effect: Callable[[Seen], Float] | None = None, seed: int = 0, camera: Camera = CAMERA,
+    caster: Raycaster,
+    T: Float,
+    robot: RobotPose,
+    *,
+    number: int = 0,
+    station: int = 0,
+    noise_mm: float = 1.0,
+    captures: int = 10,
+    effect: Callable[[Seen], Float] | None = None,
+    seed: int = 0,
+    camera: Camera = CAMERA,
 ) -> tuple[View, Truth]:
     """A view from T whose robot believes `robot`: noise falls with amplitude, sigma is estimated from as many captures."""
     rng = np.random.default_rng([seed, number])
@@ -131,8 +153,16 @@ def measured(
 
 
 def session(
-    caster: Raycaster, *, views: int = 8, stations: int = 2, seed: int = 0, base: tuple[float, float] = (30.0, 1.0),
-    arm: tuple[float, float] = (0.6, 0.06), X: Float | None = None, effect: Callable[[Seen], Float] | None = None, noise_mm: float = 1.0,
+    caster: Raycaster,
+    *,
+    views: int = 8,
+    stations: int = 2,
+    seed: int = 0,
+    base: tuple[float, float] = (30.0, 1.0),
+    arm: tuple[float, float] = (0.6, 0.06),
+    X: Float | None = None,
+    effect: Callable[[Seen], Float] | None = None,
+    noise_mm: float = 1.0,
 ) -> tuple[list[View], list[Truth]]:
     """A robot that stands off by `base` (mm, degrees per axis) and whose arm errs by `arm`."""
     rng = np.random.default_rng([seed, 99])

@@ -25,7 +25,7 @@ def lin() -> Linearised:
 
 def part(columns: np.ndarray, sizes: tuple[int, ...], kind: int) -> np.ndarray:
     ends = np.cumsum((0, *sizes))
-    return columns[:, ends[kind]:ends[kind + 1]]
+    return columns[:, ends[kind] : ends[kind + 1]]
 
 
 def left_over(columns: np.ndarray, y: np.ndarray) -> float:

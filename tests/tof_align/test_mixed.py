@@ -9,7 +9,9 @@ import pytest
 from tof_align.mixed import DOUBT, Normal, estimate, solve
 
 
-def model(rng: np.random.Generator, views: int = 5, rows: int = 60, noise: float = 0.01, size: float = 1.0) -> tuple[Normal, np.ndarray, np.ndarray]:
+def model(
+    rng: np.random.Generator, views: int = 5, rows: int = 60, noise: float = 0.01, size: float = 1.0
+) -> tuple[Normal, np.ndarray, np.ndarray]:
     """Views with 3 shared fixed unknowns (prior 1), 4 shared of unknown size, 2 own with a prior, 3 own of unknown size."""
     x = np.concatenate([rng.normal(size=3), size * rng.normal(size=4)])
     blocks, dense, right = [], [], []
@@ -20,7 +22,7 @@ def model(rng: np.random.Generator, views: int = 5, rows: int = 60, noise: float
         full = np.concatenate([D, y[:, None]], axis=1) / noise
         blocks.append(full.T @ full)
         row = np.zeros((rows, 7 + 5 * views))
-        row[:, :7], row[:, 7 + 5 * v:12 + 5 * v] = D[:, :7], D[:, 7:]
+        row[:, :7], row[:, 7 + 5 * v : 12 + 5 * v] = D[:, :7], D[:, 7:]
         dense.append(row / noise)
         right.append(y / noise)
     normal = Normal(

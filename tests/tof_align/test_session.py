@@ -70,9 +70,7 @@ def test_an_unmodelled_effect_neither_moves_hand_eye_nor_hides_in_certainty(name
     assert np.abs(se3.log(found.X) / X_SIGMA).max() < 3.0
     assert honest(found, truth) > 0.9
     per_view = solve_session(views, section(), replace(CONFIG, mode="per_view"))
-    ours, theirs = (
-        np.median([pose_error(p.T_cell_camera, t)[0] for p, t in zip(s.posed, truth, strict=True)]) for s in (found, per_view)
-    )
+    ours, theirs = (np.median([pose_error(p.T_cell_camera, t)[0] for p, t in zip(s.posed, truth, strict=True)]) for s in (found, per_view))
     assert ours < 0.4 * theirs
 
 

@@ -36,8 +36,8 @@ def brute(system: SessionSystem[Chain], C: list[np.ndarray]) -> tuple[np.ndarray
         shared, own = system.rig.links(v)
         A = np.zeros((len(view.residual), g + 6 * V + k))
         A[:, system.rig.where(v)] = view.jacobian @ shared
-        A[:, g + 6 * v:g + 6 * v + 6] = view.jacobian @ own
-        A[:, g + 6 * V:] = C[v]
+        A[:, g + 6 * v : g + 6 * v + 6] = view.jacobian @ own
+        A[:, g + 6 * V :] = C[v]
         root = np.sqrt(system.weights[v])
         rows.append(A * root[:, None])
         right.append(root * view.residual)

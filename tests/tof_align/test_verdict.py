@@ -24,8 +24,8 @@ def test_support_is_the_share_of_pixels_on_the_cad_that_agree() -> None:
     fit = fit_of(lin, CONFIG, offset)
     assert fit.pixels == len(lin.residual)
     assert fit.support == pytest.approx(0.75, abs=0.001)
-    assert fit.rms == pytest.approx(float(np.sqrt((lin.residual[len(offset) // 4:] ** 2).mean())), rel=1e-6)
-    assert fit.score == pytest.approx(0.25 * 0.015 + 0.75 * float(np.abs(lin.residual[len(offset) // 4:]).mean()), rel=0.01)
+    assert fit.rms == pytest.approx(float(np.sqrt((lin.residual[len(offset) // 4 :] ** 2).mean())), rel=1e-6)
+    assert fit.score == pytest.approx(0.25 * 0.015 + 0.75 * float(np.abs(lin.residual[len(offset) // 4 :]).mean()), rel=0.01)
 
 
 def test_what_is_explained_away_by_more_than_twice_the_limit_does_not_agree() -> None:

@@ -195,7 +195,9 @@ except BagError as error:
 @STORAGES
 def test_a_full_disk_is_one_line_and_what_was_written_stays(tmp_path: Path, storage: Storage) -> None:
     path = tmp_path / "bag"
-    done = subprocess.run([sys.executable, "-c", FULL_DISK, str(path), storage, "1500000"], cwd=REPOSITORY, check=False, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(path), storage, "1500000"], cwd=REPOSITORY, check=False, capture_output=True, text=True
+    )
     assert done.returncode == 1, done.stderr
     assert done.stdout.count("\n") == 1
     assert f"{path}: cannot be written further" in done.stdout
@@ -244,7 +246,6 @@ def test_a_bag_without_any_message_is_one_line(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag"):
         pass
     assert "has no depth image" in refusal(tmp_path / "bag")
-
 
 
 def test_a_transform_that_is_no_motion_is_a_gap_not_the_end(tmp_path: Path) -> None:

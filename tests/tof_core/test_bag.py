@@ -32,7 +32,9 @@ def read(path: Path, options: BagOptions | None = None, **more: Any) -> list[Cap
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 @pytest.mark.parametrize("distro", ["jazzy", "humble"])
 @pytest.mark.parametrize("encoding", ["16UC1", "32FC1"])
-def test_what_was_written_is_read(tmp_path: Path, storage: Literal["mcap", "sqlite3"], distro: Literal["jazzy", "humble"], encoding: str) -> None:
+def test_what_was_written_is_read(
+    tmp_path: Path, storage: Literal["mcap", "sqlite3"], distro: Literal["jazzy", "humble"], encoding: str
+) -> None:
     path = bags.write(tmp_path / "bag", Session(storage=storage, distro=distro, encoding=encoding))
     captures = read(path)
     assert [c.stamp_ns for c in captures] == [stamp(i) for i in range(6)]
@@ -71,8 +73,12 @@ def test_frames_recorded_out_of_order_come_by_their_stamps(tmp_path: Path) -> No
         log = [3, 0, 5, 1, 4, 2]
         for n, i in enumerate(log):
             bag.camera_info("/depth/hand/camera_info", CAMERA, stamp(i))
-            message = bag._new("sensor_msgs/msg/Image", header=bag._header(stamp(i), CAMERA.frame_id), **image_fields(depth_counts(depth_of(i)), "16UC1"))
-            bag.raw("/depth/hand/image", "sensor_msgs/msg/Image", bytes(bag._types.serialize_cdr(message, "sensor_msgs/msg/Image")), START + n)
+            message = bag._new(
+                "sensor_msgs/msg/Image", header=bag._header(stamp(i), CAMERA.frame_id), **image_fields(depth_counts(depth_of(i)), "16UC1")
+            )
+            bag.raw(
+                "/depth/hand/image", "sensor_msgs/msg/Image", bytes(bag._types.serialize_cdr(message, "sensor_msgs/msg/Image")), START + n
+            )
     assert [c.stamp_ns for c in read(tmp_path / "bag")] == [stamp(i) for i in range(6)]
 
 
@@ -105,7 +111,9 @@ def test_a_wider_gap_may_be_allowed(tmp_path: Path) -> None:
 
 def test_a_bag_without_the_cell_is_refused_at_once(tmp_path: Path) -> None:
     path = bags.write(tmp_path / "bag", Session(root="odom"))
-    with pytest.raises(TransformError, match=r"TF does not have the cell frame 'cell'; pass --initial-pose .* or --cell-frame \(TF has odom, spot/body"):
+    with pytest.raises(
+        TransformError, match=r"TF does not have the cell frame 'cell'; pass --initial-pose .* or --cell-frame \(TF has odom, spot/body"
+    ):
         read(path)
 
 
@@ -230,7 +238,14 @@ def write_one(path: Path, array: np.ndarray[Any, Any], encoding: str, **info: An
         from tof_core.encode import camera_info_fields
 
         fields = {**camera_info_fields(CAMERA), **info}
-        bag._message("/depth/hand/camera_info", "sensor_msgs/msg/CameraInfo", stamp(0), header=bag._header(stamp(0), CAMERA.frame_id), roi=roi, **fields)
+        bag._message(
+            "/depth/hand/camera_info",
+            "sensor_msgs/msg/CameraInfo",
+            stamp(0),
+            header=bag._header(stamp(0), CAMERA.frame_id),
+            roi=roi,
+            **fields,
+        )
         bag.image("/depth/hand/image", array, encoding, CAMERA.frame_id, stamp(0))
     return path
 

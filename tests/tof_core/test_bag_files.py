@@ -34,9 +34,18 @@ def check(path: Path, frames: int = 6) -> None:
         np.testing.assert_allclose(c.depth, depth_of(i), atol=5.1e-4)
 
 
-@pytest.mark.parametrize(("plugin", "mode"), [
-    ("MCAP", "NONE"), ("MCAP", "MESSAGE"), ("MCAP", "FILE"), ("MCAP", "STORAGE"), ("SQLITE3", "NONE"), ("SQLITE3", "MESSAGE"), ("SQLITE3", "FILE"),
-])
+@pytest.mark.parametrize(
+    ("plugin", "mode"),
+    [
+        ("MCAP", "NONE"),
+        ("MCAP", "MESSAGE"),
+        ("MCAP", "FILE"),
+        ("MCAP", "STORAGE"),
+        ("SQLITE3", "NONE"),
+        ("SQLITE3", "MESSAGE"),
+        ("SQLITE3", "FILE"),
+    ],
+)
 @pytest.mark.parametrize("version", [8, 9])
 def test_every_way_to_compress_a_bag(tmp_path: Path, plugin: str, mode: str, version: Any) -> None:
     from rosbags.rosbag2 import StoragePlugin, Writer

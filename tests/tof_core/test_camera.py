@@ -15,8 +15,9 @@ from tof_core.errors import CameraError
 
 PINHOLE = Camera(64, 48, 60.0, 61.0, 31.2, 24.1)
 PLUMB_BOB = replace(PINHOLE, distortion=(-0.12, 0.03, 1e-3, -2e-3, 0.01))
-RATIONAL = Camera(640, 576, 504.6, 504.7, 332.8, 348.8, "rational_polynomial",
-                  (0.548, -0.021, 2.1e-5, -7.2e-5, -2.7e-3, 0.890, 0.086, -0.0139))
+RATIONAL = Camera(
+    640, 576, 504.6, 504.7, 332.8, 348.8, "rational_polynomial", (0.548, -0.021, 2.1e-5, -7.2e-5, -2.7e-3, 0.890, 0.086, -0.0139)
+)
 """A real Azure Kinect's numbers, rounded."""
 MODELS = pytest.mark.parametrize("camera", [PINHOLE, PLUMB_BOB, RATIONAL], ids=["pinhole", "plumb_bob", "rational"])
 

@@ -75,7 +75,9 @@ def test_padding_byte_order_and_element_type_are_honoured(padding: int, bigendia
         for point in row:
             rows += b"\x7f\x7f" + point.astype(f"{'>' if bigendian else '<'}{element}").tobytes()
         rows += bytes(padding)
-    msg = SimpleNamespace(height=2, width=4, fields=fields, is_bigendian=bigendian, point_step=step, row_step=4 * step + padding, data=bytes(rows))
+    msg = SimpleNamespace(
+        height=2, width=4, fields=fields, is_bigendian=bigendian, point_step=step, row_step=4 * step + padding, data=bytes(rows)
+    )
     np.testing.assert_array_equal(np.stack(cloud_fields(msg, ("x", "y", "z")), -1), values)
 
 

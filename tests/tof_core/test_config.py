@@ -54,28 +54,37 @@ def test_the_caller_s_mapping_is_left_alone() -> None:
     assert values == {"gate": {"enable": False}, "gate.speed": 2.0}
 
 
-@pytest.mark.parametrize(("values", "message"), [
-    ({"cuont": 3}, "config: unknown key 'cuont'; known keys: gate, strict, count, method"),
-    ({"gate": {"sped": 3.0}}, r"config\.gate: unknown key 'sped'"),
-    ({"gate": 3}, r"config\.gate: must be a group of keys"),
-    ({"count": 0}, r"config\.count: 0 is below 1"),
-    ({"gate.speed": 101}, r"config\.gate\.speed: 101\.0 is above 100 mm/s"),
-    ({"count": 2.0}, "must be int, not float 2.0"),
-    ({"count": True}, "must be int, not bool True"),
-    ({"gate.enable": 1}, "must be bool, not int 1"),
-    ({"gate.speed": float("nan")}, "must be a number, not nan"),
-    ({"gate.speed": float("inf")}, "must be a number, not inf"),
-    ({"method": "mode"}, "'mode' is not one of mean, median"),
-    ({"gate": {"speed": 1.0}, "gate.speed": 2.0}, "key 'gate' is given twice"),
-])
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"cuont": 3}, "config: unknown key 'cuont'; known keys: gate, strict, count, method"),
+        ({"gate": {"sped": 3.0}}, r"config\.gate: unknown key 'sped'"),
+        ({"gate": 3}, r"config\.gate: must be a group of keys"),
+        ({"count": 0}, r"config\.count: 0 is below 1"),
+        ({"gate.speed": 101}, r"config\.gate\.speed: 101\.0 is above 100 mm/s"),
+        ({"count": 2.0}, "must be int, not float 2.0"),
+        ({"count": True}, "must be int, not bool True"),
+        ({"gate.enable": 1}, "must be bool, not int 1"),
+        ({"gate.speed": float("nan")}, "must be a number, not nan"),
+        ({"gate.speed": float("inf")}, "must be a number, not inf"),
+        ({"method": "mode"}, "'mode' is not one of mean, median"),
+        ({"gate": {"speed": 1.0}, "gate.speed": 2.0}, "key 'gate' is given twice"),
+    ],
+)
 def test_bad_values_are_refused_with_key_bound_and_unit(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message) as caught:
         from_mapping(Whole, values)
     assert caught.value.exit_code == 2
 
 
-@given(st.builds(Whole, gate=st.builds(Gate, enable=st.booleans(), speed=st.floats(0, 100)), count=st.integers(1, 9),
-                 method=st.sampled_from(["mean", "median"])))
+@given(
+    st.builds(
+        Whole,
+        gate=st.builds(Gate, enable=st.booleans(), speed=st.floats(0, 100)),
+        count=st.integers(1, 9),
+        method=st.sampled_from(["mean", "median"]),
+    )
+)
 def test_a_configuration_goes_to_plain_values_and_back(config: Whole) -> None:
     assert from_mapping(Whole, to_mapping(config)) == config
     assert from_mapping(Whole, flatten(config)) == config

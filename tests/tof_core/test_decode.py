@@ -47,7 +47,9 @@ def test_what_was_encoded_is_decoded(case: tuple[np.ndarray[Any, Any], str, int,
 
 
 @given(hnp.arrays(np.uint16, (4, 5)), st.booleans(), st.sampled_from([0.001, 1 / 999, 0.00025]))
-def test_integer_depth_is_counts_times_scale_but_for_both_invalid_codes(counts: np.ndarray[Any, Any], bigendian: bool, scale: float) -> None:  # noqa: FBT001
+def test_integer_depth_is_counts_times_scale_but_for_both_invalid_codes(
+    counts: np.ndarray[Any, Any], bigendian: bool, scale: float  # noqa: FBT001  (hypothesis gives it by place)
+) -> None:
     depth, reason = decode_depth(image(counts, "16UC1", bigendian=bigendian), scale=scale)
     invalid = (counts == 0) | (counts == 65535)
     np.testing.assert_array_equal(np.isnan(depth), invalid)
@@ -89,7 +91,9 @@ def test_decoding_does_not_change_the_message() -> None:
     assert bytes(msg.data) == before
 
 
-@pytest.mark.parametrize(("encoding", "order"), [("rgb8", [0, 1, 2]), ("bgr8", [2, 1, 0]), ("rgba8", [0, 1, 2, 3]), ("bgra8", [2, 1, 0, 3])])
+@pytest.mark.parametrize(
+    ("encoding", "order"), [("rgb8", [0, 1, 2]), ("bgr8", [2, 1, 0]), ("rgba8", [0, 1, 2, 3]), ("bgra8", [2, 1, 0, 3])]
+)
 def test_colour_is_rgb_whatever_order_it_came_in(encoding: str, order: list[int]) -> None:
     rgba = np.random.default_rng(1).integers(0, 256, (4, 5, 4), np.uint8)
     decoded = decode_colour(image(np.ascontiguousarray(rgba[..., order]), encoding))
@@ -101,7 +105,9 @@ def test_grey_colour_has_three_equal_channels() -> None:
     np.testing.assert_array_equal(decode_colour(image(grey, "mono8")), np.stack([grey] * 3, axis=-1))
 
 
-@pytest.mark.parametrize(("encoding", "kind"), [("mono8", np.uint8), ("8UC1", np.uint8), ("mono16", np.uint16), ("16UC1", np.uint16), ("32FC1", np.float32)])
+@pytest.mark.parametrize(
+    ("encoding", "kind"), [("mono8", np.uint8), ("8UC1", np.uint8), ("mono16", np.uint16), ("16UC1", np.uint16), ("32FC1", np.float32)]
+)
 def test_amplitude_keeps_its_counts(encoding: str, kind: Any) -> None:
     raw = np.array([[0, 7, 250]], kind)
     amplitude = decode_amplitude(image(raw, encoding))
@@ -181,13 +187,19 @@ def test_a_rectified_image_takes_p_and_no_distortion() -> None:
     assert (camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion) == (60.0, 61.0, 20.0, 15.0, ())
 
 
-@pytest.mark.parametrize(("changes", "message"), [
-    ({"k": np.zeros(9)}, r"K\[0\] = 0"),
-    ({"width": 0}, "size 0x30"),
-    ({"distortion_model": "equidistant"}, "'equidistant' is not known"),
-    ({"d": np.array([0.1, 0, 0, 0, 0, 0, 0, 0, 0.2]), "distortion_model": "rational_polynomial"}, "more than 'rational_polynomial' has"),
-    ({"k": np.array([50.0, 3.0, 20, 0, 50, 15, 0, 0, 1])}, "skew"),
-])
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"k": np.zeros(9)}, r"K\[0\] = 0"),
+        ({"width": 0}, "size 0x30"),
+        ({"distortion_model": "equidistant"}, "'equidistant' is not known"),
+        (
+            {"d": np.array([0.1, 0, 0, 0, 0, 0, 0, 0, 0.2]), "distortion_model": "rational_polynomial"},
+            "more than 'rational_polynomial' has",
+        ),
+        ({"k": np.array([50.0, 3.0, 20, 0, 50, 15, 0, 0, 1])}, "skew"),
+    ],
+)
 def test_a_camera_that_no_calibration_gives_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(CameraError, match=message) as caught:
         camera_from_info(info(**changes), "/depth/camera_info")

@@ -15,8 +15,15 @@ MS = 1_000_000
 
 def test_a_station_lasts_while_the_base_stands() -> None:
     tracker = StationTracker(StationConfig(tolerance_mm=8.0, tolerance_deg=0.5))
-    stops: list[list[float]] = [[0, 0, 0, 0, 0, 0], [0.005, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0.005], [0.4, 0, 0, 0, 0, 0], [0.405, 0, 0, 0, 0, 0],
-             [0.4, 0, 0, 0, 0, 0.02], [0, 0, 0, 0, 0, 0]]
+    stops: list[list[float]] = [
+        [0, 0, 0, 0, 0, 0],
+        [0.005, 0, 0, 0, 0, 0],
+        [0, 0, 0, 0, 0, 0.005],
+        [0.4, 0, 0, 0, 0, 0],
+        [0.405, 0, 0, 0, 0, 0],
+        [0.4, 0, 0, 0, 0, 0.02],
+        [0, 0, 0, 0, 0, 0],
+    ]
     assert [tracker.push(i, se3.exp(x)) for i, x in enumerate(stops)] == [0, 0, 0, 1, 1, 2, 3]
 
 
@@ -56,9 +63,16 @@ def test_the_twist_is_speed_and_turn() -> None:
     assert twist.turn == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(("speed", "turn", "still"), [
-    (0.0, 0.0, True), (0.009, 0.0, True), (0.011, 0.0, False), (0.0, np.radians(0.9), True), (0.0, np.radians(1.1), False),
-])
+@pytest.mark.parametrize(
+    ("speed", "turn", "still"),
+    [
+        (0.0, 0.0, True),
+        (0.009, 0.0, True),
+        (0.011, 0.0, False),
+        (0.0, np.radians(0.9), True),
+        (0.0, np.radians(1.1), False),
+    ],
+)
 def test_the_gate_opens_below_both_bounds(speed: float, turn: float, still: bool) -> None:  # noqa: FBT001
     config = MotionConfig(speed_mm_s=10.0, turn_deg_s=1.0)
     assert is_still(moving(speed, turn), "cell", "camera", 500 * MS, config) is still

@@ -48,7 +48,9 @@ def test_a_body_aside_of_the_chain_does_not_count() -> None:
 def test_a_body_that_the_user_names_must_be_on_the_way() -> None:
     tf = buffer(body="waist")
     assert RobotChain(tf, "cell", "waist").resolve("spot/camera") == ("cell", "waist")
-    with pytest.raises(TransformError, match="body frame 'hips' is not between 'cell' and 'spot/camera'; that way are: cell, waist, spot/camera"):
+    with pytest.raises(
+        TransformError, match="body frame 'hips' is not between 'cell' and 'spot/camera'; that way are: cell, waist, spot/camera"
+    ):
         RobotChain(tf, "cell", "hips").resolve("spot/camera")
 
 

@@ -18,11 +18,14 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.shared
 
 
-@pytest.mark.parametrize(("name", "shape", "frames", "model", "valid"), [
-    ("real/azure_kinect_nfov/bag", (576, 640), 1, "rational_polynomial", 0.765),
-    ("real/azure_kinect_static/bag", (1080, 1405), 2, "plumb_bob", 0.795),
-    ("real/ifm_o3r/bag_radial", (172, 224), 1, "plumb_bob", 0.259),
-])
+@pytest.mark.parametrize(
+    ("name", "shape", "frames", "model", "valid"),
+    [
+        ("real/azure_kinect_nfov/bag", (576, 640), 1, "rational_polynomial", 0.765),
+        ("real/azure_kinect_static/bag", (1080, 1405), 2, "plumb_bob", 0.795),
+        ("real/ifm_o3r/bag_radial", (172, 224), 1, "plumb_bob", 0.259),
+    ],
+)
 def test_real_captures(shared_data: Path, name: str, shape: tuple[int, int], frames: int, model: str, valid: float) -> None:
     with open_bag(shared_data / name) as reader:
         captures = list(reader.captures(need_tf=False))

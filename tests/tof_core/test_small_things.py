@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 PLAIN = st.recursive(
-    st.one_of(st.booleans(), st.integers(-(2**40), 2**40), st.floats(allow_nan=False, allow_infinity=False), st.text("abcåµ \"':#", max_size=8)),
+    st.one_of(
+        st.booleans(), st.integers(-(2**40), 2**40), st.floats(allow_nan=False, allow_infinity=False), st.text("abcåµ \"':#", max_size=8)
+    ),
     lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(st.text("abcde", min_size=1, max_size=5), inner, max_size=3)),
     max_leaves=8,
 )
@@ -42,12 +44,15 @@ def test_yaml_is_saved_whole(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["a.yaml"]
 
 
-@pytest.mark.parametrize(("text", "message"), [
-    ("a: 1\nb: [1,\n", r"x\.yaml:3: is no valid YAML"),
-    ("a: 1\nb: 2\na: 3\n", r"x\.yaml:3: is no valid YAML: key 'a' is given twice"),
-    ("a: !!python/object/apply:os.system ['true']\n", r"x\.yaml:1: is no valid YAML"),
-    ("- 1\n", r"x\.yaml: must be a mapping of keys, not a list"),
-])
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: 1\nb: [1,\n", r"x\.yaml:3: is no valid YAML"),
+        ("a: 1\nb: 2\na: 3\n", r"x\.yaml:3: is no valid YAML: key 'a' is given twice"),
+        ("a: !!python/object/apply:os.system ['true']\n", r"x\.yaml:1: is no valid YAML"),
+        ("- 1\n", r"x\.yaml: must be a mapping of keys, not a list"),
+    ],
+)
 def test_bad_yaml_names_file_and_line(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "x.yaml").write_text(text)
     with pytest.raises(ConfigError, match=message) as caught:
@@ -94,7 +99,9 @@ def test_digests_of_configurations_do_not_hang_on_the_order_of_keys() -> None:
 
 
 @pytest.mark.parametrize("tty", [False, True])
-def test_progress_passes_everything_on_and_is_seen_only_on_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tty: bool) -> None:  # noqa: FBT001
+def test_progress_passes_everything_on_and_is_seen_only_on_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tty: bool  # noqa: FBT001  (pytest gives it by name)
+) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: tty, raising=False)
     assert list(progress(range(5), "counting", 5)) == [0, 1, 2, 3, 4]
     assert ("counting" in capsys.readouterr().err) == tty

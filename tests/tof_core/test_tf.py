@@ -64,10 +64,13 @@ def test_the_same_stamp_again_replaces() -> None:
     np.testing.assert_allclose(buffer.lookup("a", "b", 5), B, atol=1e-12)
 
 
-@pytest.mark.parametrize(("ms", "message"), [
-    (-1, "transform odom -> body: starts 1 ms after the stamp"),
-    (1001, "transform odom -> body: ends 1 ms before the stamp"),
-])
+@pytest.mark.parametrize(
+    ("ms", "message"),
+    [
+        (-1, "transform odom -> body: starts 1 ms after the stamp"),
+        (1001, "transform odom -> body: ends 1 ms before the stamp"),
+    ],
+)
 def test_nothing_is_extrapolated(ms: int, message: str) -> None:
     with pytest.raises(TransformError, match=message):
         tree().lookup("odom", "body", ms * MS)
@@ -86,7 +89,9 @@ def test_a_gap_is_refused_but_its_ends_are_not() -> None:
 def test_unknown_and_unconnected_frames_name_what_there_is() -> None:
     buffer = tree()
     buffer.add("cell", "fixture", 0, A, static=True)
-    with pytest.raises(TransformError, match=r"no transform connects 'camera' to 'cell'; TF has the frames: body, camera, cell, fixture, hand, odom"):
+    with pytest.raises(
+        TransformError, match=r"no transform connects 'camera' to 'cell'; TF has the frames: body, camera, cell, fixture, hand, odom"
+    ):
         buffer.lookup("cell", "camera", 0)
     with pytest.raises(TransformError, match="no transform connects 'ghost' to 'odom'"):
         buffer.lookup("odom", "ghost", 0)
@@ -133,7 +138,9 @@ def test_a_clock_set_back_forgets_what_moved() -> None:
 def message(q: tuple[float, float, float, float], x: float = 1.0) -> Message:
     stamp = Message(sec=1, nanosec=5)
     transform = Message(translation=Message(x=x, y=2.0, z=3.0), rotation=Message(**dict(zip("xyzw", q, strict=True))))
-    return Message(transforms=[Message(header=Message(frame_id="/spot/odom", stamp=stamp), child_frame_id="spot/body", transform=transform)])
+    return Message(
+        transforms=[Message(header=Message(frame_id="/spot/odom", stamp=stamp), child_frame_id="spot/body", transform=transform)]
+    )
 
 
 def test_messages_are_read_with_leading_slashes_dropped_and_quaternions_normalised() -> None:

@@ -10,12 +10,26 @@ from tof_core.options import BagOptions
 from tof_core.topics import COMPRESSED, IMAGE, INFO, POINTS, TEMPERATURE, Topics, find_topics
 
 SPOT = {
-    "/depth/hand/image": IMAGE, "/depth/hand/camera_info": INFO, "/ir/hand/image": IMAGE, "/ir/hand/camera_info": INFO,
-    "/camera/hand/image": IMAGE, "/camera/hand/camera_info": INFO, "/hand/temperature": TEMPERATURE,
-    "/depth_registered/hand/image": IMAGE, "/depth_registered/hand/camera_info": INFO, "/tf": "tf2_msgs/msg/TFMessage",
+    "/depth/hand/image": IMAGE,
+    "/depth/hand/camera_info": INFO,
+    "/ir/hand/image": IMAGE,
+    "/ir/hand/camera_info": INFO,
+    "/camera/hand/image": IMAGE,
+    "/camera/hand/camera_info": INFO,
+    "/hand/temperature": TEMPERATURE,
+    "/depth_registered/hand/image": IMAGE,
+    "/depth_registered/hand/camera_info": INFO,
+    "/tf": "tf2_msgs/msg/TFMessage",
 }
-FULL = Topics("/depth/hand/image", "/depth/hand/camera_info", "", "/ir/hand/image", "/camera/hand/image", "/camera/hand/camera_info",
-              "/hand/temperature")
+FULL = Topics(
+    "/depth/hand/image",
+    "/depth/hand/camera_info",
+    "",
+    "/ir/hand/image",
+    "/camera/hand/image",
+    "/camera/hand/camera_info",
+    "/hand/temperature",
+)
 
 
 def named(types: dict[str, str], prefix: str) -> dict[str, str]:
@@ -35,10 +49,17 @@ def test_any_namespace_will_do(prefix: str) -> None:
 
 
 def test_realsense_names_are_found_by_word() -> None:
-    found = find_topics({
-        "/camera/depth/image_rect_raw": IMAGE, "/camera/depth/camera_info": INFO, "/camera/infra1/image_rect_raw": IMAGE,
-        "/camera/infra1/camera_info": INFO, "/camera/color/image_raw": IMAGE, "/camera/color/camera_info": INFO,
-    }, BagOptions())
+    found = find_topics(
+        {
+            "/camera/depth/image_rect_raw": IMAGE,
+            "/camera/depth/camera_info": INFO,
+            "/camera/infra1/image_rect_raw": IMAGE,
+            "/camera/infra1/camera_info": INFO,
+            "/camera/color/image_raw": IMAGE,
+            "/camera/color/camera_info": INFO,
+        },
+        BagOptions(),
+    )
     assert found.depth == "/camera/depth/image_rect_raw"
     assert found.colour == "/camera/color/image_raw"
 
@@ -61,7 +82,8 @@ def test_two_depth_cameras_are_listed_with_the_flag() -> None:
     with pytest.raises(TopicError) as caught:
         find_topics(TWO, BagOptions(), where="my_bag")
     assert str(caught.value) == (
-        "my_bag: has 2 topics that may be the depth image; pass --depth-topic with one of: /depth/left/image, /depth/right/image")
+        "my_bag: has 2 topics that may be the depth image; pass --depth-topic with one of: /depth/left/image, /depth/right/image"
+    )
 
 
 def test_a_named_topic_settles_it_and_brings_its_siblings() -> None:
@@ -92,14 +114,17 @@ def test_points_that_the_user_names_win_over_the_image() -> None:
     assert (found.depth, found.points) == ("", "/depth/hand/points")
 
 
-@pytest.mark.parametrize(("types", "options", "message"), [
-    ({}, BagOptions(), "has no depth image and no point cloud; its topics: none"),
-    ({"/depth/hand/image/compressedDepth": COMPRESSED}, BagOptions(), "compressed images are not read"),
-    ({"/depth/hand/image": IMAGE}, BagOptions(), "has no CameraInfo beside '/depth/hand/image'; record the camera_info topic too"),
-    ({"/depth/hand/image": IMAGE, "/x/camera_info": INFO}, BagOptions(), "pass --info-topic with one of: /x/camera_info"),
-    (SPOT, BagOptions(depth_topic="/nope"), r"has no topic '/nope' \(--depth-topic\); its topics: /camera"),
-    (SPOT, BagOptions(depth_topic="/tf"), "is a tf2_msgs/msg/TFMessage, not a sensor_msgs/msg/Image"),
-])
+@pytest.mark.parametrize(
+    ("types", "options", "message"),
+    [
+        ({}, BagOptions(), "has no depth image and no point cloud; its topics: none"),
+        ({"/depth/hand/image/compressedDepth": COMPRESSED}, BagOptions(), "compressed images are not read"),
+        ({"/depth/hand/image": IMAGE}, BagOptions(), "has no CameraInfo beside '/depth/hand/image'; record the camera_info topic too"),
+        ({"/depth/hand/image": IMAGE, "/x/camera_info": INFO}, BagOptions(), "pass --info-topic with one of: /x/camera_info"),
+        (SPOT, BagOptions(depth_topic="/nope"), r"has no topic '/nope' \(--depth-topic\); its topics: /camera"),
+        (SPOT, BagOptions(depth_topic="/tf"), "is a tf2_msgs/msg/TFMessage, not a sensor_msgs/msg/Image"),
+    ],
+)
 def test_what_is_missing_is_said_with_what_to_do(types: dict[str, str], options: BagOptions, message: str) -> None:
     with pytest.raises(TopicError, match=message):
         find_topics(types, options)

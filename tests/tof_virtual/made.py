@@ -24,7 +24,9 @@ def quad(name: str, corners: ArrayLike, *, albedo: float = 0.5, roughness: float
     return Body(name, np.asarray(corners, float), np.array([[0, 1, 2], [0, 2, 3]], np.int32), albedo, roughness)
 
 
-def wall(name: str = "wall", *, x: float = 0.0, half: float = 0.6, albedo: float = 0.5, roughness: float = 1.0, centre: float = 0.8) -> Body:
+def wall(
+    name: str = "wall", *, x: float = 0.0, half: float = 0.6, albedo: float = 0.5, roughness: float = 1.0, centre: float = 0.8
+) -> Body:
     """A square wall in the plane x, facing +x, around height `centre`."""
     lo, hi = centre - half, centre + half
     return quad(name, [[x, -half, lo], [x, half, lo], [x, half, hi], [x, -half, hi]], albedo=albedo, roughness=roughness)

@@ -124,7 +124,9 @@ def test_stored_units() -> None:
     radial, scale, step = session({"radial_depth": 1.0}), session({"depth_scale": 1.0}), session({"quantization": 1.0})
     true = radial.moment(0).sight.z
     valid = np.isfinite(true)
-    np.testing.assert_allclose(expose(radial.moment(0), radial.effects).depth[valid], radial.moment(0).sight.main.distance[valid], rtol=1e-9)
+    np.testing.assert_allclose(
+        expose(radial.moment(0), radial.effects).depth[valid], radial.moment(0).sight.main.distance[valid], rtol=1e-9
+    )
     measured = expose(scale.moment(0), scale.effects).depth[valid] / true[valid]
     np.testing.assert_allclose(measured, scale.effects[0].params()["scale"], rtol=1e-9)
     steps = expose(step.moment(0), step.effects).depth[valid] / step.effects[0].params()["step_m"]

@@ -24,7 +24,8 @@ def corner(albedo: float, reach: float = 0.5, tall: float = 1.0) -> list[Body]:
     """Two walls at 90 degrees whose apex is 1.2 m before a camera at the origin that looks along z."""
     h = tall / 2
     return [
-        quad(f"wall{s}", [[0, -h, 1.2], [s * reach, -h, 1.2 - reach], [s * reach, h, 1.2 - reach], [0, h, 1.2]], albedo=albedo) for s in (-1, 1)
+        quad(f"wall{s}", [[0, -h, 1.2], [s * reach, -h, 1.2 - reach], [s * reach, h, 1.2 - reach], [0, h, 1.2]], albedo=albedo)
+        for s in (-1, 1)
     ]
 
 
@@ -33,10 +34,16 @@ def seen(albedo: float) -> tuple[World, Sight]:
     return world, look(world, CAMERA.rays(), np.eye(4))
 
 
-@pytest.mark.parametrize(("albedo", "mhz", "published_mm"), [
-    (0.3, 100, (6.8, 14.7, 17.3, 13.8)), (0.6, 100, (16.3, 31.5, 35.9, 28.6)), (0.9, 100, (28.6, 50.2, 56.2, 44.7)),
-    (0.3, 20, (7.3, 16.2, 20.3, 18.6)), (0.6, 20, (18.0, 35.7, 43.2, 39.6)),
-])
+@pytest.mark.parametrize(
+    ("albedo", "mhz", "published_mm"),
+    [
+        (0.3, 100, (6.8, 14.7, 17.3, 13.8)),
+        (0.6, 100, (16.3, 31.5, 35.9, 28.6)),
+        (0.9, 100, (28.6, 50.2, 56.2, 44.7)),
+        (0.3, 20, (7.3, 16.2, 20.3, 18.6)),
+        (0.6, 20, (18.0, 35.7, 43.2, 39.6)),
+    ],
+)
 def test_v_corner_agrees_with_path_tracing(albedo: float, mhz: int, published_mm: tuple[float, ...]) -> None:
     world, sight = seen(albedo)
     z = irradiance(world, sight, CAMERA.rays(), 1 / METRES_PER_RADIAN[mhz], wider=3.0, cones=(42, 54))

@@ -18,11 +18,14 @@ from tof_virtual.truth import load_truth
 if TYPE_CHECKING:
     from pathlib import Path
 
+
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A bag of four views with three captures each, with everything that can be published, and its truth."""
     bag = tmp_path_factory.mktemp("virtual") / "bag"
-    record(bench(), bag, config(plan__captures=3, output__encoding="16UC1", output__namespace="spot", output__colour=True, output__points=True))
+    record(
+        bench(), bag, config(plan__captures=3, output__encoding="16UC1", output__namespace="spot", output__colour=True, output__points=True)
+    )
     return bag, load_truth(bag.with_name("bag.truth"))[0]
 
 
@@ -39,8 +42,16 @@ def messages(bag: Path) -> dict[str, list[Any]]:
 def test_topics_are_spot_ros2s_in_the_namespace(recorded: tuple[Path, dict[str, Any]]) -> None:
     found = messages(recorded[0])
     assert set(found) == {
-        "/tf", "/tf_static", "/spot/depth/hand/image", "/spot/depth/hand/camera_info", "/spot/depth/hand/points", "/spot/ir/hand/image",
-        "/spot/ir/hand/camera_info", "/spot/camera/hand/image", "/spot/camera/hand/camera_info", "/spot/hand/temperature",
+        "/tf",
+        "/tf_static",
+        "/spot/depth/hand/image",
+        "/spot/depth/hand/camera_info",
+        "/spot/depth/hand/points",
+        "/spot/ir/hand/image",
+        "/spot/ir/hand/camera_info",
+        "/spot/camera/hand/image",
+        "/spot/camera/hand/camera_info",
+        "/spot/hand/temperature",
     }
     depth = found["/spot/depth/hand/image"]
     assert len(depth) == 12
@@ -49,8 +60,12 @@ def test_topics_are_spot_ros2s_in_the_namespace(recorded: tuple[Path, dict[str, 
     assert found["/spot/camera/hand/image"][0].encoding == "rgb8"
     frames = {t.child_frame_id: t.header.frame_id for m in found["/tf"] + found["/tf_static"] for t in m.transforms}
     assert frames == {
-        "spot/body": "cell", "spot/arm_link_sh1": "spot/body", "spot/arm_link_wr1": "spot/arm_link_sh1", "spot/hand": "spot/arm_link_wr1",
-        "spot/hand_depth_sensor": "spot/hand", "spot/hand_color_image_sensor": "spot/hand",
+        "spot/body": "cell",
+        "spot/arm_link_sh1": "spot/body",
+        "spot/arm_link_wr1": "spot/arm_link_sh1",
+        "spot/hand": "spot/arm_link_wr1",
+        "spot/hand_depth_sensor": "spot/hand",
+        "spot/hand_color_image_sensor": "spot/hand",
     }
 
 
@@ -64,8 +79,13 @@ def test_tf_gives_the_pose_that_the_robot_believes(recorded: tuple[Path, dict[st
             for t in m.transforms:
                 x, q = t.transform.translation, t.transform.rotation
                 stamp = t.header.stamp.sec * 10**9 + t.header.stamp.nanosec
-                buffer.add(t.header.frame_id, t.child_frame_id, stamp, se3.from_quat([x.x, x.y, x.z], [q.x, q.y, q.z, q.w]),
-                           static=name == "/tf_static")
+                buffer.add(
+                    t.header.frame_id,
+                    t.child_frame_id,
+                    stamp,
+                    se3.from_quat([x.x, x.y, x.z], [q.x, q.y, q.z, q.w]),
+                    static=name == "/tf_static",
+                )
     for stamp, expected in zip(truth["stamp_ns"], truth["T_robot"], strict=True):
         metres, degrees = se3.distance(buffer.lookup("cell", "spot/hand_depth_sensor", int(stamp)), expected)
         assert metres < 1e-9

@@ -54,15 +54,21 @@ def test_json_says_what_was_recorded(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert said["effects"]["quantization"]["size"] == pytest.approx(0.0103923, rel=1e-5)
 
 
-@pytest.mark.parametrize(("flags", "line"), [
-    (["--effect", "wobble=1"], "effect 'wobble' is not known"),
-    (["--effect", "wiggling=much"], "'wiggling=much' is not NAME=STRENGTH"),
-    (["--size", "wide"], "'wide' is not WIDTHxHEIGHT"),
-    (["--scene", "nowhere.yaml"], "is neither a scene file nor a built-in scene"),
-    (["--set", "plan.views=0"], "below 1"),
-])
+@pytest.mark.parametrize(
+    ("flags", "line"),
+    [
+        (["--effect", "wobble=1"], "effect 'wobble' is not known"),
+        (["--effect", "wiggling=much"], "'wiggling=much' is not NAME=STRENGTH"),
+        (["--size", "wide"], "'wide' is not WIDTHxHEIGHT"),
+        (["--scene", "nowhere.yaml"], "is neither a scene file nor a built-in scene"),
+        (["--set", "plan.views=0"], "below 1"),
+    ],
+)
 def test_wrong_calls_are_said_in_one_line_and_leave_nothing(
-    flags: list[str], line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    flags: list[str],
+    line: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(["simulate", *SMALL, "--out", str(tmp_path / "bag"), *flags]) == 2
     said = capsys.readouterr().err

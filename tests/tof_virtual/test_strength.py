@@ -14,9 +14,28 @@ from tof_virtual.effects import EFFECTS, make_effects
 
 SIZED = [n for n, e in EFFECTS.items() if not e.natural]
 VOCABULARY = {
-    "multipath", "wiggling", "flying_pixels", "lens_scatter", "temperature_drift", "amplitude_bias", "fixed_pattern", "noise", "motion",
-    "intrinsics", "hand_eye", "time_sync", "phase_wrap", "dropout", "cad_deviation", "radial_depth", "depth_scale", "range_offset",
-    "quantization", "specular", "subsurface", "interference",
+    "multipath",
+    "wiggling",
+    "flying_pixels",
+    "lens_scatter",
+    "temperature_drift",
+    "amplitude_bias",
+    "fixed_pattern",
+    "noise",
+    "motion",
+    "intrinsics",
+    "hand_eye",
+    "time_sync",
+    "phase_wrap",
+    "dropout",
+    "cad_deviation",
+    "radial_depth",
+    "depth_scale",
+    "range_offset",
+    "quantization",
+    "specular",
+    "subsurface",
+    "interference",
 }
 
 

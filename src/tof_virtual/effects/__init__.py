@@ -19,9 +19,30 @@ if TYPE_CHECKING:
     from tof_virtual.effect import Effect
 
 EFFECTS: dict[str, type[Effect]] = {
-    e.name: e for e in (
-        CadDeviation, Intrinsics, HandEye, TimeSync, Motion, Specular, Subsurface, FlyingPixels, Multipath, LensScatter, Wiggling, FixedPattern,
-        TemperatureDrift, AmplitudeBias, Interference, RangeOffset, PhaseWrap, Noise, Dropout, RadialDepth, DepthScale, Quantization,
+    e.name: e
+    for e in (
+        CadDeviation,
+        Intrinsics,
+        HandEye,
+        TimeSync,
+        Motion,
+        Specular,
+        Subsurface,
+        FlyingPixels,
+        Multipath,
+        LensScatter,
+        Wiggling,
+        FixedPattern,
+        TemperatureDrift,
+        AmplitudeBias,
+        Interference,
+        RangeOffset,
+        PhaseWrap,
+        Noise,
+        Dropout,
+        RadialDepth,
+        DepthScale,
+        Quantization,
     )
 }
 """By name, in the order in which they act."""

@@ -68,8 +68,11 @@ class CadDeviation(Effect):
 
     @override
     def params(self) -> dict[str, Any]:
-        return {"parts": self._names, "twists": [(self.size * t).tolist() for t, _ in self._parts.values()],
-                "bow_m": [self.size * b for _, b in self._parts.values()]}
+        return {
+            "parts": self._names,
+            "twists": [(self.size * t).tolist() for t, _ in self._parts.values()],
+            "bow_m": [self.size * b for _, b in self._parts.values()],
+        }
 
     @override
     def deform(self, bodies: Sequence[Body]) -> Sequence[Body]:
@@ -120,8 +123,14 @@ class Intrinsics(Effect):
     @override
     def true_camera(self, camera: Camera) -> Camera:
         f, (du, dv) = 1 + self.size * self._focal, self.size * self._shift
-        return replace(camera, fx=camera.fx * f, fy=camera.fy * f, cx=camera.cx + du, cy=camera.cy + dv,
-                       distortion=(self.size * self._k1, 0.0, 0.0, 0.0, 0.0))
+        return replace(
+            camera,
+            fx=camera.fx * f,
+            fy=camera.fy * f,
+            cx=camera.cx + du,
+            cy=camera.cy + dv,
+            distortion=(self.size * self._k1, 0.0, 0.0, 0.0, 0.0),
+        )
 
 
 class HandEye(Effect):

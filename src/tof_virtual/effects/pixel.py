@@ -33,8 +33,11 @@ class Wiggling(Effect):
     @override
     def params(self) -> dict[str, Any]:
         z = self.size * (self._fifth - self._third)  # phase error = |z| sin(4 phase + arg z)
-        return {"amplitude_rad": float(np.abs(z)), "psi_rad": float(np.angle(z)),
-                "period_m": SPEED_OF_LIGHT / (8e6 * self.config.camera.modulation_mhz)}
+        return {
+            "amplitude_rad": float(np.abs(z)),
+            "psi_rad": float(np.angle(z)),
+            "period_m": SPEED_OF_LIGHT / (8e6 * self.config.camera.modulation_mhz),
+        }
 
     @override
     def harmonics(self) -> tuple[complex, complex]:
@@ -50,10 +53,14 @@ class FixedPattern(Effect):
     def draw(self, rng: np.random.Generator) -> None:
         c = self.config.camera
         column, row, rest = rng.dirichlet([4, 3, 3])
-        slope = rng.normal(0, 0.3, 2) @ np.stack([g.ravel() for g in np.meshgrid(
-            np.linspace(-1, 1, c.height), np.linspace(-1, 1, c.width), indexing="ij")])
-        pattern = (np.sqrt(column) * rng.normal(0, 1, (1, c.width)) + np.sqrt(row) * rng.normal(0, 1, (c.height, 1))
-                   + np.sqrt(rest) * rng.normal(0, 1, (c.height, c.width)))
+        slope = rng.normal(0, 0.3, 2) @ np.stack(
+            [g.ravel() for g in np.meshgrid(np.linspace(-1, 1, c.height), np.linspace(-1, 1, c.width), indexing="ij")]
+        )
+        pattern = (
+            np.sqrt(column) * rng.normal(0, 1, (1, c.width))
+            + np.sqrt(row) * rng.normal(0, 1, (c.height, 1))
+            + np.sqrt(rest) * rng.normal(0, 1, (c.height, c.width))
+        )
         self._lag = pattern.ravel() + slope
         self._parts = {"column": float(np.sqrt(column)), "row": float(np.sqrt(row)), "pixel": float(np.sqrt(rest))}
 

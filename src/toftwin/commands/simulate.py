@@ -28,7 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("--scene", metavar="SCENE", help="scene.yaml, its folder, or a built-in scene's name")
     parser.add_argument("--out", type=Path, metavar="BAG", help="folder of the bag to write; it must not exist")
-    parser.add_argument("--effect", action="append", default=[], metavar="NAME=STRENGTH", help="switch an effect on (1: 3 mm RMS); may be repeated")
+    parser.add_argument(
+        "--effect", action="append", default=[], metavar="NAME=STRENGTH", help="switch an effect on (1: 3 mm RMS); may be repeated"
+    )
     parser.add_argument("--sensor", type=Path, metavar="FILE", help="a fitted sensor.yaml, added to the virtual camera")
     parser.add_argument("--truth", type=Path, metavar="STEM", help="where the truth goes (.npz and .json); BAG.truth if not given")
     parser.add_argument("--views", type=int, help="views of the session")
