@@ -42,7 +42,7 @@ def test_another_camera_size_and_scene_are_refused() -> None:
     with pytest.raises(RefusedError, match="another camera"):
         kept.check(replace(view, camera=replace(CAMERA, fx=160.0)))
     with pytest.raises(RefusedError, match="another scene"):
-        kept.check(view, "abd")
+        kept.check(view, "xyz")
 
 
 def test_a_damaged_or_missing_reference_is_said_in_a_line(tmp_path: Path) -> None:
