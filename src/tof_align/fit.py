@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 WORKERS = 2
 """Views are cast and multiplied out in as many threads (NumPy and the casters let go of the interpreter)."""
+NOISE_LIMITED = 0.2e-3
+"""Metres of unmodelled error below which more pixels make a pose better."""
 Columns = Callable[[int, "Linearised"], Float]
 """Extra columns (n, k) of view v at its linearisation, metres of z per unit."""
 
@@ -48,7 +50,10 @@ class Fitter:
     last: Sequence[Pixels] | None = None
 
     def fit(self, rig: R, iterations: int) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
-        """Step `iterations` times, then linearise and fit once more, with the pixels of `last` if given.
+        """Step `iterations` times, then linearise and fit once more.
+
+        The last time with the pixels of `last`, if given and if noise is what limits: where errors
+        nobody modelled are larger than `NOISE_LIMITED`, more pixels only repeat them.
 
         Returns the last system, its answer (whose step is not taken yet), and the columns.
         """
@@ -58,7 +63,8 @@ class Fitter:
             rig = rig.moved(answer.x, answer.own)
             if float(np.abs(system.camera_steps(answer)).max()) < 2e-6:
                 break
-        self.pixels = self.last or self.pixels
+        if self.last and max((self.sizes or {}).values(), default=0.0) < NOISE_LIMITED:
+            self.pixels = self.last
         return self.once(rig, answer)
 
     def once(self, rig: R, before: Mixed | None = None) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
