@@ -24,6 +24,8 @@ PYTHON = VENV / "bin" / "python"
 STATE = VENV / "toftwin-set-up.json"
 NEEDED_GB = 5.0
 LEVELS = {"run": ["open3d"], "dev": ["open3d", "view", "dev"]}
+OWN = ("build_tf2_msgs.py", "check_tf.py", "progress.py", "ros.py", "set_up.py", "system.py", "torch_cpu.py")
+"""The scripts that set-up runs; the others of that folder change nothing that is installed."""
 
 
 def identity(ros_source: str) -> str:
@@ -36,7 +38,8 @@ def content() -> str:
     digest = hashlib.sha256()
     project = (ROOT / "pyproject.toml").read_text(encoding="utf-8").split("\n[tool.", 1)[0]
     digest.update(project.encode())
-    files = [ROOT / "constraints.txt", *(ROOT / "scripts").rglob("*.py"), *(ROOT / "scripts" / "interfaces").rglob("*.*")]
+    scripts = ROOT / "scripts"
+    files = [ROOT / "constraints.txt", *(scripts / name for name in OWN), *(scripts / "interfaces").rglob("*.*")]
     for path in sorted(path for path in files if path.is_file()):
         digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -69,8 +69,27 @@ def test_set_up_depends_on_the_pins_and_the_project_alone(tmp_path: Path, monkey
     before = set_up.content()
     (tmp_path / "pyproject.toml").write_text("[project]\nname = 'a'\n\n[tool.ruff]\nline-length = 2\n")
     assert set_up.content() == before
+    (tmp_path / "scripts" / "make_pages.py").write_text("print()")
+    assert set_up.content() == before
+    (tmp_path / "scripts" / "ros.py").write_text("print()")
+    assert set_up.content() != before
+    before = set_up.content()
     (tmp_path / "constraints.txt").write_text("numpy==2.1\n")
     assert set_up.content() != before
+
+
+def test_the_scripts_that_count_are_those_that_set_up_imports_or_runs(repository: Path) -> None:
+    """From set_up.py along imports and script names; a script forgotten in OWN would change what is installed unseen."""
+    scripts = {path.stem: path.read_text() for path in (repository / "scripts").glob("*.py")}
+    found, left = set[str](), ["set_up"]
+    while left:
+        name = left.pop()
+        found.add(name)
+        used = set(re.findall(r"^(?:import|from) (\w+)", scripts[name], re.MULTILINE)) | set(
+            re.findall(r'HERE / "(\w+)\.py"', scripts[name])
+        )
+        left += [other for other in used & scripts.keys() if other not in found]
+    assert {f"{name}.py" for name in found} == set(set_up.OWN)
 
 
 @pytest.mark.parametrize(

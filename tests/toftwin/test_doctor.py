@@ -181,6 +181,16 @@ def test_a_cut_bag_is_said_and_its_whole_part_examined(tmp_path: Path) -> None:
     assert any(f.check == "invalid codes" for f in said)
 
 
+def test_a_message_that_is_none_is_a_finding(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.tf(START, [("cell", "hand_depth_sensor", np.eye(4))], static=True)
+        for i in range(4):
+            write_frame(bag, Robot(), i)
+        bag.raw(NAMES["info"], "sensor_msgs/msg/CameraInfo", bytes(20), START + SECOND)
+    said = list(examine_bag(tmp_path / "bag", BagOptions()))
+    assert any(f.check == "bag" and f.level is Level.MEND and NAMES["info"] in f.what and f.todo for f in said), worst(said)
+
+
 def test_the_command_exits_1_and_speaks_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = record(tmp_path / "bag", Robot(tf=False))
     assert cli.main(["doctor", str(bag), "--json"]) == 1

@@ -57,7 +57,11 @@ def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None
     except ToftwinError as error:
         yield refused("topic", error)
         return
-    streams = recording.read(topics)
+    try:
+        streams = recording.read(topics)
+    except ToftwinError as error:
+        yield refused("bag", error)
+        return
     yield from examine_streams(recording, topics, streams)
     camera, said = camera_of(topics, streams)
     yield from said

@@ -9,7 +9,7 @@ from zlib import crc32
 
 import numpy as np
 
-from tof_core.bag_files import open_files
+from tof_core.bag_files import deserialize, open_files
 from tof_core.bag_index import BagIndex
 from tof_core.tf import TransformBuffer
 
@@ -70,7 +70,7 @@ class Recording:
         for m in self.index.ordered(topics.named()):
             stream = streams[m.topic]
             if len(stream.stamps) % every[m.topic] == 0:
-                stream.kept.append(self.files.types.deserialize_cdr(m.cdr, m.type))
+                stream.kept.append(deserialize(self.files, m.topic, m.cdr))
             stream.stamps.append(m.stamp_ns)
             stream.logged.append(m.log_ns)
             stream.content.append(crc32(m.cdr[STAMP_END:]))
