@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from progress import Steps
 
-WANTED = ".[train]"
+WANTED = ("-e", ".[train]")
+"""Editable, as the step before installed it: without -e pip would put a copy in its place."""
 SKIPPED = "pip offers no CPU build here, tests of training will be skipped; to have them: TORCH_INDEX=<PyTorch's CPU wheel index> make test"
 
 
@@ -27,10 +28,10 @@ def ensure(steps: Steps, python: Path, pip_install: Callable[..., list[str]]) ->
         steps.note("there")
         return
     index = ["--extra-index-url", os.environ["TORCH_INDEX"]] if os.environ.get("TORCH_INDEX") else []
-    if not is_free_of_cuda(steps, pip_install("--dry-run", "-q", "--report", "-", *index, WANTED)):
+    if not is_free_of_cuda(steps, pip_install("--dry-run", "-q", "--report", "-", *index, *WANTED)):
         steps.note(SKIPPED)
         return
-    if not steps.run(pip_install(*index, WANTED), quiet_failure=True):
+    if not steps.run(pip_install(*index, *WANTED), quiet_failure=True):
         steps.note(SKIPPED)
 
 
