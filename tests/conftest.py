@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
-import tempfile
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,9 +27,6 @@ settings.register_profile(
 )
 settings.load_profile("toftwin")
 
-# DDS derives its ports from the domain; up to 101 they stay below Linux's range of ephemeral ports. 0 is everybody's default.
-ROS_DOMAINS = range(1, 102)
-
 
 @pytest.fixture(scope="session")
 def repository() -> Path:
@@ -52,21 +46,9 @@ def shared_data() -> Path:
 def ros_domain() -> Iterator[int]:
     """A ROS domain that no other test process on this host uses, set in the environment for the whole module."""
     pytest.importorskip("rclpy", reason="no ROS 2 here: neither sourced nor from pip")
-    with reserved_ros_domain() as domain, pytest.MonkeyPatch.context() as patch:
+    from tof_ros.environment import private_domain
+
+    with pytest.MonkeyPatch.context() as patch, private_domain(shared=False) as domain:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
         patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         yield domain
-
-
-@contextmanager
-def reserved_ros_domain() -> Iterator[int]:
-    """Hold one ROS domain until the block ends; the lock goes with the process, so a killed run leaves nothing behind."""
-    for domain in ROS_DOMAINS:
-        with (Path(tempfile.gettempdir()) / f"toftwin-ros-domain-{domain}.lock").open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                continue
-            yield domain
-            return
-    pytest.fail(f"all {len(ROS_DOMAINS)} ROS domains of this host are in use by other test runs")

@@ -49,9 +49,12 @@ def named_domain() -> int:
 
 
 @contextmanager
-def private_domain() -> Iterator[int]:
-    """A ROS domain for work of our own: the environment's where it names one, else one that no other toftwin holds."""
-    if os.environ.get("ROS_DOMAIN_ID"):
+def private_domain(*, shared: bool = True) -> Iterator[int]:
+    """A ROS domain that no other toftwin holds; the environment's where it names one, unless that may not be `shared`.
+
+    The lock goes with the process: a killed one leaves nothing behind.
+    """
+    if shared and os.environ.get("ROS_DOMAIN_ID"):
         yield named_domain()
         return
     for domain in DOMAINS:

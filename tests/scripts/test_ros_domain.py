@@ -12,15 +12,15 @@ from pathlib import Path
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from tests.conftest import ROS_DOMAINS, reserved_ros_domain
+from tof_ros.environment import DOMAINS, private_domain
 
 
 def test_two_reservations_never_share_a_domain() -> None:
-    with reserved_ros_domain() as first, reserved_ros_domain() as second:
+    with private_domain(shared=False) as first, private_domain(shared=False) as second:
         assert first != second
-        assert {first, second} <= set(ROS_DOMAINS)
-    with reserved_ros_domain() as again:
-        assert again in ROS_DOMAINS
+        assert {first, second} <= set(DOMAINS)
+    with private_domain(shared=False) as again:
+        assert again in DOMAINS
 
 
 @pytest.mark.dds

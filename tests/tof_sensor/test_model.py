@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.tof_sensor.plane import plane_frame
+from tests.vocabulary import EFFECT_NAMES
 from tof_core.errors import ConfigError
 from tof_sensor.effects.quantization import Quantization
 from tof_sensor.effects.wiggling import Wiggling
@@ -20,30 +21,7 @@ if TYPE_CHECKING:
 
 
 def test_vocabulary_is_the_designs() -> None:
-    assert set(VOCABULARY) == {
-        "multipath",
-        "wiggling",
-        "flying_pixels",
-        "lens_scatter",
-        "temperature_drift",
-        "amplitude_bias",
-        "fixed_pattern",
-        "noise",
-        "motion",
-        "intrinsics",
-        "hand_eye",
-        "time_sync",
-        "phase_wrap",
-        "dropout",
-        "cad_deviation",
-        "radial_depth",
-        "depth_scale",
-        "range_offset",
-        "quantization",
-        "specular",
-        "subsurface",
-        "interference",
-    }
+    assert set(VOCABULARY) == EFFECT_NAMES
 
 
 def test_every_effect_survives_its_file(tmp_path: Path) -> None:

@@ -7,40 +7,17 @@ import numpy as np
 import pytest
 
 from tests.tof_virtual.made import biases, session
+from tests.vocabulary import EFFECT_NAMES
 from tof_core.errors import UsageError
 from tof_virtual.config import VirtualConfig
 from tof_virtual.effect import rms
 from tof_virtual.effects import EFFECTS, make_effects
 
 SIZED = [n for n, e in EFFECTS.items() if not e.natural]
-VOCABULARY = {
-    "multipath",
-    "wiggling",
-    "flying_pixels",
-    "lens_scatter",
-    "temperature_drift",
-    "amplitude_bias",
-    "fixed_pattern",
-    "noise",
-    "motion",
-    "intrinsics",
-    "hand_eye",
-    "time_sync",
-    "phase_wrap",
-    "dropout",
-    "cad_deviation",
-    "radial_depth",
-    "depth_scale",
-    "range_offset",
-    "quantization",
-    "specular",
-    "subsurface",
-    "interference",
-}
 
 
 def test_every_effect_of_the_vocabulary_is_there() -> None:
-    assert set(EFFECTS) == VOCABULARY
+    assert set(EFFECTS) == EFFECT_NAMES
 
 
 @pytest.mark.parametrize("name", SIZED)

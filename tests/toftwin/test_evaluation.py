@@ -14,7 +14,7 @@ from tof_scene.render import Rendering
 from toftwin.evaluation.methods import Estimate, Raw, Rules, make_methods
 from toftwin.evaluation.reference import Judged
 from toftwin.evaluation.rivals import Example, correction, fit_correction, search_rules
-from toftwin.evaluation.score import Scores, edge_distance
+from toftwin.evaluation.score import Scores
 
 CAMERA = Camera(40, 30, 40.0, 40.0, 19.5, 14.5, frame_id="cam")
 RNG = np.random.default_rng(8)
@@ -89,15 +89,6 @@ def test_flying_pixels_left_wrong() -> None:
     scores = Scores(["rules"], ())
     scores.add(Judged((capture(raw),), true, rendering(true), 0), {"rules": Estimate(out, None, 0.0)})
     assert scores.to_dict()["rules"]["flying_left_wrong"] == 0.5
-
-
-def test_the_edge_is_where_parts_meet_and_pixels_are_mixed() -> None:
-    drawn = rendering(np.ones(CAMERA.shape, np.float32))
-    drawn.mixed[10, 5] = 0.3
-    distance = edge_distance(drawn)
-    assert (distance[:, 19:21] == 0).all()
-    assert distance[10, 5] == 0
-    assert distance[0, 39] > 15
 
 
 def test_the_fitted_correction_finds_wiggling_and_amplitude_bias() -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.metrics import DepthError, depth_error
+from tof_scene.maps import edge_distance
 from toftwin.scores import PooledError
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ BINS: dict[str, tuple[float, ...]] = {
 }
 WRONG_M = 0.01
 """A pixel is wrong when it is farther than this from the truth."""
+FAR_PX = 9_999.0
+"""Distance to the next edge in a view without one: in the last bin."""
 FLYING_PX = 1.5
 """Flying pixels lie so near to an edge."""
 
@@ -79,7 +82,7 @@ class Scores:
         self.views += 1
         true, rendering = judged.reference, judged.rendering
         common = np.logical_and.reduce([np.isfinite(e.depth) for e in estimates.values()])
-        edge = edge_distance(rendering)
+        edge = np.minimum(edge_distance(rendering), FAR_PX)
         bins = list(_bins(true, rendering, edge, self.parts))
         raw = judged.captures[-1].depth
         flying = (edge <= FLYING_PX) & (np.abs(raw - true) > WRONG_M)
@@ -107,22 +110,6 @@ def _count_sigma(score: MethodScore, error: Image, sigma: Image) -> None:
     ratio = np.abs(error[both]) / sigma[both]
     for k, count in enumerate((ratio.size, (ratio <= 1).sum(), (ratio <= 2).sum())):
         score.sigma[k] += float(count)
-
-
-def edge_distance(rendering: Rendering) -> Image:
-    """(H, W) pixels to the nearest pixel that sees two surfaces, or whose neighbour shows another part."""
-    import cv2
-
-    part = rendering.part
-    edge = np.nan_to_num(rendering.mixed) > 0
-    for axis in (0, 1):
-        change = np.diff(part, axis=axis) != 0
-        before, after = [(0, 1), (0, 0)], [(1, 0), (0, 0)]
-        for side in (before, after):
-            edge |= np.pad(change, side if axis == 0 else side[::-1])
-    if not edge.any():
-        return np.full(edge.shape, 1e4, np.float32)
-    return np.asarray(cv2.distanceTransform((~edge).astype(np.uint8), cv2.DIST_L2, 3), np.float32)
 
 
 def _bins(true: Image, rendering: Rendering, edge: Image, parts: tuple[str, ...]) -> Iterator[tuple[str, str, Mask]]:

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The effects of DESIGN.md by name: what simulator, sensor model and diagnosis must all know."""
+
+EFFECT_NAMES = {
+    "multipath",
+    "wiggling",
+    "flying_pixels",
+    "lens_scatter",
+    "temperature_drift",
+    "amplitude_bias",
+    "fixed_pattern",
+    "noise",
+    "motion",
+    "intrinsics",
+    "hand_eye",
+    "time_sync",
+    "phase_wrap",
+    "dropout",
+    "cad_deviation",
+    "radial_depth",
+    "depth_scale",
+    "range_offset",
+    "quantization",
+    "specular",
+    "subsurface",
+    "interference",
+}
