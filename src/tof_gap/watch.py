@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The gap watched live: each view is judged by what it cannot owe to its pose, and growth is told at a stated false-alarm rate.
+
+How to feed it (no ROS here)::
+
+    watch = GapWatch(Raycaster(scene), WatchConfig())
+    said = watch.add(view, T_cell_camera, pose_cov)   # once per view, in order of time, at the label's pose
+    said.state       # "learning", "steady" or "grown": the level of /diagnostics (OK, OK, WARN)
+    said.message     # one line for it
+    said.residual    # (H, W) metres, measured minus rendered: the topic gap/residual
+
+`pose_cov` is the label's: (6, 6) of a right perturbation of the camera (from a PoseWithCovariance by `se3.cov_right`). A view whose pose was
+refused must not be added. `watch.restart()` forgets the baseline, as after a repair, another camera or another scene.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right, insort
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.config import param, section
+from tof_core.errors import RefusedError
+from tof_gap.evidence import EvidenceConfig, gather
+from tof_gap.shrink import BLOCK_PX
+from tof_scene.render import render
+from tof_sensor.geometry import pose_columns
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+    from tof_gap.evidence import ViewEvidence
+    from tof_scene.raycast import Raycaster
+
+POSE_SD = np.repeat([0.001, np.radians(0.1)], 3)
+"""What a pose without covariance may be wrong by: the arm's own error (DESIGN section 3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class WatchConfig:
+    """When a growing gap is told."""
+
+    baseline: int = param(20, "views that say what is usual, before anything is told", low=6, high=1000)
+    views_per_alarm: int = param(1000, "healthy views per false alarm, on average, at least", low=20)
+    evidence: EvidenceConfig = section(EvidenceConfig, "which pixels speak")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Watched:
+    """What one view says.
+
+    gap_mm: RMS of block means above what scatter and pose allow, 0 where they allow all of it; floor_mm: what they
+    allow; usual_mm: median gap of the baseline (NaN while learning); alarm: 0 to 1, at 1 growth is told.
+    """
+
+    state: str
+    gap_mm: float
+    floor_mm: float
+    usual_mm: float
+    alarm: float
+    views: int
+    residual: Float
+
+    @property
+    def message(self) -> str:
+        """One line for diagnostics."""
+        seen = f"gap {self.gap_mm:.2f} mm (scatter and pose allow {self.floor_mm:.2f})"
+        if self.state == "learning":
+            return f"learning what is usual, {self.views} views so far: {seen}"
+        usual = f"usual {self.usual_mm:.2f} mm over {self.views} views"
+        return f"the gap grows: {seen}, {usual}: run toftwin gap on a recording" if self.state == "grown" else f"{seen}, {usual}"
+
+
+BETS = ((0.1, 0.5), (0.3, 0.5))
+"""(quantile q, stake) of each bet that a new view lies in the pool's upper share q: pays 1 - stake + stake / q there, 1 - stake elsewhere."""
+
+
+@dataclass(slots=True)
+class GrowthTest:
+    """Whether values grow, told by ranks alone: whatever their law is.
+
+    The rank of a new value among all before it gives a p-value that is uniform while values are exchangeable, so a bet on small
+    ones wins nothing on average. The bets' fortunes are restarted as in Shiryaev and Roberts' rule (Vovk 2021, "conformal
+    e-detectors"): R = (R + 1) e. E[R] then grows by one per view at most, so the mean run to R = `limit` is at least `limit`.
+    While told, new values do not enter the pool; it ends when five in a row lie below the pool's 0.75 quantile.
+    """
+
+    learn: int
+    limit: float
+    grown: bool = False
+    alarm: float = 0.0
+    _pool: list[float] = field(default_factory=list)
+    _fortune: list[float] = field(default_factory=lambda: [0.0] * len(BETS))
+    _calm: int = 0
+    _rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+
+    @property
+    def learning(self) -> bool:
+        """Whether the baseline is still gathered."""
+        return len(self._pool) < self.learn
+
+    @property
+    def usual(self) -> float:
+        """Median of the pool."""
+        return float(np.median(self._pool)) if self._pool else float("nan")
+
+    def add(self, value: float) -> None:
+        """The next value."""
+        if not self.learning:
+            p = self._p_value(value)
+            if self.grown:
+                self._calm = self._calm + 1 if p > 0.25 else 0
+                if self._calm < 5:
+                    return
+                self.grown, self._calm, self._fortune = False, 0, [0.0] * len(BETS)
+            else:
+                self._fortune = [(r + 1) * (1 - s + (s / q if p <= q else 0.0)) for r, (q, s) in zip(self._fortune, BETS, strict=True)]
+            self.alarm = min(float(np.mean(self._fortune)) / self.limit, 1.0)
+            self.grown = self.alarm >= 1.0
+            if self.grown:
+                return
+        insort(self._pool, value)
+
+    def _p_value(self, value: float) -> float:
+        """Share of the pool and the value itself that is as large, ties drawn at random."""
+        above = len(self._pool) - bisect_right(self._pool, value)
+        ties = bisect_right(self._pool, value) - bisect_left(self._pool, value) + 1
+        return float((above + self._rng.uniform() * ties) / (len(self._pool) + 1))
+
+
+class GapWatch:
+    """Residual evidence view by view against a baseline."""
+
+    def __init__(self, caster: Raycaster, config: WatchConfig | None = None) -> None:
+        """Nothing seen yet."""
+        self.caster, self.config = caster, config or WatchConfig()
+        self._camera: object = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what is usual."""
+        self._test = GrowthTest(self.config.baseline, float(self.config.views_per_alarm))
+        self._camera = None
+        self._views = 0
+
+    def add(self, view: View, T_cell_camera: Float, pose_cov: Float | None = None) -> Watched:
+        """Judge the next view at its solved pose.
+
+        Args:
+            view: a capture or a dwell, unfiltered.
+            T_cell_camera: (4, 4) where the camera was, as the label has it (never a free pose per view, which hides the gap).
+            pose_cov: (6, 6) of its right perturbation, metres and radians; the arm's prior where None.
+
+        Raises:
+            RefusedError: another camera than before, or too little of the CAD in view.
+        """
+        if self._camera not in (None, view.camera):
+            raise RefusedError("the camera's calibration changed", where="gap", todo="restart the watch: its baseline is of another camera")
+        (evidence,) = gather([view], [render(self.caster, view.camera, T_cell_camera)], self.caster, self.config.evidence)
+        gap2, floor2 = unowed(evidence, np.diag(POSE_SD**2) if pose_cov is None else np.asarray(pose_cov, float))
+        self._camera = view.camera
+        self._test.add(gap2)
+        self._views += 1
+        state = "grown" if self._test.grown else "learning" if self._test.learning else "steady"
+        usual = float("nan") if self._test.learning else 1e3 * max(self._test.usual, 0.0) ** 0.5
+        return Watched(
+            state,
+            1e3 * max(gap2, 0.0) ** 0.5,
+            1e3 * floor2**0.5,
+            usual,
+            self._test.alarm,
+            self._views,
+            evidence.residual.astype(np.float32),
+        )
+
+
+MIN_BLOCKS = 6
+BLOCK_PIXELS = 40
+
+
+def unowed(view: ViewEvidence, pose_cov: Float) -> tuple[float, float]:
+    """(gap, floor) in m^2: mean square of block means that neither scatter nor the pose's posterior owes; and what those do.
+
+    The pose's share is taken off first, within its covariance. The gap is signed: at the floor it scatters about 0.
+
+    Raises:
+        RefusedError: too few blocks of the view see the CAD.
+    """
+    rows, columns = np.nonzero(view.smooth)
+    _, block = np.unique(rows // BLOCK_PX * 1000 + columns // BLOCK_PX, return_inverse=True)
+    n = np.bincount(block)
+    enough = n >= BLOCK_PIXELS
+    if enough.sum() < MIN_BLOCKS:
+        msg = f"only {int(enough.sum())} blocks of pixels see the CAD"
+        raise RefusedError(msg, where="gap", todo="views that see parts of the scene can be watched")
+
+    def mean(values: Float) -> Float:
+        return np.asarray(np.bincount(block, values) / n)[enough]
+
+    J = pose_columns(view.frame)[view.smooth]
+    A = np.stack([mean(J[:, k]) for k in range(6)], axis=1)
+    e, white2 = mean(view.residual[view.smooth]), mean(view.sigma[view.smooth] ** 2) / n[enough]
+    # The pose's most likely share under its own covariance and white scatter; what it may still owe is floor.
+    W = A / white2[:, None]
+    posterior = np.linalg.inv(A.T @ W + np.linalg.inv(pose_cov + 1e-14 * np.eye(6)))
+    left = e - A @ (posterior @ (W.T @ e))
+    weight = n[enough] / n[enough].sum()
+    pose2 = np.einsum("bi,ij,bj->b", A, posterior, A)
+    # Fitting the pose takes its share out of the scatter too.
+    return float(weight @ (left**2 - (white2 - pose2))), float(weight @ (white2 + pose2))

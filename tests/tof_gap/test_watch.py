@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The gap watched live: growth is told, at the stated false-alarm rate, and a pose's own error is no gap."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tof_core import se3
+from tof_core.camera import Camera
+from tof_core.capture import Capture, View
+from tof_core.errors import RefusedError
+from tof_gap.watch import GapWatch, GrowthTest, WatchConfig
+from tof_scene.builtin import make_builtin
+from tof_scene.raycast import Raycaster
+from tof_scene.render import render
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+
+CAMERA = Camera(112, 86, 105.0, 105.0, 55.5, 42.5)
+POSE_COV = np.diag(np.repeat([0.001, np.radians(0.1)], 3) ** 2)
+
+
+def run_length(limit: float, rng: np.random.Generator) -> int:
+    """Views until a false alarm, at most 600."""
+    test = GrowthTest(20, limit)
+    for n, value in enumerate(rng.exponential(size=600)):
+        test.add(float(value))
+        if test.grown:
+            return n
+    return 600
+
+
+def test_false_alarms_are_no_more_than_stated() -> None:
+    rng = np.random.default_rng(4)
+    lengths = [run_length(100.0, rng) for _ in range(100)]
+    assert np.mean(lengths) > 100.0
+    assert min(lengths) < 600  # The test is not deaf.
+
+
+@pytest.mark.parametrize(("baseline", "most"), [(20, 12), (60, 7)])
+def test_growth_is_told_within_a_few_views_and_ends_with_it(baseline: int, most: int) -> None:
+    rng = np.random.default_rng(5)
+    test = GrowthTest(20, 1000.0)
+    for value in rng.normal(size=baseline):
+        test.add(float(value))
+    for _ in range(most):
+        test.add(float(rng.normal()) + 5.0)
+    assert test.grown
+    for value in rng.normal(size=40):
+        test.add(float(value))
+    assert not test.grown
+
+
+@pytest.fixture(scope="module")
+def caster() -> Raycaster:
+    return Raycaster(make_builtin("body_section"))
+
+
+def poses(n: int, rng: np.random.Generator) -> list[Float]:
+    """Cameras 0.9 m before the section, looking at it."""
+    R = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, [0.9, 0.0, 0.8]
+    return [np.asarray(T @ se3.exp(rng.normal(0, [0.05, 0.05, 0.02, 0.05, 0.05, 0.05]))) for _ in range(n)]
+
+
+def seen(caster: Raycaster, T: Float, rng: np.random.Generator, wave_m: float = 0.0) -> View:
+    """A capture with 2 mm of scatter, and a gap that waves over the image."""
+    depth = render(caster, CAMERA, T).depth
+    row, column = np.mgrid[: CAMERA.height, : CAMERA.width]
+    gap = wave_m * np.sqrt(2) * np.sin(2 * np.pi * column / 56) * np.sin(2 * np.pi * row / 43) * np.sqrt(2)
+    measured = (depth + gap + rng.normal(0, 0.002, depth.shape)).astype(np.float32)
+    return View.of_capture(Capture(0, CAMERA, measured, np.zeros(depth.shape, np.uint8)))
+
+
+def test_a_view_says_its_gap_and_a_pose_error_is_none(caster: Raycaster) -> None:
+    rng = np.random.default_rng(6)
+    (T,) = poses(1, rng)
+    watch = GapWatch(caster, WatchConfig())
+    assert watch.add(seen(caster, T, rng), T, POSE_COV).gap_mm < 0.25
+    off = T @ se3.exp([0.001, -0.001, 0.001, 0.001, 0.001, 0])
+    assert watch.add(seen(caster, T, rng), off, POSE_COV).gap_mm < 0.5
+    said = watch.add(seen(caster, T, rng, 0.005), T, POSE_COV)
+    # What the means of 16-pixel blocks keep of that wave.
+    assert said.gap_mm == pytest.approx(5.0 * np.sinc(16 / 56) * np.sinc(16 / 43), rel=0.15)
+    assert said.state == "learning"
+    assert said.residual.shape == CAMERA.shape
+
+
+def test_a_gap_that_grows_is_told(caster: Raycaster) -> None:
+    rng = np.random.default_rng(7)
+    watch = GapWatch(caster, WatchConfig(baseline=12, views_per_alarm=30))
+    states = [watch.add(seen(caster, T, rng), T, POSE_COV).state for T in poses(13, rng)]
+    assert states[-1] == "steady"
+    after = [watch.add(seen(caster, T, rng, 0.002), T, POSE_COV) for T in poses(6, rng)]
+    assert after[-1].state == "grown"
+    assert "the gap grows" in after[-1].message
+
+
+def test_another_camera_is_refused_until_restarted(caster: Raycaster) -> None:
+    rng = np.random.default_rng(8)
+    (T,) = poses(1, rng)
+    watch = GapWatch(caster)
+    view = seen(caster, T, rng)
+    watch.add(view, T)
+    other = replace(view, camera=replace(CAMERA, fx=110.0))
+    with pytest.raises(RefusedError, match="calibration changed"):
+        watch.add(other, T)
+    watch.restart()
+    assert watch.add(other, T).views == 1
+
+
+def test_a_view_beside_the_scene_is_refused(caster: Raycaster) -> None:
+    rng = np.random.default_rng(9)
+    (T,) = poses(1, rng)
+    with pytest.raises(RefusedError, match="see the CAD"):
+        GapWatch(caster).add(seen(caster, T, rng), T @ np.diag([-1.0, 1.0, -1.0, 1.0]))
