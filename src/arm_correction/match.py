@@ -64,8 +64,12 @@ def make_matcher(surface: Surface, view: View, config: CorrectConfig) -> Matcher
 
 
 def register_view(reference: Reference, surface: Surface, view: View, config: CorrectConfig) -> Registration:
-    """Where the view's camera is in the reference's camera frame; the robot's own poses are the first guess."""
+    """Where the view's camera is in the reference's camera frame.
+
+    The robot's own poses are the first guess; the arm's chain alone is another start, for where localisation jumped.
+    """
     if view.robot is None:
         raise RefusedError("the view has no robot pose", where="correction", todo="record TF with the images")
     guess = se3.inverse(reference.T_cell_body @ reference.T_body_camera) @ view.robot.T_cell_camera
-    return register(make_matcher(surface, view, config), guess)
+    by_arm = se3.inverse(reference.T_body_camera) @ view.robot.T_body_camera
+    return register(make_matcher(surface, view, config), guess, [by_arm])

@@ -57,6 +57,10 @@ class Reference:
             raise RefusedError(
                 "the reference was taken with another camera (intrinsics differ)", where="reference", todo="capture it again with this one"
             )
+        self.check_scene(scene)
+
+    def check_scene(self, scene: str) -> None:
+        """Refuse another scene's CAD, by its digest; "" says nothing."""
         if scene and self.scene and scene != self.scene:
             raise RefusedError(
                 "the reference belongs to another scene (its CAD differs)", where="reference", todo="pass that scene, or capture it again"

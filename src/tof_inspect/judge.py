@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tof_align.config import AlignConfig
+from tof_align.session import solve_session
 from tof_core.errors import RefusedError, SceneError
+from tof_inspect.config import InspectConfig
 from tof_inspect.displaced import Fit, fit_part
 from tof_inspect.evidence import Evidence, agreement, see, weigh
 from tof_scene.raycast import Raycaster
@@ -18,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tof_core.capture import Posed, View
-    from tof_inspect.config import InspectConfig
     from tof_inspect.evidence import Seen
     from tof_scene.scene import Part
 
@@ -50,12 +52,21 @@ class PartVerdict:
         return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in out.items()}
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Inspection:
+    """Verdicts of all parts, the views they were made from, and where those were taken."""
+
+    verdicts: tuple[PartVerdict, ...]
+    views: tuple[View, ...]
+    posed: tuple[Posed, ...]
+
+
 class Inspector:
     """A scene made ready: a ray caster without each part that is inspected, made when first asked for."""
 
-    def __init__(self, caster: Raycaster, config: InspectConfig) -> None:
+    def __init__(self, caster: Raycaster, config: InspectConfig | None = None, align: AlignConfig | None = None) -> None:
         """Refuse a scene without parts to inspect."""
-        self.caster, self.config, self.scene = caster, config, caster.scene
+        self.caster, self.config, self.align, self.scene = caster, config or InspectConfig(), align or AlignConfig(), caster.scene
         self.names = tuple(part.name for part in self.scene.parts if part.inspect)
         if not self.names:
             raise SceneError("no part has `inspect: true`", where=self.scene.folder, todo="mark the parts to inspect in scene.yaml")
@@ -73,6 +84,18 @@ class Inspector:
         if name not in self._alone:
             self._alone[name] = Raycaster(Scene(self.scene.frame, (self.scene.part(name),), None, self.scene.folder))
         return self._alone[name]
+
+    def judge(self, views: Sequence[View]) -> Inspection:
+        """Find where the views were taken, all together, and judge every part.
+
+        Raises:
+            RefusedError: no view, none whose pose is accepted, or none that agrees with the CAD.
+            TransformError: a view has no robot pose.
+        """
+        if not views:
+            raise RefusedError("there is no view to judge", where="inspection", todo="toftwin doctor tells what the input lacks")
+        posed = solve_session(views, self.caster, self.align).posed
+        return Inspection(self.inspect(views, posed), tuple(views), posed)
 
     def inspect(self, views: Sequence[View], posed: Sequence[Posed], colour: Mapping[str, float] | None = None) -> tuple[PartVerdict, ...]:
         """Judge every part from views whose poses are accepted.

@@ -40,9 +40,10 @@ def _settings() -> type[Any]:
 
 def run(args: argparse.Namespace) -> int:
     """Save a reference, or correct; 1 when the correction is refused."""
+    from arm_correction.frames import frames_of
     from arm_correction.reference import load_reference, save_reference
     from tof_core.errors import UsageError
-    from toftwin.correcting import CorrectionConfig, correct_views, frames_of, make_reference, views_of
+    from toftwin.correcting import CorrectionConfig, corrector_of, views_of
     from toftwin.inputs import opened
     from toftwin.options import load_config
 
@@ -55,11 +56,13 @@ def run(args: argparse.Namespace) -> int:
         if not -len(views) <= args.view < len(views):
             raise UsageError(f"there is no view {args.view}; the bag has {len(views)}", where="--view")
         chosen = views[: args.view % len(views) + 1]
+        corrector = corrector_of(scene, reference, config)
         if args.save:
-            kept = save_reference(make_reference(chosen[-1], scene, config), args.save)
+            kept = save_reference(corrector.capture(chosen[-1]), args.save)
             print(f"reference: {kept}")
             return 0
-        made = correct_views(chosen, reference, scene, frames_of(reader, chosen[-1], args.hand_frame, args.frame), config)
+        frames = frames_of(reader.chain, reader.camera.frame_id, chosen[-1].stamp_ns, args.hand_frame, args.frame)
+        made = corrector.propose(chosen, frames)
     _print(made, as_json=args.json)
     return 0 if next(iter(made.values())).accepted else 1
 

@@ -38,7 +38,9 @@ def run(args: argparse.Namespace) -> int:
     """Inspect; 1 when a part is absent or displaced."""
     import json
 
+    from tof_inspect.judge import Inspector
     from tof_inspect.report import content, write
+    from tof_scene.raycast import Raycaster
     from toftwin.inputs import opened
     from toftwin.inspection import InspectionConfig, inspect_bag
     from toftwin.options import load_config
@@ -46,9 +48,10 @@ def run(args: argparse.Namespace) -> int:
     config = load_config(InspectionConfig, args)
     with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
         assert scene is not None
-        found = inspect_bag(reader, scene, config)
+        inspector = Inspector(Raycaster(scene), config.inspect, config.align)
+        found = inspect_bag(reader, inspector, config)
     told = content(found.verdicts, found.views, found.posed, scene.digest)
-    page = write(found.inspector, found.verdicts, found.views, found.posed, args.out, Path(args.bag).name) if args.out else None
+    page = write(inspector, found.verdicts, found.views, found.posed, args.out, Path(args.bag).name) if args.out else None
     if args.json:
         print(json.dumps(told, indent=1))
     else:
