@@ -107,17 +107,22 @@ def report(error: BaseException, *, debug: bool = False) -> int:
     """Say an error in one line on stderr; unknown ones leave a traceback file. Returns the exit code."""
     if debug:
         traceback.print_exception(error)
-    if isinstance(error, ToftwinError):
-        return _say(str(error), error.exit_code)
-    if isinstance(error, KeyboardInterrupt):
-        return _say("stopped; what was finished is kept", EXIT_INTERRUPTED)
     if isinstance(error, BrokenPipeError):
         sys.stderr.close()
         return 1
+    return _say(*explain(error))
+
+
+def explain(error: BaseException) -> tuple[str, int]:
+    """An error as one line, and its exit code."""
+    if isinstance(error, ToftwinError):
+        return str(error), error.exit_code
+    if isinstance(error, KeyboardInterrupt):
+        return "stopped; what was finished is kept", EXIT_INTERRUPTED
     if isinstance(error, OSError) and error.errno is not None:
-        return _say(_os_error(error), 1)
+        return _os_error(error), 1
     path = _write_traceback(error)
-    return _say(f"a fault in toftwin itself ({type(error).__name__}: {error}); the traceback is in {path}", EXIT_BUG)
+    return f"a fault in toftwin itself ({type(error).__name__}: {error}); the traceback is in {path}", EXIT_BUG
 
 
 def _say(line: str, code: int) -> int:

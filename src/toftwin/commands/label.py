@@ -9,16 +9,20 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import argparse
 
+    from toftwin.labelling import LabelResult
+
 NAME = "label"
 HELP = "label a bag: accumulate, align to the CAD, ray cast, write a dataset"
-EXAMPLE = "toftwin label session/bag --scene cell/scene.yaml --out out/session"
+EXAMPLE = "toftwin label session/bag --scene cell/scene.yaml --out out/session\n  toftwin label 'bags/*.mcap' --scene cell/scene.yaml --out out/bags"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
     from toftwin.options import add_bag_arguments, add_config_arguments
 
-    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
+    parser.add_argument(
+        "bag", nargs="+", metavar="BAG", help="the bag's folder, .mcap or .db3 file; several, or a quoted pattern, make a batch"
+    )
     parser.add_argument(
         "--scene", type=Path, required=True, metavar="SCENE", help="scene.yaml of the cell, its folder, or a built-in scene's name"
     )
@@ -34,6 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "per_view: a free pose per view (the paper's); robot: the robot's own pose (default: final)"
         ),
     )
+    parser.add_argument("--engine", choices=("local", "ray"), help="where a batch runs: processes of this host (default), or a Ray cluster")
+    parser.add_argument(
+        "--workers", type=int, default=0, metavar="N", help="of a batch, one core each (default: as many as there are cores)"
+    )
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_bag_arguments(parser)
     add_config_arguments(parser, _settings)
@@ -47,6 +55,23 @@ def _settings() -> type[Any]:
 
 def run(args: argparse.Namespace) -> int:
     """Label, print the table."""
+    from toftwin.batch import is_batch, label_batch
+
+    if is_batch(args):
+        return label_batch(args)
+    (args.bag,) = args.bag
+    result = label(args)
+    if args.json:
+        import json
+
+        print(json.dumps(result.to_dict(), indent=1))
+        return 0
+    _print(result)
+    return 0
+
+
+def label(args: argparse.Namespace) -> LabelResult:
+    """Label one bag."""
     from tof_scene.raycast import Raycaster
     from toftwin.inputs import opened
     from toftwin.labelling import label_bag
@@ -56,14 +81,22 @@ def run(args: argparse.Namespace) -> int:
     config = load_config(PipelineConfig, args)
     with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
         assert scene is not None
-        result = label_bag(reader, Raycaster(scene), config, args.out, mode=args.mode)
-    if args.json:
-        import json
+        return label_bag(reader, Raycaster(scene), config, args.out, mode=args.mode)
 
-        print(json.dumps(result.to_dict(), indent=1))
-        return 0
-    _print(result)
-    return 0
+
+def hashes(args: argparse.Namespace) -> tuple[str, str, str]:
+    """What a dataset of this call says it was made with: scene, configuration, way of posing."""
+    from dataclasses import replace
+
+    from tof_core.hashing import digest_config
+    from tof_scene.builtin import open_scene
+    from toftwin.labelling import MODES, POSE_SOURCES
+    from toftwin.options import load_config
+    from toftwin.pipeline import PipelineConfig
+
+    config = load_config(PipelineConfig, args)
+    config = replace(config, align=replace(config.align, mode=MODES[args.mode]))
+    return open_scene(args.scene).digest, digest_config(config), POSE_SOURCES[args.mode]
 
 
 def _print(result: Any) -> None:
