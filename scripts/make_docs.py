@@ -23,8 +23,13 @@ if TYPE_CHECKING:
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 CHANGES = (
-    "Those that begin with {} are set at the start only; the others change while the node runs (`ros2 param set`), checked as a whole. "
+    "Those that begin with {} are set {}; the others change while the node runs (`ros2 param set`), checked as a whole. "
     "Names are the same in `--set`, `--config` and `config/graph.yaml`."
+)
+LIFE = (
+    "A managed node: `live.autostart` (the default) configures and activates it at the start, else a lifecycle manager or `ros2 lifecycle set` does. "
+    "What it loads is loaded when it is configured; a failure leaves it unconfigured, is said in the diagnostics (level ERROR) and can be mended by "
+    "setting the parameter right and configuring again. Inactive, it hears nothing and refuses its services."
 )
 MADE = "<!-- Made by scripts/make_docs.py; a test holds it up to date. -->"
 
@@ -41,14 +46,17 @@ def node_page(name: str) -> str:
     room = DONE[name].partition("/")[0]
     rows = [Topic(f"`{room}/{topic}`", _type(kind), text.outputs.get(topic, "")) for topic, kind in module.OUTPUTS.items()]
     rows.append(Topic(f"`{room}/done`", "sensor_msgs/TimeReference", "what became of each frame: `kept`, or the reason why it was skipped"))
+    managed = "ManagedNode[" in inspect.getsource(module)
+    when = "while the node is unconfigured" if managed else "at the start only"
     parts = [
         f"# Node `{name}`", MADE, text.about,
         "## Start", "\n".join(f"    {line}" for line in text.start),
+        *(("## Life cycle", LIFE) if managed else ()),
         "## Heard", _topics(INPUTS.get(name, [])),
         "## Published", _topics(rows),
         "## Services", _services(module),
         "## Diagnostics", _diagnostics(text),
-        "## Parameters", CHANGES.format(", ".join(f"`{p}`" for p in fixed_of(module))),
+        "## Parameters", CHANGES.format(", ".join(f"`{p}`" for p in fixed_of(module)), when),
         parameters(list(table(module.CONFIG))),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
@@ -134,7 +142,8 @@ def nodes_index() -> str:
     """The nodes, and the quality of service of what they hear and publish."""
     listed = "\n".join(f"- [`{name}`]({name}.md): {text_of(name).short}" for name in NODES)
     text = (
-        "A reliable subscription cannot hear a best-effort publisher, a transient-local one no volatile publisher. `toftwin doctor --live` shows "
+        "A reliable subscription cannot hear a best-effort publisher, a transient-local one no volatile publisher. When such a peer appears, the node logs "
+        "topic, policy, peer and remedy, and repeats it in its diagnostics while the peer is there. `toftwin doctor --live` shows "
         "what each publisher offers and which policy is in the way. Every profile can be overridden by `qos_overrides.TOPIC.*` parameters."
     )
     return f"# Nodes\n\n{MADE}\n\n{listed}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
@@ -149,7 +158,7 @@ def qos_table() -> str:
         "sensors, heard (`live.reliable: true`)": qos.sensor(reliable=True, depth=32),
         "`/tf`, heard": qos.TF,
         "`/tf_static`, heard": qos.TF_STATIC,
-        "results and `/diagnostics`, published; `preproc/*` as `sim_label` hears it": qos.OUTPUT,
+        "results and `/diagnostics`, published; `preproc/*` as other nodes hear it": qos.OUTPUT,
     }
     lines = [
         f"| {kind} | {p.reliability.name.lower()} | {p.durability.name.lower()} | {p.history.name.lower()} {p.depth} |"

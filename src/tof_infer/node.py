@@ -13,13 +13,14 @@ from tof_core.builder import CaptureBuilder
 from tof_core.config import param, section
 from tof_core.decode import stamp_ns
 from tof_core.errors import RefusedError, ToftwinError
+from tof_core.live import ManagedOptions
 from tof_core.options import NOT_WANTED, BagOptions
 from tof_core.topics import Topics
 from tof_infer.config import InferConfig
 from tof_infer.frames import Mark
 from tof_infer.session import Session
 from tof_ros import messages, qos
-from tof_ros.base import RoomNode
+from tof_ros.managed import ManagedNode
 from tof_ros.patience import PERIOD_S, Patience
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ OUTPUTS = {"depth": Image, "sigma": Image, "camera_info": CameraInfo}
 
 
 @dataclass(frozen=True, slots=True)
-class LiveConfig:
+class LiveConfig(ManagedOptions):
     """What only a running node has."""
 
     reliable: bool = param(False, "hear sensors reliably: loses nothing of a reliable publisher, hears no best-effort one")
@@ -52,21 +53,28 @@ class InferNodeConfig:
 CONFIG = InferNodeConfig
 
 
-class InferNode(RoomNode[InferNodeConfig]):
+class InferNode(ManagedNode[InferNodeConfig]):
     """Repairs each frame (docs/nodes/infer.md)."""
 
     def __init__(self, **options: Any) -> None:
-        """Load the network, then subscribe; topics are spot_ros2's by default, relative and remappable."""
+        """Nothing loaded yet."""
         super().__init__(NAME, NAME, InferNodeConfig, fixed=("input.", "infer.", "live."), **options)
+        self._kept = 0.0
+        self._refusal = ""
+        self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self.service("flush", self.flush)
+
+    def load(self) -> None:
+        """Read the network."""
         self._session = Session(self.config.infer)
+
+    def start(self) -> None:
+        """Subscribe; topics are spot_ros2's by default, relative and remappable."""
         self._topics = _topics(self.config.input)
         self._builder = CaptureBuilder(self.config.input, None, replace(self._topics, amplitude=""), need_tf=False)
         self._builder.on_skip = lambda stamp, reason: self._skipped(stamp, reason, self._builder.last_error)
         self._patience = Patience(self.config.live.patience_s)
         self._arrivals: dict[int, float] = {}
-        self._kept = 0.0
-        self._refusal = ""
-        self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         sensor = qos.sensor(reliable=self.config.live.reliable, depth=32)
         self.input(self._topics.depth, Image, self._frame, sensor)
         self.input(self._topics.info, CameraInfo, self._info, sensor)
@@ -75,7 +83,10 @@ class InferNode(RoomNode[InferNodeConfig]):
         if self._topics.temperature:
             self.input(self._topics.temperature, Temperature, self._builder.temperature, sensor)
         self.timer(PERIOD_S, self._tick)
-        self.service("flush", self.flush)
+
+    def unload(self) -> None:
+        """Let go of the network."""
+        del self._session
 
     def _frame(self, message: Image) -> None:
         self._arrivals[stamp_ns(message)] = self.tally.arrived()
@@ -125,9 +136,8 @@ class InferNode(RoomNode[InferNodeConfig]):
 
     def reset(self) -> str:
         """Forget what waits."""
-        if hasattr(self, "_builder"):
-            self._builder.reset()
-            self._arrivals.clear()
+        self._builder.reset()
+        self._arrivals.clear()
         return "what waited is forgotten"
 
     def flush(self) -> str:

@@ -68,7 +68,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         self.service("capture", self._end_dwell)
         self.service("flush", self.flush)
         RecordService(
-            self, self.config.live.record, "session", self._raw_topics(), qos.sensor(reliable=self.config.live.reliable, depth=64)
+            self, lambda: self.config.live.record, "session", self._raw_topics(), qos.sensor(reliable=self.config.live.reliable, depth=64)
         )
 
     def _raw_topics(self) -> list[tuple[str, type[Any]]]:

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 from tof_core.errors import ToftwinError
 from tof_ros import messages, qos
 from tof_ros.diagnostics import Diagnostics, Tally
+from tof_ros.mismatch import Mismatches
 from tof_ros.parameters import Parameters
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
     from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
+    from rclpy.subscription import Subscription
+    from rclpy.timer import Timer
 
 C = TypeVar("C")
 
@@ -31,18 +34,31 @@ class RoomNode(Node, Generic[C]):
 
     Each input frame ends as one message on `<room>/done`: its stamp, and `kept` or the reason why
     it was skipped. That is what replay waits for, and what a user reads to know a frame's fate.
+    `trouble` says why the node does nothing at all.
     """
 
-    def __init__(self, name: str, room: str, config: type[C], *, fixed: tuple[str, ...] = (), **options: Any) -> None:
-        """`room` prefixes the topics; parameters whose names begin with one of `fixed` are set at the start only."""
+    trouble = ""
+
+    def __init__(
+        self,
+        name: str,
+        room: str,
+        config: type[C],
+        *,
+        fixed: tuple[str, ...] = (),
+        locked: Callable[[], bool] | None = None,
+        **options: Any,
+    ) -> None:
+        """`room` prefixes the topics; parameters whose names begin with one of `fixed` are set at the start, or while not `locked`."""
         super().__init__(name, **options)
         self.room = room
         self.tally = Tally()
-        self._settings = Parameters(self, config, fixed=("use_sim_time", *fixed), on_change=self.on_config)
+        self._mismatches = Mismatches(self)
+        self._settings = Parameters(self, config, fixed=fixed, locked=locked, on_change=self.on_config)
         self._done = self.output("done", TimeReference)
-        self._diagnostics = Diagnostics(self, self.tally, self.figures, self.warnings)
+        self._diagnostics = Diagnostics(self, self.tally, self.told, self.complaints, lambda: self.trouble)
         threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False)
-        self._jump = self.get_clock().create_jump_callback(threshold, post_callback=lambda _: self._jumped())
+        self._jump = self.get_clock().create_jump_callback(threshold, post_callback=lambda _: self.jumped())
         self.service("reset", self.reset)
 
     @property
@@ -65,14 +81,23 @@ class RoomNode(Node, Generic[C]):
         """What is wrong right now."""
         return []
 
+    def told(self) -> Mapping[str, str]:
+        """All values for the diagnostics beside the tally."""
+        return self.figures()
+
+    def complaints(self) -> list[str]:
+        """All that is wrong: peers that do not match, then the node's own warnings."""
+        return [*self._mismatches.current(), *self.warnings()]
+
     def output(self, topic: str, kind: type[Any], profile: QoSProfile = qos.OUTPUT) -> Publisher:
         """A publisher of `<room>/<topic>` whose QoS a user may override."""
-        options = QoSOverridingOptions.with_default_policies()
-        return self.create_publisher(kind, f"{self.room}/{topic}", profile, qos_overriding_options=options)
+        name = f"{self.room}/{topic}"
+        options, events = QoSOverridingOptions.with_default_policies(), self._mismatches.of_publisher(name)
+        return self.create_publisher(kind, name, profile, qos_overriding_options=options, event_callbacks=events)
 
-    def input(self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile) -> None:
+    def input(self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile) -> Subscription:
         """A subscription whose QoS a user may override; a message that cannot be read is said, and the node goes on."""
-        options = QoSOverridingOptions.with_default_policies()
+        options, events = QoSOverridingOptions.with_default_policies(), self._mismatches.of_subscription(topic)
 
         def guarded(message: Any) -> None:
             try:
@@ -80,7 +105,7 @@ class RoomNode(Node, Generic[C]):
             except ToftwinError as error:
                 self.get_logger().error(f"{topic}: {error}", throttle_duration_sec=5.0)
 
-        self.create_subscription(kind, topic, guarded, profile, qos_overriding_options=options)
+        return self.create_subscription(kind, topic, guarded, profile, qos_overriding_options=options, event_callbacks=events)
 
     def service(self, name: str, action: Callable[[], str]) -> None:
         """A `~/name` Trigger: its message is what `action` returns, or the one line of its error."""
@@ -94,9 +119,9 @@ class RoomNode(Node, Generic[C]):
 
         self.create_service(Trigger, f"~/{name}", answer)
 
-    def timer(self, seconds: float, action: Callable[[], None]) -> None:
+    def timer(self, seconds: float, action: Callable[[], None]) -> Timer:
         """Call `action` on the wall clock, whatever the data's clock does."""
-        self.create_timer(seconds, action, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        return self.create_timer(seconds, action, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def done(self, stamp_ns: int, arrived: float, fate: str = "kept") -> None:
         """A frame's outputs are all published."""
@@ -110,6 +135,7 @@ class RoomNode(Node, Generic[C]):
         if why:
             self.get_logger().warning(f"frame {stamp_ns} skipped, {reason}: {why}", throttle_duration_sec=5.0)
 
-    def _jumped(self) -> None:
+    def jumped(self) -> None:
+        """The clock was set back: what was accumulated belongs to another time."""
         self.get_logger().warning("the clock jumped back: starting afresh")
         self.reset()

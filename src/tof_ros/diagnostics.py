@@ -78,9 +78,16 @@ class Tally:
 class Diagnostics:
     """Publishes a node's tally on `/diagnostics`, on the wall clock whatever the data's clock does."""
 
-    def __init__(self, node: Node, tally: Tally, more: Callable[[], Mapping[str, str]], warnings: Callable[[], list[str]]) -> None:
-        """`more` gives further values, `warnings` what is wrong right now, one short phrase each."""
-        self._node, self._tally, self._more, self._warnings = node, tally, more, warnings
+    def __init__(
+        self,
+        node: Node,
+        tally: Tally,
+        more: Callable[[], Mapping[str, str]],
+        warnings: Callable[[], list[str]],
+        error: Callable[[], str],
+    ) -> None:
+        """`more` gives further values, `warnings` what is wrong right now, one short phrase each, `error` why nothing works."""
+        self._node, self._tally, self._more, self._warnings, self._error = node, tally, more, warnings, error
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", qos.OUTPUT)
         self._last_skipped = 0
         self._said: list[str] = []
@@ -108,7 +115,9 @@ class Diagnostics:
     def _status(self, warnings: list[str]) -> DiagnosticStatus:
         level = DiagnosticStatus.OK
         message = "frames flow"
-        if warnings:
+        if error := self._error():
+            level, message = DiagnosticStatus.ERROR, error
+        elif warnings:
             level, message = DiagnosticStatus.WARN, "; ".join(warnings)
         elif self._tally.silence() > 5.0:
             level, message = DiagnosticStatus.STALE, "no frames"

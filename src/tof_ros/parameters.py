@@ -47,15 +47,25 @@ class Parameters(Generic[C]):
     """The configuration of a node: `.config` is always whole and valid.
 
     A change is checked as a whole before it is accepted and swapped in afterwards, so no frame
-    ever sees half of it. Names in `fixed` (or groups, `scene.`) can be given at the start only.
+    ever sees half of it. Names in `fixed` (or groups, `scene.`) can be given at the start only, or, with `locked`,
+    whenever that says no.
     """
 
-    def __init__(self, node: Node, cls: type[C], *, fixed: Iterable[str] = (), on_change: Callable[[C], None] | None = None) -> None:
+    def __init__(
+        self,
+        node: Node,
+        cls: type[C],
+        *,
+        fixed: Iterable[str] = (),
+        locked: Callable[[], bool] | None = None,
+        on_change: Callable[[C], None] | None = None,
+    ) -> None:
         """Declare every row of the table on `node`; bad start values are a `ConfigError`."""
         self._cls, self._node, self._on_change = cls, node, on_change
         self._infos = {info.name: info for info in config.table(cls)}
-        fixed = tuple(fixed)
-        values = {name: self._declare(info, read_only=name.startswith(fixed)) for name, info in self._infos.items()}
+        self._fixed, self._locked = tuple(fixed), locked
+        read_only = self._fixed if locked is None else ()
+        values = {name: self._declare(info, read_only=name.startswith(read_only)) for name, info in self._infos.items()}
         self.config: C = config.from_mapping(cls, values, where=node.get_name())
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._swap)
@@ -74,9 +84,12 @@ class Parameters(Generic[C]):
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         try:
-            self._changed(parameters)
+            changed = self._changed(parameters)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        held = [p.name for p in parameters if p.name in self._infos and p.name.startswith(self._fixed)]
+        if held and changed != self.config and self._locked is not None and self._locked():
+            return SetParametersResult(successful=False, reason=f"{held[0]} can be set while the node is unconfigured; clean it up first")
         return SetParametersResult(successful=True)
 
     def _swap(self, parameters: Sequence[Parameter]) -> None:

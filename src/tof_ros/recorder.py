@@ -13,7 +13,7 @@ from tof_core.errors import RefusedError
 from tof_ros import qos
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
@@ -83,19 +83,21 @@ class Recorder:
 class RecordService:
     """The services `~/start_recording` and `~/stop_recording` of a node: one bag a call, named by the wall clock."""
 
-    def __init__(self, node: RoomNode[Any], folder: str, prefix: str, topics: Sequence[Topic], profile: QoSProfile = qos.RECORD) -> None:
-        """Bags are made in `folder`, which a node without recordings leaves empty."""
+    def __init__(
+        self, node: RoomNode[Any], folder: Callable[[], str], prefix: str, topics: Sequence[Topic], profile: QoSProfile = qos.RECORD
+    ) -> None:
+        """Bags are made in what `folder` says, which a node without recordings leaves empty."""
         self._node, self._folder, self._prefix, self._topics, self._profile = node, folder, prefix, topics, profile
         self._recorder: Recorder | None = None
         node.service("start_recording", self._start)
         node.service("stop_recording", self._stop)
 
     def _start(self) -> str:
-        if not self._folder:
+        if not (folder := self._folder()):
             raise RefusedError("no folder to record to", where="live.record", todo="start the node with -p live.record:=FOLDER")
         if self._recorder is not None:
             raise RefusedError("already recording", where=self._recorder.path)
-        path = Path(self._folder) / f"{self._prefix}_{time.strftime('%Y%m%d_%H%M%S')}"
+        path = Path(folder) / f"{self._prefix}_{time.strftime('%Y%m%d_%H%M%S')}"
         path.parent.mkdir(parents=True, exist_ok=True)
         self._recorder = Recorder(self._node, path, self._topics, self._profile)
         return f"recording to {path}"

@@ -30,7 +30,7 @@ class TransformListener:
 
     def __init__(self, node: Node, buffer: TransformBuffer, on_change: Callable[[], None]) -> None:
         """Subscribe as tf2 does: `/tf` reliable and volatile, `/tf_static` latched, 100 deep. `on_change` runs in the node's thread."""
-        self._buffer, self._log = buffer, node.get_logger()
+        self._node, self._buffer, self._log = node, buffer, node.get_logger()
         self._wake = node.create_guard_condition(on_change)
         self._heard = float("-inf")
         self.messages = self.refused = 0
@@ -49,6 +49,7 @@ class TransformListener:
     def close(self) -> None:
         """Listen no more."""
         self._spinner.stop()
+        self._node.destroy_guard_condition(self._wake)
 
     def _add(self, message: TFMessage, *, static: bool) -> None:
         try:

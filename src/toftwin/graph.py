@@ -23,13 +23,16 @@ NODES = {"preproc": "tof_preproc.node", "sim_label": "tof_sim_label.node", "infe
 """Every node of the graph and the module whose `make_node` makes it."""
 DONE = {"preproc": "preproc/done", "sim_label": "label/done", "infer": "infer/done"}
 """Where each node says what became of a frame."""
+WITH_SCENE = ("sim_label",)
+"""Nodes that take the CAD."""
 
 
 @dataclass(frozen=True, slots=True)
 class GraphSpec:
     """Which nodes run, and how.
 
-    `parameters` are by node and dotted name; `remaps` are (from, to) for all nodes.
+    `parameters` are by node and dotted name; `remaps` are (from, to) for all nodes. A node that cannot be configured waits for its
+    parameters to be set right; with `strict` it ends the graph.
     """
 
     nodes: tuple[str, ...]
@@ -38,6 +41,7 @@ class GraphSpec:
     namespace: str = ""
     use_sim_time: bool = False
     params_files: tuple[str, ...] = ()
+    strict: bool = False
 
     def __post_init__(self) -> None:
         """Refuse names that are no nodes."""
@@ -61,6 +65,7 @@ class GraphSpec:
         flags += [a for path in self.params_files for a in ("--params-file", path)]
         flags += ["--namespace", self.namespace] if self.namespace else []
         flags += ["--use-sim-time"] if self.use_sim_time else []
+        flags += ["--strict"] if self.strict else []
         return [sys.executable, "-m", "toftwin.cli", "node", *self.nodes, *flags]
 
 
@@ -87,6 +92,9 @@ def run_graph(spec: GraphSpec) -> int:
                 dead = [s for s in spinners if not s.alive]
                 if dead:
                     raise dead[0].error or ToftwinError("stopped", where=dead[0].node.get_name())
+                troubled = [n for n in nodes if n.trouble]
+                if spec.strict and troubled:
+                    raise ToftwinError(troubled[0].trouble, where=troubled[0].get_name())
     return 0
 
 

@@ -72,7 +72,7 @@ def graph_for(reader: BagReader, config: PipelineConfig, scene: Path | None) -> 
         "live.keep_tf_s": 3600.0,
         "live.patience_s": PATIENCE_S,
     }
-    return GraphSpec(("preproc", "sim_label"), {"preproc": preproc, "sim_label": label}, use_sim_time=True)
+    return GraphSpec(("preproc", "sim_label"), {"preproc": preproc, "sim_label": label}, use_sim_time=True, strict=True)
 
 
 def outputs_of(node: str, *, points: bool = False) -> list[tuple[str, type[Any]]]:

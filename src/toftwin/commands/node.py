@@ -30,22 +30,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--remap", action="append", default=[], metavar="FROM:=TO", help="a topic under another name")
     parser.add_argument("--namespace", default="", help="namespace of the robot")
     parser.add_argument("--use-sim-time", action="store_true", help="follow /clock")
+    parser.add_argument(
+        "--strict", action="store_true", help="stop when a node cannot be configured (default: it waits until its parameters are set right)"
+    )
     parser.add_argument("--list-params", action="store_true", help="print the parameter file of these nodes and stop")
 
 
 def run(args: argparse.Namespace) -> int:
     """Run until stopped."""
     from tof_core.errors import UsageError
-    from toftwin.graph import GraphSpec, parse_parameters, run_graph
+    from toftwin.graph import WITH_SCENE, GraphSpec, parse_parameters, run_graph
 
     remaps = [tuple(pair.split(":=", 1)) for pair in args.remap]
     if bad := [pair for pair, parts in zip(args.remap, remaps, strict=True) if len(parts) != 2]:
         raise UsageError(f"'{bad[0]}' is not FROM:=TO", where="--remap")
     parameters = parse_parameters(args.param, args.nodes)
-    if args.scene and "sim_label" in parameters:
-        parameters["sim_label"]["live.scene"] = args.scene
+    for name in args.nodes:
+        if args.scene and name in WITH_SCENE:
+            parameters[name].setdefault("live.scene", args.scene)
     spec = GraphSpec(
-        tuple(args.nodes), parameters, tuple((a, b) for a, b in remaps), args.namespace, args.use_sim_time, tuple(args.params_file)
+        tuple(args.nodes),
+        parameters,
+        tuple((a, b) for a, b in remaps),
+        args.namespace,
+        args.use_sim_time,
+        tuple(args.params_file),
+        args.strict,
     )
     if args.list_params:
         print(parameter_file(spec.nodes))

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node that loads a mesh or a model: configured, activated, deactivated and cleaned up as ROS 2 manages nodes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
+
+from tof_core.errors import RefusedError, ToftwinError
+from tof_ros.base import RoomNode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from rclpy.qos import QoSProfile
+    from rclpy.subscription import Subscription
+    from rclpy.timer import Timer
+
+    from tof_core.live import ManagedOptions
+
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+
+class Managed(Protocol):
+    """A configuration that says whether its node starts by itself."""
+
+    @property
+    def live(self) -> ManagedOptions:
+        """The options of the running node."""
+
+
+M = TypeVar("M", bound=Managed)
+
+
+class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
+    """Loads what is heavy when it is configured, and hears its topics while it is active.
+
+    A node writes four methods, each the inverse of another: `load` (files to memory, `unload`), `start` (`stop`); subscriptions and
+    timers that `start` makes end by themselves. What `load` raises is the answer to the transition: the node stays unconfigured,
+    says why in its diagnostics (`trouble`), and can be configured again once its parameters are set right.
+    """
+
+    def __init__(self, name: str, room: str, config: type[M], *, fixed: tuple[str, ...] = (), **options: Any) -> None:
+        """Unconfigured; with `live.autostart` it configures and activates itself as soon as it is spun."""
+        self.loaded = self.active = False
+        self._subscribed: list[Subscription] = []
+        self._ticking: list[Timer] = []
+        RoomNode.__init__(self, name, room, config, fixed=fixed, locked=lambda: self.loaded, **options)
+        LifecycleNodeMixin.__init__(self)
+        self._answer_impossible_transitions()
+        if self.config.live.autostart:
+            self._starter = super().timer(0.01, self._autostart)
+
+    def load(self) -> None:
+        """Read files; raises a `ToftwinError` that says what is wrong."""
+
+    def start(self) -> None:
+        """Subscribe."""
+
+    def stop(self) -> None:
+        """End what `start` began, subscriptions and timers aside."""
+
+    def unload(self) -> None:
+        """Let go of what `load` made."""
+
+    def retune(self, config: M) -> None:
+        """Act on parameters changed while configured."""
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Load; a failure leaves the node unconfigured."""
+        try:
+            self.load()
+        except Exception as error:  # noqa: BLE001  (rclpy would swallow it and tell nobody)
+            known = isinstance(error, ToftwinError | OSError)
+            self._fail("configured", str(error) if known else f"{type(error).__name__}: {error}")
+            return FAILURE
+        self.loaded, self.trouble = True, ""
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Hear."""
+        try:
+            self.start()
+        except (ToftwinError, OSError) as error:
+            self._end()
+            self._fail("activated", str(error))
+            return FAILURE
+        self.active = True
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Hear no more; what was loaded stays."""
+        self._end()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget what was loaded; parameters can be set again."""
+        self._let_go()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End, from whatever state."""
+        self._let_go()
+        return super().on_shutdown(state)
+
+    def on_config(self, config: M) -> None:
+        """Changed parameters matter once something is loaded; until then `load` will see them."""
+        if self.loaded:
+            self.retune(config)
+
+    def input(self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile) -> Subscription:
+        """A subscription that ends when the node is deactivated."""
+        self._subscribed.append(super().input(topic, kind, take, profile))
+        return self._subscribed[-1]
+
+    def timer(self, seconds: float, action: Callable[[], None]) -> Timer:
+        """A timer that ends when the node is deactivated."""
+        self._ticking.append(super().timer(seconds, action))
+        return self._ticking[-1]
+
+    def service(self, name: str, action: Callable[[], str]) -> None:
+        """A service that is refused while the node is not active."""
+
+        def guarded() -> str:
+            if not self.active:
+                raise RefusedError(f"the node is {self.state}", where=self.get_name(), todo=self.trouble or "activate it first")
+            return action()
+
+        super().service(name, guarded)
+
+    def jumped(self) -> None:
+        """Start afresh, where there is something to forget."""
+        if self.active:
+            super().jumped()
+
+    @property
+    def state(self) -> str:
+        """Where it stands in its life cycle."""
+        return "active" if self.active else "inactive" if self.loaded else "unconfigured"
+
+    def told(self) -> Mapping[str, str]:
+        """The state, and once something is loaded the node's own figures."""
+        return {"state": self.state, **(self.figures() if self.loaded else {})}
+
+    def complaints(self) -> list[str]:
+        """What is wrong; a node that is not active says that alone."""
+        return super().complaints() if self.active else [f"{self.state}: nothing is heard until the node is activated"]
+
+    def destroy_node(self) -> None:
+        """End what is active, then go."""
+        self._let_go()
+        super().destroy_node()
+
+    def _autostart(self) -> None:
+        self._starter.destroy()
+        if self.trigger_configure() == SUCCESS:
+            self.trigger_activate()
+
+    def _fail(self, what: str, why: str) -> None:
+        self.trouble = f"not {what}: {why}"
+        self.get_logger().error(self.trouble)
+
+    def _end(self) -> None:
+        """Inverse of `start`."""
+        for subscription in self._subscribed:
+            self.destroy_subscription(subscription)
+        for timer in self._ticking:
+            self.destroy_timer(timer)
+        self._subscribed.clear()
+        self._ticking.clear()
+        if self.active:
+            self.active = False
+            self.stop()
+
+    def _let_go(self) -> None:
+        self._end()
+        if self.loaded:
+            self.loaded = False
+            self.unload()
+
+    def _answer_impossible_transitions(self) -> None:
+        """Rclpy lets a transition that the state does not have (activate before configure) end the executor; answer it instead."""
+        change = self._service_change_state.callback
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return change(request, response)
+            except rclpy_implementation.RCLError as error:
+                self.get_logger().warning(f"a node that is {self.state} cannot do that: {str(error).splitlines()[0]}")
+                response.success = False
+                return response
+
+        self._service_change_state.callback = answer

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The running views of `preproc` as another node hears them: put together by stamp, with the robot's pose from TF."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from sensor_msgs.msg import CameraInfo, Image, TimeReference
+
+from tof_core.decode import stamp_ns
+from tof_core.errors import ToftwinError, TransformError
+from tof_core.live import view_of
+from tof_ros import qos
+from tof_ros.joiner import StampJoiner
+from tof_ros.patience import NEVER, PERIOD_S, Patience
+from tof_ros.transforms import TransformListener
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tof_core.capture import View
+    from tof_core.robot import RobotChain
+    from tof_ros.base import RoomNode
+
+REQUIRED = ("depth", "sigma", "count", "reason", "camera_info", "dwell")
+KINDS = {**dict.fromkeys((*REQUIRED, "amplitude"), Image), "camera_info": CameraInfo, "dwell": TimeReference}
+
+
+class ViewFeed:
+    """Hears `preproc/*` and TF for a node, and hands it each view in the order of stamps.
+
+    A view waits for its transform; one that never gets it is skipped and counted. The node's tally and its `done` topic are served here.
+    """
+
+    def __init__(self, node: RoomNode[Any], chain: RobotChain, patience_s: float, take: Callable[[View], None]) -> None:
+        """Subscribe; `take` runs in the node's thread."""
+        self._node, self._chain, self._take = node, chain, take
+        self._joiner = StampJoiner(REQUIRED, patience_s=2.0)
+        self._waiting: deque[tuple[int, dict[str, Any]]] = deque()
+        self._arrivals: dict[int, float] = {}
+        self._patience, self._overdue = Patience(patience_s), NEVER
+        self._transforms = TransformListener(node, chain.transforms, self.advance)
+        for part, kind in KINDS.items():
+            node.input(f"preproc/{part}", kind, partial(self._part, part), qos.OUTPUT)
+        node.timer(PERIOD_S, self._tick)
+
+    def _part(self, part: str, message: Any) -> None:
+        stamp = stamp_ns(message)
+        if part == "depth":
+            self._arrivals[stamp] = self._node.tally.arrived()
+            self._patience.start(stamp)
+        if part == "dwell" and "amplitude=1" in message.source:
+            self._joiner.expect("amplitude")
+        self._joiner.add(part, stamp, message)
+        self.advance()
+
+    def _tick(self) -> None:
+        """Give up waiting for what does not come."""
+        self._overdue = max(self._overdue, self._patience.tick())
+        self.advance()
+
+    def advance(self) -> None:
+        """Take every view whose transform is there."""
+        self._waiting.extend(self._joiner.take())
+        while self._waiting:
+            stamp, parts = self._waiting[0]
+            try:
+                view = view_of(stamp, parts, self._chain)
+            except TransformError as error:
+                if stamp > self._overdue and not self._chain.settled(parts["depth"].header.frame_id, stamp):
+                    return
+                self._skip(stamp, "no transform", error)
+                continue
+            except ToftwinError as error:
+                self._skip(stamp, "bad view", error)
+                continue
+            self._leave(stamp)
+            self._take(view)
+            self._node.done(stamp, self._arrivals.pop(stamp, time.monotonic()))
+
+    def _skip(self, stamp: int, reason: str, why: ToftwinError) -> None:
+        self._leave(stamp)
+        self._arrivals.pop(stamp, None)
+        self._node.skip(stamp, reason, str(why))
+
+    def _leave(self, stamp: int) -> None:
+        self._waiting.popleft()
+        self._patience.end(stamp)
+
+    def reset(self) -> None:
+        """Forget what waits, and where everything was."""
+        self._joiner.clear()
+        self._waiting.clear()
+        self._arrivals.clear()
+        self._patience.clear()
+        self._overdue = NEVER
+        self._chain.transforms.clear_dynamic()
+
+    def close(self) -> None:
+        """Listen to TF no more; the subscriptions are the node's."""
+        self._transforms.close()
+
+    def figures(self) -> dict[str, str]:
+        """How old TF is, and how many views lacked a part."""
+        return {"tf_age_s": f"{self._transforms.age:.2f}", "incomplete": str(self._joiner.incomplete)}

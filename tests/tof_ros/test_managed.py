@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The life cycle of a node that loads something, over DDS: what fails is said and can be mended without a restart."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tests.tof_ros.peers import Observer, wait_for
+
+pytest.importorskip("rclpy", reason="no ROS 2 here")
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+pytestmark = pytest.mark.dds
+
+
+@pytest.fixture
+def started(ros_domain: int) -> Iterator[Callable[..., tuple[Any, Observer]]]:
+    from contextlib import ExitStack
+
+    from tof_infer.node import make_node
+    from tof_ros.environment import parameter_overrides, ros_context
+    from tof_ros.spin import spinning
+
+    with ExitStack() as stack:
+        context = stack.enter_context(ros_context(domain=ros_domain))
+
+        def start(**values: Any) -> tuple[Any, Observer]:
+            overrides = parameter_overrides({name.replace("__", "."): value for name, value in values.items()})
+            node = make_node(context=context, parameter_overrides=overrides)
+            observer = Observer(context)
+            stack.enter_context(spinning([node, observer.node]))
+            return node, observer
+
+        yield start
+
+
+def change(observer: Observer, label: str) -> bool:
+    """Ask the node for a transition."""
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState
+
+    request = ChangeState.Request(transition=Transition(id=getattr(Transition, f"TRANSITION_{label.upper()}")))
+    return bool(observer.call(ChangeState, "infer/change_state", request).success)
+
+
+def state(observer: Observer) -> str:
+    from lifecycle_msgs.srv import GetState
+
+    return str(observer.call(GetState, "infer/get_state").current_state.label)
+
+
+def put(observer: Observer, name: str, value: str | int) -> Any:
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    return observer.call(SetParameters, "infer/set_parameters", request).results[0]
+
+
+def test_a_model_that_is_missing_leaves_the_node_unconfigured_until_it_is_set_right(started: Callable[..., tuple[Any, Observer]]) -> None:
+    from diagnostic_msgs.msg import DiagnosticStatus
+
+    _, observer = started(infer__model="no/such.onnx")
+    told = observer.status("infer", lambda s: s.level == DiagnosticStatus.ERROR)
+    assert "not configured" in told.message
+    assert "there is no such model" in told.message
+    assert state(observer) == "unconfigured"
+    assert not change(observer, "configure")
+    assert put(observer, "infer.model", "default").successful
+    assert change(observer, "configure")
+    assert state(observer) == "inactive"
+    assert change(observer, "activate")
+    values = observer.values("infer", lambda v: v.get("state") == "active")
+    assert values["model"] == "default.onnx"
+    assert observer.statuses["infer"][-1].level != DiagnosticStatus.ERROR
+
+
+def test_it_starts_by_itself_and_goes_through_all_states(started: Callable[..., tuple[Any, Observer]]) -> None:
+    node, observer = started()
+    wait_for(lambda: node.active)
+    assert state(observer) == "active"
+    assert observer.node.count_subscribers("/depth/hand/image") == 1
+    held = put(observer, "infer.model", "other.onnx")
+    assert not held.successful
+    assert "while the node is unconfigured" in held.reason
+    assert change(observer, "deactivate")
+    wait_for(lambda: observer.node.count_subscribers("/depth/hand/image") == 0)
+    refused = observer.trigger("infer/flush")
+    assert (refused.success, "the node is inactive" in refused.message) == (False, True)
+    assert change(observer, "cleanup")
+    assert put(observer, "infer.threads", 1).successful
+    assert change(observer, "configure")
+    assert change(observer, "activate")
+    assert observer.trigger("infer/flush").success
+    assert change(observer, "active_shutdown")
+    assert state(observer) == "finalized"
+
+
+def test_without_autostart_it_waits_and_an_impossible_transition_is_answered(started: Callable[..., tuple[Any, Observer]]) -> None:
+    _, observer = started(live__autostart=False)
+    assert state(observer) == "unconfigured"
+    assert not change(observer, "activate")
+    assert "unconfigured: nothing is heard" in observer.status("infer").message
+    assert change(observer, "configure")
