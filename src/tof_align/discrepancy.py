@@ -117,7 +117,8 @@ def _line(values: Float, *, step: float, length: float) -> tuple[Float, Float]:
         return np.zeros(0), np.zeros((0, 0))
     low, high = np.quantile(values, [0.002, 0.998])
     count = int(np.clip(np.ceil((high - low) / step), 1, 60))
-    knots = low + (high - low) / count * np.arange(-1, count + 2)
+    # Values all alike (one pixel, an amplitude without contrast) still need knots that lie apart.
+    knots = low + max((high - low) / count, 0.01 * step) * np.arange(-1, count + 2)
     r = np.sqrt(3.0) * np.abs(knots[:, None] - knots[None]) / length
     return knots, np.linalg.cholesky((1.0 + r) * np.exp(-r) + 1e-9 * np.eye(len(knots)))
 

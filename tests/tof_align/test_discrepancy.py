@@ -54,6 +54,14 @@ def test_a_coefficient_of_one_means_one_metre_rms(lin: Linearised) -> None:
     assert (part(local_columns(basis, lin), basis.local, LOCAL.index("offset")) == 1.0).all()
 
 
+def test_values_all_alike_still_make_columns(lin: Linearised) -> None:
+    few = {name: getattr(lin, name)[:1].repeat(2, axis=0) for name in ("residual", "depth", "ray", "point", "normal", "cell", "log_amplitude")}
+    alike = replace(lin, **few)
+    columns = shared_columns(basis_of([alike], D), alike)
+    assert np.isfinite(columns).all()
+    np.testing.assert_array_equal(columns[0], columns[1])
+
+
 def test_every_views_columns_follow_one_basis(lin: Linearised) -> None:
     basis = basis_of([lin], D)
     half = replace(
