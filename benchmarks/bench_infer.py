@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.figure import Figure, at_least, at_most
-from benchmarks.infer_data import EXACT_ROBOT, SWEEP, TwinCamera, label_bag, record_bag
+from benchmarks.infer_data import EXACT_ROBOT, label_bag, record_bag
 from benchmarks.infer_scenes import random_scene
 from benchmarks.make_model import HELD_OUT
 from tof_core.bag import open_bag
 from tof_scene.builtin import make_builtin
 from tof_scene.raycast import Raycaster
 from tof_scene.scene import Material, Part, Scene
+from tof_virtual.twin import SWEEP, TwinCamera
 from toftwin.evaluation.evaluate import evaluate_bag
 from toftwin.evaluation.methods import Corrected, Model, Raw, Rules
 from toftwin.evaluation.rivals import examples, fit_correction, search_rules

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.figure import Figure
-from benchmarks.infer_data import EXACT_ROBOT, TwinCamera, label_bag, record_bag
+from benchmarks.infer_data import EXACT_ROBOT, label_bag, record_bag
 from benchmarks.make_model import HELD_OUT, make_data
 from tof_core.capture import Capture
 from tof_infer.config import CAD_INPUTS, SENSOR_INPUTS, InferConfig, NetConfig, TrainConfig
+from tof_virtual.twin import TwinCamera
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

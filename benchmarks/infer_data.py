@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,20 +16,8 @@ if TYPE_CHECKING:
 
     from tof_scene.scene import Scene
     from tof_virtual.session import Session
+    from tof_virtual.twin import TwinCamera
 
-SIZES = {
-    "flying_pixels": 1.0,
-    "multipath": 0.2915838873857877,
-    "wiggling": 0.021573622825323015,
-    "amplitude_bias": 0.010035793294703239,
-    "noise": 0.003,
-}
-"""What ails the camera, in each effect's own unit: what gave 3 mm RMS each (a strength of 1) on one session before the first random scene.
-
-Fixed here, for the default model was trained on this camera and no other.
-"""
-CAMERA_SEED = 2
-"""A camera whose noise is the same everywhere; other seeds draw bursts or rows."""
 EXACT_ROBOT = {
     f"robot.{name}": 0.0
     for name in (
@@ -46,27 +33,6 @@ EXACT_ROBOT = {
     )
 }
 """A robot that stands where it believes to stand: its poses label the training data, and no truth is opened."""
-SWEEP = {"plan.views": 11, "plan.stations": 1, "plan.sweep_deg": 20.0, "plan.range_min_m": 0.7, "plan.range_max_m": 0.9}
-"""The paper's figure 9: 0 to 20 degrees in steps of 2."""
-
-
-@dataclass(frozen=True)
-class TwinCamera:
-    """A camera whose errors are the same in every session: signs and phases by `seed`, sizes by effect."""
-
-    seed: int = CAMERA_SEED
-    sizes: Mapping[str, float] = field(default_factory=lambda: dict(SIZES))
-
-    def mount(self, session: Session) -> None:
-        """Give the session this camera's errors."""
-        from tof_virtual.effects import make_effects
-
-        effects = make_effects(dict.fromkeys(self.sizes, 1.0), replace(session.config, seed=self.seed))
-        for effect in effects:
-            effect.config = session.config  # what is drawn anew each capture is the session's own
-            effect.size = self.sizes[effect.name]
-            effect.prepare(session)
-        session.effects = effects
 
 
 def make_session(scene: Scene, camera: TwinCamera, *, seed: int, settings: Mapping[str, object]) -> Session:

@@ -99,8 +99,8 @@ def _cavity(rng: np.random.Generator) -> Solid:
         post, faces = cylinder(rng.uniform(0.004, 0.03), depth * rng.uniform(0.2, 0.9))
         out.append((post[:, [2, 0, 1]] + [0, *rng.uniform(-0.4, 0.4, 2) * [y, z]], faces))
     if rng.uniform() < 0.4:
-        pitch, high, at = rng.uniform(0.006, 0.02), depth * rng.uniform(0.1, 0.5), rng.uniform(-0.25, 0.25, 2) * [y, z]
-        out += [box((high, 0.002, z / 4), (high / 2, at[0] + pitch * (k - 3), at[1]), 2) for k in range(7)]
+        pitch, high, middle = rng.uniform(0.006, 0.02), depth * rng.uniform(0.1, 0.5), rng.uniform(-0.25, 0.25, 2) * [y, z]
+        out += [box((high, 0.002, z / 4), (high / 2, middle[0] + pitch * (k - 3), middle[1]), 2) for k in range(7)]
     return join(*out)
 
 

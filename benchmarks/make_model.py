@@ -8,9 +8,10 @@ import shutil
 import sys
 from pathlib import Path
 
-from benchmarks.infer_data import EXACT_ROBOT, TwinCamera, label_bag, record_bag
+from benchmarks.infer_data import EXACT_ROBOT, label_bag, record_bag
 from benchmarks.infer_scenes import random_scene
 from tof_core.progress import progress
+from tof_virtual.twin import TwinCamera
 
 HELD_OUT = "body_section"
 """The scene on which the sweep is judged. No built-in scene is ever trained or tuned on; random ones are."""

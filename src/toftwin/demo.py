@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The demonstration: a virtual session recorded, replayed through the graph over DDS, labelled, judged, reported."""
+"""The demonstration: a virtual session recorded, replayed through the graph over DDS, labelled, judged, repaired, reported."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tof_core.config import from_mapping, param
+from toftwin.demo_repair import compare_methods
 from toftwin.evaluate import Evaluation, evaluate, pose_table
+from toftwin.evaluation.text import methods_table
 from toftwin.inputs import opened
 from toftwin.labelling import LabelResult, label_bag
 from toftwin.pipeline import PipelineConfig
@@ -19,6 +21,8 @@ from toftwin.scores import table
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from toftwin.evaluation.evaluate import Evaluation as Comparison
 
 MARK = "made-by-toftwin-demo"
 
@@ -34,6 +38,7 @@ class DemoConfig:
     stations: int = param(3, "stations of the base", low=1, high=50)
     captures: int = param(8, "captures of each view", low=1, high=100)
     effects: str = param("wiggling=1,multipath=1", "effects of the camera and their strengths")
+    sweep_views: int = param(11, "views of the sweep on which raw, rules and network are compared", low=1, high=100)
     seed: int = param(1, "seed of everything random", low=0)
 
 
@@ -46,6 +51,7 @@ class DemoResult:
     replayed: ReplayResult
     labelled: LabelResult
     evaluation: Evaluation
+    comparison: Comparison
     seconds: dict[str, float]
 
 
@@ -61,7 +67,8 @@ def run_demo(out: Path, config: DemoConfig) -> DemoResult:
     labelled = _timed(seconds, "label", lambda: _label(part, scene))
     poses = {"per-view ICP": labelled.others["per_view"], **live_poses(part / "graph")}
     evaluation = _timed(seconds, "evaluate", lambda: evaluate(part / "dataset.zarr", part / "truth", poses))
-    result = DemoResult(config, part, replayed, labelled, evaluation, seconds)
+    comparison = _timed(seconds, "repair", lambda: compare_methods(part, scene, config))
+    result = DemoResult(config, part, replayed, labelled, evaluation, comparison, seconds)
     _timed(seconds, "report", lambda: _report(result, scene))
     if out.exists():
         shutil.rmtree(out)
@@ -140,6 +147,8 @@ def summary(result: DemoResult) -> str:
             table(result.evaluation.rows),
             pose_table(result.evaluation.poses),
             f"labels within two of their own sigmas of the truth: {result.evaluation.honest:.1%}",
+            f"the paper's sweep before the camera that the default network knows, {result.comparison.result['views']} views against the truth:",
+            methods_table(result.comparison.result["methods"]),
             "seconds: " + ", ".join(f"{name} {s:.0f}" for name, s in result.seconds.items()),
         ]
     )

@@ -14,6 +14,7 @@ from tof_scene.scene_file import load_scene
 from tof_sim_label.dataset import open_dataset
 from tof_virtual.truth import load_truth
 from toftwin import pictures
+from toftwin.evaluation.report import sweep_plot, view_picture
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,6 +54,9 @@ def write_report(result: DemoResult, scene: Path) -> Path:
         pose_plot=pictures.pose_plot(result.evaluation.poses),
         histogram=_histogram(dataset, truth),
         reasons=_reasons(result.folder / "graph"),
+        methods=result.comparison.result["methods"],
+        sweep=sweep_plot(result.comparison.result["methods"]),
+        repaired=view_picture(*result.comparison.shown),
         gallery=_gallery(dataset, truth),
         stations=sorted(set(dataset.column("views/station").tolist())),
     )

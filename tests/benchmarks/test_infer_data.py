@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.infer_data import EXACT_ROBOT, SIZES, SWEEP, TwinCamera, make_session
+from benchmarks.infer_data import EXACT_ROBOT, make_session
 from benchmarks.infer_scenes import random_scene
+from tof_virtual.twin import SIZES, SWEEP, TwinCamera
 
 FEW = {"plan.views": 3, "plan.stations": 1, "camera.width": 32, "camera.height": 24, **EXACT_ROBOT}
 

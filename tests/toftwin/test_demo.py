@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
-SMALL = ["width=160", "height=120", "views=4", "stations=1", "captures=3", "effects=wiggling=1"]
+SMALL = ["width=160", "height=120", "views=4", "stations=1", "captures=3", "effects=wiggling=1", "sweep_views=3"]
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_poses_and_metrics_are_written_beside(demo: Path) -> None:
 def test_the_report_needs_no_network_and_shows_every_picture(demo: Path) -> None:
     html = (demo / "report.html").read_text(encoding="utf-8")
     assert not re.findall(r"(?:src|href)=\"(?!data:)", html)
-    assert html.count('src="data:image/png;base64,') == 5
+    assert html.count('src="data:image/png;base64,') == 7
 
 
 @pytest.mark.browser

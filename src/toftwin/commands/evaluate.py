@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
 
 NAME = "evaluate"
 HELP = "compare raw depth, filters and a network with the true depth, by capture, part, range, incidence, albedo and edge"
@@ -50,6 +49,7 @@ def run(args: argparse.Namespace) -> int:
     from tof_scene.raycast import Raycaster
     from toftwin.evaluation.evaluate import evaluate_bag
     from toftwin.evaluation.methods import make_methods
+    from toftwin.evaluation.text import captures_table, methods_table
     from toftwin.inputs import opened
     from toftwin.options import load_config
     from toftwin.pipeline import PipelineConfig
@@ -71,39 +71,9 @@ def run(args: argparse.Namespace) -> int:
 
         print(json.dumps(result, indent=1))
     else:
-        print(text(result))
+        print(
+            f"{result['views']} views, compared with {result['reference']}\n\n{methods_table(result['methods'])}\n\n{captures_table(result['methods'])}"
+        )
         if args.out is not None:
             print(f"report: {args.out / 'report.html'}")
     return 0
-
-
-def text(result: Mapping[str, Any]) -> str:
-    """The tables for a terminal."""
-    methods = result["methods"]
-    lines = [
-        f"{result['views']} views, compared with {result['reference']}",
-        "",
-        f"{'method':<14}{'MAE mm':>9}{'bias mm':>9}{'RMSE mm':>9}{'complete':>10}{'align %':>9}{'equal cov. MAE':>16}{'flying left':>13}{'ms':>8}",
-    ]
-    for name, m in methods.items():
-        a = m["all"]
-        lines.append(
-            f"{name:<14}{_n(a['mae_mm']):>9}{_n(a['bias_mm']):>9}{_n(a['rmse_mm']):>9}{_p(a['completeness']):>10}{_n(a['alignment'], 3):>9}"
-            f"{_n(m['equal_coverage']['mae_mm']):>16}{_p(m['flying_left_wrong']):>13}{_n(m['ms_per_frame'], 1):>8}"
-        )
-    lines += [
-        "",
-        "alignment rate per capture, at equal coverage (the paper's figure 9)",
-        f"{'capture':<10}" + "".join(f"{name:>12}" for name in methods),
-    ]
-    rows = zip(*(m["captures_equal_coverage"] for m in methods.values()), strict=True)
-    lines += [f"{k:<10}" + "".join(f"{_n(c['alignment'], 3):>12}" for c in row) for k, row in enumerate(rows, 1)]
-    return "\n".join(lines)
-
-
-def _n(value: float | None, digits: int = 2) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
-
-
-def _p(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1%}"
