@@ -13,11 +13,12 @@ import numpy as np
 from tof_align.pixels import view_sigma
 from tof_core import se3
 from tof_core.camera import Camera
+from tof_core.capture import Colour
 from tof_core.errors import RefusedError, ToftwinError, UsageError
 
 if TYPE_CHECKING:
     from tof_align.config import WeightConfig
-    from tof_core.arrays import Bytes, Float, Image, Mask
+    from tof_core.arrays import Float, Image, Mask
     from tof_core.capture import View
 
 SCHEMA = "toftwin.reference/1"
@@ -28,7 +29,7 @@ class Reference:
     """What the camera saw the first time.
 
     depth, sigma (H, W) metres, region (H, W) the pixels that matter; T_cell_body, T_body_camera (4, 4) as the robot believed
-    then; T_cell_camera (4, 4) by the CAD, or None; colour (h, w, 3) RGB or None; scene: digest of the CAD, "" for none.
+    then; T_cell_camera (4, 4) by the CAD, or None; colour: the picture with its camera, or None; scene: digest of the CAD, "" for none.
     """
 
     camera: Camera
@@ -40,7 +41,7 @@ class Reference:
     stamp_ns: int
     scene: str = ""
     T_cell_camera: Float | None = None
-    colour: Bytes | None = None
+    colour: Colour | None = None
 
     def check(self, view: View, scene: str = "") -> None:
         """Refuse a view of another camera or size, or one of another scene."""
@@ -89,7 +90,6 @@ def capture_reference(
             todo="look at the part from 0.3 to 2 m",
         )
     sigma = view_sigma(view, weights, np.ix_(*map(np.arange, view.depth.shape)))
-    colour = view.colour.image if view.colour else None
     return Reference(
         view.camera,
         view.depth,
@@ -100,7 +100,7 @@ def capture_reference(
         view.stamp_ns,
         scene,
         T_cell_camera,
-        colour,
+        view.colour,
     )
 
 
@@ -116,9 +116,13 @@ def save_reference(reference: Reference, path: Path | str) -> Path:
         "T_cell_body": r.T_cell_body,
         "T_body_camera": r.T_body_camera,
     }
-    arrays |= {name: value for name, value in (("T_cell_camera", r.T_cell_camera), ("colour", r.colour)) if value is not None}
+    colour = r.colour or Colour(np.zeros((0, 0, 3), np.uint8))
+    optional = {"T_cell_camera": r.T_cell_camera, "colour": r.colour and colour.image, "T_camera_colour": colour.T_camera_colour}
+    arrays |= {name: value for name, value in optional.items() if value is not None}
     np.savez_compressed(path.with_suffix(".npz"), **arrays)
     facts = {"schema": SCHEMA, "stamp_ns": r.stamp_ns, "scene": r.scene, "camera": asdict(r.camera)}
+    if colour.camera is not None:
+        facts["colour_camera"] = asdict(colour.camera)
     path.with_suffix(".json").write_text(json.dumps(facts, indent=1), encoding="utf-8")
     return path.with_suffix(".json")
 
@@ -145,8 +149,20 @@ def _read(path: Path) -> Reference:
         raise RefusedError(f"schema '{facts.get('schema')}' is not {SCHEMA}", where=path, todo="capture the reference again")
     with np.load(path.with_suffix(".npz"), allow_pickle=False) as stored:
         arrays = {name: stored[name] for name in stored.files}
-    camera = Camera(**{**facts["camera"], "distortion": tuple(facts["camera"]["distortion"])})
+    camera = _camera(facts["camera"])
     poses = {name: se3.as_se3(name, arrays[name]) for name in ("T_cell_body", "T_body_camera")}
     by_cad = se3.as_se3("T_cell_camera", arrays["T_cell_camera"]) if "T_cell_camera" in arrays else None
     return Reference(camera, arrays["depth"], arrays["sigma"], arrays["region"].astype(bool), **poses, stamp_ns=int(facts["stamp_ns"]),
-                     scene=str(facts["scene"]), T_cell_camera=by_cad, colour=arrays.get("colour"))  # fmt: skip
+                     scene=str(facts["scene"]), T_cell_camera=by_cad, colour=_colour(arrays, facts))  # fmt: skip
+
+
+def _camera(facts: dict[str, Any]) -> Camera:
+    return Camera(**{**facts, "distortion": tuple(facts["distortion"])})
+
+
+def _colour(arrays: dict[str, Any], facts: dict[str, Any]) -> Colour | None:
+    if "colour" not in arrays:
+        return None
+    camera = _camera(facts["colour_camera"]) if "colour_camera" in facts else None
+    T = se3.as_se3("T_camera_colour", arrays["T_camera_colour"]) if "T_camera_colour" in arrays else None
+    return Colour(arrays["colour"], camera, T, int(facts["stamp_ns"]))

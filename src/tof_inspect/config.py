@@ -10,6 +10,26 @@ from tof_core.config import param, section
 
 
 @dataclass(frozen=True, slots=True)
+class ColourConfig:
+    """What a first picture in colour says beside depth."""
+
+    enabled: bool = param(True, "weigh colour where a first picture is given")
+    pixels: int = param(4000, "pixels of a part and its surroundings that are looked at", low=100)
+    margin_px: int = param(24, "surroundings reach this far beyond the part", unit="px", low=2)
+    min_pixels: int = param(12, "pixels of the part, and of what is behind it, that must be known", low=1)
+    alike: float = param(0.8, "surroundings face the same way as what is behind the part: cosine at least", low=0.0, high=1.0)
+    light_pixels: int = param(6000, "pixels that tell how the light changed", low=200)
+    light_floor: float = param(0.1, "brightness never counts as known better than this (log)", low=0.001)
+    tint_floor: float = param(0.03, "nor the ratio of two channels (log)", low=0.001)
+    surprise: float = param(0.1, "share of parts whose light nobody could foresee", low=1e-3, high=0.9)
+
+    @property
+    def floors(self) -> tuple[float, float, float]:
+        """By tone."""
+        return self.light_floor, self.tint_floor, self.tint_floor
+
+
+@dataclass(frozen=True, slots=True)
 class InspectConfig:
     """When a part counts as seen, there, gone or displaced."""
 
@@ -28,3 +48,4 @@ class InspectConfig:
     min_agreement: float = param(0.94, "share of a view's pixels that must lie on the CAD; else its pose is not trusted", low=0.0, high=1.0)
     displaced_sigma: float = param(3.0, "displaced is said when beyond tolerance and beyond this many of its own sigmas", low=1.0)
     weights: WeightConfig = section(WeightConfig, "noise of pixels where the view does not tell it")
+    colour: ColourConfig = section(ColourConfig, "evidence from colour")

@@ -11,6 +11,7 @@ import numpy as np
 from tof_align.config import AlignConfig
 from tof_align.session import solve_session
 from tof_core.errors import RefusedError, SceneError
+from tof_inspect.colour import Colours, Picture
 from tof_inspect.config import InspectConfig
 from tof_inspect.displaced import Fit, fit_part
 from tof_inspect.evidence import Evidence, agreement, see, weigh
@@ -18,7 +19,7 @@ from tof_scene.raycast import Raycaster
 from tof_scene.scene import Scene
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from tof_core.capture import Posed, View
     from tof_inspect.evidence import Seen
@@ -54,18 +55,25 @@ class PartVerdict:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inspection:
-    """Verdicts of all parts, the views they were made from, and where those were taken."""
+    """Verdicts of all parts, the views they were made from, where those were taken, and what colour had to say, in a line."""
 
     verdicts: tuple[PartVerdict, ...]
     views: tuple[View, ...]
     posed: tuple[Posed, ...]
+    colour: str
 
 
 class Inspector:
-    """A scene made ready: a ray caster without each part that is inspected, made when first asked for."""
+    """A scene made ready: a ray caster without each part that is inspected, made when first asked for.
 
-    def __init__(self, caster: Raycaster, config: InspectConfig | None = None, align: AlignConfig | None = None) -> None:
+    `first`: pictures of the complete scene; colour is weighed against them. They may be set later.
+    """
+
+    def __init__(
+        self, caster: Raycaster, config: InspectConfig | None = None, align: AlignConfig | None = None, first: Sequence[Picture] = ()
+    ) -> None:
         """Refuse a scene without parts to inspect."""
+        self.first = tuple(first)
         self.caster, self.config, self.align, self.scene = caster, config or InspectConfig(), align or AlignConfig(), caster.scene
         self.names = tuple(part.name for part in self.scene.parts if part.inspect)
         if not self.names:
@@ -94,16 +102,13 @@ class Inspector:
         """
         if not views:
             raise RefusedError("there is no view to judge", where="inspection", todo="toftwin doctor tells what the input lacks")
-        posed = solve_session(views, self.caster, self.align).posed
-        return Inspection(self.inspect(views, posed), tuple(views), posed)
+        return self.inspect(views, solve_session(views, self.caster, self.align).posed)
 
-    def inspect(self, views: Sequence[View], posed: Sequence[Posed], colour: Mapping[str, float] | None = None) -> tuple[PartVerdict, ...]:
-        """Judge every part from views whose poses are accepted.
+    def inspect(self, views: Sequence[View], posed: Sequence[Posed]) -> Inspection:
+        """Judge every part from views at known poses; those that are not accepted, or disagree with the CAD, are left out.
 
-        Args:
-            views: depth.
-            posed: their poses.
-            colour: log likelihood ratio of presence by part name, from a reference picture.
+        Raises:
+            RefusedError: no view is left.
         """
         seen = [see(v, p, self.caster, self.config) for v, p in zip(views, posed, strict=True) if p.accepted]
         seen = [s for s in seen if agreement(s) >= self.config.min_agreement]
@@ -113,10 +118,25 @@ class Inspector:
                 where="inspection",
                 todo="check the scene, its placement and the robot's pose",
             )
-        return tuple(self._part(self.scene.part(name), seen, (colour or {}).get(name, 0.0)) for name in self.names)
+        colours, said = self._colours(seen)
+        verdicts = tuple(self._part(self.scene.part(name), seen, colours) for name in self.names)
+        return Inspection(verdicts, tuple(views), tuple(posed), said)
 
-    def _part(self, part: Part, seen: Sequence[Seen], colour: float) -> PartVerdict:
+    def _colours(self, seen: Sequence[Seen]) -> tuple[Colours | None, str]:
+        """Colour beside depth, or why there is none."""
+        if not self.config.colour.enabled or not self.first:
+            return None, "depth alone: " + ("colour is switched off" if self.first else "no first picture in colour is given")
+        now = [p for s in seen if (p := Picture.of(s.view.colour, s.posed.T_cell_camera)) is not None]
+        if not now:
+            return None, "depth alone: no view has a colour image with its calibration and TF"
+        made = Colours(self.caster, self.first, now, self.config.colour)
+        if not made.pairs:
+            return None, "depth alone: the first pictures and those of now share too little"
+        return made, f"depth and colour: {len(now)} pictures against {len(self.first)} first ones"
+
+    def _part(self, part: Part, seen: Sequence[Seen], colours: Colours | None) -> PartVerdict:
         index = self.scene.index(part.name)
+        colour = colours.log_ratio(self.without(part.name), index) if colours else 0.0
         evidence = [weigh(s, self.without(part.name), index, self.config) for s in seen]
         telling = [s for s, e in zip(seen, evidence, strict=True) if e.pixels >= self.config.min_pixels // 3]
         pixels, ratio = sum(e.pixels for e in evidence), sum(e.log_ratio for e in evidence)

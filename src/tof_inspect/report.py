@@ -18,39 +18,42 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Image, Mask
     from tof_core.capture import Posed, View
-    from tof_inspect.judge import Inspector, PartVerdict
+    from tof_inspect.judge import Inspection, Inspector, PartVerdict
 
 SCHEMA = "toftwin.inspection/1"
 
 
-def content(verdicts: Sequence[PartVerdict], views: Sequence[View], posed: Sequence[Posed], scene: str) -> dict[str, Any]:
+def content(found: Inspection, scene: str) -> dict[str, Any]:
     """What a program reads."""
-    states = [v.state for v in verdicts]
+    states = [v.state for v in found.verdicts]
     return {
         "schema": SCHEMA,
         "scene": scene,
         "counts": {state: states.count(state) for state in ("present", "absent", "displaced", "not_observable")},
-        "parts": [v.to_dict() for v in verdicts],
-        "views": [{"stamp_ns": v.stamp_ns, "accepted": p.accepted, "verdict": p.verdict} for v, p in zip(views, posed, strict=True)],
+        "evidence": found.colour,
+        "parts": [v.to_dict() for v in found.verdicts],
+        "views": [
+            {"stamp_ns": v.stamp_ns, "accepted": p.accepted, "verdict": p.verdict} for v, p in zip(found.views, found.posed, strict=True)
+        ],
     }
 
 
-def write(
-    inspector: Inspector, verdicts: Sequence[PartVerdict], views: Sequence[View], posed: Sequence[Posed], folder: Path, title: str
-) -> Path:
+def write(inspector: Inspector, found: Inspection, folder: Path, title: str) -> Path:
     """Write `inspection.json` and `inspection.html` into a folder; returns the page."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     folder.mkdir(parents=True, exist_ok=True)
-    told = content(verdicts, views, posed, inspector.scene.digest)
+    told = content(found, inspector.scene.digest)
     (folder / "inspection.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
-    rows = [v.to_dict() | {"picture": picture(inspector, v, views, posed)} for v in verdicts]
+    rows = [v.to_dict() | {"picture": picture(inspector, v, found.views, found.posed)} for v in found.verdicts]
     order = {"absent": 0, "displaced": 1, "not_observable": 2, "present": 3}
     rows.sort(key=lambda row: (order[row["state"]], row["name"]))
     environment = Environment(loader=PackageLoader("tof_inspect"), autoescape=True, undefined=StrictUndefined)
     page = folder / "inspection.html"
     page.write_text(
-        environment.get_template("inspection.html.j2").render(title=title, counts=told["counts"], parts=rows, views=told["views"]),
+        environment.get_template("inspection.html.j2").render(
+            title=title, counts=told["counts"], evidence=found.colour, parts=rows, views=told["views"]
+        ),
         encoding="utf-8",
     )
     return page

@@ -12,6 +12,7 @@ import pytest
 from arm_correction.reference import Reference, capture_reference, load_reference, save_reference
 from tests.arm_correction.made import CAMERA, CONFIG, FIRST, reference, seen
 from tests.tof_align.made import section
+from tof_core.capture import Colour
 from tof_core.errors import RefusedError, UsageError
 
 if TYPE_CHECKING:
@@ -19,14 +20,20 @@ if TYPE_CHECKING:
 
 
 def test_a_reference_comes_back_as_it_was(tmp_path: Path) -> None:
-    colour = np.arange(120 * 160 * 3, dtype=np.uint32).astype(np.uint8).reshape(120, 160, 3)
+    image = np.arange(120 * 160 * 3, dtype=np.uint32).astype(np.uint8).reshape(120, 160, 3)
+    colour = Colour(image, replace(CAMERA, fx=170.0), FIRST, 1)
     kept = replace(reference(section()), colour=colour, T_cell_camera=FIRST, scene="abc")
     back = load_reference(save_reference(kept, tmp_path / "first"))
     assert isinstance(back, Reference)
     assert back.camera == kept.camera
     assert (back.stamp_ns, back.scene) == (kept.stamp_ns, "abc")
-    for name in ("depth", "sigma", "region", "T_cell_body", "T_body_camera", "T_cell_camera", "colour"):
+    for name in ("depth", "sigma", "region", "T_cell_body", "T_body_camera", "T_cell_camera"):
         np.testing.assert_allclose(getattr(back, name), getattr(kept, name), atol=1e-12)
+    assert back.colour is not None
+    np.testing.assert_array_equal(back.colour.image, image)
+    assert back.colour.camera == colour.camera
+    assert back.colour.T_camera_colour is not None
+    np.testing.assert_allclose(back.colour.T_camera_colour, FIRST, atol=1e-12)
 
 
 def test_a_reference_without_colour_is_one_too(tmp_path: Path) -> None:

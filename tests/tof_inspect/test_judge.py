@@ -26,7 +26,7 @@ def inspector() -> Inspector:
 
 
 def verdicts(view: View) -> dict[str, PartVerdict]:
-    return {v.name: v for v in inspector().inspect([view], [SURE])}
+    return {v.name: v for v in inspector().inspect([view], [SURE]).verdicts}
 
 
 def test_parts_that_are_there_are_present() -> None:
@@ -92,8 +92,8 @@ def test_one_wild_reflection_does_not_decide() -> None:
 
 
 def test_views_are_weighed_together() -> None:
-    one = inspector().inspect([seen(plate())], [SURE])[0]
-    two = inspector().inspect([seen(plate(), seed=k) for k in range(2)], [SURE, SURE])[0]
+    one = inspector().inspect([seen(plate())], [SURE]).verdicts[0]
+    two = inspector().inspect([seen(plate(), seed=k) for k in range(2)], [SURE, SURE]).verdicts[0]
     assert two.pixels > 1.8 * one.pixels
     assert two.log_depth > 1.5 * one.log_depth
 

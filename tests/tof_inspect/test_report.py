@@ -22,8 +22,7 @@ def test_page_and_json(tmp_path: Path) -> None:
     named = replace(scene, parts=tuple(replace(p, name="<b>clip</b>") if p.name == "clip" else p for p in scene.parts), digest="")
     inspector = Inspector(Raycaster(named), InspectConfig())
     view = seen(as_built(scene, gone=("clip",)))
-    verdicts = inspector.inspect([view], [SURE])
-    page = write(inspector, verdicts, [view], [SURE], tmp_path / "out", "a & b").read_text()
+    page = write(inspector, inspector.inspect([view], [SURE]), tmp_path / "out", "a & b").read_text()
     told = json.loads((tmp_path / "out" / "inspection.json").read_text())
     assert told["schema"] == "toftwin.inspection/1"
     assert {p["name"]: p["state"] for p in told["parts"]}["<b>clip</b>"] == "absent"

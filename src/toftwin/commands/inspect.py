@@ -50,13 +50,14 @@ def run(args: argparse.Namespace) -> int:
         assert scene is not None
         inspector = Inspector(Raycaster(scene), config.inspect, config.align)
         found = inspect_bag(reader, inspector, config)
-    told = content(found.verdicts, found.views, found.posed, scene.digest)
-    page = write(inspector, found.verdicts, found.views, found.posed, args.out, Path(args.bag).name) if args.out else None
+    told = content(found, scene.digest)
+    page = write(inspector, found, args.out, Path(args.bag).name) if args.out else None
     if args.json:
         print(json.dumps(told, indent=1))
     else:
         for v in found.verdicts:
             print(f"{v.name:20} {v.state.replace('_', ' '):15} p={v.probability:.4f}  {v.why}")
+        print(found.colour)
         print(", ".join(f"{count} {state.replace('_', ' ')}" for state, count in told["counts"].items()))
         if page:
             print(f"report: {page}")

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Colour as evidence for a part: its surface in the first picture against what is behind it, whatever the light is now."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+from tof_core import se3
+from tof_inspect.light import fit_light
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Bytes, Float, Ints, Mask
+    from tof_core.camera import Camera
+    from tof_core.capture import Colour
+    from tof_inspect.config import ColourConfig
+    from tof_inspect.light import Light
+    from tof_scene.raycast import Hits, Raycaster
+
+GAMMA = 2.2
+"""From grey values to light, near enough to sRGB."""
+DARK = 0.003
+"""Light, as a share of white, at which noise hides the colour: added before the logarithm."""
+FLAT = np.log(4.6 * 2.0 * 2.0)
+"""Log volume of the colours there are: a factor of a hundred in light, of seven in each ratio of channels."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """A colour image at its pose in the cell.
+
+    tones (h, w, 3): log of light (mean of the channels), red over green, blue over green; NaN where saturated. The two ratios
+    hardly change with shading and shadow, which change the first.
+    """
+
+    camera: Camera
+    T_cell_camera: Float
+    tones: Float
+
+    @classmethod
+    def of(cls, colour: Colour | None, T_cell_depth: Float) -> Picture | None:
+        """The picture beside a depth image whose pose is known; None without image, calibration or TF."""
+        if colour is None or colour.camera is None or colour.T_camera_colour is None:
+            return None
+        return cls(colour.camera, np.asarray(T_cell_depth @ colour.T_camera_colour), tones_of(colour.image))
+
+    def look(self, caster: Raycaster, rows: Ints, cols: Ints) -> tuple[Hits, Float]:
+        """What pixels (n,) see of a scene, and where: hits, points (n, 3) in the cell."""
+        T = self.T_cell_camera
+        rays = self.camera.rays()[rows, cols] @ T[:3, :3].T
+        hits = caster.cast(T[:3, 3], rays)
+        return hits, T[:3, 3] + rays * hits.t[:, None]
+
+    def recall(self, caster: Raycaster, points: Float) -> Float:
+        """Tones (n, 3) of surface points (n, 3) in this picture; NaN where it does not see them."""
+        at = self.T_cell_camera[:3, 3]
+        uv = self.camera.project(se3.apply(se3.inverse(self.T_cell_camera), points))
+        col, row = (np.floor(np.nan_to_num(uv[:, k], nan=-9.0) + 0.5).astype(int) for k in range(2))
+        inside = (col >= 0) & (col < self.camera.width) & (row >= 0) & (row < self.camera.height)
+        out = np.full((len(points), 3), np.nan)
+        seen = np.flatnonzero(inside)
+        way = points[seen] - at
+        clear = np.asarray(caster.cast(at, way).t > 1.0 - 0.003 / np.maximum(np.linalg.norm(way, axis=1), 0.1))
+        out[seen[clear]] = self.tones[row[seen[clear]], col[seen[clear]]]
+        return out
+
+
+def tones_of(image: Bytes) -> Float:
+    """Tones (h, w, 3) of an RGB image (h, w, 3), over 3 x 3 pixels."""
+    light = (image.astype(float) / 255.0) ** GAMMA
+    mean = np.stack([ndimage.uniform_filter(light[..., k], 3, mode="nearest") for k in range(3)], axis=-1)
+    log = np.log(mean + DARK)
+    tones = np.stack([log.mean(axis=-1), log[..., 0] - log[..., 1], log[..., 2] - log[..., 1]], axis=-1)
+    return np.asarray(np.where((image >= 252).any(axis=-1)[..., None], np.nan, tones))
+
+
+class Colours:
+    """First pictures and pictures of now: what they say of each part."""
+
+    def __init__(self, caster: Raycaster, first: Sequence[Picture], now: Sequence[Picture], config: ColourConfig) -> None:
+        """Fit the change of light from each first picture to each of now, on parts that are not asked about."""
+        self._caster, self._config = caster, config
+        fixed = np.array([not part.inspect for part in caster.scene.parts])
+        pairs = [(then, picture, fit_light(caster, then, picture, fixed, config)) for picture in now for then in first]
+        self._pairs = [(then, picture, light) for then, picture, light in pairs if light is not None]
+
+    @property
+    def pairs(self) -> int:
+        """How many pairs of pictures share enough to tell how the light changed."""
+        return len(self._pairs)
+
+    def log_ratio(self, without: Raycaster, part: int) -> float:
+        """Log likelihood of present over absent; 0 where the pictures do not tell.
+
+        Pictures share the light and its surprises, so that n of them count as the root of n.
+        """
+        said = [self._vote(then, now, light, without, part) for then, now, light in self._pairs]
+        told = [v for v in said if v != 0.0]
+        return float(np.sum(told) / np.sqrt(len(told))) if told else 0.0
+
+    def _vote(self, then: Picture, now: Picture, light: Light, without: Raycaster, part: int) -> float:
+        """One pair: is the middle colour of the part's pixels rather what the part was, or what is seen beside and behind it?"""
+        rows, cols = self._box(now, part)
+        if not len(rows):
+            return 0.0
+        hits, points = now.look(self._caster, rows, cols)
+        mine = np.flatnonzero(_inner(hits.part == part, rows, cols))
+        tones = now.tones[rows, cols]
+        expected = then.recall(self._caster, points[mine]) + light.change(hits.normal[mine])
+        error = tones[mine] - expected
+        known = np.isfinite(error).all(axis=1)
+        if int(known.sum()) < self._config.min_pixels:
+            return 0.0
+        there = _density(np.median(error[known], axis=0), light.sigma, self._config)
+        behind, _ = now.look(without, rows[mine], cols[mine])
+        gone = self._behind(tones, hits, mine[known], behind.part[known], behind.normal[known], light)
+        return there - gone
+
+    def _behind(self, tones: Float, hits: Hits, mine: Ints, behind: Ints, normal: Float, light: Light) -> float:
+        """Log density of the part's tones if what is behind it were seen there: that part's own tones around it."""
+        which = int(np.bincount(behind + 1).argmax()) - 1
+        if which < 0:
+            return -float(FLAT)
+        facing = np.median(normal[behind == which], axis=0)
+        ring = (hits.part == which) & (hits.normal @ facing > self._config.alike) & np.isfinite(tones).all(axis=1)
+        if int(ring.sum()) < self._config.min_pixels:
+            return -float(FLAT)
+        middle = np.median(tones[ring], axis=0)
+        spread = 1.4826 * np.median(np.abs(tones[ring] - middle), axis=0)
+        return _density(np.median(tones[mine], axis=0) - middle, np.hypot(light.sigma, spread), self._config)
+
+    def _box(self, now: Picture, part: int) -> tuple[Ints, Ints]:
+        """Rows and columns (n,) of the part's box and a margin around it; a large one on a raster."""
+        p = se3.apply(se3.inverse(now.T_cell_camera), self._caster.scene.parts[part].vertices)
+        if (p[:, 2] < 0.05).any():
+            return np.zeros(0, int), np.zeros(0, int)
+        uv, margin = now.camera.project(p), self._config.margin_px
+        low, high = np.nanmin(uv, axis=0) - margin, np.nanmax(uv, axis=0) + margin
+        left, top = np.maximum(low, 0).astype(int)
+        right, bottom = np.minimum(high, [now.camera.width - 1, now.camera.height - 1]).astype(int)
+        if right < left or bottom < top:
+            return np.zeros(0, int), np.zeros(0, int)
+        step = max(1, int(np.sqrt((right - left + 1) * (bottom - top + 1) / self._config.pixels)))
+        rows, cols = np.mgrid[top : bottom + 1 : step, left : right + 1 : step]
+        return rows.ravel(), cols.ravel()
+
+
+def _inner(mine: Mask, rows: Ints, cols: Ints) -> Mask:
+    """Without the outermost ring, where that leaves a few."""
+    shape = len(np.unique(rows)), len(np.unique(cols))
+    inner = ndimage.binary_erosion(mine.reshape(shape)).ravel()
+    return np.asarray(inner if inner.sum() >= 12 else mine)
+
+
+def _density(error: Float, sigma: Float, config: ColourConfig) -> float:
+    """Log density of an error (3,): a Gaussian, or with a share `surprise` (shadow's edge, gloss) any colour there is."""
+    exponent = -0.5 * float(((error / sigma) ** 2).sum()) - float(np.log(sigma).sum()) - 1.5 * np.log(2 * np.pi)
+    return float(np.logaddexp(np.log1p(-config.surprise) + exponent, np.log(config.surprise) - FLAT))

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the light changed between two pictures of one scene, told by surfaces that are in both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Mask
+    from tof_inspect.colour import Picture
+    from tof_inspect.config import ColourConfig
+    from tof_scene.raycast import Raycaster
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Light:
+    """Tones of now minus tones of then, as far as a surface's direction tells: terms (4, 3) of 1 and the unit normal in the cell.
+
+    sigma (3,): what that leaves: cast shadows, lamps at finite distance, gloss. Measured, not assumed.
+    """
+
+    terms: Float
+    sigma: Float
+
+    def change(self, normals: Float) -> Float:
+        """(n, 3) for normals (n, 3)."""
+        return np.asarray(_basis(normals) @ self.terms)
+
+
+def fit_light(caster: Raycaster, then: Picture, now: Picture, fixed: Mask, config: ColourConfig) -> Light | None:
+    """Fit by least absolute values on a raster of the surfaces of parts that are `fixed`; None where too few are in both pictures."""
+    step = max(1, int(np.sqrt(now.camera.width * now.camera.height / config.light_pixels)))
+    rows, cols = (a.ravel() for a in np.mgrid[step // 2 : now.camera.height : step, step // 2 : now.camera.width : step])
+    hits, points = now.look(caster, rows, cols)
+    use = np.flatnonzero((hits.part >= 0) & fixed[hits.part])
+    change = now.tones[rows[use], cols[use]] - then.recall(caster, points[use])
+    known = np.isfinite(change).all(axis=1)
+    if int(known.sum()) < config.light_pixels // 50:
+        return None
+    X, y = _basis(hits.normal[use[known]]), change[known]
+    terms = np.zeros((4, 3))
+    for k, floor in enumerate(config.floors):
+        terms[:, k] = _least_absolute(X, y[:, k], floor)
+    left = np.abs(y - X @ terms)
+    return Light(terms, np.maximum(1.4826 * np.median(left, axis=0), config.floors))
+
+
+def _basis(normals: Float) -> Float:
+    return np.concatenate([np.ones((len(normals), 1)), normals], axis=1)
+
+
+def _least_absolute(X: Float, y: Float, floor: float, rounds: int = 12) -> Float:
+    """Iteratively reweighted least squares; directions that few surfaces have stay small."""
+    weight = np.ones(len(y))
+    terms = np.zeros(X.shape[1])
+    for _ in range(rounds):
+        H = (X * weight[:, None]).T @ X + 1e-3 * weight.sum() * np.diag([0.0, 1, 1, 1])
+        terms = np.linalg.solve(H, X.T @ (weight * y))
+        weight = 1.0 / np.maximum(np.abs(y - X @ terms), floor)
+    return terms
