@@ -12,6 +12,7 @@ import numpy as np
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
+from matplotlib.ticker import NullFormatter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,13 +95,14 @@ def pose_plot(poses: Sequence[PoseErrors]) -> str:
     """Every view's pose error by way of posing, on logarithmic axes; the line is the median."""
     figure, axes = plt.subplots(1, 2, figsize=(11, 2.9), layout="constrained")
     for ax, unit, values in zip(axes, ("mm", "degrees"), ([p.millimetres for p in poses], [p.degrees for p in poses]), strict=True):
-        for row, (pose, errors, colour) in enumerate(zip(poses, values, WAYS, strict=False)):
+        for row, (errors, colour) in enumerate(zip(values, WAYS, strict=False)):
             y = row + np.linspace(-0.18, 0.18, len(errors))
             ax.scatter(np.maximum(errors, 1e-4), y, s=16, color=colour, alpha=0.75, linewidths=0)
             ax.plot([np.median(errors)] * 2, [row - 0.32, row + 0.32], color=colour, lw=2)
             ax.text(np.median(errors), row - 0.36, f"{np.median(errors):.2g}", ha="center", va="bottom", color=colour, fontsize=8.5)
-            del pose
         ax.set_xscale("log")
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter(NullFormatter())  # within two decades it would write every line's number
         ax.set_yticks(range(len(poses)), [p.name for p in poses])
         ax.set_ylim(len(poses) - 0.5, -0.75)
         ax.set_xlabel(f"distance from the true pose, {unit}")
