@@ -31,14 +31,15 @@ class DatasetWriter:
 
     A path that holds a dataset of the same camera, CAD and configuration is continued as a new
     session: its stations are numbered on, so that a split by station stays one. View and station
-    numbers given to the methods count from 0 in this session.
+    numbers given to the methods count from 0 in this session. With `resume` it is the same session
+    that goes on after it was cut off: numbers go on counting from the dataset's beginning.
 
     Raises:
         DatasetError: another schema, camera, CAD or configuration; something else at `path`; a
             full disk (what was appended before stays, and the append may be tried again).
     """
 
-    def __init__(self, path: str | os.PathLike[str], camera: Camera, attributes: Attributes) -> None:
+    def __init__(self, path: str | os.PathLike[str], camera: Camera, attributes: Attributes, *, resume: bool = False) -> None:
         self.path = Path(path)
         if not self.path.exists():
             store.create(self.path, camera, schema.to_json(camera, attributes))
@@ -48,7 +49,7 @@ class DatasetWriter:
             raise DatasetError(msg, where=self.path, todo="one dataset holds one camera: write to another")
         attributes.must_equal(made, self.path)
         self._store = store.FrameStore(self.path)
-        self._first_view, self._first_station = self.views, self._continue()
+        self._first_view, self._first_station = (0, 0) if resume else (self.views, self._continue())
 
     @property
     def captures(self) -> int:
@@ -129,6 +130,7 @@ class Dataset:
         self.captures = int(attributes["committed"]["captures"])
         self.views = int(attributes["committed"]["views"])
         self.verdicts: tuple[str, ...] = tuple(attributes["verdicts"])
+        self._arrays: dict[str, Any] = {}
 
     def frame(self, name: str, index: int) -> NDArray[Any]:
         """One frame of an array named as in the schema, such as "views/label"."""
@@ -152,14 +154,12 @@ class Dataset:
 
         return zarr.open_group(self.path, mode="r", zarr_format=3)
 
-    @cached_property
-    def _arrays(self) -> dict[str, Any]:
-        return {f"{g}/{n}": self._group[f"{g}/{n}"] for g, columns in COLUMNS.items() for n in columns}
-
     def _read(self, name: str, index: int | slice) -> Any:
         try:
+            if name not in self._arrays:
+                self._arrays[name] = self._group[name]
             return self._arrays[name][index]
-        except (OSError, RuntimeError, ValueError, KeyError) as error:
+        except Exception as error:  # noqa: BLE001 (foreign bytes: Zarr and its codecs raise whatever comes)
             msg = f"{name} is damaged ({error})"
             raise DatasetError(msg, where=self.path) from error
 

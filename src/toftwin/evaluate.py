@@ -12,7 +12,6 @@ from tof_core import se3
 from tof_core.errors import DatasetError
 from tof_sim_label.dataset import open_dataset
 from tof_virtual.truth import load_truth
-from toftwin.labelling import certain
 from toftwin.scores import PooledError
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ def evaluate(dataset_path: Path, truth_stem: Path, poses: Mapping[str, Sequence[
     within = compared = 0
     for v in range(dataset.views):
         depth, label, sigma, mask = (dataset.frame(f"views/{n}", v) for n in ("depth", "label", "label_sigma", "mask"))
-        true, where = truth["depth"][v], certain(mask, sigma)
+        true, where = truth["depth"][v], mask > 0
         for capture in np.flatnonzero(members == v):
             raw = dataset.frame("captures/raw", int(capture))
             pooled["raw against label"].add(raw, label, where)

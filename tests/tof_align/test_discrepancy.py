@@ -55,7 +55,9 @@ def test_a_coefficient_of_one_means_one_metre_rms(lin: Linearised) -> None:
 
 
 def test_values_all_alike_still_make_columns(lin: Linearised) -> None:
-    few = {name: getattr(lin, name)[:1].repeat(2, axis=0) for name in ("residual", "depth", "ray", "point", "normal", "cell", "log_amplitude")}
+    few = {
+        name: getattr(lin, name)[:1].repeat(2, axis=0) for name in ("residual", "depth", "ray", "point", "normal", "cell", "log_amplitude")
+    }
     alike = replace(lin, **few)
     columns = shared_columns(basis_of([alike], D), alike)
     assert np.isfinite(columns).all()

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A labelling that was cut off goes on: frames, poses and labels that are kept are not made again."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core.capture import Posed
+from tof_core.errors import RefusedError
+from tof_core.hashing import digest_arrays
+from tof_sim_label.dataset import Dataset, DatasetWriter
+from tof_sim_label.schema import from_json
+from tof_sim_label.store import read_meta
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+    from types import TracebackType
+    from typing import Self
+
+    from tof_align.session import SessionSolution
+    from tof_core.camera import Camera
+    from tof_core.capture import Capture, View
+    from tof_sim_label.label import Label
+    from tof_sim_label.schema import Attributes
+
+SAME_POSE = 1e-9
+"""Metres and radians: sums over arrays that lie elsewhere in memory differ in their last bit."""
+
+
+class OtherBagError(Exception):
+    """What is kept was made from other frames or other poses."""
+
+
+class Unfinished:
+    """A dataset in the making, `dataset.zarr.part`, and beside it the poses once they are solved.
+
+    It is a readable dataset as far as it goes. What it holds of a run that was cut off is compared with what this
+    run would write there, and left; what was made with another scene, configuration or camera is removed.
+    """
+
+    def __init__(self, folder: Path, camera: Camera, attributes: Attributes) -> None:
+        self.path, self._poses = folder / "dataset.zarr.part", folder / "poses.json.kept"
+        if not self._continues(camera, attributes):
+            self._remove()
+        self._writer = DatasetWriter(self.path, camera, attributes, resume=True)
+        self._before = Dataset(self.path)
+        self._captures = self._views = 0
+
+    @property
+    def note(self) -> str:
+        """What a user should know: that an earlier run goes on, if so."""
+        captures, views = self._before.captures, self._before.views
+        return f"went on with the {captures} captures and {views} labels of a run that was cut off" if captures else ""
+
+    def append_capture(self, capture: Capture, view: int) -> None:
+        """Keep one frame that went into a view (-1: into none).
+
+        Raises:
+            OtherBagError: what is kept in its place is another frame.
+        """
+        at, self._captures = self._captures, self._captures + 1
+        if at >= self._before.captures:
+            self._writer.append_capture(capture, view)
+        elif not np.array_equal(self._before.frame("captures/raw", at), capture.depth.astype(np.float32), equal_nan=True):
+            raise OtherBagError
+
+    def append_view(self, view: View, posed: Posed, make: Callable[[], Label]) -> None:
+        """Keep one view with the label that `make` gives, which is not asked for where it is kept already.
+
+        Raises:
+            OtherBagError: what is kept in its place is another view, or was labelled at another pose.
+        """
+        at, self._views = self._views, self._views + 1
+        if at >= self._before.views:
+            self._writer.append_view(view, make())
+        elif self._before.frame("views/stamp_ns", at) != view.stamp_ns or not np.allclose(
+            self._before.frame("views/T_cell_camera", at), posed.T_cell_camera, rtol=0.0, atol=SAME_POSE
+        ):
+            raise OtherBagError
+
+    def solved(self, views: Sequence[View], name: str, solve: Callable[[], SessionSolution]) -> list[Posed]:
+        """The poses of these views by a way called `name`, as kept; or else as `solve` gives them, and kept from now on."""
+        key, kept = _key(views), self._kept_poses()
+        if kept.get("of") != key:
+            kept = {"of": key}
+        if name not in kept:
+            kept[name] = [_to_json(p) for p in solve().posed]
+            save_json(self._poses, kept)
+        return [_from_json(p) for p in kept[name]]
+
+    def finish(self, whole: Path) -> None:
+        """Put the closed dataset in its place; what was there before is kept until then."""
+        old = whole.with_name(f"{whole.name}.old")
+        shutil.rmtree(old, ignore_errors=True)
+        if whole.exists():
+            whole.replace(old)
+        self.path.replace(whole)
+        shutil.rmtree(old, ignore_errors=True)
+        self._poses.unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        """The dataset itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """Let another process write; of a refused bag, or of another one, nothing stays."""
+        self._writer.close()
+        if isinstance(error, (RefusedError, OtherBagError)):
+            self._remove()
+
+    def _remove(self) -> None:
+        shutil.rmtree(self.path, ignore_errors=True)
+        self._poses.unlink(missing_ok=True)
+
+    def _continues(self, camera: Camera, attributes: Attributes) -> bool:
+        if not self.path.exists():
+            return False
+        there, made = from_json(read_meta(self.path)["attributes"], self.path)
+        return there == camera and made == attributes
+
+    def _kept_poses(self) -> dict[str, Any]:
+        return dict(json.loads(self._poses.read_text(encoding="utf-8"))) if self._poses.exists() else {}
+
+
+def save_json(path: Path, value: Any) -> None:
+    """Write a file whole or not at all."""
+    part = path.with_name(f"{path.name}.part")
+    part.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
+    part.replace(path)
+
+
+def _key(views: Sequence[View]) -> str:
+    """Digest of all that a solution depends on beside scene and configuration."""
+    robots = [a for v in views if v.robot is not None for a in (v.robot.T_cell_body, v.robot.T_body_camera)]
+    images = [a for v in views for a in (v.depth, v.sigma, v.count, v.amplitude) if a is not None]
+    return digest_arrays(*images, *robots)
+
+
+def _to_json(posed: Posed) -> dict[str, Any]:
+    return {
+        "T_cell_camera": posed.T_cell_camera.tolist(),
+        "cov": posed.cov.tolist(),
+        "null": posed.null.tolist(),
+        "accepted": bool(posed.accepted),
+        "verdict": posed.verdict,
+    }
+
+
+def _from_json(values: dict[str, Any]) -> Posed:
+    return Posed(
+        np.array(values["T_cell_camera"]),
+        np.array(values["cov"]),
+        np.array(values["null"]).reshape(-1, 6),
+        values["accepted"],
+        values["verdict"],
+    )
