@@ -47,12 +47,13 @@ def recorded(name: str, config: Mapping[str, Any], effects: Mapping[str, float] 
 
 
 def recorded_in(name: str, scene: Scene, config: Mapping[str, Any], effects: Mapping[str, float] | None = None) -> Recorded:
-    """The same in any scene."""
-    key = digest_config({"scene": scene.digest, "config": dict(config), "effects": dict(effects or {})})
+    """The same in any scene; as in `toftwin simulate`, the robot comes to look at the parts to be inspected."""
+    bodies = [Body(p.name, p.vertices, p.faces, p.material.albedo, p.material.roughness, p.inspect) for p in scene.parts]
+    subjects = [b.name for b in bodies if b.subject]
+    key = digest_config({"scene": scene.digest, "subjects": subjects, "config": dict(config), "effects": dict(effects or {})})
     bag = FOLDER / f"{name}-{key}"
     truth = bag.with_name(f"{bag.name}.truth")
     if not truth.with_name(f"{truth.name}.json").exists():
-        bodies = [Body(p.name, p.vertices, p.faces, p.material.albedo, p.material.roughness) for p in scene.parts]
         _remove(bag)
         record(bodies, bag, from_mapping(VirtualConfig, config), effects=dict(effects or {}), truth_path=truth)
     return Recorded(scene, bag, load_truth(truth)[0])
