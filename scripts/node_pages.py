@@ -38,15 +38,20 @@ TRANSFORMS = Topic(
     "`/tf`, `/tf_static`", "tf2_msgs/TFMessage", "from the cell to the camera's optical frame; interpolated, never extrapolated"
 )
 
+VIEWS = [
+    Topic("`preproc/depth`, `sigma`, `count`, `reason`, `amplitude`", IMAGE, "the running view of each dwell"),
+    Topic("`preproc/camera_info`", INFO, "its camera"),
+    Topic("`preproc/dwell`", "sensor_msgs/TimeReference", "which dwell and station it belongs to"),
+    TRANSFORMS,
+]
+
 INPUTS = {
     "preproc": [DEPTH, Topic("`input.points_topic`", "sensor_msgs/PointCloud2", "instead of a depth image"), CAMERA, AMPLITUDE, TEMPERATURE, TRANSFORMS],
-    "sim_label": [
-        Topic("`preproc/depth`, `sigma`, `count`, `reason`, `amplitude`", IMAGE, "the running view of each dwell"),
-        Topic("`preproc/camera_info`", INFO, "its camera"),
-        Topic("`preproc/dwell`", "sensor_msgs/TimeReference", "which dwell and station it belongs to"),
-        TRANSFORMS,
-    ],
+    "sim_label": VIEWS,
     "infer": [DEPTH, CAMERA, AMPLITUDE, TEMPERATURE],
+    "correct": VIEWS,
+    "inspect": VIEWS,
+    "gap": [*VIEWS, Topic("`label/pose`", "geometry_msgs/PoseWithCovarianceStamped", "where the camera really was: `sim_label` must run")],
 }  # fmt: skip
 
 NODE_TEXTS = {
@@ -99,5 +104,55 @@ NODE_TEXTS = {
         },
         figures=("model", "device", "kept_raw"),
         warns="the network refuses the camera, or keeps more than half of the picture raw",
+    ),
+    "correct": NodeText(
+        short="proposes, on request, where the hand must go so that the next picture is the first picture again",
+        about="`~/capture_reference` keeps the last dwell as the first picture; `~/propose` registers the last dwell to it, and to the CAD where "
+        "`live.scene` names one. It proposes and never orders: only where `live.connect` names the arm's topic (spot_ros2: `arm_pose_commands`) is an "
+        "accepted target sent there, in `body`, `odom` or `vision` without the robot's prefix, for the frame `hand`. Refused with the reason: a view that is "
+        "stale, a robot that moved meanwhile, low support, a step or a place beyond the limits, two dwells that disagree; along directions that the view does not "
+        "determine nothing is moved (verdict `partial`). A second command during the first is refused, not queued.",
+        start=(
+            "toftwin node preproc correct --param correct.live.reference=out/first",
+            "ros2 run toftwin correct --ros-args -p live.reference:=out/first",
+        ),
+        outputs={
+            "pose": "target of the hand in `live.frame` (default: the body), with covariance; only of an accepted proposal",
+            "delta": "the same as a motion of the hand in its own axes",
+            "verdict": "one status for the reference, one for the CAD: OK accepted, WARN partial, ERROR refused, with every figure",
+        },
+        figures=("reference", "scene", "connected", "verdict", "tf_age_s", "incomplete"),
+        warns="there is neither a first picture nor a scene",
+    ),
+    "inspect": NodeText(
+        short="judges, on request, whether every part is there: present, absent, displaced, not observable",
+        about="`~/judge` solves the poses of the last dwells together and weighs every part that the scene marks `inspect: true`. "
+        "With `live.out` each judgement writes inspection.json and inspection.html.",
+        start=(
+            "toftwin node preproc inspect --scene cell/scene.yaml",
+            "ros2 run toftwin inspect --ros-args -p live.scene:=cell/scene.yaml",
+        ),
+        outputs={
+            "verdict": "one status a part: OK present, WARN displaced, ERROR absent, STALE not observable; its values are the verdict's figures"
+        },
+        figures=("scene", "inspected", "verdict.STATE", "tf_age_s", "incomplete"),
+        warns="the last judgement found parts absent or displaced",
+    ),
+    "gap": NodeText(
+        short="watches the gap between camera and CAD, and warns once it grows",
+        about="Each labelled view is held against the CAD at the label's pose; what neither scatter nor the pose's covariance owes is the gap. The first "
+        "`watch.baseline` views say what is usual; growth is told at a stated rate of false alarms (`watch.views_per_alarm`). It sees what `preproc` publishes: "
+        "a diagnosis of causes is `toftwin gap` on a recording.",
+        start=(
+            "toftwin node preproc sim_label gap --scene cell/scene.yaml",
+            "ros2 run toftwin gap --ros-args -p live.scene:=cell/scene.yaml",
+        ),
+        outputs={
+            "residual": "measured minus rendered, metres along z, NaN where either is missing (32FC1)",
+            "camera_info": "intrinsics of this raster",
+            "report": "JSON: `gap_mm`, `floor_mm`, `usual_mm`, `alarm` (at 1 growth is told), `views`, `state_of_gap`",
+        },
+        figures=("scene", "state_of_gap", "gap_mm", "floor_mm", "usual_mm", "alarm", "views", "tf_age_s", "incomplete"),
+        warns="the gap grows, or a view cannot be judged",
     ),
 }

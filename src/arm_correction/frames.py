@@ -17,11 +17,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """From TF at the view's stamp: `T_hand_camera` (4, 4), and the frame that targets are wanted in (None: the body)."""
+    """From TF at the view's stamp: `T_hand_camera` (4, 4) with the hand's name, and the frame that targets are wanted in (None: the body)."""
 
     T_hand_camera: Float = field(default_factory=lambda: np.eye(4))
     T_frame_body: Float | None = None
     frame: str = "body"
+    hand: str = "hand"
 
 
 def frames_of(chain: RobotChain, camera: str, stamp_ns: int, hand: str = "", frame: str = "") -> Frames:
@@ -47,5 +48,5 @@ def frames_of(chain: RobotChain, camera: str, stamp_ns: int, hand: str = "", fra
     name = hand or (known[0] if known else camera)
     T_hand_camera = tf.lookup(name, camera, stamp_ns) if name != camera else np.eye(4)
     if frame in {"", "body", body}:
-        return Frames(T_hand_camera, None, body)
-    return Frames(T_hand_camera, tf.lookup(frame, body, stamp_ns), frame)
+        return Frames(T_hand_camera, None, body, name)
+    return Frames(T_hand_camera, tf.lookup(frame, body, stamp_ns), frame, name)

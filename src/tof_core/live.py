@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tof_core.capture import View
 from tof_core.config import param
 from tof_core.decode import camera_from_info, pixels
+from tof_core.errors import RefusedError
 from tof_core.robot import RobotChain
 from tof_core.tf import TransformBuffer
 
@@ -40,6 +42,38 @@ class ViewOptions(ManagedOptions):
         """Frames and transforms, nothing heard yet; `cell` holds where the options name none."""
         transforms = TransformBuffer(self.max_gap_s, keep_s=self.keep_tf_s)
         return RobotChain(transforms, self.cell_frame or cell, self.body_frame, placed)
+
+
+class Dwells:
+    """The newest view of each of the last dwells."""
+
+    def __init__(self, most: int) -> None:
+        """No view yet."""
+        self._views: deque[View] = deque(maxlen=most)
+
+    def add(self, view: View) -> None:
+        """A running view: it takes the place of an earlier one of its dwell."""
+        if self._views and self._views[-1].dwell_ns == view.dwell_ns:
+            self._views.pop()
+        self._views.append(view)
+
+    def all(self) -> tuple[View, ...]:
+        """In order of time, at least one.
+
+        Raises:
+            RefusedError: no view has come.
+        """
+        if not self._views:
+            raise RefusedError("no view has come yet", where="preproc", todo="is preproc running, and does TF reach the camera?")
+        return tuple(self._views)
+
+    def at(self, stamp_ns: int) -> View | None:
+        """The view of a stamp, if it is kept."""
+        return next((v for v in self._views if v.stamp_ns == stamp_ns), None)
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._views.clear()
 
 
 def view_of(stamp: int, parts: Mapping[str, Any], chain: RobotChain) -> View:

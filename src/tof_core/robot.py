@@ -49,6 +49,11 @@ class RobotChain:
         T_cell_body, T_body_camera = (self.transforms.lookup(a, b, stamp_ns) for a, b in ((cell, body), (body, camera_frame)))
         return RobotPose(T_cell_body, T_body_camera, twist)
 
+    def latest(self, camera_frame: str) -> RobotPose:
+        """The newest pose that TF knows; errors as of `pose`."""
+        cell, _ = self.resolve(camera_frame)
+        return self.pose(camera_frame, self.transforms.latest(cell, camera_frame))
+
     def settled(self, camera_frame: str, stamp_ns: int) -> bool:
         """Whether a pose that is lacking now will not come: TF joins the frames and has gone past the stamp.
 

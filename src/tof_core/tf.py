@@ -166,6 +166,12 @@ class TransformBuffer:
             top = self._edges[up[-1]].parent if up else self._edges[down[-1]].parent if down else target.lstrip("/")
         return (*up, top, *reversed(down))
 
+    def latest(self, target: str, source: str) -> int:
+        """The newest stamp at which two frames can be related, in nanoseconds; 0 where nothing on the way moves."""
+        with self._lock:
+            up, down = self._branches(target.lstrip("/"), source.lstrip("/"))
+            return min((edge.stamps[-1] for frame in (*up, *down) if not (edge := self._edges[frame]).static), default=0)
+
     def clear_dynamic(self) -> None:
         """Forget everything but static transforms (the clock was set back)."""
         with self._lock:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from sensor_msgs.msg import CameraInfo, Image, Temperature
 
-from tof_core.builder import CaptureBuilder
+from tof_core.builder import LATE, CaptureBuilder
 from tof_core.config import param, section
 from tof_core.decode import stamp_ns
 from tof_core.errors import RefusedError, ToftwinError
+from tof_core.jump import BackwardJump
 from tof_core.live import ManagedOptions
 from tof_core.options import NOT_WANTED, BagOptions
 from tof_core.topics import Topics
@@ -75,6 +76,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._builder.on_skip = lambda stamp, reason: self._skipped(stamp, reason, self._builder.last_error)
         self._patience = Patience(self.config.live.patience_s)
         self._arrivals: dict[int, float] = {}
+        self._jump = BackwardJump()
         sensor = qos.sensor(reliable=self.config.live.reliable, depth=32)
         self.input(self._topics.depth, Image, self._frame, sensor)
         self.input(self._topics.info, CameraInfo, self._info, sensor)
@@ -92,6 +94,8 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._arrivals[stamp_ns(message)] = self.tally.arrived()
         self._patience.start(stamp_ns(message))
         self._builder.depth(message)
+        if self._jump:
+            self.jumped()
         self._advance()
 
     def _info(self, message: CameraInfo) -> None:
@@ -127,17 +131,21 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._outputs["sigma"].publish(messages.image(repaired.sigma, "32FC1", head))
         self._outputs["camera_info"].publish(messages.camera_info(capture.camera, head))
         self._patience.end(capture.stamp_ns)
+        self._jump.clear()
         self.done(capture.stamp_ns, self._arrivals.pop(capture.stamp_ns, time.monotonic()))
 
     def _skipped(self, stamp: int, reason: str, why: str) -> None:
         self._patience.end(stamp)
         self._arrivals.pop(stamp, None)
         self.skip(stamp, reason, why)
+        if reason == LATE:
+            self._jump.late(stamp, self._builder.last_stamp)
 
     def reset(self) -> str:
         """Forget what waits."""
         self._builder.reset()
         self._arrivals.clear()
+        self._jump.clear()
         return "what waited is forgotten"
 
     def flush(self) -> str:

@@ -114,8 +114,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         for processed in self._stream.ready(final=final):
             self._publish(processed)
         if self._stream.jumped_back:
-            self.get_logger().warning("stamps jumped back: starting afresh")
-            self.reset()
+            self.jumped()
 
     def _tick(self) -> None:
         """Give up waiting for what does not come."""

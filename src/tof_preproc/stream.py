@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from tof_core.builder import FROZEN, LATE, CaptureBuilder
 from tof_core.config import section
 from tof_core.errors import ToftwinError
+from tof_core.jump import BackwardJump
 from tof_core.motion import MotionConfig, StationConfig, StationTracker, is_still
 from tof_core.options import BagOptions
 from tof_core.robot import RobotChain
@@ -23,10 +24,6 @@ if TYPE_CHECKING:
     from tof_core.capture import Capture, View
     from tof_core.tf import TransformBuffer
     from tof_core.topics import Topics
-
-JUMP_NS = 1_000_000_000
-JUMP_FRAMES = 3
-"""So many frames in a row, all older by more than a second: the clock was set back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +64,7 @@ class PreprocStream:
         self._stations = StationTracker(config.station)
         self._ready: deque[Capture] = deque()
         self._fates: deque[Processed] = deque()
-        self._late: list[int] = []
+        self._jump = BackwardJump()
 
     def reset(self) -> None:
         """Start afresh: the clock was set back, or the user asked."""
@@ -76,12 +73,12 @@ class PreprocStream:
         self._stations.reset()
         self.transforms.clear_dynamic()
         self._ready.clear()
-        self._late.clear()
+        self._jump.clear()
 
     @property
     def jumped_back(self) -> bool:
         """Whether the frames say that the clock was set back."""
-        return len(self._late) >= JUMP_FRAMES
+        return bool(self._jump)
 
     def configure(self, config: PreprocConfig) -> None:
         """Other filters from the next frame on; the dwell begins anew."""
@@ -108,7 +105,7 @@ class PreprocStream:
             try:
                 for capture in self.builder.ready(final=final):
                     self._ready.append(capture)
-                    self._late.clear()
+                    self._jump.clear()
             except ToftwinError as error:
                 reason = type(error).__name__.removesuffix("Error").lower()
                 self._fates.append(Processed(self.builder.last_stamp, f"bad {reason}", why=str(error)))
@@ -117,9 +114,8 @@ class PreprocStream:
 
     def _skipped(self, stamp_ns: int, reason: str) -> None:
         self._fates.append(Processed(stamp_ns, reason, why=self.builder.last_error if reason not in (FROZEN, LATE) else ""))
-        if reason == LATE and stamp_ns < self.builder.last_stamp - JUMP_NS:
-            rising = not self._late or stamp_ns > self._late[-1]
-            self._late = [*self._late, stamp_ns] if rising else [stamp_ns]
+        if reason == LATE:
+            self._jump.late(stamp_ns, self.builder.last_stamp)
 
     def _drain(self) -> Iterator[Processed]:
         while self._fates:

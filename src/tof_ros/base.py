@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from threading import Lock
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -12,7 +14,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import TimeReference
 from std_srvs.srv import Trigger
 
-from tof_core.errors import ToftwinError
+from tof_core.errors import RefusedError, ToftwinError
 from tof_ros import messages, qos
 from tof_ros.diagnostics import Diagnostics, Tally
 from tof_ros.mismatch import Mismatches
@@ -34,10 +36,11 @@ class RoomNode(Node, Generic[C]):
 
     Each input frame ends as one message on `<room>/done`: its stamp, and `kept` or the reason why
     it was skipped. That is what replay waits for, and what a user reads to know a frame's fate.
-    `trouble` says why the node does nothing at all.
+    `trouble` says why the node does nothing at all; `threads` is how many the node is spun with.
     """
 
     trouble = ""
+    threads = 1
 
     def __init__(
         self,
@@ -53,6 +56,7 @@ class RoomNode(Node, Generic[C]):
         super().__init__(name, **options)
         self.room = room
         self.tally = Tally()
+        self._busy, self._beside = Lock(), ReentrantCallbackGroup()
         self._mismatches = Mismatches(self)
         self._settings = Parameters(self, config, fixed=fixed, locked=locked, on_change=self.on_config)
         self._done = self.output("done", TimeReference)
@@ -107,8 +111,14 @@ class RoomNode(Node, Generic[C]):
 
         return self.create_subscription(kind, topic, guarded, profile, qos_overriding_options=options, event_callbacks=events)
 
-    def service(self, name: str, action: Callable[[], str]) -> None:
-        """A `~/name` Trigger: its message is what `action` returns, or the one line of its error."""
+    def service(self, name: str, action: Callable[[], str], *, slow: bool = False) -> None:
+        """A `~/name` Trigger: its message is what `action` returns, or the one line of its error.
+
+        A `slow` one runs beside the frames, in a node that has `threads` for it; while it does, a second call of any slow one is
+        refused, not queued.
+        """
+        if slow:
+            action = self._alone(action)
 
         def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             try:
@@ -117,7 +127,18 @@ class RoomNode(Node, Generic[C]):
                 response.success, response.message = False, str(error)
             return response
 
-        self.create_service(Trigger, f"~/{name}", answer)
+        self.create_service(Trigger, f"~/{name}", answer, callback_group=self._beside if slow else None)
+
+    def _alone(self, action: Callable[[], str]) -> Callable[[], str]:
+        def alone() -> str:
+            if not self._busy.acquire(blocking=False):
+                raise RefusedError("busy with another command", where=self.get_name(), todo="ask again once it is answered")
+            try:
+                return action()
+            finally:
+                self._busy.release()
+
+        return alone
 
     def timer(self, seconds: float, action: Callable[[], None]) -> Timer:
         """Call `action` on the wall clock, whatever the data's clock does."""
@@ -137,5 +158,5 @@ class RoomNode(Node, Generic[C]):
 
     def jumped(self) -> None:
         """The clock was set back: what was accumulated belongs to another time."""
-        self.get_logger().warning("the clock jumped back: starting afresh")
+        self.get_logger().warning("the clock was set back: starting afresh")
         self.reset()

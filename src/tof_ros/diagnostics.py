@@ -121,11 +121,10 @@ class Diagnostics:
             level, message = DiagnosticStatus.WARN, "; ".join(warnings)
         elif self._tally.silence() > 5.0:
             level, message = DiagnosticStatus.STALE, "no frames"
-        values = {**self._tally.values(), **self._more()}
-        return DiagnosticStatus(
-            level=level,
-            name=self._node.get_fully_qualified_name().lstrip("/"),
-            message=message,
-            hardware_id="",
-            values=[KeyValue(key=k, value=v) for k, v in values.items()],
-        )
+        return status(level, self._node.get_fully_qualified_name().lstrip("/"), message, {**self._tally.values(), **self._more()})
+
+
+def status(level: bytes, name: str, message: str, values: Mapping[str, str]) -> DiagnosticStatus:
+    """A `diagnostic_msgs/DiagnosticStatus`."""
+    pairs = [KeyValue(key=k, value=v) for k, v in values.items()]
+    return DiagnosticStatus(level=level, name=name, message=message, hardware_id="", values=pairs)

@@ -7,7 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
 
 class StampJoiner:
@@ -15,40 +15,43 @@ class StampJoiner:
 
     A set is whole when it has all `required` parts and all `expected` ones. A set that has the
     required parts alone is given out once a newer one is whole or it has waited `patience_s`;
-    one that lacks a required part is then dropped and counted in `incomplete`.
+    one that lacks a required part is then dropped and counted in `incomplete`; `on_incomplete` is told its stamp.
     """
 
     def __init__(self, required: Iterable[str], expected: Iterable[str] = (), *, patience_s: float = 0.25, limit: int = 64) -> None:
         """At most `limit` sets wait at a time."""
+        self.on_incomplete: Callable[[int], None] = lambda _: None
         self._required, self._expected = frozenset(required), set(expected)
         self._patience_s, self._limit = patience_s, limit
         self._sets: dict[int, dict[str, Any]] = {}
         self._born: dict[int, float] = {}
-        self._newest = -1
+        self.newest = -1
         self.incomplete = self.late = 0
 
     def expect(self, part: str) -> None:
         """From now on wait for this part too."""
         self._expected.add(part)
 
-    def add(self, part: str, stamp_ns: int, value: Any) -> None:
-        """Put a part in its set; a part older than what was given out is late and forgotten."""
-        if stamp_ns <= self._newest:
+    def add(self, part: str, stamp_ns: int, value: Any) -> bool:
+        """Put a part in its set; a part older than what was given out is late and forgotten (false)."""
+        if stamp_ns <= self.newest:
             self.late += part in self._required
-            return
+            return False
         self._sets.setdefault(stamp_ns, {})[part] = value
         self._born.setdefault(stamp_ns, time.monotonic())
+        return True
 
     def take(self, *, force: bool = False) -> Iterator[tuple[int, dict[str, Any]]]:
         """Sets that are ready, oldest first; `force` gives all that have their required parts."""
         for stamp in sorted(self._sets)[: self._due(force=force)]:
             parts = self._sets.pop(stamp)
             del self._born[stamp]
-            self._newest = stamp
+            self.newest = stamp
             if self._required <= parts.keys():
                 yield stamp, parts
-            else:
-                self.incomplete += bool(self._required & parts.keys())
+            elif self._required & parts.keys():
+                self.incomplete += 1
+                self.on_incomplete(stamp)
 
     def _due(self, *, force: bool) -> int:
         """How many of the oldest sets leave now."""
@@ -64,4 +67,4 @@ class StampJoiner:
         """Forget everything: the clock jumped or the user asked."""
         self._sets.clear()
         self._born.clear()
-        self._newest = -1
+        self.newest = -1

@@ -120,7 +120,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         self._ticking.append(super().timer(seconds, action))
         return self._ticking[-1]
 
-    def service(self, name: str, action: Callable[[], str]) -> None:
+    def service(self, name: str, action: Callable[[], str], *, slow: bool = False) -> None:
         """A service that is refused while the node is not active."""
 
         def guarded() -> str:
@@ -128,7 +128,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
                 raise RefusedError(f"the node is {self.state}", where=self.get_name(), todo=self.trouble or "activate it first")
             return action()
 
-        super().service(name, guarded)
+        super().service(name, guarded, slow=slow)
 
     def jumped(self) -> None:
         """Start afresh, where there is something to forget."""

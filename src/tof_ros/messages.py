@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from geometry_msgs.msg import Pose, PoseStamped, PoseWithCovarianceStamped, TransformStamped
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField, RegionOfInterest, TimeReference
 from std_msgs.msg import Header
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_core.camera import Camera
-    from tof_core.capture import Posed
 
 
 def to_stamp(stamp_ns: int) -> Time:
@@ -63,12 +62,25 @@ def points(xyz: NDArray[Any], head: Header) -> PointCloud2:
     return PointCloud2(header=head, **{**fields, "fields": named, "data": buffer(fields["data"])})
 
 
-def pose(posed: Posed, head: Header) -> PoseWithCovarianceStamped:
-    """The camera's pose in the frame of the header, with its covariance (x, y, z, rotX, rotY, rotZ; fixed axes)."""
+def pose(T: Float, cov: Float, head: Header) -> PoseWithCovarianceStamped:
+    """A pose (4, 4) in the frame of the header, with its covariance (6, 6) of (x, y, z, rotX, rotY, rotZ; fixed axes)."""
     out = PoseWithCovarianceStamped(header=head)
-    set_pose(out.pose.pose, posed.T_cell_camera)
-    out.pose.covariance = posed.cov.reshape(-1)
+    set_pose(out.pose.pose, T)
+    out.pose.covariance = cov.reshape(-1)
     return out
+
+
+def pose_stamped(T: Float, head: Header) -> PoseStamped:
+    """A pose (4, 4) in the frame of the header."""
+    out = PoseStamped(header=head)
+    set_pose(out.pose, T)
+    return out
+
+
+def matrix(message: Pose) -> Float:
+    """The transform (4, 4) of a `geometry_msgs/Pose`."""
+    p, q = message.position, message.orientation
+    return se3.from_quat((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
 
 def set_pose(message: Any, T: Float) -> None:

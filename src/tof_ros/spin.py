@@ -7,7 +7,7 @@ import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, ShutdownException, SingleThreadedExecutor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,7 +22,10 @@ class Spinner:
         """Start spinning."""
         self.node = node
         self.error: BaseException | None = None
-        self._executor = SingleThreadedExecutor(context=node.context)
+        threads = getattr(node, "threads", 1)
+        self._executor = (
+            MultiThreadedExecutor(threads, context=node.context) if threads > 1 else SingleThreadedExecutor(context=node.context)
+        )
         self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, name=node.get_name(), daemon=True)
         self._thread.start()

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from sensor_msgs.msg import CameraInfo, Image, TimeReference
 
+from tof_core.builder import LATE
 from tof_core.decode import stamp_ns
 from tof_core.errors import ToftwinError, TransformError
+from tof_core.jump import BackwardJump
 from tof_core.live import view_of
 from tof_ros import qos
 from tof_ros.joiner import StampJoiner
@@ -39,6 +41,8 @@ class ViewFeed:
         """Subscribe; `take` runs in the node's thread."""
         self._node, self._chain, self._take = node, chain, take
         self._joiner = StampJoiner(REQUIRED, patience_s=2.0)
+        self._joiner.on_incomplete = self._incomplete
+        self._jump = BackwardJump()
         self._waiting: deque[tuple[int, dict[str, Any]]] = deque()
         self._arrivals: dict[int, float] = {}
         self._patience, self._overdue = Patience(patience_s), NEVER
@@ -54,8 +58,23 @@ class ViewFeed:
             self._patience.start(stamp)
         if part == "dwell" and "amplitude=1" in message.source:
             self._joiner.expect("amplitude")
-        self._joiner.add(part, stamp, message)
-        self.advance()
+        if self._joiner.add(part, stamp, message):
+            self.advance()
+        elif part == "depth":
+            self._late(stamp)
+
+    def _late(self, stamp: int) -> None:
+        self._arrivals.pop(stamp, None)
+        self._patience.end(stamp)
+        self._node.skip(stamp, LATE)
+        self._jump.late(stamp, self._joiner.newest)
+        if self._jump:
+            self._node.jumped()
+
+    def _incomplete(self, stamp: int) -> None:
+        self._patience.end(stamp)
+        if self._arrivals.pop(stamp, None) is not None:
+            self._node.skip(stamp, "incomplete", "not all of preproc's topics came for it")
 
     def _tick(self) -> None:
         """Give up waiting for what does not come."""
@@ -78,6 +97,7 @@ class ViewFeed:
                 self._skip(stamp, "bad view", error)
                 continue
             self._leave(stamp)
+            self._jump.clear()
             self._take(view)
             self._node.done(stamp, self._arrivals.pop(stamp, time.monotonic()))
 
@@ -96,6 +116,7 @@ class ViewFeed:
         self._waiting.clear()
         self._arrivals.clear()
         self._patience.clear()
+        self._jump.clear()
         self._overdue = NEVER
         self._chain.transforms.clear_dynamic()
 

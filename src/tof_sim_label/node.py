@@ -115,7 +115,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         if self._outputs["points"].get_subscription_count():
             self._outputs["points"].publish(messages.points(view.camera.points(label.depth).astype(np.float32), head))
         cell = self._chain.cell or self._scene.frame
-        self._outputs["pose"].publish(messages.pose(label.posed, messages.header(view.stamp_ns, cell)))
+        self._outputs["pose"].publish(messages.pose(label.posed.T_cell_camera, label.posed.cov, messages.header(view.stamp_ns, cell)))
 
     def flush(self) -> str:
         """Label what has been accumulated, now."""

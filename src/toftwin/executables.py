@@ -47,3 +47,18 @@ def sim_label() -> int:
 def infer() -> int:
     """Repair live depth."""
     return _main("infer")
+
+
+def correct() -> int:
+    """Propose corrections of the arm."""
+    return _main("correct")
+
+
+def inspect() -> int:
+    """Judge whether every part is there."""
+    return _main("inspect")
+
+
+def gap() -> int:
+    """Watch the gap between camera and simulation."""
+    return _main("gap")

@@ -19,11 +19,25 @@ from tof_core.errors import ToftwinError, UsageError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-NODES = {"preproc": "tof_preproc.node", "sim_label": "tof_sim_label.node", "infer": "tof_infer.node"}
+NODES = {
+    "preproc": "tof_preproc.node",
+    "sim_label": "tof_sim_label.node",
+    "infer": "tof_infer.node",
+    "correct": "arm_correction.node",
+    "inspect": "tof_inspect.node",
+    "gap": "tof_gap.node",
+}
 """Every node of the graph and the module whose `make_node` makes it."""
-DONE = {"preproc": "preproc/done", "sim_label": "label/done", "infer": "infer/done"}
+DONE = {
+    "preproc": "preproc/done",
+    "sim_label": "label/done",
+    "infer": "infer/done",
+    "correct": "correction/done",
+    "inspect": "inspect/done",
+    "gap": "gap/done",
+}
 """Where each node says what became of a frame."""
-WITH_SCENE = ("sim_label",)
+WITH_SCENE = ("sim_label", "correct", "inspect", "gap")
 """Nodes that take the CAD."""
 
 

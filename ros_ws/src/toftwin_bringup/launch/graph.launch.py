@@ -15,6 +15,7 @@ from launch_ros.actions import Node
 
 SHARE = Path(get_package_share_directory("toftwin_bringup"))
 TRUTH = ("true", "false")
+WITH_SCENE = ("sim_label", "correct", "inspect", "gap")
 
 ARGUMENTS = (
     DeclareLaunchArgument(
@@ -30,6 +31,15 @@ ARGUMENTS = (
         description="scene.yaml of the cell, its folder, or a built-in scene's name; without it nothing is labelled",
     ),
     DeclareLaunchArgument("infer", default_value="true", choices=TRUTH, description="run the network on live depth"),
+    DeclareLaunchArgument(
+        "correct", default_value="false", choices=TRUTH, description="propose corrections of the arm on request; moves nothing"
+    ),
+    DeclareLaunchArgument(
+        "inspect", default_value="false", choices=TRUTH, description="judge the scene's parts on request (needs scene:=)"
+    ),
+    DeclareLaunchArgument(
+        "gap", default_value="false", choices=TRUTH, description="watch the gap between camera and simulation (needs scene:=)"
+    ),
     DeclareLaunchArgument("namespace", default_value="", description="namespace of the robot; topics and nodes are relative to it"),
     DeclareLaunchArgument(
         "params_file",
@@ -69,19 +79,24 @@ def check(given: dict[str, str]) -> None:
     """Refuse what cannot work before anything starts."""
     if given["mode"] == "replay" and not (given["bag"] and Path(given["bag"]).exists()):
         raise RuntimeError(f"bag:='{given['bag']}' does not exist; mode:=replay needs a bag's folder")
+    lacking = [name for name in ("inspect", "gap") if given[name] == "true" and not given["scene"]]
+    if lacking:
+        raise RuntimeError(f"{lacking[0]}:=true needs scene:=")
     if not Path(given["params_file"]).is_file():
         raise RuntimeError(f"params_file:='{given['params_file']}' does not exist")
 
 
 def wanted(given: dict[str, str]) -> list[str]:
     """Names of the executables that run."""
-    return ["preproc", *(["sim_label"] if given["scene"] else []), *(["infer"] if given["infer"] == "true" else [])]
+    labels = ["sim_label"] if given["scene"] else []
+    asked = [name for name in ("infer", "correct", "inspect", "gap") if given[name] == "true"]
+    return ["preproc", *labels, *asked]
 
 
 def node(name: str, given: dict[str, str], *, sim_time: bool) -> Node:
     """One node. It keeps its own name: `__node` would rename its transform listener too."""
     overrides: dict[str, Any] = {"use_sim_time": sim_time}
-    if name == "sim_label":
+    if name in WITH_SCENE and given["scene"]:
         overrides["live.scene"] = given["scene"]
     return Node(
         package="toftwin", executable=name, namespace=given["namespace"], output="screen", emulate_tty=True,

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What only a running `correct` has: its parameters, and the rules of the driver that may be told to move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from arm_correction.config import CorrectConfig
+from tof_align.config import AlignConfig
+from tof_core.config import param, section
+from tof_core.errors import RefusedError
+from tof_core.live import ViewOptions
+
+if TYPE_CHECKING:
+    from arm_correction.frames import Frames
+
+DRIVER_FRAMES = ("body", "odom", "vision")
+"""What spot_ros2 hands to the robot unchanged: these names, without the robot's prefix."""
+DRIVER_HAND = "hand"
+"""The frame that the driver moves."""
+
+
+@dataclass(frozen=True, slots=True)
+class LiveConfig(ViewOptions):
+    """What only a running node has."""
+
+    reference: str = param(
+        "", "file of the first picture: read where it is there, written by ~/capture_reference; empty keeps it in memory"
+    )
+    frame: str = param("", "TF frame in which targets are given; empty: the body")
+    hand_frame: str = param("", "TF frame that the arm is commanded by; empty: 'hand', else the camera itself")
+    connect: str = param("", "topic that accepted proposals are sent to, such as arm_pose_commands: then the arm moves; empty: nowhere")
+
+
+@dataclass(frozen=True, slots=True)
+class CorrectNodeConfig:
+    """Parameters of the node."""
+
+    correct: CorrectConfig = section(CorrectConfig, "registration, trust and limits")
+    align: AlignConfig = section(AlignConfig, "how far the robot's pose may be off")
+    live: LiveConfig = section(LiveConfig, "the running node")
+
+
+def driver_frame(frames: Frames) -> str:
+    """The frame's name as spot_ros2's `arm_pose_commands` wants it: no prefix, one that the robot knows, for the hand.
+
+    Raises:
+        RefusedError: the driver would move something else, or read the target in another frame.
+    """
+    frame, hand = (name.rpartition("/")[2] for name in (frames.frame, frames.hand))
+    if frame not in DRIVER_FRAMES:
+        raise RefusedError(
+            f"the arm's driver takes targets in {', '.join(DRIVER_FRAMES)}, not in '{frames.frame}'",
+            where="live.frame",
+            todo="set it to one of them",
+        )
+    if hand != DRIVER_HAND:
+        raise RefusedError(
+            f"the arm's driver moves '{DRIVER_HAND}', the target is of '{frames.hand}'",
+            where="live.hand_frame",
+            todo="publish the hand in TF",
+        )
+    return frame

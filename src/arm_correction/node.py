@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `correct`: on request, where the hand must go so that the next picture is the first picture again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+
+from arm_correction.correction import Moment
+from arm_correction.corrector import Corrector
+from arm_correction.frames import frames_of
+from arm_correction.live import CorrectNodeConfig, driver_frame
+from arm_correction.reference import load_reference, save_reference
+from tof_core.errors import RefusedError, TransformError
+from tof_core.live import Dwells
+from tof_ros import messages, qos
+from tof_ros.diagnostics import status
+from tof_ros.managed import ManagedNode
+from tof_ros.views import ViewFeed
+from tof_scene.builtin import open_scene
+from tof_scene.raycast import Raycaster
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from arm_correction.correction import Correction
+    from arm_correction.frames import Frames
+    from tof_core.capture import RobotPose, View
+
+NAME = "correct"
+OUTPUTS = {"pose": PoseWithCovarianceStamped, "delta": PoseStamped, "verdict": DiagnosticArray}
+"""Topics under `correction/`, once per `~/propose`, with the stamp of the view; pose and delta only of what is accepted."""
+CONFIG = CorrectNodeConfig
+LEVELS = {"accepted": DiagnosticStatus.OK, "partial": DiagnosticStatus.WARN, "refused": DiagnosticStatus.ERROR}
+
+
+class CorrectNode(ManagedNode[CorrectNodeConfig]):
+    """Proposes corrections (docs/nodes/correct.md). It moves nothing unless `live.connect` names the arm's topic."""
+
+    threads = 2
+
+    def __init__(self, **options: Any) -> None:
+        """Nothing loaded yet."""
+        super().__init__(NAME, "correction", CorrectNodeConfig, fixed=("live.", "align."), **options)
+        self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._verdict = ""
+        self.service("capture_reference", self._capture, slow=True)
+        self.service("propose", self._propose, slow=True)
+
+    def load(self) -> None:
+        """Read the scene and the first picture, where there are such."""
+        live, config = self.config.live, self.config
+        self._scene = open_scene(live.scene) if live.scene else None
+        caster = Raycaster(self._scene) if self._scene else None
+        self._corrector = Corrector(config.correct, config.align, caster=caster)
+        if live.reference and Path(live.reference).with_suffix(".json").exists():
+            self._corrector.use(load_reference(live.reference))
+
+    def start(self) -> None:
+        """Hear `preproc` and TF."""
+        live, scene = self.config.live, self._scene
+        self._chain = live.chain(scene.frame if scene else "", scene.placed_in if scene else None)
+        self._dwells = Dwells(2)
+        self._feed = ViewFeed(self, self._chain, live.patience_s, self._dwells.add)
+        self._arm = self.create_publisher(PoseStamped, live.connect, qos.OUTPUT) if live.connect else None
+
+    def stop(self) -> None:
+        """Hear no more, command no more."""
+        self._feed.close()
+        if self._arm is not None:
+            self.destroy_publisher(self._arm)
+
+    def unload(self) -> None:
+        """Let go of scene and first picture."""
+        del self._corrector, self._scene
+
+    def retune(self, config: CorrectNodeConfig) -> None:
+        """Other limits hold from the next proposal on."""
+        self._corrector.config = config.correct
+
+    def reset(self) -> str:
+        """Forget the dwells; the first picture is kept."""
+        self._dwells.clear()
+        self._feed.reset()
+        return "the dwells are forgotten, the first picture is kept"
+
+    def _capture(self) -> str:
+        """The last dwell becomes the first picture."""
+        reference = self._corrector.capture(self._dwells.all()[-1])
+        path = self.config.live.reference
+        return f"the first picture is of {reference.stamp_ns}" + (f", kept in {save_reference(reference, path)}" if path else "")
+
+    def _propose(self) -> str:
+        """Register the last dwell, publish what follows, and send it to the arm where that is wanted."""
+        views, live = self._dwells.all(), self.config.live
+        view = views[-1]
+        frames = frames_of(self._chain, view.camera.frame_id, view.stamp_ns, live.hand_frame, live.frame)
+        target = driver_frame(frames) if self._arm is not None else ""
+        made = self._corrector.propose(views, frames, lambda: self._moment(view))
+        chosen = next(iter(made.values()))
+        self._publish(view, made, frames)
+        self._verdict = f"{chosen.verdict}: {chosen.reason}"
+        mm, deg = chosen.step
+        if not chosen.accepted:
+            raise RefusedError(chosen.reason, where=chosen.by)
+        if self._arm is not None:
+            self._arm.publish(messages.pose_stamped(chosen.T_frame_hand, messages.header(self.get_clock().now().nanoseconds, target)))
+        return f"{chosen.verdict}: {mm:.1f} mm and {deg:.2f} deg by {chosen.by}: {chosen.reason}" + (
+            f"; sent to {self._arm.topic_name}" if self._arm is not None else ""
+        )
+
+    def _moment(self, view: View) -> Moment:
+        age_s = (self.get_clock().now().nanoseconds - view.stamp_ns) * 1e-9
+        return Moment(age_s, self._pose_now(view))
+
+    def _pose_now(self, view: View) -> RobotPose:
+        """Where TF has the robot now; where it cannot tell, nothing is proposed."""
+        try:
+            return self._chain.latest(view.camera.frame_id)
+        except TransformError as error:
+            raise RefusedError(f"whether the robot moved meanwhile is not known: {error}", where="correction") from error
+
+    def _publish(self, view: View, made: Mapping[str, Correction], frames: Frames) -> None:
+        chosen = next(iter(made.values()))
+        head = messages.header(view.stamp_ns, frames.frame)
+        verdicts = [
+            status(LEVELS[c.verdict], f"correction: {by}", f"{c.verdict}: {c.reason}", {k: _text(v) for k, v in c.to_dict().items()})
+            for by, c in made.items()
+        ]
+        self._outputs["verdict"].publish(DiagnosticArray(header=head, status=verdicts))
+        if chosen.accepted:
+            self._outputs["pose"].publish(messages.pose(chosen.T_frame_hand, chosen.cov, head))
+            self._outputs["delta"].publish(messages.pose_stamped(chosen.delta, messages.header(view.stamp_ns, frames.hand)))
+
+    def figures(self) -> Mapping[str, str]:
+        """What is corrected to, what was said last, how old TF is."""
+        first, scene = self._corrector.reference, self._scene
+        return {
+            "reference": str(first.stamp_ns) if first else "",
+            "scene": f"{scene.folder.name} {scene.digest[:12]}" if scene else "",
+            "connected": self.config.live.connect,
+            "verdict": self._verdict,
+            **(self._feed.figures() if self.active else {}),
+        }
+
+    def warnings(self) -> list[str]:
+        """Nothing to correct to."""
+        lacking = self._corrector.reference is None and self._scene is None
+        return ["there is no first picture and no scene: call ~/capture_reference"] if lacking else []
+
+
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def make_node(**options: Any) -> CorrectNode:
+    """The node; keyword arguments as of `rclpy.node.Node`."""
+    return CorrectNode(**options)

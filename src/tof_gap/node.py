@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `gap`: measured minus rendered for each labelled view, and a warning once that grows."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import String
+
+from tof_core import se3
+from tof_core.decode import stamp_ns
+from tof_core.errors import RefusedError, UsageError
+from tof_core.live import Dwells
+from tof_gap.live import GapNodeConfig
+from tof_gap.watch import GapWatch
+from tof_ros import messages, qos
+from tof_ros.managed import ManagedNode
+from tof_ros.views import ViewFeed
+from tof_scene.builtin import open_scene
+from tof_scene.raycast import Raycaster
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tof_core.capture import View
+    from tof_gap.watch import Watched
+
+NAME = "gap"
+OUTPUTS = {"residual": Image, "camera_info": CameraInfo, "report": String}
+"""Topics under `gap/`, once per labelled view, with its stamp."""
+CONFIG = GapNodeConfig
+SCHEMA = "toftwin.gap.watch/1"
+KEPT = 8
+"""Dwells and poses that wait for each other."""
+
+
+class GapNode(ManagedNode[GapNodeConfig]):
+    """Watches the gap at the poses of `sim_label` (docs/nodes/gap.md)."""
+
+    def __init__(self, **options: Any) -> None:
+        """Nothing loaded yet."""
+        super().__init__(NAME, NAME, GapNodeConfig, fixed=("live.", "watch."), **options)
+        self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._said: Watched | None = None
+        self._refused = ""
+
+    def load(self) -> None:
+        """Read the scene."""
+        live = self.config.live
+        if not live.scene:
+            raise UsageError("no scene given", where=NAME, todo="start it with --scene, or -p live.scene:=FILE")
+        self._caster = Raycaster(open_scene(live.scene))
+
+    def start(self) -> None:
+        """Hear `preproc`, TF and the poses of the labels; what is usual is learned anew."""
+        live, scene = self.config.live, self._caster.scene
+        self._watch = GapWatch(self._caster, self.config.watch)
+        self._dwells, self._poses = Dwells(KEPT), deque[PoseWithCovarianceStamped](maxlen=KEPT)
+        self._feed = ViewFeed(self, live.chain(scene.frame, scene.placed_in), live.patience_s, self._take)
+        self.input("label/pose", PoseWithCovarianceStamped, self._posed, qos.OUTPUT)
+
+    def stop(self) -> None:
+        """Hear no more."""
+        self._feed.close()
+
+    def unload(self) -> None:
+        """Let go of the scene."""
+        del self._caster
+
+    def reset(self) -> str:
+        """Forget what is usual."""
+        self._watch.restart()
+        self._dwells.clear()
+        self._poses.clear()
+        self._feed.reset()
+        self._said = None
+        return "what is usual is forgotten"
+
+    def _take(self, view: View) -> None:
+        self._dwells.add(view)
+        self._match()
+
+    def _posed(self, message: PoseWithCovarianceStamped) -> None:
+        self._poses.append(message)
+        self._match()
+
+    def _match(self) -> None:
+        """Judge each view whose pose has come."""
+        for pose in tuple(self._poses):
+            if (view := self._dwells.at(stamp_ns(pose))) is not None:
+                self._poses.remove(pose)
+                self._judge(view, pose)
+
+    def _judge(self, view: View, pose: PoseWithCovarianceStamped) -> None:
+        T = messages.matrix(pose.pose.pose)
+        try:
+            said = self._watch.add(view, T, se3.cov_right(T, pose.pose.covariance.reshape(6, 6)))
+        except RefusedError as error:
+            self._refused = str(error)
+            return
+        self._said, self._refused = said, ""
+        head = messages.header(view.stamp_ns, view.camera.frame_id)
+        self._outputs["residual"].publish(messages.image(said.residual, "32FC1", head))
+        self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
+        self._outputs["report"].publish(String(data=json.dumps(_report(said, view))))
+
+    def figures(self) -> Mapping[str, str]:
+        """Scene, the last view's gap, how old TF is."""
+        scene, said = self._caster.scene, self._said
+        told = {} if said is None else {key: str(value) for key, value in _report(said).items() if key != "schema"}
+        return {"scene": f"{scene.folder.name} {scene.digest[:12]}", **told, **(self._feed.figures() if self.active else {})}
+
+    def warnings(self) -> list[str]:
+        """A gap that grows, or a view that could not be judged."""
+        grown = [self._said.message] if self._said is not None and self._said.state == "grown" else []
+        return [*grown, *([self._refused] if self._refused else [])]
+
+
+def _report(said: Watched, view: View | None = None) -> dict[str, Any]:
+    """What a program reads; what is not known yet is null."""
+    figures = {"gap_mm": said.gap_mm, "floor_mm": said.floor_mm, "usual_mm": said.usual_mm, "alarm": said.alarm}
+    rounded = {key: None if math.isnan(value) else round(value, 4) for key, value in figures.items()}
+    stamp = {"stamp_ns": view.stamp_ns} if view is not None else {}
+    return {"schema": SCHEMA, **stamp, "state_of_gap": said.state, "views": said.views, **rounded}
+
+
+def make_node(**options: Any) -> GapNode:
+    """The node; keyword arguments as of `rclpy.node.Node`."""
+    return GapNode(**options)

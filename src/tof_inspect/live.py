@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What only a running `inspect` has: its parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tof_align.config import AlignConfig
+from tof_core.config import param, section
+from tof_core.live import ViewOptions
+from tof_inspect.config import InspectConfig
+
+
+@dataclass(frozen=True, slots=True)
+class LiveConfig(ViewOptions):
+    """What only a running node has."""
+
+    views: int = param(20, "the last so many dwells are judged together", low=1, high=500)
+    out: str = param("", "folder for inspection.json and inspection.html of each judgement; empty writes none")
+
+
+@dataclass(frozen=True, slots=True)
+class InspectNodeConfig:
+    """Parameters of the node."""
+
+    inspect: InspectConfig = section(InspectConfig, "when a part is there")
+    align: AlignConfig = section(AlignConfig, "where the camera was")
+    live: LiveConfig = section(LiveConfig, "the running node")

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `inspect`: on request, whether every part is there, from the dwells seen so far."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from tof_core.errors import UsageError
+from tof_core.live import Dwells
+from tof_inspect.judge import Inspector
+from tof_inspect.live import InspectNodeConfig
+from tof_inspect.report import write
+from tof_ros import messages
+from tof_ros.diagnostics import status
+from tof_ros.managed import ManagedNode
+from tof_ros.views import ViewFeed
+from tof_scene.builtin import open_scene
+from tof_scene.raycast import Raycaster
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tof_inspect.judge import Inspection, PartVerdict
+
+NAME = "inspect"
+OUTPUTS = {"verdict": DiagnosticArray}
+"""Topics under `inspect/`, once per `~/judge`, with the stamp of the last view."""
+CONFIG = InspectNodeConfig
+LEVELS = {
+    "present": DiagnosticStatus.OK,
+    "displaced": DiagnosticStatus.WARN,
+    "absent": DiagnosticStatus.ERROR,
+    "not_observable": DiagnosticStatus.STALE,
+}
+
+
+class InspectNode(ManagedNode[InspectNodeConfig]):
+    """Judges parts (docs/nodes/inspect.md)."""
+
+    threads = 2
+
+    def __init__(self, **options: Any) -> None:
+        """Nothing loaded yet."""
+        super().__init__(NAME, NAME, InspectNodeConfig, fixed=("live.", "align."), **options)
+        self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._counts: dict[str, int] = {}
+        self.service("judge", self._judge, slow=True)
+
+    def load(self) -> None:
+        """Read the scene; one without parts to inspect is refused."""
+        live = self.config.live
+        if not live.scene:
+            raise UsageError("no scene given", where=NAME, todo="start it with --scene, or -p live.scene:=FILE")
+        self._inspector = Inspector(Raycaster(open_scene(live.scene)), self.config.inspect, self.config.align)
+
+    def start(self) -> None:
+        """Hear `preproc` and TF."""
+        live, scene = self.config.live, self._inspector.scene
+        self._dwells = Dwells(live.views)
+        self._feed = ViewFeed(self, live.chain(scene.frame, scene.placed_in), live.patience_s, self._dwells.add)
+
+    def stop(self) -> None:
+        """Hear no more."""
+        self._feed.close()
+
+    def unload(self) -> None:
+        """Let go of the scene."""
+        del self._inspector
+
+    def retune(self, config: InspectNodeConfig) -> None:
+        """Other thresholds hold from the next judgement on."""
+        self._inspector.config = config.inspect
+
+    def reset(self) -> str:
+        """Forget the dwells."""
+        self._dwells.clear()
+        self._feed.reset()
+        return "the dwells are forgotten"
+
+    def _judge(self) -> str:
+        """Judge every part now."""
+        found = self._inspector.judge(self._dwells.all())
+        states = [v.state for v in found.verdicts]
+        self._counts = {state: states.count(state) for state in LEVELS}
+        self._publish(found)
+        said = ", ".join(f"{count} {state.replace('_', ' ')}" for state, count in self._counts.items())
+        out = self.config.live.out
+        page = write(self._inspector, found, Path(out), "live") if out else None
+        return f"{said} from {len(found.views)} views" + (f"; report: {page}" if page else "")
+
+    def _publish(self, found: Inspection) -> None:
+        head = messages.header(found.views[-1].stamp_ns, self._inspector.scene.frame)
+        self._outputs["verdict"].publish(DiagnosticArray(header=head, status=[_status(v) for v in found.verdicts]))
+
+    def figures(self) -> Mapping[str, str]:
+        """Scene, the last judgement, how old TF is."""
+        scene = self._inspector.scene
+        return {
+            "scene": f"{scene.folder.name} {scene.digest[:12]}",
+            "inspected": str(len(self._inspector.names)),
+            **{f"verdict.{state}": str(count) for state, count in self._counts.items()},
+            **(self._feed.figures() if self.active else {}),
+        }
+
+    def warnings(self) -> list[str]:
+        """Parts that the last judgement did not find where the CAD has them."""
+        bad = {state: self._counts.get(state, 0) for state in ("absent", "displaced")}
+        return [f"parts {state}: {count}" for state, count in bad.items() if count]
+
+
+def _status(verdict: PartVerdict) -> DiagnosticStatus:
+    values = {key: "" if value is None else str(value) for key, value in verdict.to_dict().items()}
+    return status(LEVELS[verdict.state], f"inspect: {verdict.name}", f"{verdict.state.replace('_', ' ')}: {verdict.why}", values)
+
+
+def make_node(**options: Any) -> InspectNode:
+    """The node; keyword arguments as of `rclpy.node.Node`."""
+    return InspectNode(**options)

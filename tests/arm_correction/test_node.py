@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `correct` over DDS: what it proposes, what it refuses, and that nothing moves unless it is connected."""
+
+from __future__ import annotations
+
+import time
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tests.arm_correction.made import FIRST, seen, twist
+from tests.tof_align.made import section
+from tests.tof_ros.peers import Observer, wait_for
+from tests.tof_ros.view_source import T_HAND_CAMERA, ViewSource
+from tof_core import se3
+
+pytest.importorskip("rclpy", reason="no ROS 2 here")
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tof_core.capture import View
+
+pytestmark = pytest.mark.dds
+MOTION = twist((12, -8, 10), (0.5, 0.8, -0.3))
+
+
+@lru_cache(maxsize=4)
+def looked(where: str) -> View:
+    """A view from the first place, or from one that the robot takes for it."""
+    return seen(section(), FIRST, seed=99) if where == "first" else seen(section(), FIRST @ MOTION, believed=FIRST)
+
+
+class Bench:
+    """A `correct` in one thread, a robot and an observer in others."""
+
+    def __init__(self, node: Any, observer: Observer) -> None:
+        from arm_correction.node import OUTPUTS
+        from tof_ros import qos
+
+        self.node, self.observer = node, observer
+        self.source = ViewSource(observer.node)
+        self.heard: dict[str, list[Any]] = {name: [] for name in (*OUTPUTS, "arm")}
+        for name, kind in OUTPUTS.items():
+            observer.node.create_subscription(kind, f"/spot/correction/{name}", self.heard[name].append, qos.OUTPUT)
+        observer.node.create_subscription(OUTPUTS["delta"], "/spot/arm_pose_commands", self.heard["arm"].append, qos.OUTPUT)
+
+    def look(self, where: str, **how: Any) -> View:
+        """Send a view and wait until the node has it."""
+        wait_for(lambda: self.node.active and self.source.matched)
+        before = self.node.tally.kept
+        view = self.source.send(looked(where), **how)
+        wait_for(lambda: self.node.tally.kept > before, what=f"for a view; skipped {self.node.tally.skipped}")
+        return view
+
+    def ask(self, service: str) -> tuple[bool, str]:
+        answer = self.observer.trigger(f"/spot/correct/{service}")
+        return bool(answer.success), str(answer.message)
+
+
+@pytest.fixture(scope="module")
+def bench(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    from arm_correction.node import make_node
+    from tof_ros.environment import parameter_overrides, ros_context
+    from tof_ros.spin import spinning
+
+    values = {"live.reference": str(tmp_path_factory.mktemp("reference") / "first"), "correct.limits.stale_s": 2.0}
+    with ros_context(domain=ros_domain) as context:
+        node = make_node(context=context, namespace="spot", parameter_overrides=parameter_overrides(values))
+        observer = Observer(context)
+        with spinning([node, observer.node]):
+            yield Bench(node, observer)
+
+
+def test_before_there_is_anything_to_correct_to_it_says_so(bench: Bench) -> None:
+    wait_for(lambda: bench.node.active)
+    assert bench.ask("propose") == (False, "preproc: no view has come yet; is preproc running, and does TF reach the camera?")
+    bench.look("first")
+    done, why = bench.ask("propose")
+    assert (done, "capture a reference first" in why) == (False, True)
+    assert "call ~/capture_reference" in bench.observer.status("spot/correct", lambda s: "no first picture" in s.message).message
+
+
+def test_a_proposal_brings_back_the_first_picture_and_orders_nothing(bench: Bench, tmp_path: Path) -> None:
+    from arm_correction.reference import load_reference
+    from tof_ros import messages
+
+    first = bench.look("first")
+    done, said = bench.ask("capture_reference")
+    assert done, said
+    assert load_reference(bench.node.config.live.reference).stamp_ns == first.stamp_ns
+    view = bench.look("back", station=1)
+    done, said = bench.ask("propose")
+    assert done, said
+    pose = wait_for(lambda: bench.heard["pose"])[-1]
+    delta = messages.matrix(wait_for(lambda: bench.heard["delta"])[-1].pose)
+    assert (pose.header.frame_id, messages.to_ns(pose.header.stamp)) == ("spot/body", view.stamp_ns)
+    metres, degrees = se3.distance(FIRST @ MOTION @ se3.inverse(T_HAND_CAMERA) @ delta @ T_HAND_CAMERA, FIRST)
+    assert (1e3 * metres < 1.0, degrees < 0.15) == (True, True)
+    hand = se3.inverse(se3.from_quat((0.2, 0, 0), (0, 0, 0, 1))) @ FIRST @ se3.inverse(T_HAND_CAMERA)
+    np.testing.assert_allclose(messages.matrix(pose.pose.pose), hand @ delta, atol=1e-6)
+    assert (np.diag(pose.pose.covariance.reshape(6, 6)) > 0).all()
+    verdict = bench.heard["verdict"][-1].status[0]
+    assert (verdict.name, verdict.message.partition(":")[0]) == ("correction: reference", "accepted")
+    assert bench.heard["arm"] == []
+    assert bench.observer.node.count_publishers("/spot/arm_pose_commands") == 0
+
+
+def test_a_stale_view_and_a_robot_that_moved_meanwhile_are_refused_with_the_reason(bench: Bench) -> None:
+    bench.look("back")
+    time.sleep(2.1)
+    done, why = bench.ask("propose")
+    assert (done, "stale: the view is" in why) == (False, True), why
+    view = bench.look("back")
+    bench.source.place(FIRST @ twist((5, 0, 0)), view.camera.frame_id, time.time_ns() + 400_000_000)
+    wait_for(lambda: bench.node._chain.transforms.latest("cell", view.camera.frame_id) > view.stamp_ns + 300_000_000)
+    done, why = bench.ask("propose")
+    assert (done, "moved meanwhile: by 5.0 mm" in why) == (False, True), why
+    wait_for(lambda: bench.heard["verdict"][-1].status[0].message.startswith("refused: moved meanwhile"))
+    assert bench.ask("reset") == (True, "the dwells are forgotten, the first picture is kept")
+
+
+def test_two_dwells_that_disagree_are_refused(bench: Bench) -> None:
+    bench.look("first")
+    bench.look("back")
+    done, why = bench.ask("propose")
+    assert (done, "two dwells disagree" in why) == (False, True), why
+
+
+def test_of_two_commands_at_once_the_second_is_refused(bench: Bench) -> None:
+    from std_srvs.srv import Trigger
+
+    bench.look("back")
+    bench.look("back")
+    client = bench.observer.node.create_client(Trigger, "/spot/correct/propose")
+    assert client.wait_for_service(10.0)
+    answers = [client.call_async(Trigger.Request()) for _ in range(2)]
+    wait_for(lambda: all(a.done() for a in answers))
+    said = sorted((a.result().success, a.result().message) for a in answers)
+    assert [success for success, _ in said] == [False, True], said
+    assert "busy with another command" in said[0][1]
+
+
+def test_step_limits_can_be_tightened_live(bench: Bench) -> None:
+    from rclpy.parameter import Parameter
+
+    assert bench.node.set_parameters([Parameter("correct.limits.step_mm", value=5.0)])[0].successful
+    bench.look("back")
+    bench.look("back")
+    done, why = bench.ask("propose")
+    assert (done, "step limit" in why) == (False, True), why
+    assert bench.node.set_parameters([Parameter("correct.limits.step_mm", value=400.0)])[0].successful
+
+
+def test_connected_it_commands_the_hand_in_the_drivers_own_frame(bench: Bench) -> None:
+    from rclpy.parameter import Parameter
+
+    bench.node.trigger_deactivate()
+    bench.node.trigger_cleanup()
+    assert bench.node.set_parameters([Parameter("live.connect", value="arm_pose_commands")])[0].successful
+    bench.node.trigger_configure()
+    bench.node.trigger_activate()
+    wait_for(lambda: bench.observer.node.count_publishers("/spot/arm_pose_commands"))
+    time.sleep(0.3)
+    bench.look("back")
+    bench.look("back")
+    done, said = bench.ask("propose")
+    assert done, said
+    assert said.endswith("sent to /spot/arm_pose_commands")
+    command = wait_for(lambda: bench.heard["arm"])[-1]
+    assert command.header.frame_id == "body"
+    proposal = wait_for(lambda: [m for m in bench.heard["pose"] if m.pose.pose == command.pose])
+    assert proposal[-1].header.frame_id == "spot/body"
+
+
+@pytest.mark.parametrize(("frame", "hand", "why"), [("cell", "spot/hand", "takes targets in"), ("spot/odom", "camera", "moves 'hand'")])
+def test_a_target_that_the_driver_would_read_otherwise_is_refused(frame: str, hand: str, why: str) -> None:
+    from arm_correction.frames import Frames
+    from arm_correction.live import driver_frame
+    from tof_core.errors import RefusedError
+
+    with pytest.raises(RefusedError, match=why):
+        driver_frame(Frames(frame=frame, hand=hand))
+    assert driver_frame(Frames(frame="spot/odom", hand="spot/hand")) == "odom"

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Publishes views as `preproc` does, and the TF of the robot that took them."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core import se3
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+
+T_HAND_CAMERA = se3.from_quat((0.06, 0.0, 0.04), (0.5, -0.5, 0.5, -0.5))
+
+
+class ViewSource:
+    """One robot: frames cell, PREFIX/body, PREFIX/hand, and the camera's."""
+
+    def __init__(self, node: Any, prefix: str = "spot") -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+        from tf2_msgs.msg import TFMessage
+
+        from tof_ros import qos
+        from tof_ros.views import KINDS
+
+        self.node, self.prefix = node, prefix
+        self._out = {part: node.create_publisher(kind, f"{prefix}/preproc/{part}", qos.OUTPUT) for part, kind in KINDS.items()}
+        self._label = node.create_publisher(PoseWithCovarianceStamped, f"{prefix}/label/pose", qos.OUTPUT)
+        self._tf = node.create_publisher(TFMessage, "/tf", qos.TF)
+
+    @property
+    def matched(self) -> bool:
+        """Whether a node hears it."""
+        return bool(self._out["dwell"].get_subscription_count() and self._out["depth"].get_subscription_count())
+
+    def place(self, T_cell_camera: Float, camera: str, stamp_ns: int) -> None:
+        """Publish where the robot is, for a while before and after a stamp; the body stands at (0.2, 0, 0) of the cell."""
+        from tf2_msgs.msg import TFMessage
+
+        from tof_ros import messages
+
+        body, hand = f"{self.prefix}/body", f"{self.prefix}/hand"
+        T_cell_body = se3.from_quat((0.2, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        T_body_hand = se3.inverse(T_cell_body) @ T_cell_camera @ se3.inverse(T_HAND_CAMERA)
+        for stamp in range(stamp_ns - 200_000_000, stamp_ns + 250_000_000, 50_000_000):
+            chain = (("cell", body, T_cell_body), (body, hand, T_body_hand), (hand, camera, T_HAND_CAMERA))
+            self._tf.publish(TFMessage(transforms=[messages.transform(a, b, T, stamp) for a, b, T in chain]))
+
+    def send(self, view: View, *, age_s: float = 0.0, station: int = 0) -> View:
+        """Publish a view as if taken `age_s` ago; gives it with its stamp."""
+        from tof_ros import messages
+
+        assert view.robot is not None
+        stamp = time.time_ns() - round(age_s * 1e9)
+        self.place(view.robot.T_cell_camera, view.camera.frame_id, stamp)
+        head = messages.header(stamp, view.camera.frame_id)
+        for name, encoding in (("depth", "32FC1"), ("sigma", "32FC1"), ("count", "16UC1"), ("reason", "8UC1")):
+            self._out[name].publish(messages.image(np.asarray(getattr(view, name)), encoding, head))
+        self._out["camera_info"].publish(messages.camera_info(view.camera, head))
+        about = f"station={station} captures={view.captures} amplitude=0"
+        self._out["dwell"].publish(messages.time_reference(stamp, stamp, about, view.camera.frame_id))
+        return replace(view, stamp_ns=stamp, dwell_ns=stamp)
+
+    def label(self, view: View, T_cell_camera: Float, cov: Float) -> None:
+        """Publish where `sim_label` found the camera."""
+        from tof_ros import messages
+
+        self._label.publish(messages.pose(T_cell_camera, cov, messages.header(view.stamp_ns, "cell")))
