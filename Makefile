@@ -10,7 +10,7 @@ ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 # Nothing here talks to another host's ROS unless asked to.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help setup setup-dev demo test bench bench-long lint format model gap-check soak clean
+.PHONY: help setup setup-dev demo test bench bench-long lint format model gap-check fuzz soak clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -44,6 +44,9 @@ model: setup-dev  ## train the network that the package carries, from virtual se
 
 gap-check: setup-dev  ## withheld effects: how often the gap report names the right one
 	@$(PY) -m benchmarks.gap_check $(ARGS)
+
+fuzz: setup-dev  ## coverage-guided fuzzing of all that reads foreign bytes, hours (ARGS="--target scene --seconds 600")
+	@$(PY) -m pip install -q --disable-pip-version-check -c constraints.txt 'atheris>=3.0' && $(PY) -m tests.fuzz.run $(ARGS)
 
 soak: setup-dev  ## the graph for a long time: frames lost, memory, latency
 	@$(PY) -m benchmarks.soak $(ARGS)

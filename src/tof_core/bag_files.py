@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from tof_core.errors import BagError, NoBagError, ToftwinError
 from tof_core.mcap_recover import McapScan
 from tof_core.typestores import typestore_of
+from tof_core.unpack import UNPACKERS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Qos
     from rosbags.typesys.store import Typestore
+
+
+MOST_ELEMENTS = 4096
+"""Strings or messages in the fixed arrays of one type; real ones have a few."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +60,9 @@ class WholeBag:
     def __init__(self, path: Path, files: list[Path], stack: ExitStack, note: str = "") -> None:
         """Open with rosbags; types come from the bag, or from Jazzy where it embeds none."""
         from rosbags.highlevel import AnyReader
+        from rosbags.rosbag2 import storage_mcap
 
+        storage_mcap.DECOMPRESSORS.update(UNPACKERS)
         self.path, self.note, self._stack = path, note, stack
         self._reader: AnyReader = stack.enter_context(AnyReader(files, default_typestore=typestore_of("jazzy")))
         self.types = self._reader.typestore
@@ -198,7 +205,26 @@ def _with_hint(error: BagError, files: list[Path]) -> BagError:
 def deserialize(files: BagFiles, topic: str, cdr: bytes) -> Any:
     """The fields of a message; bytes that are none raise a BagError that names the topic."""
     with _one_line(f"{files.path}, topic {topic}"):
-        return files.types.deserialize_cdr(cdr, files.topics[topic].type)
+        kind = files.topics[topic].type
+        if kind not in files.types.cache:
+            _check_definition(files.types, kind)
+        return files.types.deserialize_cdr(cdr, kind)
+
+
+def _check_definition(types: Typestore, kind: str) -> None:
+    """Refuse a definition whose fixed arrays rosbags would write out element by element for minutes."""
+    from rosbags.interfaces import Nodetype
+
+    elements = 0
+    fields: list[tuple[str, Any]] = list(types.fielddefs[kind][1])
+    for _, (node, what) in fields:
+        inner, length = what if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else ((node, what), 0)
+        if node == Nodetype.ARRAY and (inner[0] == Nodetype.NAME or inner[1][0] == "string"):
+            elements += int(length)
+        if inner[0] == Nodetype.NAME and inner[1] not in types.cache:
+            _check_definition(types, inner[1])
+    if elements > MOST_ELEMENTS:
+        raise BagError(f"defines {kind} with {elements} elements of fixed arrays", todo="such a type is not read")
 
 
 @contextmanager

@@ -27,14 +27,11 @@ def cloud_fields(msg: Any, names: tuple[str, ...], where: str = "") -> list[Floa
         raise DecodeError(what, where=where, todo=f"its fields are {', '.join(known) or 'none'}")
     order = ">" if msg.is_bigendian else "<"
     height, width, step = int(msg.height), int(msg.width), int(msg.point_step)
-    layout = np.dtype(
-        {
-            "names": list(names),
-            "itemsize": step,
-            "offsets": [int(known[n].offset) for n in names],
-            "formats": [order + _element(known[n].datatype, where) for n in names],
-        }
-    )
+    offsets, formats = [int(known[n].offset) for n in names], [order + _element(known[n].datatype, where) for n in names]
+    if step >= 2**31 or any(not 0 <= at <= step - np.dtype(f).itemsize for at, f in zip(offsets, formats, strict=True)):
+        what = f"cloud has fields at bytes {', '.join(map(str, offsets))} of points of {step} bytes"
+        raise DecodeError(what, where=where, todo="the publisher's point_step and offsets must agree")
+    layout = np.dtype({"names": list(names), "itemsize": step, "offsets": offsets, "formats": formats})
     data = np.frombuffer(msg.data, np.uint8)
     row_step = int(msg.row_step) or width * step
     if row_step < width * step or data.size < (height - 1) * row_step + width * step or not width * height:
@@ -81,7 +78,8 @@ def _on_raster(xyz: Float, camera: Camera, tolerance_px: float = 0.5) -> bool:
         return True
     some = slice(None, None, max(len(v) // 2000, 1))
     error = camera.project(xyz[v[some], u[some]]) - np.stack([u[some], v[some]], axis=-1)
-    return bool(np.nanmedian(np.abs(error)) < tolerance_px)
+    error = error[np.isfinite(error)]
+    return bool(error.size) and bool(np.median(np.abs(error)) < tolerance_px)
 
 
 def _organised(xyz: Float) -> Image:

@@ -6,16 +6,18 @@ From the same table come YAML files, ROS parameter descriptors and the documenta
 
 from __future__ import annotations
 
-import math
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
 
-from tof_core.errors import ConfigError
+from tof_core.errors import ConfigError, brief
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 C = TypeVar("C")
+LARGEST = 1e300
+"""Numbers beyond are none (and an int of more digits is no float)."""
 
 
 def param(
@@ -58,13 +60,18 @@ def table(cls: type[Any], prefix: str = "") -> Iterator[ParamInfo]:
 
 def _rows(config: Any, prefix: str) -> Iterator[ParamInfo]:
     """The rows of one configuration, its values as defaults (a section may set its own)."""
-    hints = get_type_hints(type(config))
+    hints = _hints(cast("Any", type(config)))
     for f in fields(config):
         value = getattr(config, f.name)
         if is_dataclass(value):
             yield from _rows(value, f"{prefix}{f.name}.")
         else:
             yield _info(f, hints[f.name], value, prefix)
+
+
+@cache
+def _hints(cls: Any) -> dict[str, Any]:
+    return get_type_hints(cls)
 
 
 def _info(f: Field[Any], kind: type, value: Any, prefix: str = "") -> ParamInfo:
@@ -80,7 +87,7 @@ def from_mapping(cls: type[C], values: Mapping[str, Any], *, where: str = "confi
 def updated(config: C, values: Mapping[str, Any], *, where: str = "config") -> C:
     """`config` with some values changed, all of them checked first; unknown keys are refused."""
     nested = _nest(values, where)
-    hints = get_type_hints(type(config))
+    hints = _hints(cast("Any", type(config)))
     known = {f.name: f for f in fields(cast("Any", config))}
     unknown = sorted(set(nested) - set(known))
     if unknown:
@@ -134,13 +141,13 @@ def _nest(values: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 
 def _checked(info: ParamInfo, value: Any, where: str) -> Any:
+    if isinstance(value, int | float) and not -LARGEST < value < LARGEST:
+        raise ConfigError(f"must be a number, not {brief(value)}", where=where)
     if info.kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if info.kind in (bool, int, float, str) and type(value) is not info.kind:
-        msg = f"must be {info.kind.__name__}, not {type(value).__name__} {value!r}"
+        msg = f"must be {info.kind.__name__}, not {type(value).__name__} {brief(value)}"
         raise ConfigError(msg, where=where)
-    if isinstance(value, float) and not math.isfinite(value):
-        raise ConfigError(f"must be a number, not {value}", where=where)
     unit = f" {info.unit}" if info.unit else ""
     if info.low is not None and value < info.low:
         msg = f"{value} is below {info.low:g}{unit}"
@@ -149,6 +156,6 @@ def _checked(info: ParamInfo, value: Any, where: str) -> Any:
         msg = f"{value} is above {info.high:g}{unit}"
         raise ConfigError(msg, where=where)
     if info.choices and value not in info.choices:
-        msg = f"'{value}' is not one of {', '.join(info.choices)}"
+        msg = f"{brief(value)} is not one of {', '.join(info.choices)}"
         raise ConfigError(msg, where=where)
     return value

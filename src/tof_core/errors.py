@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import reprlib
+
 
 class ToftwinError(Exception):
     """Something a user can mend. Exit code 1: the data says no.
@@ -78,3 +80,11 @@ class DatasetError(ToftwinError):
 
 class ModelError(ToftwinError):
     """A network file is damaged, foreign, or made for another camera."""
+
+
+def brief(value: object) -> str:
+    """A foreign value as one line says it, however large it is."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # Python writes no integer of more than 4300 digits
+        return f"a {type(value).__name__} of thousands of digits"

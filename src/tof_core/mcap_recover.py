@@ -12,6 +12,7 @@ from io import BytesIO
 from typing import TYPE_CHECKING, BinaryIO
 
 from tof_core.errors import BagError
+from tof_core.unpack import unpack
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -98,17 +99,9 @@ def _open_chunk(content: bytes) -> tuple[bytes, bool]:
     """The records in a chunk, and whether they could be read; a chunk cut short gives those it still has."""
     if len(content) < 40:
         return b"", False
+    (size,) = struct.unpack_from("<Q", content, 16)
     compression, rest = _string(content[28:])
-    packed = rest[8:]
     try:
-        if compression == "zstd":
-            from backports import zstd
-
-            return zstd.ZstdDecompressor().decompress(packed), True
-        if compression == "lz4":
-            from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
-
-            return LZ4FrameDecompressor().decompress(packed), True
+        return unpack(rest[8:], compression, size), True
     except Exception:  # noqa: BLE001 (whatever a damaged stream raises, its chunk is lost and the rest is not)
         return b"", False
-    return (packed, True) if compression == "" else (b"", False)

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from tof_core.camera import Camera
-from tof_core.errors import ModelError
+from tof_core.errors import CameraError, ModelError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -79,10 +79,11 @@ def parse_card(text: str, where: object) -> Card:
         camera["distortion"] = tuple(camera["distortion"])
         low, high = values.pop("range_m")
         card = Card(camera=Camera(**camera), inputs=tuple(values.pop("inputs")), range_m=(float(low), float(high)), **values)
-    except (ValueError, TypeError, KeyError) as error:
+        possible = 0 < card.multiple <= 1024 and 0 <= low < high and card.max_sigma_m > 0
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError, CameraError) as error:
         msg = f"its card is damaged ({type(error).__name__}: {error})"
         raise ModelError(msg, where=where, todo="train it again") from None
-    if not (0 < card.multiple <= 1024 and 0 <= low < high and card.max_sigma_m > 0):
+    if not possible:
         msg = f"its card holds impossible values (multiple {card.multiple}, range {card.range_m})"
         raise ModelError(msg, where=where, todo="train it again")
     return card

@@ -159,7 +159,10 @@ def _load(path: Path, config: InferConfig) -> Any:
 
 def _checked_card(session: Any, path: Path) -> Card:
     """The card, held to what the graph really takes and gives."""
-    text = session.get_modelmeta().custom_metadata_map.get(KEY)
+    try:
+        text = session.get_modelmeta().custom_metadata_map.get(KEY)
+    except UnicodeDecodeError:
+        raise ModelError("its metadata are damaged (no UTF-8 text)", where=path, todo="copy it again, or train it again") from None
     if text is None:
         raise ModelError(
             "was not made by `toftwin train` (it has no card)", where=path, todo="train a model; others have no contract to check"

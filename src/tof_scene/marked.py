@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from tof_core.errors import ConfigError, SceneError
-from tof_core.yamlio import load_yaml
+from tof_core.config import LARGEST
+from tof_core.errors import ConfigError, SceneError, brief
+from tof_core.yamlio import compose_yaml, parse_yaml, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -66,41 +67,40 @@ class Marked:
     def text(self) -> str:
         """A string that is not empty."""
         if not isinstance(self.value, str) or not self.value.strip():
-            raise self.error(f"{self.name} must be a text, not {self.value!r}")
+            raise self.error(f"{self.name} must be a text, not {brief(self.value)}")
         return self.value
 
     def flag(self) -> bool:
         """True or false."""
         if not isinstance(self.value, bool):
-            raise self.error(f"{self.name} must be true or false, not {self.value!r}")
+            raise self.error(f"{self.name} must be true or false, not {brief(self.value)}")
         return self.value
 
     def number(self, *, above: float = -math.inf, low: float = -math.inf, high: float = math.inf) -> float:
         """A finite number within bounds."""
         v = self.value
-        if isinstance(v, bool) or not isinstance(v, int | float) or not math.isfinite(v) or not (v > above and low <= v <= high):
+        if isinstance(v, bool) or not isinstance(v, int | float) or not -LARGEST < v < LARGEST or not (v > above and low <= v <= high):
             bounds = f" above {above:g}" if above > -math.inf else f" from {low:g} to {high:g}" if low > -math.inf else ""
-            raise self.error(f"{self.name} must be a number{bounds}, not {v!r}")
+            raise self.error(f"{self.name} must be a number{bounds}, not {brief(v)}")
         return float(v)
 
     def numbers(self, count: int) -> list[float]:
         """A list of finite numbers."""
         if not isinstance(self.value, list) or len(self.value) != count:
-            raise self.error(f"{self.name} must be {count} numbers, not {self.value!r}")
+            raise self.error(f"{self.name} must be {count} numbers, not {brief(self.value)}")
         return [entry.number() for entry in self.items()]
 
     def _mapping(self) -> dict[str, Any]:
         if not isinstance(self.value, dict):
-            raise self.error(f"{self.name or 'the scene'} must be a group of keys, not {self.value!r}")
+            raise self.error(f"{self.name or 'the scene'} must be a group of keys, not {brief(self.value)}")
         return self.value
 
 
 def load_marked(path: Path) -> Marked:
     """The mapping in a YAML file, with line numbers."""
     try:
-        values = load_yaml(path)
-        with path.open(encoding="utf-8") as file:
-            node = yaml.compose(file, yaml.SafeLoader)
+        text = read_text(path)
+        values, node = parse_yaml(text, where=str(path)), compose_yaml(text, where=str(path))
     except ConfigError as error:
         raise SceneError(error.what, where=error.where, todo=error.todo) from None
     return Marked(values, "", path, node)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,6 +44,7 @@ def load_mesh(path: Path) -> tuple[Float, NDArray[np.int32]]:
 def _bodies(path: Path) -> list[tuple[Float, NDArray[Any]]]:
     import trimesh
 
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # it prints tracebacks of what it then raises
     options: dict[str, Any] = {}
     if path.suffix.lower() in {".step", ".stp"}:
         options = {"tol_linear": STEP_TOLERANCE_M * 1e3, "tol_angular": STEP_ANGLE}  # its linear unit is the millimetre
@@ -52,4 +54,6 @@ def _bodies(path: Path) -> list[tuple[Float, NDArray[Any]]]:
     except Exception as error:  # noqa: BLE001  (each of trimesh's many readers fails in its own way)
         reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
         raise SceneError(f"the mesh cannot be read: {reason}", where=path, todo="use STL, OBJ, PLY, GLB or STEP") from None
+    if any(np.shape(body.vertices)[1:] != (3,) or np.shape(body.faces)[1:] != (3,) for body in meshes):
+        raise SceneError("the mesh has points that are not three numbers each", where=path, todo="export it again")
     return [(np.asarray(body.vertices, np.float64), np.asarray(body.faces)) for body in meshes]

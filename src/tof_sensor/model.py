@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from tof_core.config import from_mapping, to_mapping
+from tof_core.config import LARGEST, from_mapping, to_mapping
 from tof_core.errors import ConfigError
+from tof_core.yamlio import load_yaml
 from tof_sensor.frame import Context, ideal_frame
 from tof_sensor.registry import PHYSICAL_ORDER, effect_class
 
@@ -76,11 +77,8 @@ def save_model(model: SensorModel, path: Path) -> None:
 
 def load_model(path: Path) -> SensorModel:
     """Read `sensor.yaml`; unknown effects, keys and values out of bounds are refused."""
-    try:
-        data = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(str(error).splitlines()[0], where=path, todo="give a sensor.yaml") from error
-    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+    data = load_yaml(path)
+    if data.get("schema") != SCHEMA:
         msg = f"is no sensor model (schema must be {SCHEMA})"
         raise ConfigError(msg, where=path)
     blocks = data.get("effects")
@@ -96,7 +94,7 @@ def _effect(block: Any, where: str) -> Effect:
         raise ConfigError(msg, where=where)
     values = {k: tuple(v) if isinstance(v, list) else v for k, v in block.items() if k != "effect"}
     for key, value in values.items():
-        if isinstance(value, tuple) and not all(isinstance(x, int | float) and np.isfinite(x) for x in value):
+        if isinstance(value, tuple) and not all(isinstance(x, int | float) and -LARGEST < x < LARGEST for x in value):
             msg = f"{key} must be a list of numbers"
             raise ConfigError(msg, where=where)
     return from_mapping(effect_class(block["effect"]), values, where=where)

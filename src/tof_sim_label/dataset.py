@@ -159,7 +159,7 @@ class Dataset:
             if name not in self._arrays:
                 self._arrays[name] = self._group[name]
             return self._arrays[name][index]
-        except Exception as error:  # noqa: BLE001 (foreign bytes: Zarr and its codecs raise whatever comes)
+        except Exception as error:  # foreign bytes: Zarr and its codecs raise whatever comes
             msg = f"{name} is damaged ({error})"
             raise DatasetError(msg, where=self.path) from error
 

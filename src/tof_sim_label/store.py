@@ -183,7 +183,7 @@ def read_json(path: Path) -> dict[str, Any]:
     """One metadata file."""
     try:
         return dict(json.loads(path.read_bytes()))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError, RecursionError) as error:
         msg = f"cannot be read ({error})"
         raise DatasetError(msg, where=path) from error
 

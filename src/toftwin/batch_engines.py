@@ -123,6 +123,7 @@ def _join(ray: Any, workers: int) -> None:
     try:
         ray.init(address="auto", **quiet)
     except ConnectionError:
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         own = {"include_dashboard": False, "_node_ip_address": "127.0.0.1", "object_store_memory": 100_000_000}
         ray.init(address="local", num_cpus=workers or len(os.sched_getaffinity(0)), **own, **quiet)
 

@@ -96,7 +96,7 @@ def _nearest(key: str, known: Iterable[str]) -> str:
     from difflib import get_close_matches
 
     names = list(known)
-    near = get_close_matches(key, names, n=3, cutoff=0.4) or [n for n in names if n.rpartition(".")[2] == key.rpartition(".")[2]]
+    near = get_close_matches(key[:80], names, n=3, cutoff=0.4) or [n for n in names if n.rpartition(".")[2] == key.rpartition(".")[2]]
     return " or ".join(near or names[:3])
 
 

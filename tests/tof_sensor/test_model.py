@@ -50,7 +50,7 @@ def test_bias_is_linear_in_the_coefficients(kind: type) -> None:
         ("schema: toftwin.sensor/1\neffects:\n- {effect: wiggling, size: 1}\n", "unknown key 'size'"),
         ("schema: toftwin.sensor/1\neffects:\n- {effect: wiggling, sine_m: 5.0}\n", "above 0.1"),
         ("schema: other\neffects: []\n", "schema must be"),
-        ("- 1\n", "schema must be"),
+        ("- 1\n", "must be a mapping"),
         ("schema: toftwin.sensor/1\neffects:\n- {effect: fixed_pattern, values: [a]}\n", "list of numbers"),
     ],
 )
