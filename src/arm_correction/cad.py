@@ -53,6 +53,7 @@ def register_to_cad(
         verdict.fit.rms,
         verdict.fit.score,
         far=False,
+        by="cad",
     )
 
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from arm_correction.correction import Correction, propose
-from arm_correction.match import reference_surface, register_view
 from tof_core import se3
+from tof_core.errors import RefusedError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from arm_correction.config import CorrectConfig
-    from arm_correction.reference import Reference
+    from arm_correction.first import First
     from tof_core.arrays import Float
     from tof_core.capture import View
 
@@ -38,28 +38,33 @@ class Closed:
     corrections: tuple[Correction, ...]
 
 
-def close_loop(arm: Arm, look: Callable[[], View], reference: Reference, config: CorrectConfig, T_hand_camera: Float) -> Closed:
+def close_loop(arm: Arm, look: Callable[[], View], first: First, config: CorrectConfig, T_hand_camera: Float) -> Closed:
     """Move until the picture is the first picture again.
 
-    A look after the last move decides. A step that grew to more than half the one before is the arm's own scatter: stop there.
+    A look after the last move decides, against the reference itself: the CAD only brings the hand near.
+    A step that grew to more than half the one before is the arm's own scatter: stop there.
     """
-    loop, surface = config.loop, reference_surface(reference, config)
+    loop = config.loop
     made: list[Correction] = []
     moves = 0
     while True:
         view = look()
-        reference.check(view)
         assert view.robot is not None
-        made.append(propose(register_view(reference, surface, view, config), view.robot, config, T_hand_camera=T_hand_camera))
+        try:
+            found = first.register(view, config)
+        except RefusedError as error:
+            return Closed(done=False, moves=moves, reason=error.what, corrections=tuple(made))
+        made.append(propose(found, view.robot, config, T_hand_camera=T_hand_camera))
         last = made[-1]
         if not last.accepted:
             return Closed(done=False, moves=moves, reason=last.reason, corrections=tuple(made))
-        if last.step[0] <= loop.tolerance_mm and last.step[1] <= loop.tolerance_deg:
+        by_reference = last.by == "reference"
+        if by_reference and last.step[0] <= loop.tolerance_mm and last.step[1] <= loop.tolerance_deg:
             return Closed(done=True, moves=moves, reason="inside tolerance", corrections=tuple(made))
-        if moves and _no_better(made[-2], last, config):
+        if moves and by_reference and _no_better(made[-2], last, config):
             return Closed(done=True, moves=moves, reason="as near as the arm gets", corrections=tuple(made))
         if moves == loop.moves:
-            return Closed(done=_near(last, config), moves=moves, reason="moves used up", corrections=tuple(made))
+            return Closed(done=by_reference and _near(last, config), moves=moves, reason="moves used up", corrections=tuple(made))
         arm.goto(last.T_frame_hand)
         moves += 1
 

@@ -31,7 +31,7 @@ class TrustConfig:
     """When a registration is believed."""
 
     min_pixels: int = param(400, "pixels that both images see, at least", low=20)
-    min_overlap: float = param(0.3, "share of the view that the reference sees too, at least", low=0.0, high=1.0)
+    min_overlap: float = param(0.15, "share of the view that the reference sees too, at least", low=0.0, high=1.0)
     min_support: float = param(0.75, "share of those that agree, at least", low=0.0, high=1.0)
     agree_mm: float = param(8.0, "agreeing means closer than this (and than four of their sigmas)", unit="mm", low=0.1)
     rival: float = param(1.15, "another answer within this factor of the best one's misfit makes it ambiguous", low=1.0)

@@ -75,7 +75,6 @@ def propose(
     frame: str = "body",
     earlier: Registration | None = None,
     moment: Moment | None = None,
-    by: str = "reference",
 ) -> Correction:
     """Turn `T_reference_now` into a target of the hand.
 
@@ -91,7 +90,6 @@ def propose(
         frame: the name of that frame.
         earlier: another dwell's registration of the same pose, which must agree.
         moment: age of the view and where the robot is now.
-        by: what it was registered to.
     """
     hand = np.eye(4) if T_hand_camera is None else T_hand_camera
     base = np.eye(4) if T_frame_body is None else T_frame_body
@@ -105,10 +103,10 @@ def propose(
     facts = {"support": found.support, "overlap": found.overlap, "rms_mm": 1e3 * found.rms, "pixels": float(found.pixels)}
     if reason:
         return Correction(
-            T_hand, np.eye(4), cov, accepted=False, reason=reason, unknown=found.unknown.names, frame=frame, by=by, facts=facts
+            T_hand, np.eye(4), cov, accepted=False, reason=reason, unknown=found.unknown.names, frame=frame, by=found.by, facts=facts
         )
     said = "ok" if not found.unknown.names else "not moved along what is not known: " + "; ".join(found.unknown.names)
-    return Correction(target, delta, cov, accepted=True, reason=said, unknown=found.unknown.names, frame=frame, by=by, facts=facts)
+    return Correction(target, delta, cov, accepted=True, reason=said, unknown=found.unknown.names, frame=frame, by=found.by, facts=facts)
 
 
 def _refusal(

@@ -12,8 +12,8 @@ import numpy as np
 from arm_correction.cad import register_to_cad
 from arm_correction.config import CorrectConfig
 from arm_correction.correction import Correction, Moment, propose
+from arm_correction.first import First
 from arm_correction.frames import Frames
-from arm_correction.match import reference_surface, register_view
 from arm_correction.reference import Reference, capture_reference
 from tof_align.config import AlignConfig
 from tof_align.single import align_view
@@ -21,11 +21,10 @@ from tof_core import se3
 from tof_core.errors import RefusedError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from arm_correction.config import LimitConfig
     from arm_correction.register import Registration
-    from arm_correction.surface import Surface
     from tof_core.arrays import Float, Mask
     from tof_core.capture import RobotPose, View
     from tof_scene.raycast import Raycaster
@@ -45,14 +44,14 @@ class Corrector:
         """`caster` corrects to the CAD, `reference` to a first picture; both may come, `reference` may come later."""
         self.config, self._align, self._caster = config or CorrectConfig(), align or AlignConfig(), caster
         self._busy = Lock()
-        self._first: tuple[Reference, Surface] | None = None
+        self._first: First | None = None
         if reference is not None:
             self.use(reference)
 
     @property
     def reference(self) -> Reference | None:
         """The first picture, if there is one."""
-        return self._first[0] if self._first else None
+        return self._first.reference if self._first else None
 
     @property
     def scene(self) -> str:
@@ -72,13 +71,15 @@ class Corrector:
         with self._alone():
             self._keep(reference)
 
-    def propose(self, views: Sequence[View], frames: Frames | None = None, moment: Moment | None = None) -> dict[str, Correction]:
+    def propose(
+        self, views: Sequence[View], frames: Frames | None = None, now: Callable[[], Moment] | None = None
+    ) -> dict[str, Correction]:
         """Where the hand should go, by what the last view was registered to: `reference` first where there is one, then `cad`.
 
         Args:
             views: the last dwells in order of time; the one before the last must agree where the robot had not moved between.
             frames: hand-eye and the frame of the target.
-            moment: how old the view is, and where the robot is by now.
+            now: tells how old the view is and where the robot stands; asked when the registration is done, which may take a second.
 
         Raises:
             RefusedError: busy; neither a reference nor CAD; a view of another camera, or an empty one; no robot pose.
@@ -91,39 +92,35 @@ class Corrector:
                 raise RefusedError("there is no first picture and no scene", where="correction", todo="capture a reference first")
             out: dict[str, Correction] = {}
             if self._first is not None:
-                out["reference"] = self._to_reference(*self._first, views, view.robot, frames, moment)
+                out["reference"] = self._to_reference(self._first, views, view.robot, frames, now)
             if self._caster is not None:
-                out["cad"] = self._to_cad(self._caster, view, view.robot, frames, moment)
+                out["cad"] = self._to_cad(self._caster, view, view.robot, frames, now)
             return out
 
     def _keep(self, reference: Reference) -> Reference:
-        self._first = reference, reference_surface(reference, self.config)
+        self._first = First.of(reference, self.config, self._caster)
         return reference
 
     def _to_reference(
-        self, reference: Reference, surface: Surface, views: Sequence[View], robot: RobotPose, frames: Frames, moment: Moment | None
+        self, first: First, views: Sequence[View], robot: RobotPose, frames: Frames, now: Callable[[], Moment] | None
     ) -> Correction:
-        found, twin = self._registered(reference, surface, views[-1]), twin_of(views, self.config.limits)
-        earlier = self._registered(reference, surface, twin) if twin is not None else None
-        return self._proposed(found, robot, frames, moment, "reference", earlier)
+        found, twin = first.register(views[-1], self.config), twin_of(views, self.config.limits)
+        earlier = first.register(twin, self.config) if twin is not None else None
+        return self._proposed(found, robot, frames, now, earlier)
 
-    def _registered(self, reference: Reference, surface: Surface, view: View) -> Registration:
-        reference.check(view)
-        return register_view(reference, surface, view, self.config)
-
-    def _to_cad(self, caster: Raycaster, view: View, robot: RobotPose, frames: Frames, moment: Moment | None) -> Correction:
+    def _to_cad(self, caster: Raycaster, view: View, robot: RobotPose, frames: Frames, now: Callable[[], Moment] | None) -> Correction:
         wanted, priors = robot.T_cell_camera, self._align.priors
         if (first := self.reference) is not None:
             wanted = first.T_cell_body @ first.T_body_camera if first.T_cell_camera is None else first.T_cell_camera
         found = register_to_cad(view, caster, wanted, robot.T_cell_camera, base_mm=priors.base_mm, base_deg=priors.base_deg)
-        return self._proposed(found, robot, frames, moment, "cad", None)
+        return self._proposed(found, robot, frames, now, None)
 
     def _proposed(
-        self, found: Registration, robot: RobotPose, frames: Frames, moment: Moment | None, by: str, earlier: Registration | None
+        self, found: Registration, robot: RobotPose, frames: Frames, now: Callable[[], Moment] | None, earlier: Registration | None
     ) -> Correction:
         return propose(
             found, robot, self.config, T_hand_camera=frames.T_hand_camera, T_frame_body=frames.T_frame_body, frame=frames.frame,
-            earlier=earlier, moment=moment, by=by,
+            earlier=earlier, moment=now() if now else None,
         )  # fmt: skip
 
     def _by_cad(self, view: View) -> Float | None:
@@ -143,8 +140,8 @@ class Corrector:
 
 
 def twin_of(views: Sequence[View], limits: LimitConfig) -> View | None:
-    """The dwell before the last one, if the robot had not moved between them."""
-    if len(views) < 2 or views[-2].robot is None or views[-1].robot is None:
+    """The dwell before the last one, if the robot had not moved between them: a base that drove away and came back has."""
+    if len(views) < 2 or views[-2].station != views[-1].station or views[-2].robot is None or views[-1].robot is None:
         return None
     metres, degrees = se3.distance(views[-2].robot.T_cell_camera, views[-1].robot.T_cell_camera)
     return views[-2] if 1e3 * metres < limits.moved_mm and degrees < limits.moved_deg else None

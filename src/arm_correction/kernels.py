@@ -13,14 +13,17 @@ if TYPE_CHECKING:
 
 
 @numba.njit(cache=True, nogil=True)
-def misfits(motions: Float, points: Float, slack: Float, depth: Float, K: Float, limit: float, neutral: float, least: float) -> Float:
+def misfits(
+    motions: Float, points: Float, slack: Float, depth: Float, K: Float, limit: float, neutral: float, least: float
+) -> tuple[Float, Float]:
     """(m,) mean of min(|dz| - slack, limit) of points (n, 3) under motions (m, 4, 4), against depth (H, W).
 
     slack (n,) is what noise may do; inf where fewer than a share `least` of the points meet a depth.
-    A point that leaves the picture or meets no depth there says nothing: it counts `neutral`.
+    A point that leaves the picture or meets no depth there says nothing: it counts `neutral`; so does one that lies far behind what
+    was seen, which hid it then (one in front of it would have been seen: it counts in full). Also the share (m,) of the silent.
     """
     h, w = depth.shape
-    out = np.empty(len(motions))
+    out, silent = np.empty(len(motions)), np.empty(len(motions))
     for m in range(len(motions)):
         T = motions[m]
         total, met = 0.0, 0
@@ -33,12 +36,13 @@ def misfits(motions: Float, points: Float, slack: Float, depth: Float, K: Float,
                 v = K[1] * (T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]) / qz + K[3]
                 if -0.5 < u < w - 0.5 and -0.5 < v < h - 0.5:
                     d = depth[int(v + 0.5), int(u + 0.5)]
-                    if d > 0.0:
+                    if d > 0.0 and qz - d < 2.0 * limit + slack[i]:
                         error = min(max(abs(qz - d) - slack[i], 0.0), limit)
                         met += 1
             total += error
         out[m] = total / len(points) if met >= least * len(points) else np.inf
-    return out
+        silent[m] = 1.0 - met / len(points)
+    return out, silent
 
 
 @numba.njit(cache=True, nogil=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arm_correction.register import Matcher, Registration, register
+from arm_correction.register import Matcher, Registration, register, settle
 from arm_correction.surface import Surface, surface_of
 from tof_align.pixels import raster_step, view_sigma
 from tof_core import se3
@@ -30,7 +30,7 @@ def reference_surface(reference: Reference, config: CorrectConfig) -> Surface:
         depth, sigma, region = (
             np.where(at >= 0, a.ravel()[at], np.array(np.nan if a.dtype != bool else 0, a.dtype)) for a in (depth, sigma, region)
         )
-    return surface_of(camera, depth, np.asarray(sigma, float), config.register, region)
+    return surface_of(camera, np.where(region, depth, np.nan), np.asarray(sigma, float), config.register)
 
 
 def _straight(camera: Camera) -> tuple[Camera, Float]:
@@ -63,13 +63,27 @@ def make_matcher(surface: Surface, view: View, config: CorrectConfig) -> Matcher
     )
 
 
-def register_view(reference: Reference, surface: Surface, view: View, config: CorrectConfig) -> Registration:
+def register_view(reference: Reference, surface: Surface, view: View, config: CorrectConfig, wide: Surface | None = None) -> Registration:
     """Where the view's camera is in the reference's camera frame.
 
     The robot's own poses are the first guess; the arm's chain alone is another start, for where localisation jumped.
+    Where the reference does not tell it, `wide` (the CAD seen from the same place, see `wide_surface`) is asked, and the reference again
+    from what that says; where the two pictures share too little, the answer stays one by the CAD.
     """
     if view.robot is None:
         raise RefusedError("the view has no robot pose", where="correction", todo="record TF with the images")
     guess = se3.inverse(reference.T_cell_body @ reference.T_body_camera) @ view.robot.T_cell_camera
     by_arm = se3.inverse(reference.T_body_camera) @ view.robot.T_body_camera
-    return register(make_matcher(surface, view, config), guess, [by_arm])
+    matcher = make_matcher(surface, view, config)
+    found = register(matcher, guess, [by_arm])
+    if wide is None or _whole(found):
+        return found
+    by_cad = register(matcher.against(wide), guess, [by_arm, found.T_reference_now])
+    if not _whole(by_cad):
+        return max((found, replace(by_cad, by="cad")), key=lambda r: r.accepted * (1 + r.unknown.rank))
+    again = settle(matcher, by_cad.T_reference_now)
+    return again if _whole(again) else replace(by_cad, by="cad")
+
+
+def _whole(found: Registration) -> bool:
+    return found.accepted and found.unknown.rank == 6

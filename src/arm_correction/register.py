@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +25,8 @@ COARSE_M = 0.04, 0.02
 """While searching: a point that misses by more than the first says only that it misses; one that leaves the picture counts the second."""
 FINE_M = 0.012, 0.0025
 """The same to choose between answers."""
+HIDDEN_M = 0.025
+"""A point so far behind the reference's surface was hidden by it: it neither agrees nor disagrees."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +35,8 @@ class Registration:
 
     T_reference_now (4, 4): of all motions that fit, the smallest; cov (6, 6) of its right perturbation, metres and radians;
     unknown: directions the data leave open; accepted and reason; pixels both images see, overlap (their share of the view),
-    support (share of them that agree), rms in metres, misfit: what starts are compared by; far: whether many starts were needed.
+    support (share of them that agree), rms in metres, misfit: what starts are compared by; far: whether many starts were needed;
+    by: what it was registered to, `reference` or `cad`.
     """
 
     T_reference_now: Float
@@ -47,6 +50,7 @@ class Registration:
     rms: float
     misfit: float
     far: bool
+    by: str = "reference"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,16 +72,36 @@ class Matcher:
         c = self.reference.camera
         return np.array([c.fx, c.fy, c.cx, c.cy])
 
+    def against(self, reference: Surface) -> Matcher:
+        """The same view before another surface."""
+        return replace(self, reference=reference)
+
     def misfits(self, motions: Float, *, coarse: bool = False) -> Float:
         """(m,) how badly motions (m, 4, 4) fit, metres."""
+        return self._misfits(motions, coarse=coarse)[0]
+
+    def rivalry(self, winner: Float, motions: Float) -> float:
+        """How many times worse than `winner` (4, 4) the best other answer among motions (m, 4, 4) fits (inf for no other).
+
+        What the winner's points that meet nothing count is taken off both: it is the same for every answer and would
+        make any two look alike where the pictures share little.
+        """
+        trust = self.config.trust
+        apart = np.array([se3.distance(winner, T) for T in motions])
+        other = motions[(apart[:, 0] > trust.rival_mm * 1e-3) | (apart[:, 1] > trust.rival_deg)]
+        if not len(other):
+            return float("inf")
+        scores, silent = self._misfits(np.concatenate([winner[None], other]), coarse=False)
+        said_by_nothing = FINE_M[1] * silent[0]
+        least = scores[1:].min()
+        return float((least - said_by_nothing) / max(scores[0] - said_by_nothing, 1e-5)) if np.isfinite(least) else float("inf")
+
+    def _misfits(self, motions: Float, *, coarse: bool) -> tuple[Float, Float]:
         limit, neutral = COARSE_M if coarse else FINE_M
         step = max(1, len(self.seen) // self.config.register.coarse_pixels) if coarse else 1
-        least = self.config.trust.min_overlap
-        return np.asarray(
-            misfits(
-                np.ascontiguousarray(motions), self.seen[::step], self.slack[::step], self.reference.depth, self.K, limit, neutral, least
-            )
-        )
+        motions, least = np.ascontiguousarray(motions), self.config.trust.min_overlap
+        scores, silent = misfits(motions, self.seen[::step], self.slack[::step], self.reference.depth, self.K, limit, neutral, least)
+        return np.asarray(scores), np.asarray(silent)
 
     def linearise(self, T: Float, stride: int = 1) -> tuple[Float, Float, Float, Float, Float]:
         """Residual (k,), Jacobian (k, 6), sigma of the residual (k,), the normal's tilt (k,), points (k, 3)."""
@@ -125,6 +149,11 @@ def register(matcher: Matcher, T_guess: Float, others: Sequence[Float] = ()) -> 
     return _search(matcher, T_guess, [T, *others])
 
 
+def settle(matcher: Matcher, T: Float) -> Registration:
+    """The near step from a start that is trusted already."""
+    return _look_around(matcher, matcher.refine(T, 0.02, rounds=matcher.config.register.rounds))
+
+
 def _look_around(matcher: Matcher, T: Float) -> Registration:
     """Whether a better answer lies a few centimetres aside: where little tells slides apart, the near step can stop early."""
     starts = T @ spread_starts(256, 0.04, np.radians(2.0))
@@ -135,7 +164,7 @@ def _look_around(matcher: Matcher, T: Float) -> Registration:
     if winner:
         found[winner] = matcher.refine(found[winner], 0.01, rounds=matcher.config.register.rounds)
         scores = matcher.misfits(found)
-    return judge(matcher, found[winner], float(scores[winner]), far=False, rival=_rival(found, scores, winner, matcher.config))
+    return judge(matcher, found[winner], float(scores[winner]), far=False, rivalry=matcher.rivalry(found[winner], found))
 
 
 def _search(matcher: Matcher, T_guess: Float, others: Sequence[Float]) -> Registration:
@@ -149,8 +178,7 @@ def _search(matcher: Matcher, T_guess: Float, others: Sequence[Float]) -> Regist
     motions = np.array(polished)
     scores = matcher.misfits(motions)
     winner = int(np.argmin(scores))
-    rival = _rival(motions, scores, winner, matcher.config)
-    return judge(matcher, motions[winner], float(scores[winner]), far=True, rival=rival)
+    return judge(matcher, motions[winner], float(scores[winner]), far=True, rivalry=matcher.rivalry(motions[winner], motions))
 
 
 def _distinct(motions: Float, scores: Float, most: int = 8) -> list[int]:
@@ -165,23 +193,18 @@ def _distinct(motions: Float, scores: Float, most: int = 8) -> list[int]:
     return out
 
 
-def _rival(motions: Float, scores: Float, winner: int, config: CorrectConfig) -> float:
-    """The least misfit of an answer that is another one (inf for none)."""
-    apart = np.array([se3.distance(motions[winner], T) for T in motions])
-    other = (apart[:, 0] > config.trust.rival_mm * 1e-3) | (apart[:, 1] > config.trust.rival_deg)
-    return float(scores[other].min()) if other.any() else np.inf
-
-
-def judge(matcher: Matcher, T: Float, misfit: float, *, far: bool, rival: float = np.inf) -> Registration:
+def judge(matcher: Matcher, T: Float, misfit: float, *, far: bool, rivalry: float = np.inf) -> Registration:
     """Covariance, open directions and verdict of an answer; along open directions it is moved back as far as it goes."""
     trust, limits = matcher.config.trust, matcher.config.register
     e, J, sigma, tilt, points = matcher.linearise(T)
     unknown, cov = Unknown.all_(), np.diag(np.repeat([1.0, 1.0], 3))
-    if len(e) >= 30:
-        width = max(limits.kernel * mad(e), 4e-3)
-        unknown, cov = unknown_directions(e, J, tukey(e, width) / sigma**2, tilt, points, trust)
+    width = max(limits.kernel * mad(e), 4e-3) if len(e) else 4e-3
+    weight = tukey(e, width) / sigma**2
+    if int((weight > 0).sum()) >= 30:
+        unknown, cov = unknown_directions(e, J, weight, tilt, points, trust)
     agree = np.abs(e) < np.minimum(trust.agree_mm * 1e-3, np.maximum(4.0 * sigma, 3e-3))
-    overlap, support = len(e) / max(len(matcher.points), 1), float(agree.mean()) if len(e) else 0.0
+    shown = e > -HIDDEN_M
+    overlap, support = int(shown.sum()) / max(len(matcher.points), 1), float(agree[shown].mean()) if shown.any() else 0.0
     rms = float(np.sqrt((e[agree] ** 2).mean())) if agree.any() else float("nan")
     moved = T if unknown.rank == 6 else smallest_motion(T, unknown.null)
     reason = ""
@@ -193,6 +216,6 @@ def judge(matcher: Matcher, T: Float, misfit: float, *, far: bool, rival: float 
         reason = f"low support: {100 * support:.0f} % of {len(e)} pixels agree (at least {100 * trust.min_support:.0f} %)"
     elif unknown.rank == 0:
         reason = "no direction is known"
-    elif rival < trust.rival * misfit and unknown.rank == 6:
-        reason = f"ambiguous: another pose fits nearly as well ({1000 * rival:.2f} against {1000 * misfit:.2f} mm)"
+    elif rivalry < trust.rival and unknown.rank == 6:
+        reason = f"ambiguous: another pose fits nearly as well ({rivalry:.2f} times as badly, at least {trust.rival:g})"
     return Registration(moved, cov, unknown, not reason, reason or "ok", len(e), overlap, support, rms, misfit, far)

@@ -58,15 +58,15 @@ class Picture:
 
     def recall(self, caster: Raycaster, points: Float) -> Float:
         """Tones (n, 3) of surface points (n, 3) in this picture; NaN where it does not see them."""
-        at = self.T_cell_camera[:3, 3]
+        eye = self.T_cell_camera[:3, 3]
         uv = self.camera.project(se3.apply(se3.inverse(self.T_cell_camera), points))
-        col, row = (np.floor(np.nan_to_num(uv[:, k], nan=-9.0) + 0.5).astype(int) for k in range(2))
-        inside = (col >= 0) & (col < self.camera.width) & (row >= 0) & (row < self.camera.height)
+        at = np.floor(np.nan_to_num(uv, nan=-9.0) + 0.5).astype(np.int64)
+        seen = np.flatnonzero(((at >= 0) & (at < [self.camera.width, self.camera.height])).all(axis=1))
+        way = points[seen] - eye
+        near = caster.cast(eye, way).t > 1.0 - 0.003 / np.maximum(np.linalg.norm(way, axis=1), 0.1)
+        clear = seen[near]
         out = np.full((len(points), 3), np.nan)
-        seen = np.flatnonzero(inside)
-        way = points[seen] - at
-        clear = np.asarray(caster.cast(at, way).t > 1.0 - 0.003 / np.maximum(np.linalg.norm(way, axis=1), 0.1))
-        out[seen[clear]] = self.tones[row[seen[clear]], col[seen[clear]]]
+        out[clear] = self.tones[at[clear, 1], at[clear, 0]]
         return out
 
 
@@ -76,7 +76,8 @@ def tones_of(image: Bytes) -> Float:
     mean = np.stack([ndimage.uniform_filter(light[..., k], 3, mode="nearest") for k in range(3)], axis=-1)
     log = np.log(mean + DARK)
     tones = np.stack([log.mean(axis=-1), log[..., 0] - log[..., 1], log[..., 2] - log[..., 1]], axis=-1)
-    return np.asarray(np.where((image >= 252).any(axis=-1)[..., None], np.nan, tones))
+    saturated = np.asarray((image >= 252).any(axis=-1, keepdims=True))
+    return np.asarray(np.where(saturated, np.nan, tones))
 
 
 class Colours:

@@ -47,19 +47,21 @@ def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Raycaster
         bare: the scene without it.
         config: noise, how far it may have moved.
     """
-    centre = part.vertices.mean(axis=0)
+    centre, reach = part.vertices.mean(axis=0), 1e-3 * config.search_mm
+    patches = [p for s in seen if (p := _patch(s, alone.vertices, reach, bare, config)) is not None]
+    thinned = [p.thinned() for p in patches]
 
     def cost(motion: Float, step: int = 1) -> float:
-        if np.linalg.norm(motion[:3, 3]) > 1.3e-3 * config.search_mm:
+        if np.linalg.norm(motion[:3, 3]) > 1.3 * reach:
             return float("inf")
-        return _cost(motion, seen, alone, bare, config, centre, step=step)
+        return _cost(motion, thinned if step > 1 else patches, alone, centre) * step * step
 
     def linear(motion: Float) -> tuple[Float, Float, Float]:
-        return _linearised(motion, seen, alone, bare, config, centre)
+        return _linearised(motion, patches, alone, centre)
 
     start = min((np.zeros(3), *_offsets(config.search_mm * 1e-3)), key=lambda t: cost(_at(t), 2))
     motion = _smoothed(_patterned(_at(start), cost), cost, linear, config)
-    gone = _cost(_at(np.full(3, 1e3)), seen, alone, bare, config, centre, step=1)
+    gone = sum(_misfit(p, p.behind) for p in patches)
     gained = gone - cost(motion)
     values, axes = np.linalg.eigh(_curvature(motion, cost) + np.eye(3) * (config.search_mm * 1e-3) ** -2.0)
     # Neighbours share their errors: what n of them tell is worth as many cells.
@@ -133,75 +135,80 @@ def _at(shift: Float) -> Float:
     return T
 
 
-def _rays(seen: Seen, part: Float, margin: float, step: int) -> tuple[Float, Float, Float]:
-    """Rays (n, 3) in the cell with depth (n,) and sigma (n,) of pixels in the box that the part may fill."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Patch:
+    """Pixels of one view that the part may fill: rays (n, 3) in the cell from origin, depth, scale (n,) of its error; depth behind."""
+
+    origin: Float
+    rays: Float
+    z: Float
+    scale: Float
+    behind: Float
+    even: Mask
+
+    def thinned(self) -> _Patch:
+        """Every second row and column."""
+        k = self.even
+        return _Patch(self.origin, self.rays[k], self.z[k], self.scale[k], self.behind[k], k[k])
+
+
+def _patch(seen: Seen, part: Float, margin: float, bare: Raycaster, config: InspectConfig) -> _Patch | None:
+    """What a view has in the box that the part may fill; None where that is nothing."""
     T = seen.posed.T_cell_camera
     camera = seen.view.camera
     inside = se3.apply(se3.inverse(T), part)
     if (inside[:, 2] < 0.05).any():
-        return np.zeros((0, 3)), np.zeros(0), np.zeros(0)
+        return None
     uv = camera.project(inside)
     pad = margin * camera.fx / inside[:, 2].mean() + 2
     low, high = np.nanmin(uv, axis=0) - pad, np.nanmax(uv, axis=0) + pad
-    box = (slice(max(int(low[1]), 0), max(int(high[1]) + 1, 0), step), slice(max(int(low[0]), 0), max(int(high[0]) + 1, 0), step))
-    z, s = seen.view.depth[box].ravel().astype(float), seen.sigma[box].ravel()
-    ok = np.isfinite(z) & np.isfinite(s)
-    return (camera.rays()[box].reshape(-1, 3) @ T[:3, :3].T)[ok], z[ok], s[ok]
+    box = slice(max(int(low[1]), 0), max(int(high[1]) + 1, 0)), slice(max(int(low[0]), 0), max(int(high[0]) + 1, 0))
+    depth, sigma = seen.view.depth[box].astype(float), seen.sigma[box]
+    ok = np.isfinite(depth) & np.isfinite(sigma)
+    if not ok.any():
+        return None
+    even = np.zeros(ok.shape, bool)
+    even[::2, ::2] = True
+    rays = camera.rays()[box][ok] @ T[:3, :3].T
+    scale = np.maximum(np.hypot(sigma[ok], config.shared_mm * 1e-3), 1e-4)
+    return _Patch(T[:3, 3], rays, depth[ok], scale, bare.cast(T[:3, 3], rays).t, even[ok])
 
 
-def _moved_hits(motion: Float, origin: Float, rays: Float, alone: Raycaster, bare: Raycaster, centre: Float) -> tuple[Float, Mask, Float]:
+def _moved_hits(motion: Float, patch: _Patch, alone: Raycaster, centre: Float) -> tuple[Float, Mask, Float]:
     """Depth (n,) with the part moved by `motion` about its middle, which rays meet it, and its normals (n, 3)."""
     back = se3.inverse(_about(motion, centre))
-    hits = alone.cast(se3.apply(back, origin), rays @ back[:3, :3].T)
-    behind = bare.cast(origin, rays).t
-    first = np.isfinite(hits.t) & ~(behind < hits.t)
+    hits = alone.cast(se3.apply(back, patch.origin), patch.rays @ back[:3, :3].T)
+    first = np.isfinite(hits.t) & ~(patch.behind < hits.t)
     normal = hits.normal @ back[:3, :3]
-    return np.where(first, hits.t, behind), first, normal
+    return np.where(first, hits.t, patch.behind), first, normal
 
 
 def _about(motion: Float, centre: Float) -> Float:
     return np.asarray(_at(centre) @ motion @ _at(-centre))
 
 
-def _cost(
-    motion: Float, seen: Sequence[Seen], alone: Raycaster, bare: Raycaster, config: InspectConfig, centre: Float, *, step: int
-) -> float:
+def _cost(motion: Float, patches: Sequence[_Patch], alone: Raycaster, centre: Float) -> float:
     """Robust misfit of all pixels around the part, in units of log likelihood."""
-    total = 0.0
-    for s in seen:
-        rays, z, sigma = _rays(s, alone.vertices, config.search_mm * 1e-3, step)
-        if not len(rays):
-            continue
-        depth, _, _ = _moved_hits(motion, s.posed.T_cell_camera[:3, 3], rays, alone, bare, centre)
-        u = np.nan_to_num((z - depth) / np.hypot(sigma, config.shared_mm * 1e-3), nan=5.0)
-        total += step * step * float(np.minimum(0.5 * u * u, 6.0).sum())
-    return total
+    return sum(_misfit(p, _moved_hits(motion, p, alone, centre)[0]) for p in patches)
 
 
-def _linearised(
-    motion: Float,
-    seen: Sequence[Seen],
-    alone: Raycaster,
-    bare: Raycaster,
-    config: InspectConfig,
-    centre: Float,
-) -> tuple[Float, Float, Float]:
+def _misfit(patch: _Patch, depth: Float) -> float:
+    u = np.nan_to_num((patch.z - depth) / patch.scale, nan=5.0)
+    return float(np.minimum(0.5 * u * u, 6.0).sum())
+
+
+def _linearised(motion: Float, patches: Sequence[_Patch], alone: Raycaster, centre: Float) -> tuple[Float, Float, Float]:
     """Residual (n,), Jacobian (n, 6) for a motion about the part's middle on the left, weight (n,)."""
     parts: list[tuple[Float, Float, Float]] = []
-    for s in seen:
-        rays, z, sigma = _rays(s, alone.vertices, config.search_mm * 1e-3, 1)
-        if not len(rays):
-            continue
-        origin = s.posed.T_cell_camera[:3, 3]
-        depth, on, normal = _moved_hits(motion, origin, rays, alone, bare, centre)
-        facing = np.einsum("ij,ij->i", normal, rays)
-        on &= (np.abs(facing) > 0.2 * np.linalg.norm(rays, axis=1)) & np.isfinite(depth)
-        arm = origin + rays[on] * depth[on, None] - centre
+    for p in patches:
+        depth, on, normal = _moved_hits(motion, p, alone, centre)
+        facing = np.einsum("ij,ij->i", normal, p.rays)
+        on &= (np.abs(facing) > 0.2 * np.linalg.norm(p.rays, axis=1)) & np.isfinite(depth)
+        arm = p.origin + p.rays[on] * depth[on, None] - centre
         n = normal[on] / facing[on, None]
-        e = z[on] - depth[on]
-        scale = np.hypot(sigma[on], config.shared_mm * 1e-3)
-        u = e / np.maximum(scale, 1e-4)
-        w = np.where(np.abs(u) < 5.0, (1.0 - (u / 5.0) ** 2) ** 2, 0.0) / scale**2
+        e = p.z[on] - depth[on]
+        u = e / p.scale[on]
+        w = np.where(np.abs(u) < 5.0, (1.0 - (u / 5.0) ** 2) ** 2, 0.0) / p.scale[on] ** 2
         parts.append((e, np.concatenate([n, np.cross(arm, n)], axis=1), w))
     if not parts:
         return np.zeros(0), np.zeros((0, 6)), np.zeros(0)

@@ -32,7 +32,7 @@ class PartVerdict:
 
     state: present, absent, displaced, not_observable; probability: that the part is there (also where it is displaced);
     pixels: those that stand out, of all views; displaced_mm with std_mm: how far from the CAD, NaN where not asked;
-    log_depth, log_colour: log likelihood ratios of presence; why: one line.
+    log_depth, log_colour, log_ratio: log likelihood ratios of presence by each and by both (see `Ratios`); why: one line.
     """
 
     name: str
@@ -42,6 +42,7 @@ class PartVerdict:
     views: int
     log_depth: float
     log_colour: float
+    log_ratio: float
     displaced_mm: float
     std_mm: float
     tolerance_mm: float
@@ -141,34 +142,43 @@ class Inspector:
         telling = [s for s, e in zip(seen, evidence, strict=True) if e.pixels >= self.config.min_pixels // 3]
         pixels, ratio = sum(e.pixels for e in evidence), sum(e.log_ratio for e in evidence)
         if pixels < self.config.min_pixels:
-            return _verdict(part, "not_observable", evidence, ratio, colour, None, _unseen(part, evidence, self.config), self.config)
+            why = _unseen(part, evidence, self.config)
+            return _verdict(part, "not_observable", evidence, Ratios.of(ratio, colour), None, why, self.config)
         fit = fit_part(part, telling or seen, self.alone(part.name), self.without(part.name), self.config)
         return decide(part, evidence, ratio, colour, fit, self.config)
 
 
-def decide(part: Part, evidence: Sequence[Evidence], ratio: float, colour: float, fit: Fit, config: InspectConfig) -> PartVerdict:
+@dataclass(frozen=True, slots=True)
+class Ratios:
+    """Log likelihood ratios of presence: by depth (at its place, or wherever it may have moved), by colour (at its place), together."""
+
+    depth: float
+    colour: float
+    fused: float
+
+    @classmethod
+    def of(cls, depth: float, colour: float, moved: float = -np.inf) -> Ratios:
+        """A part that moved is neither where the CAD has it nor gone: `moved`, at its best place, speaks for presence too.
+
+        Colour was looked up where the CAD has the part, so that it speaks of that place alone.
+        """
+        return cls(max(depth, moved), colour, max(depth + colour, moved))
+
+
+def decide(part: Part, evidence: Sequence[Evidence], depth: float, colour: float, fit: Fit, config: InspectConfig) -> PartVerdict:
     """Present within tolerance, displaced beyond it, absent when the scene without it explains the pixels better."""
-    # A part that moved is neither where the CAD has it nor gone: its best place, against no part at all, speaks for presence,
-    # less what so free a hypothesis must earn first (a part may always hide behind another one and explain nothing).
-    there = max(ratio, fit.ratio / config.cell_px - config.moved_cost)
-    p = probability(there + colour, config)
-    beyond = fit.mm > part.tolerance_mm and fit.mm - part.tolerance_mm > config.displaced_sigma * fit.std_mm
-    if p >= config.decide and beyond:
-        return _verdict(
-            part,
-            "displaced",
-            evidence,
-            there,
-            colour,
-            fit,
-            f"{fit.mm:.1f} ± {fit.std_mm:.1f} mm from the CAD, tolerance {part.tolerance_mm:g}",
-            config,
-        )
-    if p >= config.decide:
-        return _verdict(part, "present", evidence, there, colour, fit, "depth fits the CAD with the part", config)
+    # So free a hypothesis must earn something first: a part may always hide behind another one and explain nothing.
+    ratios = Ratios.of(depth, colour, fit.ratio / config.cell_px - config.moved_cost)
+    p = probability(ratios.fused, config)
+    by = "depth and colour" if colour else "depth"
+    if 1.0 - config.decide < p < config.decide:
+        return _verdict(part, "not_observable", evidence, ratios, None, f"undecided: probability {p:.2f}", config)
     if p <= 1.0 - config.decide:
-        return _verdict(part, "absent", evidence, there, colour, None, "depth fits the CAD without the part", config)
-    return _verdict(part, "not_observable", evidence, there, colour, None, f"undecided: probability {p:.2f}", config)
+        return _verdict(part, "absent", evidence, ratios, None, f"{by}: rather what is behind it", config)
+    if fit.mm > part.tolerance_mm and fit.mm - part.tolerance_mm > config.displaced_sigma * fit.std_mm:
+        why = f"{fit.mm:.1f} ± {fit.std_mm:.1f} mm from the CAD, tolerance {part.tolerance_mm:g}"
+        return _verdict(part, "displaced", evidence, ratios, fit, why, config)
+    return _verdict(part, "present", evidence, ratios, fit, f"{by}: as the CAD has it", config)
 
 
 def probability(ratio: float, config: InspectConfig) -> float:
@@ -184,23 +194,17 @@ def _unseen(part: Part, evidence: Sequence[Evidence], config: InspectConfig) -> 
 
 
 def _verdict(
-    part: Part,
-    state: str,
-    evidence: Sequence[Evidence],
-    ratio: float,
-    colour: float,
-    fit: Fit | None,
-    why: str,
-    config: InspectConfig,
+    part: Part, state: str, evidence: Sequence[Evidence], ratios: Ratios, fit: Fit | None, why: str, config: InspectConfig
 ) -> PartVerdict:
     return PartVerdict(
         part.name,
         state,
-        probability(ratio + colour, config),
+        probability(ratios.fused, config),
         sum(e.pixels for e in evidence),
         sum(e.pixels > 0 for e in evidence),
-        ratio,
-        colour,
+        ratios.depth,
+        ratios.colour,
+        ratios.fused,
         fit.mm if fit else float("nan"),
         fit.std_mm if fit else float("nan"),
         part.tolerance_mm,

@@ -89,6 +89,11 @@ class VirtualRobot:
         self._moved()
         self._station += 1
 
+    def shove(self, T_cell: Float) -> None:
+        """Displace the base by a motion (4, 4) of the cell, unknown to the robot."""
+        self._robot.B = np.asarray(T_cell @ self._robot.B)
+        self._moved()
+
     def goto(self, T_body_hand: Float) -> None:
         """Move the hand to a pose in the body."""
         self._robot.goto(T_body_hand)

@@ -9,6 +9,7 @@ import numpy as np
 
 from arm_correction.closed_loop import close_loop, leftover
 from arm_correction.config import CorrectConfig
+from arm_correction.first import First
 from arm_correction.reference import capture_reference
 from tof_core import se3
 from tof_core.capture import View
@@ -31,11 +32,11 @@ def test_a_base_that_comes_back_decimetres_off_gets_its_first_picture_again() ->
         return list(accumulate_views([robot.capture() for _ in range(8)], PreprocConfig()))[-1]
 
     first, hand = robot.T_cell_camera_true, robot.T_body_hand
-    reference = capture_reference(look(), config.weights)
+    first_picture = First.of(capture_reference(look(), config.weights), config)
     robot.drive(robot.T_cell_body)
     robot.goto(hand)
     assert leftover(first, robot.T_cell_camera_true)[0] > 15
-    ended = close_loop(robot, look, reference, config, HAND_OF_CAMERA)
+    ended = close_loop(robot, look, first_picture, config, HAND_OF_CAMERA)
     mm, deg = leftover(first, robot.T_cell_camera_true)
     assert ended.done, ended.reason
     assert ended.moves <= 3
@@ -51,12 +52,12 @@ def test_a_refusal_moves_nothing() -> None:
     def look() -> View:
         return View.of_capture(robot.capture())
 
-    reference = capture_reference(look(), config.weights)
+    first_picture = First.of(capture_reference(look(), config.weights), config)
     before = robot.T_cell_camera_true
     robot.goto(robot.T_body_hand @ se3.exp([0, 0.03, 0, 0, 0, 0]))
     here = robot.T_cell_camera_true
     tight = replace(config, limits=replace(config.limits, step_mm=5.0))
-    ended = close_loop(robot, look, reference, tight, HAND_OF_CAMERA)
+    ended = close_loop(robot, look, first_picture, tight, HAND_OF_CAMERA)
     assert not ended.done
     assert "step limit" in ended.reason
     assert ended.moves == 0

@@ -109,7 +109,7 @@ def test_a_second_command_is_refused_and_not_queued(monkeypatch: pytest.MonkeyPa
             said.append(str(caught.value))
         return register_view(*arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("arm_correction.corrector.register_view", meanwhile)
+    monkeypatch.setattr("arm_correction.first.register_view", meanwhile)
     assert made.propose([moved()])["reference"].accepted
     assert len(said) == 2
     assert "\n" not in said[0]
