@@ -193,6 +193,7 @@ class CaptureBuilder:
             return True
         return (
             self.camera is not None
+            and (frame.cloud or (frame.msg.height, frame.msg.width) == self.camera.shape)  # else it overtook its camera_info
             and (not self.topics.amplitude or self._amplitude.settled(frame.stamp))
             and (not self.topics.colour or self._colour.settled(frame.stamp))
             and self._tf_settled(frame)

@@ -58,6 +58,8 @@ class RoomNode(Node, Generic[C]):
         self.tally = Tally()
         self._busy, self._beside = Lock(), ReentrantCallbackGroup()
         self._mismatches = Mismatches(self)
+        self.warns: list[Callable[[], list[str]]] = [self._mismatches.current]
+        self.at_end: list[Callable[[], None]] = []
         self._settings = Parameters(self, config, fixed=fixed, locked=locked, on_change=self.on_config)
         self._done = self.output("done", TimeReference)
         self._diagnostics = Diagnostics(self, self.tally, self.told, self.complaints, lambda: self.trouble)
@@ -90,8 +92,14 @@ class RoomNode(Node, Generic[C]):
         return self.figures()
 
     def complaints(self) -> list[str]:
-        """All that is wrong: peers that do not match, then the node's own warnings."""
-        return [*self._mismatches.current(), *self.warnings()]
+        """All that is wrong: what the node's helpers say (`warns`), then its own warnings."""
+        return [*(line for warn in self.warns for line in warn()), *self.warnings()]
+
+    def destroy_node(self) -> None:
+        """Finish what is open, then go."""
+        for finish in self.at_end:
+            finish()
+        super().destroy_node()
 
     def output(self, topic: str, kind: type[Any], profile: QoSProfile = qos.OUTPUT) -> Publisher:
         """A publisher of `<room>/<topic>` whose QoS a user may override."""

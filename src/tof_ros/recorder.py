@@ -9,7 +9,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tof_core.errors import RefusedError
+from rclpy.clock import Clock, ClockType
+
+from tof_core.errors import BagError, RefusedError
 from tof_ros import qos
 
 if TYPE_CHECKING:
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
     from tof_ros.base import RoomNode
 
+FLUSH_S = 0.2
+"""What was heard is in the file so soon, also when nothing else comes: a process that is killed loses no more."""
 Topic = tuple[str, type[Any]]
 """A topic's name and its message class."""
 
@@ -42,8 +46,10 @@ class Recorder:
         from tof_core.bag_writer import BagWriter
 
         self._node, self.path, self.counts = node, path, Counter[str]()
+        self.failed = ""
         self._writer = BagWriter(path).__enter__()
         self._subscriptions = [self._subscribe(topic, kind, profile) for topic, kind in topics]
+        self._flusher = node.create_timer(FLUSH_S, lambda: self._try(self._writer.flush), clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _subscribe(self, topic: str, kind: type[Any], profile: QoSProfile) -> Any:
         name = self._node.resolve_topic_name(topic)
@@ -53,8 +59,20 @@ class Recorder:
         return self._node.create_subscription(kind, name, lambda data: self._write(name, type_name, data), profile, raw=True)
 
     def _write(self, topic: str, type_name: str, data: bytes) -> None:
-        self._writer.raw(topic, type_name, data, self._node.get_clock().now().nanoseconds)
-        self.counts[topic] += 1
+        now = self._node.get_clock().now().nanoseconds
+        if self._try(lambda: self._writer.raw(topic, type_name, data, now)):
+            self.counts[topic] += 1
+
+    def _try(self, write: Callable[[], None]) -> bool:
+        """A disk that is full ends the recording, not the node; what was written before stays readable."""
+        if self.failed:
+            return False
+        try:
+            write()
+        except BagError as error:
+            self.failed = f"recording stopped: {error}"
+            self._node.get_logger().error(self.failed)
+        return not self.failed
 
     @property
     def count(self) -> int:
@@ -75,9 +93,10 @@ class Recorder:
 
     def close(self) -> None:
         """Stop and finish the bag."""
+        self._node.destroy_timer(self._flusher)
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
-        self._writer.__exit__(None, None, None)
+        self._try(lambda: self._writer.__exit__(None, None, None))
 
 
 class RecordService:
@@ -91,12 +110,15 @@ class RecordService:
         self._recorder: Recorder | None = None
         node.service("start_recording", self._start)
         node.service("stop_recording", self._stop)
+        node.warns.append(self._warnings)
+        node.at_end.append(self._close)
 
     def _start(self) -> str:
         if not (folder := self._folder()):
             raise RefusedError("no folder to record to", where="live.record", todo="start the node with -p live.record:=FOLDER")
-        if self._recorder is not None:
+        if self._recorder is not None and not self._recorder.failed:
             raise RefusedError("already recording", where=self._recorder.path)
+        self._close()
         path = Path(folder) / f"{self._prefix}_{time.strftime('%Y%m%d_%H%M%S')}"
         path.parent.mkdir(parents=True, exist_ok=True)
         self._recorder = Recorder(self._node, path, self._topics, self._profile)
@@ -105,6 +127,16 @@ class RecordService:
     def _stop(self) -> str:
         if self._recorder is None:
             raise RefusedError("nothing is being recorded", todo="call ~/start_recording first")
-        recorder, self._recorder = self._recorder, None
-        recorder.close()
+        recorder = self._recorder
+        self._close()
+        if recorder.failed:
+            raise RefusedError(recorder.failed)
         return f"{recorder.count} messages in {recorder.path}"
+
+    def _close(self) -> None:
+        recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            recorder.close()
+
+    def _warnings(self) -> list[str]:
+        return [self._recorder.failed] if self._recorder is not None and self._recorder.failed else []

@@ -96,6 +96,8 @@ def _heard(reader: BagReader) -> list[str]:
 
 def _check_recording(recorder: Recorder, report: PlayReport) -> None:
     """A recording that missed something would be compared as if the graph had."""
+    if recorder.failed:
+        raise BagError(recorder.failed, where=recorder.path)
     kept = recorder.counts["/preproc/depth"]
     if kept != report.fates["kept"]:
         raise BagError(

@@ -63,6 +63,13 @@ def test_a_scene_starts_the_labels_in_the_robots_namespace(launch: Launch) -> No
     assert {n.given["namespace"] for n in found.values()} == {"spot"}
 
 
+def test_what_works_on_request_is_started_on_request_and_gets_the_scene(launch: Launch) -> None:
+    found = nodes(started(launch, scene="s", correct="true", inspect="true", gap="true"))
+    assert list(found) == list(NODES)
+    assert {name for name, n in found.items() if parameters(n).get("live.scene") == "s"} == {"sim_label", "correct", "inspect", "gap"}
+    assert "live.scene" not in parameters(nodes(started(launch, correct="true"))["correct"])
+
+
 def test_executables_are_nodes_and_are_not_renamed(launch: Launch) -> None:
     """`__node` would rename the transform listener, which lives in the same process."""
     found = nodes(started(launch, scene="s"))
@@ -90,7 +97,9 @@ def test_rviz_starts_with_a_config_that_exists(launch: Launch, repository: Path)
     assert (repository / rviz.given["arguments"][1]).is_file()
 
 
-@pytest.mark.parametrize("wrong", [{"mode": "replay"}, {"mode": "replay", "bag": "no/such/bag"}, {"params_file": "no/such.yaml"}])
+@pytest.mark.parametrize(
+    "wrong", [{"mode": "replay"}, {"mode": "replay", "bag": "no/such/bag"}, {"params_file": "no/such.yaml"}, {"gap": "true"}]
+)
 def test_a_wrong_call_starts_nothing_and_names_the_argument(launch: Launch, wrong: dict[str, str]) -> None:
-    with pytest.raises(RuntimeError, match=r"(bag|params_file):="):
+    with pytest.raises(RuntimeError, match=r"(bag|params_file|gap):="):
         started(launch, **wrong)

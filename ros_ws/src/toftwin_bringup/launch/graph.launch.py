@@ -81,7 +81,7 @@ def check(given: dict[str, str]) -> None:
         raise RuntimeError(f"bag:='{given['bag']}' does not exist; mode:=replay needs a bag's folder")
     lacking = [name for name in ("inspect", "gap") if given[name] == "true" and not given["scene"]]
     if lacking:
-        raise RuntimeError(f"{lacking[0]}:=true needs scene:=")
+        raise RuntimeError(f"{lacking[0]}:=true needs scene:=, the CAD of the cell")
     if not Path(given["params_file"]).is_file():
         raise RuntimeError(f"params_file:='{given['params_file']}' does not exist")
 
