@@ -70,7 +70,7 @@ NODE_TEXTS = {
             "points": "the view as an organised cloud; made only while somebody listens",
             "dwell": "`time_ref` is the dwell's first stamp; `source` says station, captures, amplitude",
         },
-        figures=("tf_age_s", "waiting", "removed.STAGE"),
+        figures=("stages", "tf_age_s", "waiting", "removed.STAGE"),
         warns="frames have no CameraInfo or no transform",
     ),
     "sim_label": NodeText(

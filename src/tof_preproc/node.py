@@ -15,6 +15,7 @@ from tof_core.builder import NO_TRANSFORM
 from tof_core.decode import stamp_ns
 from tof_core.options import NOT_WANTED
 from tof_core.tf import TransformBuffer
+from tof_preproc.config import stages_of
 from tof_preproc.live import PreprocNodeConfig, input_topics
 from tof_preproc.stream import PreprocStream, Processed
 from tof_ros import messages, qos
@@ -64,6 +65,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         self._tf = TransformListener(self, self._stream.transforms, self._advance)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         self._subscribe()
+        self._say_stages()
         self.timer(PERIOD_S, self._tick)
         self.service("capture", self._end_dwell)
         self.service("flush", self.flush)
@@ -151,6 +153,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
     def on_config(self, config: PreprocNodeConfig) -> None:
         """New filters take effect with the next frame."""
         self._stream.configure(config.preproc)
+        self._say_stages()
 
     def destroy_node(self) -> None:
         """Stop listening to TF, then go."""
@@ -175,10 +178,19 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         self._stream.end_dwell()
         return "the next frame begins a new dwell"
 
+    def _stages(self) -> list[str]:
+        """The stages that are on, in their order."""
+        config = self.config.preproc.resolved
+        return [s for s in stages_of(config.order) if getattr(getattr(config, s, None), "enable", True)]
+
+    def _say_stages(self) -> None:
+        self.get_logger().info(f"stages in their order: {', '.join(self._stages())}")
+
     def figures(self) -> Mapping[str, str]:
         """What the stages removed from the latest view, how old TF is."""
+        stages = " ".join(self._stages())
         removed = {f"removed.{stage}": str(count) for stage, count in sorted(self._stream.preprocessor.counts.items())}
-        return {"tf_age_s": f"{self._tf.age:.2f}", "waiting": str(len(self._arrivals)), **removed}
+        return {"stages": stages, "tf_age_s": f"{self._tf.age:.2f}", "waiting": str(len(self._arrivals)), **removed}
 
     def warnings(self) -> list[str]:
         """Frames without camera_info or without TF."""

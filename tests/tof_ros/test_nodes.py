@@ -195,5 +195,16 @@ def test_diagnostics_tell_rate_latency_and_fates(bench: Bench) -> None:
     assert 0 < float(values["latency_p50_ms"]) <= float(values["latency_p95_ms"])
 
 
+def test_the_stages_say_their_order_and_what_they_removed(bench: Bench) -> None:
+    from tof_preproc.config import ORDER
+
+    wait_for(lambda: bench.heard["diagnostics"])
+    values = {v.key: v.value for v in bench.heard["diagnostics"][-1].status[0].values}
+    assert values["stages"] == " ".join(s.strip() for s in ORDER.split(","))
+    removed = {key.removeprefix("removed."): int(value) for key, value in values.items() if key.startswith("removed.")}
+    assert set(removed) <= set(values["stages"].split())
+    assert removed["range"] >= 0
+
+
 def stamp_of(time_: Any) -> int:
     return int(time_.sec) * 1_000_000_000 + int(time_.nanosec)
