@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Labelling many bags: one that fails costs itself alone, what is done stays done, and the exit code tells."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tof_core.errors import UsageError
+from toftwin import cli
+from toftwin.batch import FAILED, find_bags, is_batch
+from toftwin.batch_engines import _Worker
+
+GOLDEN = Path(__file__).parents[1] / "data" / "golden" / "bag"
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two good bags and one that is none."""
+    folder = tmp_path_factory.mktemp("bags")
+    for name in ("a", "b"):
+        shutil.copy(GOLDEN / "bag.mcap", folder / f"{name}.mcap")
+    (folder / "bad.mcap").write_bytes(b"nonsense" * 9)
+    return folder
+
+
+def outcomes(out: Path) -> dict[str, dict[str, Any]]:
+    """`batch.json` by the bags' names."""
+    return {Path(o["bag"]).stem: o for o in json.loads((out / "batch.json").read_text())}
+
+
+def label(bags: Path, out: Path, *flags: str) -> int:
+    return cli.main(["label", str(bags / "*.mcap"), "--scene", "body_section", "--mode", "robot", "--out", str(out), *flags])
+
+
+def test_a_bag_that_fails_is_said_and_the_others_go_on(bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Then the same call again, where one bag has become younger than its labels: that one alone is labelled."""
+    out = tmp_path / "out"
+    assert label(bags, out, "--workers", "1") == 1
+    told = outcomes(out)
+    assert {name: o["state"] for name, o in told.items()} == {"a": "done", "b": "done", "bad": "failed"}
+    assert told["a"]["result"]["views"] == 4
+    assert (out / "a" / "dataset.zarr").is_dir()
+    assert "\n" not in told["bad"]["error"]
+    assert "bad.mcap" in told["bad"]["error"]
+    assert "3 bags: 2 labelled (0 of them before), 1 failed" in capsys.readouterr().out
+    later = (out / "b" / "metrics.json").stat().st_mtime + 10
+    os.utime(bags / "b.mcap", (later, later))
+    assert label(bags, out, "--workers", "1", "--json") == 1
+    assert {Path(o["bag"]).stem: o["state"] for o in json.loads(capsys.readouterr().out)} == {"a": "kept", "b": "done", "bad": "failed"}
+
+
+class Deadly:
+    """Ends the process that unpacks it."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os._exit, (9,)
+
+
+def test_a_worker_that_dies_costs_its_bag_alone() -> None:
+    worker = _Worker(min(os.sched_getaffinity(0)))
+    try:
+        died = worker.label(argparse.Namespace(bag="a", out=Path("a"), deadly=Deadly()))
+        assert (died.state, died.bag) == (FAILED, "a")
+        assert "its worker ended with 9" in died.error
+        again = worker.label(argparse.Namespace(bag="b", out=Path("b")))
+        assert again.state == FAILED
+        assert "its worker" not in again.error
+    finally:
+        worker.stop()
+
+
+@pytest.mark.slow
+def test_ray_labels_the_same(bags: Path, tmp_path: Path) -> None:
+    pytest.importorskip("ray", reason="needs the extra `batch`")
+    assert label(bags, tmp_path / "out", "--engine", "ray", "--workers", "1") == 1
+    assert {name: o["state"] for name, o in outcomes(tmp_path / "out").items()} == {"a": "done", "b": "done", "bad": "failed"}
+
+
+def test_patterns_and_names(bags: Path, tmp_path: Path) -> None:
+    assert [Path(b).name for b in find_bags([str(bags / "*.mcap"), str(bags / "a.mcap")])] == ["a.mcap", "b.mcap", "bad.mcap"]
+    with pytest.raises(UsageError, match="no bag fits this pattern"):
+        find_bags([str(tmp_path / "*.mcap")])
+    shutil.copy(bags / "a.mcap", tmp_path / "a.mcap")
+    with pytest.raises(UsageError, match="two bags are called 'a'"):
+        find_bags([str(bags / "a.mcap"), str(tmp_path / "a.mcap")])
+
+
+def test_what_is_a_batch(tmp_path: Path) -> None:
+    (tmp_path / "odd[1].mcap").touch()
+    for bag, engine, batch in (("x", None, False), ("x*", None, True), ("x", "local", True), (str(tmp_path / "odd[1].mcap"), None, False)):
+        assert is_batch(argparse.Namespace(bag=[bag], engine=engine)) is batch
