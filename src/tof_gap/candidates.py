@@ -101,7 +101,7 @@ def _global_effects(views: Sequence[ViewEvidence]) -> Iterator[tuple[Effect, str
     yield RadialDepth(), ""
     yield Intrinsics(), ""
     yield FixedPattern(), "smooth field"
-    for mhz in (20.0, 60.0, 100.0):
+    for mhz in (30.0, 90.0):
         yield Multipath(modulation_mhz=mhz), f"{mhz:g} MHz"
     if "amplitude_bias" not in out:
         seen = np.concatenate([v.frame.amplitude.ravel()[v.pixels] for v in views])
@@ -114,7 +114,8 @@ def _global_effects(views: Sequence[ViewEvidence]) -> Iterator[tuple[Effect, str
         for period in periods(range_span(views)):
             yield Wiggling(modulation_mhz=_mhz(period)), f"period {period * 1e3:.0f} mm"
     if "motion" not in out:
-        yield Motion(), ""
+        for mhz in (20.0, 40.0, 60.0, 80.0, 100.0, 120.0):
+            yield Motion(modulation_mhz=mhz), f"{mhz:g} MHz"
         yield TimeSync(), ""
     for lobe in (5.0, 10.0, 16.0, 24.0, 34.0):
         for gloss in (0.05, 0.3, 1.5):

@@ -50,13 +50,10 @@ def named(joint: Joint, fit_views: Sequence[int], config: Selector, rng: np.rand
     """The chosen effects with coefficients fitted to `fit_views` alone, instances of one name joined."""
     selection, design = joint.selection, joint.design
     chosen = selection.chosen
-    solution = fit_to(
-        design.system,
-        fit_views,
-        config.columns(chosen.members),
-        inflate=chosen.inflate,
-        free_hand=config.frees_hand(chosen.members),
-    )
+    whole = selection.fit
+    solution = fit_to(design.system, fit_views, whole, inflate=chosen.inflate, free_hand=config.frees_hand(chosen.members))
+    # What is not known of the bases is not known of the coefficients either.
+    solution = replace(solution, cov=whole.cov)
     out: dict[str, Named] = {}
     start = 0
     for place, member in enumerate(chosen.members):
@@ -89,8 +86,8 @@ def _in_units(
     design = joint.design
     candidate, group = design.candidates[member], design.groups[member]
     if candidate.effect is None:
-        # X as it stands in the chain, and the step that is left.
-        x = se3.log(joint.chain.hand_eye @ se3.exp(solution.hand))
+        # X as the chain and its last step have it: the arms, which trade with it, are of that solution too.
+        x = se3.log(joint.chain.hand_eye @ se3.exp(joint.selection.fit.hand))
         at = slice(6 * solution.stations, 6 * solution.stations + 6)
         sd = np.sqrt(np.diag(solution.cov)[at])
         return HandEye(*(float(v) for v in x)), dict(zip(HandEye.LINEAR, sd.tolist(), strict=True))
@@ -130,7 +127,7 @@ def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generat
     rest = [m for i, m in enumerate(chosen.members) if i != place]
     won = judge.score(rest, chosen.inflate).held_out - chosen.held_out
     draws = rng.integers(0, len(won), size=(rounds, len(won)))
-    return float((won[draws].sum(axis=1) > judge.config.gain).mean())
+    return float((won[draws].sum(axis=1) > judge.gain(chosen.members[place])).mean())
 
 
 def shares(causes: Sequence[Named], views: Sequence[ViewEvidence]) -> dict[str, list[Float]]:

@@ -13,7 +13,7 @@ from tof_gap import missing, scatter
 from tof_gap.candidates import not_testable
 from tof_gap.causes import Named, named, shares
 from tof_gap.flexible import explainable
-from tof_gap.joint import moved, observe, solve
+from tof_gap.joint import at_solution, solve, start
 from tof_gap.posterior import camera_covs, floor2
 from tof_gap.radial import gate
 from tof_gap.select import Selector, deal
@@ -96,44 +96,38 @@ def diagnose(
     check(views)
     rng = np.random.default_rng(config.evidence.seed)
     say("depth or distance")
-    views, along_ray = gate(views, caster, config, align) if RadialDepth.NAME not in left_out else (views, None)
+    if RadialDepth.NAME in left_out:
+        chain, along_ray = start(views, caster, config, align), None
+    else:
+        views, chain, along_ray = gate(views, caster, config, align)
     say("poses and effects together")
-    joint = solve(views, caster, config, align, left_out)
+    joint = solve(views, caster, config, chain, left_out)
     say("what scatter, loss and edges say")
-    findings = tuple(
-        f
-        for f in (*scatter.findings(joint.views, config.scatter), *missing.findings(joint.views, config.missing))
-        if f.name not in left_out
-    )
-    findings = findings if along_ray is None else (along_ray, *findings)
-    say("how far the gap shrinks on held-out views")
+    mixing = missing.mixing(joint.views, config.missing) is not None
+    final, evidence = at_solution(joint, views, caster, config, exact=mixing)
     judge = Selector(joint.design, config.select)
     fit_views, held = split(joint.chain)
     causes = named(joint, fit_views, judge, rng)
-    final = replace(moved(joint.chain, joint.design, joint.selection.fit, joint.selection.chosen.inflate), hand_eye=np.eye(4))
-    evidence = observe(views, caster, final, config)
+    maps = shares(causes, evidence)
+    found = _findings(evidence, maps, config, along_ray)
+    findings = tuple(f for f in found if f.name not in left_out)
+    nameless = tuple(f for f in found if f.name in left_out)
+    say("how far the gap shrinks on held-out views")
     covs = camera_covs(joint.design.system, joint.selection.fit, joint.chain, inflate=joint.selection.chosen.inflate)
     floors = floor2(evidence, covs)
-    maps = shares(causes, evidence)
     corrections = {f.name: list(f.share) for f in findings if f.corrects and f.share is not None}
     residual = [used(v, findings) for v in evidence]
     if along_ray is not None and along_ray.share is not None:
         residual = [r + share for r, share in zip(residual, along_ray.share, strict=True)]
     figures = _Figures(residual, floors, maps | corrections, held, rng)
     gap = figures.shrink(list(figures.maps))
-    leftover = [r - figures.total(list(figures.maps), v) for v, r in enumerate(residual)]
+    common = np.sum([f.common for f in findings if f.common is not None] or [np.zeros(len(views))[:, None, None]], axis=0)
+    leftover = [r - figures.total(list(figures.maps), v) - c for v, (r, c) in enumerate(zip(residual, common, strict=True))]
     step = max((f.effect.step_m for f in findings if isinstance(f.effect, Quantization)), default=0.0)
     named_gross = any(f.name == "phase_wrap" for f in findings)
-    unexplained = look(evidence, leftover, floors, gap, caster.scene, gross_named=named_gross, step_m=step)
+    unexplained = look(evidence, leftover, floors, gap, caster.scene, gross_named=named_gross, step_m=step, nameless=nameless)
     judged = tuple(Cause(c, figures.shrink([c.name]), figures.shrink([m for m in figures.maps if m != c.name]).shrink) for c in causes)
-    share = explainable(
-        [evidence[i] for i in fit_views],
-        [residual[i] for i in fit_views],
-        [evidence[i] for i in held],
-        [residual[i] for i in held],
-        [floors[i] for i in held],
-        rng,
-    )
+    share = explainable(evidence, leftover, fit_views, held, gap)
     verdict = sorted({*(c.verdict for c in causes), *(f.name for f in findings)})
     if unexplained.structured:
         verdict.append("unknown")
@@ -153,6 +147,20 @@ def diagnose(
         joint,
         fit_views,
         held,
+    )
+
+
+def _findings(
+    views: Sequence[ViewEvidence], maps: Mapping[str, Sequence[Float]], config: GapConfig, along_ray: Finding | None
+) -> tuple[Finding, ...]:
+    """What speaks otherwise than by smooth bias, once that is taken off."""
+    zero = np.zeros(views[0].residual.shape)
+    biased = [np.sum([zero, *(np.nan_to_num(m[v]) for m in maps.values())], axis=0) for v in range(len(views))]
+    left = [replace(v, residual=v.residual - b) for v, b in zip(views, biased, strict=True)]
+    return (
+        *([] if along_ray is None else [along_ray]),
+        *scatter.findings(left, config.scatter),
+        *missing.findings(left, config.missing),
     )
 
 
@@ -182,8 +190,12 @@ def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
     if "phase_wrap" in names:
         keep |= view.gross & ~view.edge
     if "flying_pixels" in names:
-        keep |= view.edge & (view.rendering.mixed > 0) & np.isfinite(view.residual)
+        keep |= view.edge & (view.rendering.mixed > 0) & (view.rendering.mixed < OWN_SURE) & np.isfinite(view.residual)
     return np.where(keep, view.residual, np.nan)
+
+
+OWN_SURE = 0.35
+"""Second surface's share of a footprint from which half a pixel of pose decides which surface is the pixel's own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

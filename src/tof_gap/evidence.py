@@ -90,14 +90,19 @@ def _twist(view: View) -> Float:
 
 def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Generator) -> ViewEvidence:
     residual = view.depth.astype(np.float64) - frame.depth
-    edge = edge_band(frame, config.edge_px)
+    edge = edge_band(frame, config.edge_px + (SMEAR_PX if frame.context.twist.any() else 0))
     gross = np.abs(residual) > config.gross_mm * 1e-3
     flat = frame.rendering.incidence > np.radians(config.grazing_deg)
     smooth = np.isfinite(residual) & ~edge & ~gross & ~flat
-    sigma = scatter(residual, smooth, frame.amplitude)
+    # Rounding to coarse steps hides scatter from neighbours that round alike.
+    sigma = np.maximum(scatter(residual, smooth, frame.amplitude), depth_step(view.depth.astype(np.float64)) / np.sqrt(12))
     index = np.flatnonzero(smooth)
     pixels = np.sort(rng.choice(index, min(config.pixels, len(index)), replace=False))
     return ViewEvidence(view, frame, residual, sigma, smooth, edge, gross, pixels)
+
+
+SMEAR_PX = 4
+"""How much wider the edge band is where the camera moved: an exposure of 0.1 s smears edges by as much."""
 
 
 def edge_band(frame: Frame, width: int) -> Mask:
@@ -148,6 +153,19 @@ def scatter(residual: Float, smooth: Mask, amplitude: Float, bins: int = 32) -> 
         return np.full(residual.shape, robust_std(d2_all))
     logs = np.log(np.maximum(amplitude, 1e-12))
     return np.interp(logs, centres, np.maximum(sizes, 1e-5))
+
+
+def depth_step(depth: Float) -> float:
+    """Metres between the codes of a raw depth image: 0 where it is continuous."""
+    z = depth[np.isfinite(depth)].astype(np.float64)
+    if len(z) < 100:
+        return 0.0
+    codes = np.unique(np.round(z, 6))
+    gaps = np.diff(codes)
+    gaps = gaps[gaps > 5e-6]
+    if len(gaps) < 5 or len(codes) > 0.5 * len(z):
+        return 0.0
+    return float(np.median(gaps))
 
 
 def robust_std(values: Float) -> float:

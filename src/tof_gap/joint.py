@@ -11,6 +11,7 @@ import numpy as np
 from tof_align.chain import chain_of
 from tof_align.pixels import sample
 from tof_align.session import near
+from tof_core import se3
 from tof_core.errors import RefusedError
 from tof_gap.candidates import Candidate, candidates
 from tof_gap.columns import ColumnStore, Design, build
@@ -18,10 +19,12 @@ from tof_gap.evidence import ViewEvidence, gather
 from tof_gap.select import Selection, Selector, deal, select
 from tof_gap.system import arm_steps, fit
 from tof_scene.render import render
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.specular import Specular
 from tof_sensor.effects.wiggling import Wiggling
+from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,8 +38,12 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
 
+NEAR = (2e-3, 0.2)
+"""Metres and degrees that a camera may move before its view is rendered, and its columns made, anew."""
+HERE = (2e-4, 0.02)
+"""The same where mixed pixels are to be explained."""
 ROUNDS = 3
-"""Linearisations: the first selects from afar, the second anew, the third refines shapes."""
+"""Linearisations at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,27 +60,34 @@ def solve(
     views: Sequence[View],
     caster: Raycaster,
     config: GapConfig,
-    align: AlignConfig,
+    chain: Chain,
     left_out: frozenset[str] = frozenset(),
 ) -> Joint:
-    """Poses from the session, effects from what is left, then both again."""
-    chain = start(views, caster, config, align)
-    folds = deal(chain.station.tolist(), config.select.folds)
-    finer: list[Candidate] = []
-    turn = 0
-    while True:
-        evidence = observe(views, caster, chain, config)
-        if turn == 0:
-            check_fit(evidence)
-        store = ColumnStore(evidence, folds)
-        tested = [*candidates(evidence, caster.scene, left_out), *finer]
-        design = build(store, tested, chain, config.hand_sd)
-        selection = select(design, config.select)
-        turn += 1
-        if turn == ROUNDS:
-            return Joint(chain, evidence, design, selection)
-        finer = refined(store, design, selection, chain, config)
-        chain = moved(chain, design, selection.fit, selection.chosen.inflate)
+    """Poses and effects at once, from a `chain` that `start` brought near; linearised anew while cameras move."""
+    check_fit(evidence := observe(views, caster, chain, config))
+    joint, store = _linearised(evidence, caster, chain, config, left_out)
+    for _ in range(ROUNDS - 1):
+        after = moved(joint.chain, joint.design, joint.selection.fit, joint.selection.chosen.inflate)
+        if farthest(joint.chain, after, NEAR) <= 1.0:
+            break
+        joint, store = _linearised(observe(views, caster, after, config), caster, after, config, left_out)
+    if finer := refined(store, joint.design, joint.selection, joint.chain, config):
+        design = build(store, [*joint.design.candidates, *finer], joint.chain, config.hand_sd)
+        joint = replace(joint, design=design, selection=select(design, config.select))
+    return joint
+
+
+def _linearised(
+    evidence: tuple[ViewEvidence, ...],
+    caster: Raycaster,
+    chain: Chain,
+    config: GapConfig,
+    left_out: frozenset[str],
+) -> tuple[Joint, ColumnStore]:
+    """A selection among all hypotheses at one chain, and the columns it was made of."""
+    store = ColumnStore(evidence, deal(chain.station.tolist(), config.select.folds))
+    design = build(store, candidates(evidence, caster.scene, left_out), chain, config.hand_sd)
+    return Joint(chain, evidence, design, select(design, config.select)), store
 
 
 def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> Chain:
@@ -82,8 +96,31 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
     chain = near(samples, chain_of(samples, align.priors), caster, align)
     for _ in range(2):
         design = build(ColumnStore(observe(views, caster, chain, config, footprints=False), chain.station), [], chain, config.hand_sd)
-        chain = moved(chain, design, fit(design.system, np.zeros(0, np.int64), inflate=START_INFLATE), START_INFLATE)
+        before, chain = chain, moved(chain, design, fit(design.system, np.zeros(0, np.int64), inflate=START_INFLATE), START_INFLATE)
+        if farthest(before, chain, NEAR) <= 1.0:
+            break
     return chain
+
+
+def farthest(one: Chain, other: Chain, unit: tuple[float, float]) -> float:
+    """The largest step of any camera between two chains, in units of (metres, degrees)."""
+    steps = [se3.distance(one.pose(v), other.pose(v)) for v in range(len(one.station))]
+    return max(max(metres / unit[0], degrees / unit[1]) for metres, degrees in steps)
+
+
+def at_solution(
+    joint: Joint, views: Sequence[View], caster: Raycaster, config: GapConfig, *, exact: bool
+) -> tuple[Chain, tuple[ViewEvidence, ...]]:
+    """The final chain, hand-eye undone (it is an effect), and the evidence there.
+
+    A small step is taken as linear, a very small one alone where `exact`: mixed pixels ask for poses within a tenth of a pixel.
+    """
+    after = moved(joint.chain, joint.design, joint.selection.fit, joint.selection.chosen.inflate)
+    final = replace(after, hand_eye=np.eye(4))
+    if farthest(joint.chain, final, HERE if exact else NEAR) > 1.0:
+        return final, observe(views, caster, final, config)
+    steps = [se3.log(se3.inverse(joint.chain.pose(v)) @ final.pose(v)) for v in range(len(views))]
+    return final, tuple(replace(v, residual=v.residual - pose_columns(v.frame) @ xi) for v, xi in zip(joint.views, steps, strict=True))
 
 
 def check_fit(views: Sequence[ViewEvidence]) -> None:
@@ -137,6 +174,7 @@ SHAPES: dict[type[Effect], tuple[tuple[str, float], ...]] = {
     Wiggling: (("modulation_mhz", 0.2), ("modulation_mhz", 0.05), ("modulation_mhz", 0.012)),
     LensScatter: (("modulation_mhz", 0.1),),
     Multipath: (("modulation_mhz", 0.3),),
+    AmplitudeBias: (("reference", 7.0), ("reference", 0.6)),
     Specular: (("lobe_deg", 0.3), ("gloss", 0.7), ("lobe_deg", 0.15), ("gloss", 0.4)),
 }
 """Which parameters of shape are searched for more finely, in turn, and how far (relative)."""
@@ -168,7 +206,7 @@ def _best_shape(
     inflate: float,
 ) -> Any:
     """The effect whose parameter `name`, within a factor 1 +- `width`, does best on held-out views."""
-    steps = np.linspace(-1, 1, 13 if isinstance(effect, Wiggling) else 5)
+    steps = np.linspace(-1, 1, 5 if isinstance(effect, Specular | LensScatter | Multipath) else 13)
     near_by = [replace(effect, **{name: float(getattr(effect, name) * (1 + width) ** s)}) for s in steps]
     trial = [Candidate(e.NAME, e) for e in near_by]
     judge = Selector(build(store, [*others, *trial], chain, config.hand_sd), config.select)

@@ -16,7 +16,8 @@ class Finding:
     """An effect named by scatter, by missing pixels, by gross errors or at edges.
 
     `confidence` 0..1; `share` (V, H, W) metres that it adds per pixel (its size where it scatters),
-    or None; `corrects` whether the share can be taken off the measured depth.
+    or None; `corrects` whether the share can be taken off the measured depth; `common` (V, H, W) metres of scatter
+    that neighbours have in common: no model foretells it, but it is no unexplained structure either.
     """
 
     effect: Effect
@@ -24,6 +25,7 @@ class Finding:
     std: dict[str, float] = field(default_factory=dict)
     share: Float | None = None
     corrects: bool = False
+    common: Float | None = None
     note: str = ""
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from tof_core.config import param
 from tof_core.reasons import Reason
@@ -75,8 +76,10 @@ def _half_lost(light: Float, gone: Mask) -> float:
 
 
 def _phase_wrap(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | None:
-    jump = np.concatenate([(v.residual * v.frame.length)[v.gross & ~v.edge] for v in views])
-    total = sum(int((np.isfinite(v.residual) & ~v.edge).sum()) for v in views)
+    # Edges that blur or move jump too: a lost turn shows away from them.
+    inner = [~binary_dilation(v.edge, iterations=EDGE_REACH_PX) for v in views]
+    jump = np.concatenate([(v.residual * v.frame.length)[v.gross & i] for v, i in zip(views, inner, strict=True)])
+    total = sum(int((np.isfinite(v.residual) & i).sum()) for v, i in zip(views, inner, strict=True))
     jump = jump[np.abs(jump) > 0.2]
     if len(jump) < config.turn_share * max(total, 1):
         return None
@@ -91,6 +94,10 @@ def _phase_wrap(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding
     return Finding(effect, 0.95, share=maps, corrects=True)
 
 
+EDGE_REACH_PX = 4
+"""Pixels beyond the edge band that an edge may still spoil."""
+
+
 def _common_size(sizes: Float, spread: float) -> float:
     """The size within `spread` of which most jumps lie."""
     ordered = np.sort(sizes)
@@ -101,7 +108,8 @@ def _common_size(sizes: Float, spread: float) -> float:
 
 def _turns(view: ViewEvidence, size: float, config: MissingConfig) -> Float:
     r = view.residual * view.frame.length
-    wrapped = np.abs(np.abs(r) - size) < config.turn_spread_mm * 1e-3
+    # Once the turn is known, what lies nearer to it than to none has lost it, however weak its light.
+    wrapped = np.abs(np.abs(r) - size) < max(config.turn_spread_mm * 1e-3, 0.4 * size)
     return np.where(np.isfinite(r), np.where(wrapped, np.sign(r) * size / view.frame.length, 0.0), np.nan)
 
 
@@ -116,19 +124,26 @@ def _where_wrapped(views: Sequence[ViewEvidence], size: float, config: MissingCo
 FLYING_MHZ = (15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0)
 
 
-def _flying(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | None:
-    """Mixed pixels that lie on neither of their surfaces; then the frequency whose mixture fits them best."""
+def mixing(views: Sequence[ViewEvidence], config: MissingConfig) -> tuple[float, int] | None:
+    """Share of the mixed pixels that lie on neither of their surfaces, and their number; None where edges are clean."""
     lying, mixed = _between(views, config)
     if len(mixed) < 80:
         return None
     # Clean edges lie on either surface: only pixels inside the gap, away from both, are mixing.
     inside = (lying > 0.15) & (lying < 0.85)
     share = float(inside.mean() / max(((mixed > 0.15) & (mixed < 0.5)).mean(), 1e-3))
-    if share < config.flying_share:
+    return None if share < config.flying_share else (share, len(mixed))
+
+
+def _flying(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | None:
+    """Mixed pixels that lie on neither of their surfaces; then the frequency whose mixture fits them best."""
+    found = mixing(views, config)
+    if found is None:
         return None
+    share, number = found
     best = min((_fitted(views, mhz) for mhz in FLYING_MHZ), key=lambda fitted: fitted[1])[0]
     maps = np.stack([np.where(v.frame.valid, best.bias(v.frame), np.nan) for v in views])
-    return Finding(best, float(min(1.0, share / config.flying_share / 2)), {"share": float(1 / np.sqrt(len(mixed)))}, maps, corrects=True)
+    return Finding(best, float(min(1.0, share / config.flying_share / 2)), {"share": float(1 / np.sqrt(number))}, maps, corrects=True)
 
 
 def _fitted(views: Sequence[ViewEvidence], mhz: float) -> tuple[FlyingPixels, float]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_align.chain import Chain
-    from tof_core.arrays import Float, Ints
+    from tof_core.arrays import Float
     from tof_gap.evidence import ViewEvidence
     from tof_gap.system import Fit, System
 
@@ -33,9 +33,13 @@ def subset(system: System, views: Sequence[int]) -> System:
     )
 
 
-def fit_to(system: System, views: Sequence[int], active: Ints, *, inflate: float, free_hand: bool) -> Fit:
-    """The columns fitted to some views only."""
-    return fit(subset(system, views), active, inflate=inflate, free_hand=free_hand)
+def fit_to(system: System, views: Sequence[int], solution: Fit, *, inflate: float, free_hand: bool) -> Fit:
+    """The columns of a solution fitted anew to some views only, the bases held where the solution has them.
+
+    Figures are stated at the solution's poses: coefficients that some views alone would trade against a base do not fit those.
+    """
+    held = replace(subset(system, views), base0=-solution.base, base_sd=np.full(6, 1e-7))
+    return fit(held, solution.active, inflate=inflate, free_hand=free_hand)
 
 
 def camera_covs(system: System, solution: Fit, chain: Chain, *, inflate: float) -> Float:

@@ -16,6 +16,7 @@ from tof_sensor.effects.radial_depth import RadialDepth
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tof_align.chain import Chain
     from tof_align.config import AlignConfig
     from tof_core.arrays import Float
     from tof_core.capture import View
@@ -28,24 +29,29 @@ LEAST_M = 0.004
 """Below this median miss nothing is that wrong (radial for z is tens of millimetres at the corners)."""
 
 
-def gate(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> tuple[list[View], Finding | None]:
-    """The views as z, and `radial_depth` where they were not.
+def gate(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> tuple[list[View], Chain, Finding | None]:
+    """The views as z, their chain brought to the CAD, and `radial_depth` where they were not z.
 
     Both readings are brought to the CAD with the robot's priors; the one that misses it by less is believed.
     """
-    as_z = median_miss(views, caster, config, align)
-    if as_z < LEAST_M:
-        return list(views), None
-    converted = [replace(v, depth=radial_to_z(v.camera, v.depth)) for v in views]
-    if median_miss(converted, caster, config, align) > BETTER * as_z:
-        return list(views), None
-    share = np.stack([(v.depth - c.depth).astype(np.float64) for v, c in zip(views, converted, strict=True)])
-    return converted, Finding(RadialDepth(share=1.0), 1.0, share=share, corrects=True, note="the depth image holds distance along the ray")
-
-
-def median_miss(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> float:
-    """Metres: median over the session of |measured - rendered| once bases and arms are fitted."""
     chain = start(views, caster, config, align)
+    as_z = median_miss(views, caster, config, chain)
+    if as_z < LEAST_M:
+        return list(views), chain, None
+    converted = [replace(v, depth=radial_to_z(v.camera, v.depth)) for v in views]
+    other = start(converted, caster, config, align)
+    if median_miss(converted, caster, config, other) > BETTER * as_z:
+        return list(views), chain, None
+    share = np.stack([(v.depth - c.depth).astype(np.float64) for v, c in zip(views, converted, strict=True)])
+    return (
+        converted,
+        other,
+        Finding(RadialDepth(share=1.0), 1.0, share=share, corrects=True, note="the depth image holds distance along the ray"),
+    )
+
+
+def median_miss(views: Sequence[View], caster: Raycaster, config: GapConfig, chain: Chain) -> float:
+    """Metres: median over the session of |measured - rendered| where the chain has the cameras."""
     evidence = observe(views, caster, chain, config, footprints=False)
     miss: list[Float] = [np.abs(v.residual[np.isfinite(v.residual) & ~v.edge]) for v in evidence]
     every = np.concatenate(miss)

@@ -143,7 +143,8 @@ def _finite(value: Any) -> Any:
 
 def sensor_model(d: Diagnosis) -> SensorModel:
     """The fitted sensor: every named effect, and the photon law that the session's scatter obeys."""
-    from tof_gap.scatter import ScatterConfig, binned, depth_step, fit_law
+    from tof_gap.evidence import depth_step
+    from tof_gap.scatter import ScatterConfig, binned, fit_law
 
     effects = [e for c in d.causes for e in c.named.effects] + [f.effect for f in d.findings]
     b = binned(d.evidence, ScatterConfig().bins)

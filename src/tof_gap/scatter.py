@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import nnls
 
 from tof_core.config import param
-from tof_gap.evidence import robust_std
+from tof_gap.evidence import depth_step, robust_std
 from tof_gap.kinds import Finding
+from tof_gap.restless import SURE, jumps, lines, restless_pixels
+from tof_gap.stripes import beat, stripes
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise, PhotonLaw
 from tof_sensor.effects.quantization import Quantization
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Mask
     from tof_gap.evidence import ViewEvidence
+    from tof_gap.stripes import Beat
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,19 +32,26 @@ class ScatterConfig:
 
     extra_share: float = param(0.35, "of the median scatter that a constant part must reach", low=0.0, high=1.0)
     extra_mm: float = param(0.4, "smallest constant part", unit="mm", low=0.0)
-    burst: float = param(1.5, "scatter of a hit view against the law", low=1.05, high=10.0)
+    burst: float = param(1.12, "scatter of a hit view against the quiet ones", low=1.02, high=10.0)
+    line_mm: float = param(0.5, "smallest scatter of whole rows or columns", unit="mm", low=0.0)
+    restless_share: float = param(0.004, "share of pixels that never rest from which they are noise", low=0.0, high=1.0)
     step_mm: float = param(1.5, "steps up to this are the depth code's own", unit="mm", low=0.0)
     bins: int = param(12, "amplitude bins per view", low=3, high=60)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bins:
-    """Scatter by amplitude: rows are (view, amplitude, variance m^2 of z, samples, mean 1/length^2)."""
+    """Scatter by amplitude: rows are (view, amplitude, squared range m^2, variance m^2 along the ray, samples)."""
 
     view: Float
     amplitude: Float
+    range2: Float
     variance: Float
     samples: Float
+
+    def of(self, keep: Mask) -> Bins:
+        """Some rows."""
+        return Bins(*(getattr(self, f.name)[keep] for f in fields(self)))
 
 
 def binned(views: Sequence[ViewEvidence], bins: int) -> Bins:
@@ -52,30 +62,31 @@ def binned(views: Sequence[ViewEvidence], bins: int) -> Bins:
         d2 = np.diff(r, n=2, axis=1) / np.sqrt(6.0)
         light = v.frame.amplitude[:, 1:-1]
         seen = np.isfinite(d2) & (light > 0)
-        x, a = d2[seen], light[seen]
+        x, a, r2 = d2[seen], light[seen], (v.frame.radial[:, 1:-1] ** 2)[seen]
         if len(x) < 200:
             continue
         edges = np.quantile(a, np.linspace(0, 1, bins + 1))
         which = np.clip(np.searchsorted(edges, a, side="right") - 1, 0, bins - 1)
         rows += [
-            (i, a[which == b].mean(), robust_std(x[which == b]) ** 2, (which == b).sum()) for b in range(bins) if (which == b).sum() >= 60
+            (i, a[which == b].mean(), r2[which == b].mean(), robust_std(x[which == b]) ** 2, (which == b).sum())
+            for b in range(bins)
+            if (which == b).sum() >= 60
         ]
-    table = np.array(rows, float).reshape(-1, 4)
+    table = np.array(rows, float).reshape(-1, 5)
     return Bins(*table.T)
 
 
 @dataclass(frozen=True, slots=True)
 class LawFit:
-    """sigma^2 = floor^2 + shot^2 A0/A + ambient^2 (A0/A)^2 with its relative misfit and floor's error."""
+    """The photon law with its relative misfit and its floor's error."""
 
     law: PhotonLaw
     floor_std: float
     misfit: float
 
-    def variance(self, amplitude: Float) -> Float:
-        """m^2 along the ray at amplitudes."""
-        ratio = self.law.reference / np.maximum(amplitude, 1e-12)
-        return self.law.floor_m**2 + self.law.shot_m**2 * ratio + (self.law.ambient_m * ratio) ** 2
+    def ratio(self, b: Bins) -> Float:
+        """Variance of each bin against the law."""
+        return np.asarray(b.variance / np.maximum(self.law.variance(b.amplitude, b.range2), 1e-14))
 
 
 def fit_law(b: Bins, step_m: float) -> LawFit:
@@ -85,30 +96,18 @@ def fit_law(b: Bins, step_m: float) -> LawFit:
     own = step_m**2 / 12
     target = np.maximum(b.variance - own, 0.0)
     weight = np.sqrt(b.samples / 2) / np.maximum(b.variance, 1e-12)
-    keep, c, log = np.ones(len(target), bool), np.zeros(3), np.zeros(len(target))
-    X = np.stack([np.ones_like(ratio), ratio, ratio**2], axis=1)
+    keep, c, log = np.ones(len(target), bool), np.zeros(4), np.zeros(len(target))
+    X = np.stack([np.ones_like(ratio), ratio, ratio * b.range2, ratio**2], axis=1)
     for _ in range(4):
         c, _ = nnls(X[keep] * weight[keep, None], target[keep] * weight[keep])
         log = np.log(np.maximum(b.variance, 1e-14) / np.maximum(X @ c + own, 1e-14))
         keep = log < max(3 * 1.4826 * np.median(np.abs(log - np.median(log))), 0.2) + np.median(log)
     cov = np.linalg.pinv((X[keep] * weight[keep, None]).T @ (X[keep] * weight[keep, None]))
     floor2 = c[0] + own
-    law = PhotonLaw(floor_m=float(np.sqrt(floor2)), shot_m=float(np.sqrt(c[1])), ambient_m=float(np.sqrt(c[2])), reference=reference)
+    shot, far, ambient = (float(np.sqrt(x)) for x in c[1:])
+    law = PhotonLaw(floor_m=float(np.sqrt(floor2)), shot_m=shot, ambient_m=ambient, far_m=far, reference=reference)
     spread = float(np.sqrt(cov[0, 0]) / max(2 * np.sqrt(c[0]), 1e-6))
     return LawFit(law, spread, float(np.std(log[keep])))
-
-
-def depth_step(depth: Float) -> float:
-    """Metres between the codes of a raw depth image: 0 where it is continuous."""
-    z = depth[np.isfinite(depth)].astype(np.float64)
-    if len(z) < 100:
-        return 0.0
-    codes = np.unique(np.round(z, 6))
-    gaps = np.diff(codes)
-    gaps = gaps[gaps > 5e-6]
-    if len(gaps) < 5 or len(codes) > 0.5 * len(z):
-        return 0.0
-    return float(np.median(gaps))
 
 
 def findings(views: Sequence[ViewEvidence], config: ScatterConfig, expected: PhotonLaw | None = None) -> list[Finding]:
@@ -119,21 +118,51 @@ def findings(views: Sequence[ViewEvidence], config: ScatterConfig, expected: Pho
     if step > config.step_mm * 1e-3:
         out.append(Finding(Quantization(step_m=step), 1.0, share=_constant(views, step / np.sqrt(12))))
     b = binned(views, config.bins)
-    if len(b.view) < 6:
-        return out
+    if len(b.view) < 6 or step > np.sqrt(np.median(b.variance)):
+        return out  # Between steps wider than the scatter nothing can be told of it.
+    wave = beat(views)
+    if wave is not None and wave.size_m > config.extra_mm * 1e-3:
+        return [*out, _stripes(views, wave, float(np.median(b.amplitude)))]
     fitted = fit_law(b, step)
-    ratio = _view_ratio(b, fitted, len(views))
-    hit = ratio > config.burst**2
-    if 0 < hit.sum() <= 0.7 * len(views):
-        out.append(_burst(views, fitted, ratio, hit))
-        return out
-    excess = _constant_part(fitted, step) if expected is None else _beyond(b, expected)
+    quiet = quiet_law(b, step, len(views))
+    ratio = _view_ratio(b, quiet, len(views))
+    hit = ratio > config.burst**2 * np.median(np.sort(ratio)[: max(len(views) // 2, 2)])
+    if 0 < hit.sum() <= (1 - QUIET) * len(views):
+        return [*out, _burst(views, b, quiet, ratio, hit)]
+    found = _noise(views, b, fitted, step, config, expected)
+    return out if found is None else [*out, found]
+
+
+def _noise(
+    views: Sequence[ViewEvidence], b: Bins, fitted: LawFit, step: float, config: ScatterConfig, expected: PhotonLaw | None
+) -> Finding | None:
+    """Scatter that no photon law has: constant, of whole rows or columns, of restless pixels."""
     typical = float(np.sqrt(np.median(b.variance)))
-    if excess > max(config.extra_mm * 1e-3, config.extra_share * typical) and excess > 4 * fitted.floor_std:
-        out.append(
-            Finding(Noise(extra_m=excess), float(min(1.0, excess / typical)), {"extra_m": fitted.floor_std}, _constant(views, excess))
-        )
-    return out
+    least = max(config.extra_mm * 1e-3, config.extra_share * typical)
+    excess = _constant_part(fitted, step) if expected is None else _beyond(b, expected)
+    parts = {"at every amplitude": excess if excess > max(least, 4 * fitted.floor_std) else 0.0}
+    common = None
+    for axis, name in ((1, "by rows"), (0, "by columns")):
+        jumping = lines(views, axis)
+        if jumping.sure > SURE and jumping.size_m > config.line_mm * 1e-3:
+            parts[name] = jumping.size_m
+            common = np.stack([jumps(v, axis) for v in views]) + (0.0 if common is None else common)
+    pixels = restless_pixels(views)
+    if pixels.share > config.restless_share:
+        parts[f"of {pixels.share:.1%} of the pixels"] = pixels.size_m * np.sqrt(pixels.share)
+    size = float(np.sqrt(sum(p * p for p in parts.values())))
+    if size <= 0:
+        return None
+    how = ", ".join(f"{1e3 * p:.1f} mm {name}" for name, p in parts.items() if p > 0)
+    std = {"extra_m": fitted.floor_std}
+    return Finding(Noise(extra_m=min(size, 0.1)), float(min(1.0, size / typical)), std, _constant(views, size), common=common, note=how)
+
+
+def _stripes(views: Sequence[ViewEvidence], wave: Beat, reference: float) -> Finding:
+    along = np.stack([stripes(v, wave.turns, wave.tilt) * h / v.frame.length for v, h in zip(views, wave.hit, strict=True)])
+    effect = Interference(burst_m=min(wave.size_m, 0.2), duty=float(wave.hit.mean()), reference=reference)
+    note = f"stripes of {wave.turns:g} turns in {int(wave.hit.sum())} of {len(views)} views"
+    return Finding(effect, 0.95, share=np.abs(along), common=along, note=note)
 
 
 def _constant_part(fitted: LawFit, step: float) -> float:
@@ -141,22 +170,51 @@ def _constant_part(fitted: LawFit, step: float) -> float:
 
 
 def _beyond(b: Bins, expected: PhotonLaw) -> float:
-    law = LawFit(expected, 0.0, 0.0)
-    return float(np.sqrt(max(np.average(b.variance - law.variance(b.amplitude), weights=b.samples), 0.0)))
+    above = b.variance - expected.variance(b.amplitude, b.range2)
+    return float(np.sqrt(max(np.average(above, weights=b.samples), 0.0)))
+
+
+def quiet_law(b: Bins, step_m: float, views: int) -> LawFit:
+    """The law of the quieter views: fitted to all, then to those that scatter least against it, until the rest may be hit."""
+    fitted = fit_law(b, step_m)
+    for _ in range(2):
+        ratio = _view_ratio(b, fitted, views)
+        quiet = ratio <= np.quantile(ratio, QUIET) * 1.3
+        keep = quiet[b.view.astype(int)]
+        if keep.sum() < 6:
+            break
+        fitted = fit_law(b.of(keep), step_m)
+    return fitted
+
+
+QUIET = 0.25
+"""Share of the views that a burst is taken to leave alone."""
 
 
 def _view_ratio(b: Bins, fitted: LawFit, views: int) -> Float:
     """(V,) variance of each view against the law."""
-    ratio = b.variance / np.maximum(fitted.variance(b.amplitude), 1e-14)
+    ratio = fitted.ratio(b)
     return np.array([np.median(ratio[b.view == i]) if (b.view == i).any() else 1.0 for i in range(views)])
 
 
-def _burst(views: Sequence[ViewEvidence], fitted: LawFit, ratio: Float, hit: Mask) -> Finding:
-    typical2 = float(np.median([np.median(fitted.variance(v.frame.amplitude[v.smooth])) for v in views]))
+def _burst(views: Sequence[ViewEvidence], b: Bins, fitted: LawFit, ratio: Float, hit: Mask) -> Finding:
+    """Views that scatter more than the others: a foreign light does so where own light is weak, bad electronics everywhere alike."""
+    typical2 = float(np.median(fitted.law.variance(b.amplitude, b.range2)))
     size = float(np.sqrt(np.mean(ratio[hit] - 1) * typical2))
     share = np.stack([np.where(v.smooth, size * h, np.nan) for v, h in zip(views, hit, strict=True)])
-    effect = Interference(burst_m=size, duty=float(hit.mean()), reference=fitted.law.reference)
-    return Finding(effect, 0.95, share=share, note=f"{int(hit.sum())} of {len(views)} views hit")
+    note = f"{int(hit.sum())} of {len(views)} views hit"
+    mine = hit[b.view.astype(int)]
+    excess = (b.variance - fitted.law.variance(b.amplitude, b.range2))[mine]
+    weak = (fitted.law.reference / b.amplitude[mine]) ** 2
+    # The misfit, relative, of an excess that is constant and of one that goes with 1 / A^2.
+    misfit = [
+        float(np.median(np.abs(np.log(np.maximum(excess, 1e-12) / x) - np.median(np.log(np.maximum(excess, 1e-12) / x)))))
+        for x in (np.ones_like(weak), weak)
+    ]
+    if misfit[0] < misfit[1]:
+        return Finding(Noise(extra_m=min(size, 0.1)), 0.95, share=share, note=f"in bursts: {note}")
+    effect = Interference(burst_m=min(size, 0.2), duty=float(hit.mean()), reference=fitted.law.reference)
+    return Finding(effect, 0.95, share=share, note=note)
 
 
 def _constant(views: Sequence[ViewEvidence], size: float) -> Float:

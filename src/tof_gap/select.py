@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 class SelectConfig:
     """When an effect is believed."""
 
-    gain: float = param(25.0, "held-out chi-square an effect must win (discrepancy taken out)", low=1.0)
+    gain: float = param(
+        10.0, "held-out chi-square an effect of one shape must win (discrepancy taken out); n shapes pay 2 ln n more", low=1.0
+    )
     share: float = param(0.04, "of the visible gap that an effect must explain, left out of all", low=0.0, high=1.0)
     tie_left: float = param(0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0)
-    tie_gain: float = param(20.0, "held-out chi-square by which tied effects may differ", low=0.0)
+    tie_gain: float = param(20.0, "held-out chi-square by which tied effects may differ at most", low=0.0)
     most: int = param(5, "effects named at most", low=1, high=12)
     folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50)
 
@@ -67,6 +69,11 @@ class Selector:
         """Deal the views into folds, every station in every fold as evenly as it goes."""
         self.design, self.config = design, config
         self.folds = deal(design.system.station.tolist(), config.folds)
+
+    def gain(self, member: int) -> float:
+        """Held-out chi-square that a candidate must win: what was tried at many shapes finds one that fits by chance."""
+        name = self.design.candidates[member].name
+        return self.config.gain + 2.0 * float(np.log(sum(c.name == name for c in self.design.candidates)))
 
     def columns(self, members: Iterable[int]) -> Ints:
         """Columns of a set of candidates."""
@@ -154,11 +161,11 @@ def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
         if i in current.members or (candidate.name in names and candidate.name != "cad_deviation"):
             continue
         trial = judge.score((*current.members, i), current.inflate)
+        if current.score - trial.score < judge.gain(i) or not _steady(current, trial):
+            continue
         if (best is None or trial.score < best.score) and judge.plausible(trial):
             best = trial
-    if best is None or current.score - best.score < judge.config.gain or not _steady(current, best):
-        return None
-    return _rescored(judge, best.members)
+    return None if best is None else _rescored(judge, best.members)
 
 
 def _steady(before: Hypothesis, after: Hypothesis) -> bool:
@@ -193,7 +200,7 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
         weak = [
             (v, i)
             for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
-            if gain < judge.config.gain or v * v < judge.config.share * total
+            if gain < judge.gain(current.members[i]) or v * v < judge.config.share * total
         ]
         if not weak:
             break
@@ -211,7 +218,8 @@ def _worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:
         rest = [m for i, m in enumerate(current.members) if i != place]
         lost.append(judge.score(rest, current.inflate).score - current.score)
         if judge.design.candidates[member].effect is None:
-            visible.append(float(np.linalg.norm(solution.hand[:3])))
+            # A free X has no map: what it takes off the held-out chi-square is what can be seen of it.
+            visible.append(float(np.sqrt(max(lost[-1] * current.inflate, 0.0) / system.n.sum())) * system.sigma)
             continue
         left = map_energy(
             system, judge.design.groups[member], _theta_of(judge, current, solution, place), np.zeros(0, np.int64), inflate=current.inflate
@@ -227,12 +235,16 @@ def _theta_of(judge: Selector, hypothesis: Hypothesis, solution: Fit, place: int
 
 def _described(judge: Selector, current: Hypothesis) -> Selection:
     lost, visible = _worth(judge, current) if current.members else (np.zeros(0), np.zeros(0))
-    ties = tuple(_stand_ins(judge, current, place) for place in range(len(current.members)))
+    ties = tuple(_stand_ins(judge, current, place, float(lost[place])) for place in range(len(current.members)))
     return Selection(current, judge.fit(current), judge.score((), current.inflate), ties, visible, lost)
 
 
-def _stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ...]:
-    """Candidates of other names that the data cannot tell from the member at `place`."""
+TIE_SHARE = 0.35
+"""Of what a member is worth, the part that a stand-in may lose."""
+
+
+def _stand_ins(judge: Selector, current: Hypothesis, place: int, worth: float) -> tuple[int, ...]:
+    """Candidates of other names that the data cannot tell from the member at `place`, which is `worth` that much chi-square."""
     d, config = judge.design, judge.config
     member = current.members[place]
     rest = [m for i, m in enumerate(current.members) if i != place]
@@ -242,7 +254,7 @@ def _stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, .
         if candidate.name in taken:
             continue
         trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
-        if trial.score - current.score > config.tie_gain or not judge.plausible(trial):
+        if trial.score - current.score > min(config.tie_gain, max(TIE_SHARE * worth, 4.0)) or not judge.plausible(trial):
             continue
         if not _hides(judge, current, place, member, i, rest):
             continue

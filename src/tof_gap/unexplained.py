@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_gap.evidence import ViewEvidence
+    from tof_gap.kinds import Finding
     from tof_gap.shrink import Shrink
     from tof_scene.scene import Scene
 
@@ -48,11 +49,13 @@ def look(
     *,
     gross_named: bool = False,
     step_m: float = 0.0,
+    nameless: Sequence[Finding] = (),
 ) -> Unexplained:
     """Judge what is left (H, W) metres per view against the floor.
 
     Pixels off by more than any bias, away from edges, count too unless an effect named them (`gross_named`). Where
-    depth comes in steps of `step_m`, neighbours round alike: that much structure is the steps' own.
+    depth comes in steps of `step_m`, neighbours round alike: that much structure is the steps' own. Scatter, loss and mixing
+    that show but may not be named (`nameless`) are unexplained too.
     """
     block, mean, expected, part = _block_means(views, left, floor2)
     if len(block) == 0:
@@ -63,6 +66,9 @@ def look(
     gross = max(0.0, _gross_share(views) - GROSS_SHARE) if not gross_named else 0.0
     structured = (size > np.hypot(STRUCTURED_MM, 1e3 * step_m / np.sqrt(12)) and size**2 > STRUCTURED_SHARE * before2) or gross > 0
     energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
+    if nameless:
+        structured = True
+        energy = np.sum([_carried(views, f, len(scene.parts)) for f in nameless], axis=0)
     order = [i for i in np.argsort(-energy) if energy[i] > 0.1 * energy.sum()]
     return Unexplained(
         size,
@@ -74,6 +80,15 @@ def look(
 
 GROSS_SHARE = 0.004
 """Pixels away from edges that may be grossly off in a sound session (what stands in the cell beside the CAD)."""
+
+
+def _carried(views: Sequence[ViewEvidence], finding: Finding, parts: int) -> Float:
+    """(parts,) energy of what a finding does, by the part that it does it to."""
+    out = np.zeros(parts)
+    for v, share in zip(views, finding.share if finding.share is not None else [], strict=False):
+        seen = np.isfinite(share) & (v.rendering.part >= 0)
+        out += np.bincount(v.rendering.part[seen].astype(np.int64), share[seen] ** 2, parts)
+    return out
 
 
 def _gross_share(views: Sequence[ViewEvidence]) -> float:

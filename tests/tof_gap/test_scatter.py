@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tof_gap.evidence import robust_std, scatter
-from tof_gap.scatter import Bins, depth_step, fit_law
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_gap.evidence import depth_step, robust_std, scatter
+from tof_gap.scatter import Bins, ScatterConfig, findings, fit_law
 
 RNG = np.random.default_rng(2)
 
@@ -23,16 +24,27 @@ def test_law_of_shot_and_ambient_is_found_without_a_floor() -> None:
     amplitude = np.geomspace(100, 10000, 40)
     ratio = np.median(amplitude) / amplitude
     variance = 0.001**2 * ratio + 0.0005**2 * ratio**2
-    law = fit_law(Bins(np.zeros(40), amplitude, variance, np.full(40, 2000.0)), 0.0).law
-    assert law.shot_m == pytest.approx(0.001, rel=0.02)
+    law = fit_law(Bins(np.zeros(40), amplitude, np.ones(40), variance, np.full(40, 2000.0)), 0.0).law
+    assert np.hypot(law.shot_m, law.far_m) == pytest.approx(0.001, rel=0.02)  # All at 1 m: near and far light are one.
     assert law.ambient_m == pytest.approx(0.0005, rel=0.02)
     assert law.floor_m < 1e-4
+
+
+def test_ambient_light_of_far_surfaces_is_no_burst() -> None:
+    amplitude, range2 = np.tile(np.geomspace(100, 10000, 20), 4), np.repeat([0.25, 0.5, 1.0, 2.0], 20)
+    variance = (0.0005**2 + 0.0012**2 * range2) * np.median(amplitude) / amplitude
+    b = Bins(np.repeat(np.arange(4.0), 20), amplitude, range2, variance, np.full(80, 2000.0))
+    fitted = fit_law(b, 0.0)
+    np.testing.assert_allclose(fitted.ratio(b), 1.0, atol=0.02)
+    assert fitted.law.far_m == pytest.approx(0.0012, rel=0.02)
 
 
 def test_constant_scatter_shows_as_a_floor() -> None:
     amplitude = np.geomspace(100, 10000, 40)
     variance = 0.003**2 + 0.001**2 * np.median(amplitude) / amplitude
-    assert fit_law(Bins(np.zeros(40), amplitude, variance, np.full(40, 2000.0)), 0.001).law.floor_m == pytest.approx(0.003, rel=0.05)
+    assert fit_law(Bins(np.zeros(40), amplitude, np.ones(40), variance, np.full(40, 2000.0)), 0.001).law.floor_m == pytest.approx(
+        0.003, rel=0.05
+    )
 
 
 @pytest.mark.parametrize("step", [0.001, 0.005, 0.0125])
@@ -48,3 +60,48 @@ def test_continuous_depth_has_no_step() -> None:
 def test_robust_std_ignores_outliers() -> None:
     values = np.concatenate([RNG.normal(0, 1, 10000), np.full(50, 100.0)])
     assert robust_std(values) == pytest.approx(1.0, rel=0.03)
+
+
+def said(extra: np.ndarray | None) -> list[tuple[str, str]]:  # type: ignore[type-arg]
+    """Names and notes of what is found in a session with `extra` (V, H, W) metres of scatter."""
+    return [(f.name, f.note) for f in findings(views(np.random.default_rng(3), extra), ScatterConfig())]
+
+
+def test_photons_alone_are_no_finding() -> None:
+    assert said(None) == []
+
+
+def test_scatter_at_every_amplitude_is_noise() -> None:
+    ((name, note),) = said(RNG.normal(0, 0.004, (VIEWS, *SHAPE)))
+    assert name == "noise"
+    assert "at every amplitude" in note
+
+
+def test_rows_that_jump_are_noise() -> None:
+    ((name, note),) = said(np.repeat(RNG.normal(0, 0.003, (VIEWS, SHAPE[0], 1)), SHAPE[1], axis=2))
+    assert name == "noise"
+    assert "3.0 mm by rows" in note or "2.9 mm by rows" in note or "3.1 mm by rows" in note
+
+
+def test_a_constant_row_is_a_pattern_and_no_noise() -> None:
+    assert said(np.tile(np.repeat(RNG.normal(0, 0.003, (1, SHAPE[0], 1)), SHAPE[1], axis=2), (VIEWS, 1, 1))) == []
+
+
+def test_few_restless_pixels_are_noise() -> None:
+    restless = RNG.uniform(size=SHAPE) < 0.05
+    ((name, note),) = said(restless * RNG.choice([-0.013, 0.013], (VIEWS, *SHAPE)))
+    assert name == "noise"
+    assert "of the pixels" in note
+
+
+def test_views_that_scatter_everywhere_alike_are_noise_in_bursts() -> None:
+    hit = np.isin(np.arange(VIEWS), (1, 4, 9))[:, None, None]
+    assert said(hit * RNG.normal(0, 0.006, (VIEWS, *SHAPE))) == [("noise", "in bursts: 3 of 12 views hit")]
+
+
+def test_stripes_in_some_views_are_interference() -> None:
+    row = np.arange(SHAPE[0])[None, :, None] / SHAPE[0]
+    phase = RNG.uniform(0, 2 * np.pi, (VIEWS, 1, 1))
+    hit = np.isin(np.arange(VIEWS), (0, 2, 3, 7, 8))[:, None, None]
+    wave = 0.004 * np.sin(2 * np.pi * 8 * row + phase) * hit * np.ones((1, 1, SHAPE[1]))
+    assert said(wave) == [("interference", "stripes of 8 turns in 5 of 12 views")]

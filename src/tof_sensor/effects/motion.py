@@ -23,15 +23,18 @@ class Motion(Effect):
     """Four taps at times 0..3 `tap_s` (TOF_EFFECTS A.12; Jimenez 2014).
 
     Depth is that of the mean time; besides, a change of brightness between the taps turns the
-    phase: c0 / (4 pi f) times (A'/A) tap / 2, by the image's flow over amplitude edges.
+    phase: c0 / (4 pi f) times (A'/A) tap / 2, by the image's flow over amplitude edges. How much, goes with twice the phase
+    and with the order of the taps, which is the maker's: mean, cosine and sine are coefficients.
     """
 
     NAME: ClassVar[str] = "motion"
     LOCAL: ClassVar[bool] = False
-    LINEAR: ClassVar[tuple[str, ...]] = ("axial_s", "edge_s")
+    LINEAR: ClassVar[tuple[str, ...]] = ("axial_s", "edge_s", "edge_cos_s", "edge_sin_s")
 
     axial_s: float = param(0.0, "time by which the depth is late", unit="s", low=-0.5, high=0.5)
     edge_s: float = param(0.0, "time between taps times the edge term's gain", unit="s", low=-0.5, high=0.5)
+    edge_cos_s: float = param(0.0, "its part with the cosine of twice the phase", unit="s", low=-0.5, high=0.5)
+    edge_sin_s: float = param(0.0, "its part with the sine", unit="s", low=-0.5, high=0.5)
     modulation_mhz: float = param(60.0, "modulation frequency", unit="MHz", low=5.0, high=400.0)
 
     def columns(self, frame: Frame) -> Float:
@@ -39,8 +42,8 @@ class Motion(Effect):
         twist = frame.context.twist
         rate = pose_columns(frame) @ twist
         phase = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
-        brightness = _log_rate(frame) / phase * np.cos(2 * phase * np.nan_to_num(frame.radial))
-        return stack([rate, brightness / frame.length], frame)
+        brightness, turn = _log_rate(frame) / phase / frame.length, 2 * phase * np.nan_to_num(frame.radial)
+        return stack([rate, brightness, brightness * np.cos(turn), brightness * np.sin(turn)], frame)
 
 
 def _log_rate(frame: Frame) -> Float:

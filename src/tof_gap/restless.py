@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scatter that light cannot make: whole rows or columns that jump together, and single pixels that never rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_gap.pattern import high_pass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Mask
+    from tof_gap.evidence import ViewEvidence
+
+LINE_PIXELS = 20
+"""Pixels that a line needs to have a mean."""
+SURE = 8.0
+"""Standard errors by which lines must scatter more than their pixels allow."""
+RESTLESS = 4.0
+"""Variance of a pixel over the views against its light's, from which it is restless (one in 10^5 of 12 quiet views)."""
+MIN_SEEN = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lines:
+    """Rows (axis 1) or columns (axis 0) that jump together: size in metres along the ray, standard errors above none."""
+
+    axis: int
+    size_m: float
+    sure: float
+
+
+def lines(views: Sequence[ViewEvidence], axis: int) -> Lines:
+    """Scatter common to the pixels along `axis`, from view to view.
+
+    Second differences across the lines, averaged along them, keep nothing smooth; their mean over the views, a fixed pattern,
+    is taken off. White pixels leave them a variance that each line's own pixels tell.
+    """
+    mean, white = (np.stack(a) for a in zip(*(_line_means(v, axis) for v in views), strict=True))
+    seen = np.isfinite(mean)
+    views_seen = seen.sum(axis=0)
+    seen &= views_seen >= MIN_SEEN
+    if not seen.any():
+        return Lines(axis, 0.0, 0.0)
+    n = np.maximum(views_seen, 2)
+    moving = (mean - np.where(seen, mean, 0.0).sum(axis=0) / n) ** 2 * n / (n - 1)
+    # A cap keeps one bad line from deciding; it takes 0.2 % of chi-square's mean.
+    ratio = np.minimum((moving / white)[seen], 12.0)
+    size2 = float(np.median(moving[seen]) / CHI2_MEDIAN - np.median(white[seen])) / 6.0
+    return Lines(axis, float(np.sqrt(max(size2, 0.0))), float((ratio - 1).sum() / np.sqrt(2 * len(ratio))))
+
+
+CHI2_MEDIAN = 0.4549
+"""Median of chi-square with one degree of freedom."""
+
+
+def _line_means(view: ViewEvidence, axis: int) -> tuple[Float, Float]:
+    """(L,) mean second difference across each line in metres, and the variance that white pixels would give it."""
+    r = np.where(view.smooth, view.residual * view.frame.length, np.nan)
+    d2 = np.diff(r, n=2, axis=1 - axis)
+    seen = np.isfinite(d2)
+    n = seen.sum(axis=axis)
+    enough = n >= LINE_PIXELS
+    count = np.maximum(n, 1)
+    mean = np.where(seen, d2, 0.0).sum(axis=axis) / count
+    spread = (np.where(seen, d2, 0.0) ** 2).sum(axis=axis) / count - mean**2
+    return np.where(enough, mean, np.nan), np.where(enough, np.maximum(spread, 1e-14) / count, np.nan)
+
+
+def jumps(view: ViewEvidence, axis: int) -> Float:
+    """(H, W) metres of z that the lines of a view have in common, to be taken off before structure is looked for."""
+    high = high_pass(view.residual * view.frame.length, view.smooth)
+    seen = np.isfinite(high)
+    n = seen.sum(axis=axis, keepdims=True)
+    mean = np.where(seen, high, 0.0).sum(axis=axis, keepdims=True) / np.maximum(n, 1)
+    return np.asarray(np.where(n >= LINE_PIXELS, mean, 0.0) / view.frame.length)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pixels:
+    """Pixels of the raster that scatter more than their light lets them: where, their share, and their size in metres."""
+
+    where: Mask
+    share: float
+    size_m: float
+
+
+def restless_pixels(views: Sequence[ViewEvidence]) -> Pixels:
+    """Pixels whose own variance over the views stands out; a constant error of theirs is a pattern and does not count."""
+    high = np.stack([_sharp(v) for v in views])
+    seen = np.isfinite(high)
+    n = seen.sum(axis=0)
+    known = n >= MIN_SEEN
+    centred = np.where(seen, high - np.where(seen, high, 0.0).sum(axis=0) / np.maximum(n, 1), 0.0)
+    variance = (centred**2).sum(axis=0) / np.maximum(n - 1, 1)
+    quiet = float(np.median(variance[known])) if known.any() else 1.0
+    where = known & (variance > RESTLESS * max(quiet, 1e-12) * (1 + 2 / np.sqrt(np.maximum(n, 1))))
+    share = float(where.sum() / max(known.sum(), 1))
+    sigma2 = float(np.mean([float(np.median(v.sigma[v.smooth] ** 2)) for v in views if v.smooth.any()] or [0.0]))
+    size2 = (float(variance[where].mean()) - quiet) * sigma2 if where.any() else 0.0
+    return Pixels(where, share, float(np.sqrt(max(size2, 0.0))))
+
+
+def _sharp(view: ViewEvidence) -> Float:
+    """(H, W) each pixel against its row's neighbours, in units of its scatter."""
+    r = np.where(view.smooth, view.residual, np.nan)
+    out = np.full(r.shape, np.nan)
+    out[:, 1:-1] = -np.diff(r, n=2, axis=1) / np.sqrt(6.0)
+    return np.asarray(out / view.sigma)
