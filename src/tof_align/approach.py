@@ -112,12 +112,15 @@ def _least_known(
     caster: Raycaster,
     config: AlignConfig,
 ) -> Float:
-    """(3, 6) unit directions, in the prior's deviations, in which the surfaces' tangent planes say least."""
+    """(3, 6) unit directions, in the prior's deviations, of which the surfaces that agree say least.
+
+    What disagrees must not be asked: a feature rendered in the wrong place would tie down the very slide that is needed.
+    """
     H = np.zeros((6, 6))
     for p, T in zip(pixels, local, strict=True):
         view = linearise(p, frame @ motion @ T, caster, config.weights)
         J = view.jacobian @ se3.adjoint(se3.inverse(T)) * prior_std
-        H += J.T @ J
+        H += (J * tukey(view.residual, config.verdict.support_mm * 1e-3)[:, None]).T @ J
     return np.asarray(np.linalg.eigh(H)[1][:, :3].T)
 
 

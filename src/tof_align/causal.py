@@ -15,7 +15,7 @@ from tof_align.chain import Chain, chain_of
 from tof_align.discrepancy import basis_of
 from tof_align.linearise import Linearised, linearise
 from tof_align.mixed import Mixed, Normal, estimate, solve
-from tof_align.observability import Observability, observe_block, pinned
+from tof_align.observability import Observability, most_disputed, observe_block, pinned
 from tof_align.pixels import Pixels, Sample, sample, take_pixels
 from tof_align.robust import first_look, weigh
 from tof_align.session import SessionSolution, solve_samples
@@ -42,6 +42,7 @@ class _Kept:
     T_cell_camera: Float
     gram: Float
     arm: Float
+    told: verdicts.Witness
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +52,7 @@ class _Fit:
     chain: Chain
     basis: Basis
     lin: Linearised
+    weights: Float
     gram: Float
     normal: Normal
     answer: Mixed
@@ -119,10 +121,12 @@ class SessionAligner:
         seen = self._observe(fit.chain, fit.answer)
         kept = _pin(fit, seen)
         moved = fit.chain.moved(kept.x, kept.own)
-        verdict = self._judge(taken, fit, kept, moved, seen)
+        explained = unmodelled(fit.chain, fit.basis, fit.lin, kept, len(self._kept)).sum(axis=1)
+        told = verdicts.witness_of(fit.lin, fit.weights, self.config, explained).moved(fit.chain.links(len(self._kept))[0][:, :6])
+        verdict = self._judge(taken, fit, explained, told, moved, seen)
         if not verdict.accepted:
             return self._refused(predicted, verdict.reason)
-        self._remember(taken, moved, fit)
+        self._remember(taken, moved, fit, told)
         T = moved.pose(-1)
         return Posed(
             T, se3.cov_fixed_axes(T, camera_cov(fit.chain, fit.answer, len(self._kept) - 1)), seen.at(T[:3, 3]), verdict=verdict.reason
@@ -144,16 +148,21 @@ class SessionAligner:
             fit = self._solved(chain, basis, lin, weights)
         return fit
 
-    def _judge(self, taken: Sample, fit: _Fit, kept: Mixed, moved: Chain, seen: Observability) -> verdicts.Verdict:
-        T_robot, last = _robot(taken), len(self._kept)
+    def _judge(
+        self, taken: Sample, fit: _Fit, explained: Float, told: verdicts.Witness, moved: Chain, seen: Observability
+    ) -> verdicts.Verdict:
+        T_robot = _robot(taken)
         before = verdicts.fit_of(linearise(taken.coarse, T_robot, self.caster, self.config.weights), self.config)
-        smooth = unmodelled(fit.chain, fit.basis, fit.lin, kept, last).sum(axis=1)
-        after = verdicts.fit_of(fit.lin, self.config, smooth)
-        return verdicts.judge(before, after, T_robot, moved.pose(last), _prior_cov(fit.chain), seen.names, self.config)
+        after = verdicts.fit_of(fit.lin, self.config, explained)
+        for k in self._kept:
+            told = told + k.told
+        prior = np.diag(self.config.priors.base**-2)
+        disputed = most_disputed(seen, fit.chain.frame(0), told.agreeing, told.everyone, prior)
+        return verdicts.judge(before, after, T_robot, moved.pose(-1), _prior_cov(fit.chain), seen.names, self.config, disputed)
 
     def _predicted(self, taken: Sample) -> Chain:
-        """The window's chain with the new view at its end; a new station is found from afar first."""
-        if self._chain is None or self._chain.names != (taken.station,):
+        """The window's chain with the new view at its end; a station is found from afar until one of its views is accepted."""
+        if self._chain is None or self._chain.names != (taken.station,) or not self._kept:
             self._close_station()
             fresh = chain_of([taken], self.config.priors)
             if self._chain is not None:
@@ -175,17 +184,17 @@ class SessionAligner:
         sizes = {kind: self._sizes.get(kind, d.start_mm * 1e-3) for kind in (*normal.kinds, *normal.own_kinds)}
         rounds = 3 if self._sizes else d.rounds
         answer = estimate(normal, sizes, rounds=rounds, low=d.floor_mm * 1e-3, high=d.ceiling_mm * 1e-3, pull=pull)
-        return _Fit(chain, basis, lin, gram, normal, answer, pull)
+        return _Fit(chain, basis, lin, weights, gram, normal, answer, pull)
 
     def _observe(self, chain: Chain, answer: Mixed) -> Observability:
         centre = chain.robot[:, :3, 3].mean(axis=0)
         prior = np.diag(self.config.priors.base**2)
         return observe_block(answer.cov[:6, :6], prior, chain.frame(0), centre, self.config.verdict)
 
-    def _remember(self, taken: Sample, moved: Chain, fit: _Fit) -> None:
+    def _remember(self, taken: Sample, moved: Chain, fit: _Fit, told: verdicts.Witness) -> None:
         self._basis, self._sizes, self._chain = fit.basis, dict(fit.answer.sizes), moved
         self._kept = [replace(k, arm=arm) for k, arm in zip(self._kept, moved.arm, strict=False)]
-        self._kept.append(_Kept(taken, fit.lin.T_cell_camera, fit.gram, moved.arm[-1]))
+        self._kept.append(_Kept(taken, fit.lin.T_cell_camera, fit.gram, moved.arm[-1], told))
         if len(self._kept) > self.window:
             self._fold(self._kept[:1])
             self._kept = self._kept[1:]

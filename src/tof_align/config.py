@@ -83,7 +83,9 @@ class VerdictConfig:
     """When an answer is given, and when not."""
 
     min_pixels: int = param(200, "fewer pixels on the CAD than this (of the raster) are no view of it", low=6)
-    min_support: float = param(0.5, "least share of those pixels that agree with the CAD", low=0.0, high=1.0)
+    min_support: float = param(
+        0.5, "least share of those pixels, and of what tells any one direction, that agrees with the CAD", low=0.0, high=1.0
+    )
     support_mm: float = param(15.0, "agreeing means closer than this (and than the kernel)", unit="mm", low=0.1)
     max_step: float = param(4.0, "largest step from the robot's pose, in its standard deviations", low=0.1)
     null_ratio: float = param(0.5, "a direction is known when the data are this much surer than the robot", low=1e-3)

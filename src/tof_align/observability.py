@@ -96,6 +96,30 @@ def observe_block(cov: Float, prior: Float, T_cell_frame: Float, centre: Float, 
     return observe(info, np.asarray(root, float), T_cell_frame, centre, lever=config.lever_m, ratio=config.null_ratio)
 
 
+def most_disputed(seen: Observability, T_cell_frame: Float, agreeing: Float, everyone: Float, prior: Float) -> tuple[float, str]:
+    """The known direction of which least is told by what agrees: the share of its information, and the direction in words.
+
+    A flat wall agrees with itself wherever it is slid to; what would tell the slide are few pixels, and where most of
+    those disagree the rest must not vouch for the pose.
+
+    Args:
+        seen: what the data leave open; those directions claim nothing.
+        T_cell_frame: the frame.
+        agreeing: (6, 6) information of the pixels that agree, about a right perturbation of the frame.
+        everyone: (6, 6) the same of all pixels.
+        prior: (6, 6) the same of the robot.
+    """
+    to_y = np.repeat([1.0, seen.lever], 3)[:, None] * centred(T_cell_frame, seen.centre)
+    known = np.linalg.svd(seen.null.reshape(-1, 6))[2][len(seen.null) :].T
+    if not known.size:
+        return 1.0, ""
+    back = np.linalg.solve(to_y, known)
+    root = np.linalg.inv(np.linalg.cholesky(back.T @ (everyone + prior) @ back))
+    shares, vectors = np.linalg.eigh(root @ back.T @ (agreeing + prior) @ back @ root.T)
+    direction = known @ root.T @ vectors[:, 0]
+    return float(shares[0]), describe(direction / np.linalg.norm(direction), seen.centre, seen.lever)
+
+
 def pinned(o: Observability, T_cell_frame: Float, moved: Float, strength: float = 1e12) -> tuple[Float, Float]:
     """Information (6, 6) and right side (6,) that hold a frame where it was along open directions.
 

@@ -15,7 +15,7 @@ from tof_align.chain import Chain, chain_of
 from tof_align.fit import Columns, Fitter
 from tof_align.linearise import Linearised, linearise
 from tof_align.mixed import Mixed, solve
-from tof_align.observability import Observability, observe_block, pinned
+from tof_align.observability import Observability, most_disputed, observe_block, pinned
 from tof_align.pixels import Sample, sample
 from tof_align.single import align_sample
 from tof_core import se3
@@ -187,7 +187,8 @@ def _conclude(
     seen = tuple(_observe_station(system, answer, s, seed, config) for s in range(S))
     kept = _keep(system, columns, answer, seen)
     chain = system.rig.moved(kept.x, kept.own)
-    judged = tuple(_judge_view(fitter, system, kept, columns, chain, seed, seen, v) for v in range(len(system.views)))
+    disputed = _disputed(system, kept, columns, seen, config)
+    judged = tuple(_judge_view(fitter, system, kept, columns, chain, seed, seen, disputed, v) for v in range(len(system.views)))
     if not any(j.accepted for j in judged):
         raise RefusedError(judged[0].reason, where="alignment", todo="check the scene, its placement and the robot's pose")
     k = 0 if columns is None else columns[0].shape[1]
@@ -235,6 +236,27 @@ def _keep(
     return solve(normal, answer.sizes, (H, b))
 
 
+def _disputed(
+    system: SessionSystem[Chain],
+    kept: Mixed,
+    columns: Sequence[Float] | None,
+    seen: Sequence[Observability],
+    config: AlignConfig,
+) -> list[tuple[float, str]]:
+    """Per station the direction of its base that its views dispute most; views that fit nowhere are no witnesses."""
+    if config.mode != "session":
+        return [(1.0, "") for _ in seen]
+    rig = system.rig
+    total = [verdicts.Witness(np.zeros((6, 6)), np.zeros((6, 6))) for _ in seen]
+    for v, view in enumerate(system.views):
+        explained = system.explained(kept, v, columns)
+        if verdicts.fit_of(view, config, explained).support >= config.verdict.min_support:
+            station = int(rig.station[v])
+            total[station] += verdicts.witness_of(view, system.weights[v], config, explained).moved(rig.links(v)[0][:, :6])
+    prior = np.diag(config.priors.base**-2)
+    return [most_disputed(o, rig.frame(s), t.agreeing, t.everyone, prior) for s, (o, t) in enumerate(zip(seen, total, strict=True))]
+
+
 def _judge_view(
     fitter: Fitter,
     system: SessionSystem[Chain],
@@ -243,13 +265,14 @@ def _judge_view(
     chain: Chain,
     seed: Chain,
     seen: Sequence[Observability],
+    disputed: Sequence[tuple[float, str]],
     v: int,
 ) -> verdicts.Verdict:
     config, T_seed = fitter.config, seed.pose(v)
     before = verdicts.fit_of(linearise(fitter.pixels[v], T_seed, fitter.caster, config.weights), config)
     after = verdicts.fit_of(system.views[v], config, system.explained(kept, v, columns))
-    null = seen[int(chain.station[v])].names
-    return verdicts.judge(before, after, T_seed, chain.pose(v), seed.prior_cov(v), null, config)
+    station = int(chain.station[v])
+    return verdicts.judge(before, after, T_seed, chain.pose(v), seed.prior_cov(v), seen[station].names, config, disputed[station])
 
 
 def _posed(

@@ -15,7 +15,7 @@ from tof_align.config import AlignConfig
 from tof_align.fit import Fitter
 from tof_align.linearise import linearise
 from tof_align.mixed import Mixed, solve
-from tof_align.observability import Observability, observe_block, pinned
+from tof_align.observability import Observability, most_disputed, observe_block, pinned
 from tof_align.pixels import Sample, sample
 from tof_core import se3
 from tof_core.capture import Posed, View
@@ -117,8 +117,11 @@ def _conclude(
         kept = solve(system.normal(), answer.sizes, (pull, right))
     T = rig.moved(kept.x, kept.own).T
     before = verdicts.fit_of(linearise(fitter.pixels[0], T_prior, fitter.caster, config.weights), config)
-    after = verdicts.fit_of(lin, config, system.explained(kept, 0))
-    verdict = verdicts.judge(before, after, T_prior, T, cov_prior, seen.names, config)
+    explained = system.explained(kept, 0)
+    after = verdicts.fit_of(lin, config, explained)
+    told = verdicts.witness_of(lin, system.weights[0], config, explained)
+    disputed = most_disputed(seen, rig.T, told.agreeing, told.everyone, np.asarray(np.linalg.inv(prior), float))
+    verdict = verdicts.judge(before, after, T_prior, T, cov_prior, seen.names, config, disputed)
     if not verdict.accepted:
         T, cov = T_prior, prior
     posed = Posed(T, se3.cov_fixed_axes(T, cov), seen.at(T[:3, 3]), verdict.accepted, verdict.reason)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.tof_align.made import ROBOT
 from tof_align.config import VerdictConfig
-from tof_align.observability import observe, observe_block, pinned
+from tof_align.observability import most_disputed, observe, observe_block, pinned
 from tof_core import se3
 
 EYE, ORIGIN = np.eye(4), np.zeros(3)
@@ -99,3 +99,25 @@ def test_pinning_undoes_what_was_moved_along_open_directions_and_nothing_else() 
     assert np.abs(final[1:3, 3]).max() < 1e-4
     assert np.abs(se3.so3_log(final[:3, :3])[0]) < 1e-4
     assert final[0, 3] == pytest.approx(0.01, abs=1e-3)
+
+
+def test_the_direction_is_found_of_which_least_agrees() -> None:
+    wall, side = plane(np.array([1.0, 0, 0])), plane(np.array([0.0, 1.0, 0]))
+    sides, floor = info_of(*side), info_of(*plane(np.array([0.0, 0, 1.0])))
+    everyone = info_of(*wall) + sides + floor
+    prior = np.linalg.inv(ROOT @ ROOT)
+    seen = observe(everyone, ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5)
+    share, name = most_disputed(seen, EYE, everyone - 0.8 * sides, everyone, prior)
+    assert share == pytest.approx(0.2, abs=0.01)
+    assert name == "slides along cell y"
+    assert most_disputed(seen, EYE, everyone, everyone, prior)[0] == pytest.approx(1.0)
+
+
+def test_what_the_data_leave_open_is_not_disputed() -> None:
+    wall, prior = info_of(*plane(np.array([1.0, 0, 0]))), np.linalg.inv(ROOT @ ROOT)
+    seen = observe(wall, ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5)
+    slide = np.diag([0.0, 1e8, 0.0, 0.0, 0.0, 0.0])
+    assert most_disputed(seen, EYE, wall, wall + slide, prior)[0] == pytest.approx(1.0)
+    assert most_disputed(seen, EYE, 0.0 * wall, wall, prior)[0] < 0.01
+    nothing = observe(0.0 * wall, ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5)
+    assert most_disputed(nothing, EYE, 0.0 * wall, wall, prior) == (1.0, "")
