@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.gap_check.record import SEAL, SEALED, digest
-from benchmarks.gap_check.separable import Truth, inseparable
+from benchmarks.gap_check.separable import Truth, inseparable, label_error, separable
 from tof_core.errors import DatasetError
 from tof_core.progress import progress
 
@@ -35,6 +35,10 @@ EVERYWHERE = frozenset(
 )
 
 
+UNSEEN = frozenset({"range_offset", "time_sync", "motion"})
+"""Effects beside which the pose itself is not to be seen, or is another at every tap."""
+
+
 @dataclass(frozen=True, slots=True)
 class Row:
     """How one case went; figures that do not apply are None."""
@@ -52,7 +56,10 @@ class Row:
     true_shrink: float | None
     covered: bool | None
     left_over_floor: float | None
+    label_mm: float | None
+    separable: bool | None
     seconds: float
+    cpu_s: float
     baselines: dict[str, bool]
 
 
@@ -73,7 +80,7 @@ def score_all(folder: Path, *, only: str = "") -> list[Row]:
 def score(sealed: Path, bag: Path, out: Path) -> Row:
     """One case."""
     case = json.loads((sealed / "case.json").read_text())
-    seconds = json.loads((out / "seconds.json").read_text())["wall_s"]
+    took = json.loads((out / "seconds.json").read_text())
     effects = tuple(sorted(case["effects"]))
     if not (out / "gap.json").exists():
         return Row(
@@ -90,7 +97,10 @@ def score(sealed: Path, bag: Path, out: Path) -> Row:
             true_shrink=None,
             covered=None,
             left_over_floor=None,
-            seconds=seconds,
+            label_mm=None,
+            separable=None,
+            seconds=took["wall_s"],
+            cpu_s=took["cpu_s"],
             baselines={},
         )
     report = json.loads((out / "gap.json").read_text())
@@ -117,18 +127,21 @@ def score(sealed: Path, bag: Path, out: Path) -> Row:
         true_shrink=true,
         covered=covered,
         left_over_floor=over,
-        seconds=seconds,
+        label_mm=label_error(truth, maps["T_cell_camera"]) if not miss and not case["left_out"] and not UNSEEN & set(effects) else None,
+        separable=separable(truth, case["left_out"]) if case["left_out"] else None,
+        seconds=took["wall_s"],
+        cpu_s=took["cpu_s"],
         baselines=_baselines(case, out),
     )
 
 
 def _baselines(case: dict[str, Any], out: Path) -> dict[str, bool]:
-    """Whether each baseline named the one effect, or none for a null; pairs and left-out effects are beyond them."""
+    """Whether each baseline said all of the truth: they name one effect or none, so pairs and withheld effects are beyond them."""
     path = out / "baselines.json"
-    if not path.exists() or case["kind"] in ("pair", "left-out"):
+    if not path.exists():
         return {}
-    truth = next(iter(case["effects"]), "none")
-    return {name: said == truth for name, said in json.loads(path.read_text()).items()}
+    truth = {"unknown"} if case["left_out"] else set(case["effects"]) or {"none"}
+    return {name: {said} == truth for name, said in json.loads(path.read_text()).items()}
 
 
 def judge(case: dict[str, Any], verdict: tuple[str, ...], truth: Truth) -> str:

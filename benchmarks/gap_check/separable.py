@@ -79,6 +79,38 @@ def inseparable(truth: Truth, effect: str, other: str) -> bool:
 
     The energy is that of the true map after pose alone.
     """
+    left = _left(truth, effect, (other,))
+    return left is not None and left[other] < LEFT * left[""]
+
+
+def separable(truth: Truth, effect: str) -> bool:
+    """Whether a withheld effect is seen in the session at all: neither pose nor any one other effect hides three quarters of it.
+
+    Of pose the share is taken of the map itself, arms and bases within the robot's priors. Loss, scatter and lost turns are no bias
+    that another could take over.
+    """
+    if f"bias_{effect}" not in truth.arrays or effect in GROSS:
+        return True
+    from tof_sensor.registry import VOCABULARY
+
+    left = _left(truth, effect, tuple(n for n in VOCABULARY if n != effect))
+    if left is None:
+        return True
+    return (
+        left[""] >= LEFT * left["all"]
+        and left[""] >= VISIBLE
+        and min(v for k, v in left.items() if k not in ("", "all")) >= LEFT * left[""]
+    )
+
+
+GROSS = frozenset({"phase_wrap", "flying_pixels", "quantization", "interference"})
+"""Biases that are no smooth field: edges, turns, steps and stripes that no other effect makes."""
+VISIBLE = 60.0
+"""Chi-square of a map after pose below which nobody can see it."""
+
+
+def _left(truth: Truth, effect: str, others: tuple[str, ...]) -> dict[str, float] | None:
+    """Chi-square of the true map: whole (`all`), after pose (an empty name), and after pose and each other effect's best shape."""
     from tof_gap.candidates import Candidate, candidates
     from tof_gap.columns import build
     from tof_gap.config import GapConfig
@@ -86,18 +118,39 @@ def inseparable(truth: Truth, effect: str, other: str) -> bool:
 
     true = truth.map(effect)
     if true is None:
-        return False
+        return None
     store, chain = truth.session()
-    hand_sd = GapConfig().hand_sd
     for v, view in enumerate(store.views):
         view.residual[...] = np.nan_to_num(true[v])
-    tested: list[Candidate] = [c for c in candidates(store.views, store.scene) if c.name == other]  # type: ignore[attr-defined]
-    design = build(store, tested, chain, hand_sd)
-    alone = fit(design.system, np.zeros(0, np.int64)).energy
-    best = min(
-        (fit(design.system, g, free_hand=c.effect is None).energy for c, g in zip(tested, design.groups, strict=True)), default=np.inf
-    )
-    return bool(best < LEFT * alone)
+    tested: list[Candidate] = [c for c in candidates(store.views, store.scene) if c.name in others]  # type: ignore[attr-defined]
+    design = build(store, tested, chain, GapConfig().hand_sd)
+    out = {"all": float(design.system.G[:, -1, -1].sum()), "": fit(design.system, np.zeros(0, np.int64)).energy}
+    for c, group in zip(tested, design.groups, strict=True):
+        energy = fit(design.system, group, free_hand=c.effect is None).energy
+        out[c.name] = min(energy, out.get(c.name, np.inf))
+    return out | {name: np.inf for name in others if name not in out}
+
+
+def label_error(truth: Truth, cameras: Float) -> float:
+    """Mean |label - true label| in mm over the views' CAD pixels, given where the diagnosis has the cameras (V, 4, 4)."""
+    from tof_core.bag import open_bag
+    from tof_scene.raycast import Raycaster
+    from tof_scene.render import render
+    from tof_scene.scene_file import load_scene
+
+    caster = Raycaster(load_scene(truth.bag / "scene" / "scene.yaml"))
+    with open_bag(truth.bag / "bag") as reader:
+        camera = next(iter(reader.captures())).camera
+    errors = []
+    for T, true in zip(cameras, truth.arrays["T_cell_camera"], strict=True):
+        a, b = (render(caster, camera, t, footprints=False, step=4).depth for t in (T, true))
+        # Pixels that fall on another surface are no label error of the pose.
+        near = np.abs(a - b) < OTHER_SURFACE_M
+        errors.append(float(np.abs(a - b)[near].mean()))
+    return 1e3 * float(np.mean(errors))
+
+
+OTHER_SURFACE_M = 0.03
 
 
 def _session(truth: Truth) -> tuple[ColumnStore, Chain]:

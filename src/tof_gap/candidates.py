@@ -105,7 +105,9 @@ def _global_effects(views: Sequence[ViewEvidence]) -> Iterator[tuple[Effect, str
         yield Multipath(modulation_mhz=mhz), f"{mhz:g} MHz"
     if "amplitude_bias" not in out:
         seen = np.concatenate([v.frame.amplitude.ravel()[v.pixels] for v in views])
-        yield AmplitudeBias(reference=float(np.median(seen[seen > 0]))), ""
+        middle = float(np.median(seen[seen > 0]))
+        for factor in (0.03, 0.2, 1.0, 5.0, 30.0):
+            yield AmplitudeBias(reference=factor * middle), f"none at {factor:g} times the middle amplitude"
         for mhz in (15.0, 30.0, 50.0, 65.0, 80.0, 90.0, 100.0, 110.0, 120.0):
             yield LensScatter(modulation_mhz=mhz), f"{mhz:g} MHz"
     if "temperature_drift" not in out:

@@ -87,7 +87,7 @@ def _in_units(
     candidate, group = design.candidates[member], design.groups[member]
     if candidate.effect is None:
         # X as the chain and its last step have it: the arms, which trade with it, are of that solution too.
-        x = se3.log(joint.chain.hand_eye @ se3.exp(joint.selection.fit.hand))
+        x = se3.log(joint.hand_eye)
         at = slice(6 * solution.stations, 6 * solution.stations + 6)
         sd = np.sqrt(np.diag(solution.cov)[at])
         return HandEye(*(float(v) for v in x)), dict(zip(HandEye.LINEAR, sd.tolist(), strict=True))

@@ -19,6 +19,7 @@ from tof_gap.radial import gate
 from tof_gap.select import Selector, deal
 from tof_gap.shrink import Shrink, blocks, measure
 from tof_gap.unexplained import Unexplained, look
+from tof_scene.maps import concavity_map
 from tof_sensor.effects.quantization import Quantization
 from tof_sensor.effects.radial_depth import RadialDepth
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_align.config import AlignConfig
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Image
     from tof_core.capture import View
     from tof_gap.config import GapConfig
     from tof_gap.evidence import ViewEvidence
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 MIN_VIEWS = 4
+CONCAVITY_STRIDE = 6
+"""Pixels between those whose sky is looked at."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +55,8 @@ class Diagnosis:
     """All that the report says; arrays are per view in bag order.
 
     residual: (H, W) metres measured minus rendered at the final joint poses, before any effect;
-    floor2: (H, W) m^2; shares: metres per named effect.
+    floor2: (H, W) m^2; shares: metres per named effect; concavity: (H, W) share of a pixel's sky that the scene fills;
+    cameras: (V, 4, 4) T_cell_camera, X and all.
     """
 
     verdict: tuple[str, ...]
@@ -66,7 +70,9 @@ class Diagnosis:
     residual: tuple[Float, ...]
     floor2: tuple[Float, ...]
     shares: Mapping[str, Sequence[Float]]
+    concavity: tuple[Image, ...]
     chain: Chain
+    cameras: Float
     joint: Joint
     fit_views: tuple[int, ...]
     held_out_views: tuple[int, ...]
@@ -123,9 +129,11 @@ def diagnose(
     gap = figures.shrink(list(figures.maps))
     common = np.sum([f.common for f in findings if f.common is not None] or [np.zeros(len(views))[:, None, None]], axis=0)
     leftover = [r - figures.total(list(figures.maps), v) - c for v, (r, c) in enumerate(zip(residual, common, strict=True))]
-    step = max((f.effect.step_m for f in findings if isinstance(f.effect, Quantization)), default=0.0)
+    step = max((f.effect.step_m / np.sqrt(12) for f in findings if isinstance(f.effect, Quantization)), default=0.0)
+    alike_m = float(np.hypot(step, COMMON_LEFT * np.sqrt(np.mean(np.square(np.nan_to_num(common))))))
     named_gross = any(f.name == "phase_wrap" for f in findings)
-    unexplained = look(evidence, leftover, floors, gap, caster.scene, gross_named=named_gross, step_m=step, nameless=nameless)
+    hollow = tuple(concavity_map(caster, v.rendering, CONCAVITY_STRIDE) for v in evidence)
+    unexplained = look(evidence, leftover, floors, gap, caster.scene, hollow, gross_named=named_gross, alike_m=alike_m, nameless=nameless)
     judged = tuple(Cause(c, figures.shrink([c.name]), figures.shrink([m for m in figures.maps if m != c.name]).shrink) for c in causes)
     share = explainable(evidence, leftover, fit_views, held, gap)
     verdict = sorted({*(c.verdict for c in causes), *(f.name for f in findings)})
@@ -143,7 +151,9 @@ def diagnose(
         tuple(residual),
         tuple(floors),
         figures.maps,
+        hollow,
         final,
+        np.stack([replace(final, hand_eye=joint.hand_eye).pose(v) for v in range(len(views))]),
         joint,
         fit_views,
         held,
@@ -194,6 +204,8 @@ def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
     return np.where(keep, view.residual, np.nan)
 
 
+COMMON_LEFT = 0.5
+"""Of scatter that neighbours have in common (rows, beats), what its description may leave."""
 OWN_SURE = 0.35
 """Second surface's share of a footprint from which half a pixel of pose decides which surface is the pixel's own."""
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_align.config import AlignConfig
+    from tof_core.arrays import Float
     from tof_core.capture import View
     from tof_gap.config import GapConfig
     from tof_gap.system import Fit
@@ -54,6 +55,11 @@ class Joint:
     views: tuple[ViewEvidence, ...]
     design: Design
     selection: Selection
+
+    @property
+    def hand_eye(self) -> Float:
+        """(4, 4) X of the solution."""
+        return np.asarray(self.chain.hand_eye @ se3.exp(self.selection.fit.hand))
 
 
 def solve(
@@ -174,7 +180,7 @@ SHAPES: dict[type[Effect], tuple[tuple[str, float], ...]] = {
     Wiggling: (("modulation_mhz", 0.2), ("modulation_mhz", 0.05), ("modulation_mhz", 0.012)),
     LensScatter: (("modulation_mhz", 0.1),),
     Multipath: (("modulation_mhz", 0.3),),
-    AmplitudeBias: (("reference", 7.0), ("reference", 0.6)),
+    AmplitudeBias: (("reference", 1.5), ("reference", 0.3)),
     Specular: (("lobe_deg", 0.3), ("gloss", 0.7), ("lobe_deg", 0.15), ("gloss", 0.4)),
 }
 """Which parameters of shape are searched for more finely, in turn, and how far (relative)."""

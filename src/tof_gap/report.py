@@ -43,7 +43,7 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str])
             "causes": [_cause(c) for c in d.causes] + [_finding(f) for f in d.findings],
             "where": {
                 "regions": [asdict(r) for r in found[:40]],
-                "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2, None).items()},
+                "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2, d.concavity).items()},
             },
             "unexplained": asdict(d.unexplained),
             "not_testable": d.not_testable,
@@ -114,7 +114,7 @@ def _missing(d: Diagnosis) -> dict[str, float]:
 
 def _pose(d: Diagnosis) -> dict[str, Any]:
     chain = d.chain
-    X = se3.log(d.joint.chain.hand_eye) if any(c.named.name == "hand_eye" for c in d.causes) else np.zeros(6)
+    X = se3.log(d.joint.hand_eye) if any(c.named.name == "hand_eye" for c in d.causes) else np.zeros(6)
     arm = np.array([se3.log(A) for A in chain.arm])
     return {
         "stations": [
@@ -170,6 +170,7 @@ def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str]) -> d
         station=np.array([v.view.station for v in d.evidence], np.int32),
         residual_m=np.stack(d.residual).astype(np.float32),
         region=np.stack(maps),
+        T_cell_camera=d.cameras,
         **shares,  # type: ignore[arg-type]
     )
     save_model(sensor_model(d), folder / "sensor.yaml")

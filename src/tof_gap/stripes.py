@@ -23,7 +23,7 @@ BAND = 1.5
 """Turns to either side that belong to one beat, whose envelope widens its line."""
 HIT = 25.0
 """Chi-square of a wave (two degrees of freedom) from which a view is hit."""
-STANDS_OUT = 6.0
+STANDS_OUT = 8.0
 """How far the best wave's energy must stand above the median wave's."""
 
 
@@ -47,7 +47,7 @@ def beat(views: Sequence[ViewEvidence]) -> Beat | None:
     hit = mine > max(HIT, 0.03 * mine.max())
     # Rows that jump have every wave across them alike: a beat must stand out of those of its own tilt too.
     usual = max(np.median(total), np.median(total[best % len(TILTS) :: len(TILTS)]))
-    if total[best] < STANDS_OUT * usual or not 2 <= hit.sum() < len(views):
+    if total[best] < STANDS_OUT * usual or not 3 <= hit.sum() < len(views):
         return None
     sizes = [float(np.mean(stripes(v, turns, tilt)[v.smooth] ** 2)) for v, h in zip(views, hit, strict=True) if h]
     return Beat(float(turns), float(tilt), hit, float(np.sqrt(np.mean(sizes))))

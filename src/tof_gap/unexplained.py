@@ -14,7 +14,7 @@ from tof_gap.where import by_quantity
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Image
     from tof_gap.evidence import ViewEvidence
     from tof_gap.kinds import Finding
     from tof_gap.shrink import Shrink
@@ -46,15 +46,16 @@ def look(
     floor2: Sequence[Float],
     gap: Shrink,
     scene: Scene,
+    concavity: Sequence[Image],
     *,
     gross_named: bool = False,
-    step_m: float = 0.0,
+    alike_m: float = 0.0,
     nameless: Sequence[Finding] = (),
 ) -> Unexplained:
     """Judge what is left (H, W) metres per view against the floor.
 
     Pixels off by more than any bias, away from edges, count too unless an effect named them (`gross_named`). Where
-    depth comes in steps of `step_m`, neighbours round alike: that much structure is the steps' own. Scatter, loss and mixing
+    neighbours err alike by a named scatter (steps, rows, beats), `alike_m` of structure is its own. Scatter, loss and mixing
     that show but may not be named (`nameless`) are unexplained too.
     """
     block, mean, expected, part = _block_means(views, left, floor2)
@@ -64,7 +65,7 @@ def look(
     size = 1e3 * float(np.sqrt(max(excess2, 0.0)))
     before2 = max((gap.before.rmse**2 - gap.floor_mm**2), 1e-9)
     gross = max(0.0, _gross_share(views) - GROSS_SHARE) if not gross_named else 0.0
-    structured = (size > np.hypot(STRUCTURED_MM, 1e3 * step_m / np.sqrt(12)) and size**2 > STRUCTURED_SHARE * before2) or gross > 0
+    structured = (size > np.hypot(STRUCTURED_MM, 1e3 * alike_m) and size**2 > STRUCTURED_SHARE * before2) or gross > 0
     energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
     if nameless:
         structured = True
@@ -73,7 +74,7 @@ def look(
     return Unexplained(
         size,
         structured=bool(structured),
-        depends_on=_depends_on(views, left, floor2) if structured else (),
+        depends_on=_depends_on(views, left, floor2, concavity) if structured else (),
         where=tuple(scene.parts[int(i)].name for i in order[:4]) if structured else (),
     )
 
@@ -117,10 +118,12 @@ def _block_means(
     return np.concatenate(n_all), np.concatenate(mean_all), np.concatenate(var_all), np.concatenate(part_all)
 
 
-def _depends_on(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float]) -> tuple[str, ...]:
+def _depends_on(
+    views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], concavity: Sequence[Image]
+) -> tuple[str, ...]:
     """Quantities whose bins' means carry a tenth or more of what is left, most first."""
     carried = {}
-    for name, bins in by_quantity(views, left, floor2, None).items():
+    for name, bins in by_quantity(views, left, floor2, concavity).items():
         n = np.array([b.pixels for b in bins], float)
         if len(n) < 3:
             continue

@@ -15,7 +15,7 @@ from tof_gap.shrink import BLOCK_PX
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Ints
+    from tof_core.arrays import Float, Image, Ints
     from tof_gap.evidence import ViewEvidence
     from tof_scene.scene import Scene
 
@@ -119,7 +119,7 @@ def by_quantity(
     views: Sequence[ViewEvidence],
     gap: Sequence[Float],
     floor2: Sequence[Float],
-    concavity: Sequence[Float] | None,
+    concavity: Sequence[Image],
     bins: int = 12,
 ) -> dict[str, list[Bin]]:
     """The gap against each quantity of DESIGN section 4, in bins of equal pixel numbers."""
@@ -127,10 +127,10 @@ def by_quantity(
     return {name: _bins(np.concatenate([q.ravel() for q in maps]), e, f, bins) for name, maps in _quantities(views, concavity).items()}
 
 
-def _quantities(views: Sequence[ViewEvidence], concavity: Sequence[Float] | None) -> dict[str, list[Float]]:
+def _quantities(views: Sequence[ViewEvidence], concavity: Sequence[Image]) -> dict[str, list[Float]]:
     shape = views[0].residual.shape
     rows, columns = np.mgrid[: shape[0], : shape[1]].astype(float)
-    out = {
+    return {
         "range_m": [v.frame.radial for v in views],
         "incidence_deg": [np.degrees(v.rendering.incidence.astype(np.float64)) for v in views],
         "amplitude": [v.frame.amplitude for v in views],
@@ -140,8 +140,8 @@ def _quantities(views: Sequence[ViewEvidence], concavity: Sequence[Float] | None
         "speed_m_s": [np.full(shape, np.linalg.norm(v.frame.context.twist[:3])) for v in views],
         "column": [columns] * len(views),
         "row": [rows] * len(views),
+        "concavity": [c.astype(np.float64) for c in concavity],
     }
-    return out | ({"concavity": list(concavity)} if concavity is not None else {})
 
 
 def _bins(quantity: Float, e: Float, floor2: Float, bins: int) -> list[Bin]:

@@ -18,17 +18,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Subsurface(Effect):
-    """dr = delay / cos(refracted), constant over one material of index 1.5 (TOF_EFFECTS A.17)."""
+    """dr = delay + aslant (1 - cos(incidence)), over one material (TOF_EFFECTS A.17).
+
+    A slab is longer aslant, a scattering medium lets light out sooner: the sign of `aslant_m` is the material's.
+    """
 
     NAME: ClassVar[str] = "subsurface"
-    LINEAR: ClassVar[tuple[str, ...]] = ("delay_m",)
+    LINEAR: ClassVar[tuple[str, ...]] = ("delay_m", "aslant_m")
 
     delay_m: float = param(0.0, "added along the ray at normal incidence", unit="m", low=0.0, high=0.1)
+    aslant_m: float = param(0.0, "added besides at grazing incidence", unit="m", low=-0.1, high=0.1)
     part: int = param(0, "index of the part in the scene", low=0)
 
     def columns(self, frame: Frame) -> Float:
-        """One over the cosine inside, on the pixels of the part."""
-        sine = np.sin(np.nan_to_num(frame.rendering.incidence)) / 1.5
-        inside = 1 / np.sqrt(1 - sine * sine)
+        """One, and how far the incidence is from normal, on the pixels of the part."""
         here = frame.rendering.part == self.part
-        return stack([np.where(here, inside, 0.0) / frame.length], frame)
+        aslant = 1 - np.cos(np.nan_to_num(frame.rendering.incidence))
+        return stack([np.where(here, x, 0.0) / frame.length for x in (np.ones_like(aslant), aslant)], frame)
