@@ -160,10 +160,19 @@ def _whole(path: Path, files: list[Path]) -> WholeBag:
     stack = ExitStack()
     try:
         with _one_line(path):
-            return WholeBag(path, files, stack)
+            return WholeBag(path, [_by_another_name(f, stack) for f in files], stack)
     except BagError:
         stack.close()
         raise
+
+
+def _by_another_name(path: Path, stack: ExitStack) -> Path:
+    """A folder called `run.bag` under a name that rosbags does not take for a ROS 1 file."""
+    if path.suffix != ".bag" or not path.is_dir():
+        return path
+    link = Path(stack.enter_context(TemporaryDirectory())) / "bag"
+    link.symlink_to(path.resolve())
+    return link
 
 
 def _sqlite(path: Path, files: list[Path]) -> WholeBag:

@@ -84,6 +84,15 @@ def test_a_view_of_something_else_is_refused_and_teaches_nothing() -> None:
     assert pose_error(posed.T_cell_camera, truth[4])[0] < 1.0
 
 
+def test_a_station_is_looked_for_until_one_of_its_views_is_accepted() -> None:
+    views, truth = session(section(), views=4, stations=1)
+    other, _ = session(foreign(), views=4, stations=1)
+    aligner = SessionAligner(section(), CONFIG)
+    posed = [aligner.push(v) for v in (replace(other[0], robot=views[0].robot), *views[1:])]
+    assert [p.accepted for p in posed] == [False, True, True, True]
+    assert max(pose_error(p.T_cell_camera, t)[0] for p, t in zip(posed[1:], truth[1:], strict=True)) < 2.0
+
+
 def test_a_view_past_the_parts_is_refused_without_an_exception() -> None:
     views, _ = session(section(), views=3, stations=1)
     blind = replace(views[1], depth=np.full_like(views[1].depth, np.nan))

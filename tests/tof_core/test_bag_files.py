@@ -62,6 +62,13 @@ def test_every_way_to_compress_a_bag(tmp_path: Path, plugin: str, mode: str, ver
     check(tmp_path / "bag")
 
 
+def test_a_folder_may_be_called_as_ros_1_called_its_files(tmp_path: Path) -> None:
+    bags.write(tmp_path / "run.bag")
+    check(tmp_path / "run.bag")
+    with open_bag(tmp_path / "run.bag") as reader:
+        assert reader._files.path == tmp_path / "run.bag"
+
+
 @pytest.mark.parametrize("finished", [True, False])
 def test_a_recording_split_into_files(tmp_path: Path, finished: bool) -> None:  # noqa: FBT001
     from rosbags.rosbag2 import StoragePlugin, Writer
