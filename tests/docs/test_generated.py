@@ -7,16 +7,12 @@ import inspect
 import re
 import shlex
 from importlib import import_module
-from typing import TYPE_CHECKING
 
 import pytest
 
 from tof_core.config import table
 from toftwin import cli
 from toftwin.graph import NODES
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytest.importorskip("rclpy", reason="no ROS 2 here: the nodes cannot be asked")
 make_docs = import_module("make_docs")
@@ -62,13 +58,3 @@ def test_the_examples_are_calls_that_the_parser_takes(name: str) -> None:
         words = shlex.split(line)
         assert words[:2] == ["toftwin", name]
         make_docs.subparser(name).parse_args(words[2:])
-
-
-@pytest.mark.parametrize("page", ["contracts.md", "walkthrough.md"])
-def test_commands_in_the_pages_are_calls_that_the_parser_takes(page: str, repository: Path) -> None:
-    """Every indented `toftwin` line, comments aside."""
-    lines = re.findall(r"^    (?:\.venv/bin/)?toftwin (.+)$", (repository / "docs" / page).read_text(), re.MULTILINE)
-    assert lines
-    for line in lines:
-        name, *words = shlex.split(line, comments=True)
-        make_docs.subparser(name).parse_args(words)
