@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tof_core.capture import Colour
     from tof_inspect.config import ColourConfig
     from tof_inspect.light import Light
+    from tof_inspect.without import Without
     from tof_scene.raycast import Hits, Raycaster
 
 GAMMA = 2.2
@@ -95,7 +96,7 @@ class Colours:
         """How many pairs of pictures share enough to tell how the light changed."""
         return len(self._pairs)
 
-    def log_ratio(self, without: Raycaster, part: int) -> float:
+    def log_ratio(self, without: Without, part: int) -> float:
         """Log likelihood of present over absent; 0 where the pictures do not tell.
 
         Pictures share the light and its surprises, so that n of them count as the root of n.
@@ -104,7 +105,7 @@ class Colours:
         told = [v for v in said if v != 0.0]
         return float(np.sum(told) / np.sqrt(len(told))) if told else 0.0
 
-    def _vote(self, then: Picture, now: Picture, light: Light, without: Raycaster, part: int) -> float:
+    def _vote(self, then: Picture, now: Picture, light: Light, without: Without, part: int) -> float:
         """One pair: is the middle colour of the part's pixels rather what the part was, or what is seen beside and behind it?"""
         rows, cols = self._box(now, part)
         if not len(rows):
@@ -118,7 +119,8 @@ class Colours:
         if int(known.sum()) < self._config.min_pixels:
             return 0.0
         there = _density(np.median(error[known], axis=0), light.sigma, self._config)
-        behind, _ = now.look(without, rows[mine], cols[mine])
+        T = now.T_cell_camera
+        behind = without.cast(T[:3, 3], now.camera.rays()[rows[mine], cols[mine]] @ T[:3, :3].T)
         gone = self._behind(tones, hits, mine[known], behind.part[known], behind.normal[known], light)
         return there - gone
 

@@ -19,8 +19,10 @@ class ColourConfig:
     min_pixels: int = param(12, "pixels of the part, and of what is behind it, that must be known", low=1)
     alike: float = param(0.8, "surroundings face the same way as what is behind the part: cosine at least", low=0.0, high=1.0)
     light_pixels: int = param(6000, "pixels that tell how the light changed", low=200)
-    light_floor: float = param(0.1, "brightness never counts as known better than this (log)", low=0.001)
-    tint_floor: float = param(0.03, "nor the ratio of two channels (log)", low=0.001)
+    light_floor: float = param(
+        0.35, "brightness never counts as known better than this (log): near lamps, gloss, light from neighbours", low=0.001
+    )
+    tint_floor: float = param(0.03, "nor the ratio of two channels better than this (log)", low=0.001)
     surprise: float = param(0.1, "share of parts whose light nobody could foresee", low=1e-3, high=0.9)
 
     @property

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_inspect.config import InspectConfig
     from tof_inspect.evidence import Seen
+    from tof_inspect.without import Without
     from tof_scene.raycast import Raycaster
     from tof_scene.scene import Part
 
@@ -37,7 +38,7 @@ class Fit:
     ratio: float
 
 
-def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Raycaster, config: InspectConfig) -> Fit:
+def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Without, config: InspectConfig) -> Fit:
     """Where the part is, by the pixels that may see it in all views together.
 
     Args:
@@ -152,7 +153,7 @@ class _Patch:
         return _Patch(self.origin, self.rays[k], self.z[k], self.scale[k], self.behind[k], k[k])
 
 
-def _patch(seen: Seen, part: Float, margin: float, bare: Raycaster, config: InspectConfig) -> _Patch | None:
+def _patch(seen: Seen, part: Float, margin: float, bare: Without, config: InspectConfig) -> _Patch | None:
     """What a view has in the box that the part may fill; None where that is nothing."""
     T = seen.posed.T_cell_camera
     camera = seen.view.camera

@@ -13,8 +13,10 @@ from tof_scene.render import render
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints, Mask
+    from tof_core.camera import Camera
     from tof_core.capture import Posed, View
     from tof_inspect.config import InspectConfig
+    from tof_inspect.without import Without
     from tof_scene.raycast import Raycaster
     from tof_scene.rendering import Rendering
 
@@ -78,7 +80,7 @@ def agreement(seen: Seen) -> float:
     return float((error[clear] < np.maximum(0.01, 4.0 * seen.noise[clear])).mean()) if clear.any() else 0.0
 
 
-def weigh(seen: Seen, without: Raycaster, part: int, config: InspectConfig) -> Evidence:
+def weigh(seen: Seen, without: Without, part: int, config: InspectConfig) -> Evidence:
     """The likelihood ratio of one part in one view.
 
     A pixel's likelihood is a Gaussian of its sigma beside a share `outliers` that is flat over `wide_m` (a mirror, a cable,
@@ -87,7 +89,7 @@ def weigh(seen: Seen, without: Raycaster, part: int, config: InspectConfig) -> E
     """
     view, whole = seen.view, seen.whole
     covered = whole.part == part
-    present, absent = whole.depth.astype(float), _render_at(without, seen, covered)
+    present, absent = whole.depth.astype(float), render_at(without, view.camera, seen.posed.T_cell_camera, covered)
     both = covered & view.valid & np.isfinite(present) & np.isfinite(absent)
     gap = np.abs(present - absent)
     outstanding = both & (gap > config.stand_out * seen.noise)
@@ -116,11 +118,10 @@ def _clearest(choices: list[Mask], enough: int = 20) -> Ints:
     return np.flatnonzero(choices[-1])
 
 
-def _render_at(without: Raycaster, seen: Seen, where: Mask) -> Float:
-    """(H, W) z of the scene without the part, at the pixels that matter only."""
+def render_at(without: Without, camera: Camera, T: Float, where: Mask) -> Float:
+    """(H, W) z of the scene without the part, at the pixels that matter only; NaN elsewhere."""
     out = np.full(where.shape, np.nan)
-    T = seen.posed.T_cell_camera
-    rays = seen.view.camera.rays()[where]
+    rays = camera.rays()[where]
     if len(rays):
         out[where] = without.cast(T[:3, 3], rays @ T[:3, :3].T).t
     return out

@@ -15,6 +15,7 @@ from tof_inspect.colour import Colours, Picture
 from tof_inspect.config import InspectConfig
 from tof_inspect.displaced import Fit, fit_part
 from tof_inspect.evidence import Evidence, agreement, see, weigh
+from tof_inspect.without import Split
 from tof_scene.raycast import Raycaster
 from tof_scene.scene import Scene
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
     from tof_core.capture import Posed, View
     from tof_inspect.evidence import Seen
+    from tof_inspect.without import Without
     from tof_scene.scene import Part
 
 
@@ -65,7 +67,7 @@ class Inspection:
 
 
 class Inspector:
-    """A scene made ready: a ray caster without each part that is inspected, made when first asked for.
+    """A scene made ready: what stays and what is inspected as two trees, each part alone when first asked for.
 
     `first`: pictures of the complete scene; colour is weighed against them. They may be set later.
     """
@@ -79,14 +81,12 @@ class Inspector:
         self.names = tuple(part.name for part in self.scene.parts if part.inspect)
         if not self.names:
             raise SceneError("no part has `inspect: true`", where=self.scene.folder, todo="mark the parts to inspect in scene.yaml")
-        self._without: dict[str, Raycaster] = {}
+        self._split = Split(self.scene)
         self._alone: dict[str, Raycaster] = {}
 
-    def without(self, name: str) -> Raycaster:
+    def without(self, name: str) -> Without:
         """The scene without one part."""
-        if name not in self._without:
-            self._without[name] = Raycaster(self.scene.without(name))
-        return self._without[name]
+        return self._split.without(self.scene.index(name))
 
     def alone(self, name: str) -> Raycaster:
         """One part alone."""

@@ -42,8 +42,8 @@ def fit_light(caster: Raycaster, then: Picture, now: Picture, fixed: Mask, confi
         return None
     X, y = _basis(hits.normal[use[known]]), change[known]
     terms = np.zeros((4, 3))
-    for k, floor in enumerate(config.floors):
-        terms[:, k] = _least_absolute(X, y[:, k], floor)
+    for k in range(3):
+        terms[:, k] = _least_absolute(X, y[:, k])
     left = np.abs(y - X @ terms)
     return Light(terms, np.maximum(1.4826 * np.median(left, axis=0), config.floors))
 
@@ -52,12 +52,12 @@ def _basis(normals: Float) -> Float:
     return np.concatenate([np.ones((len(normals), 1)), normals], axis=1)
 
 
-def _least_absolute(X: Float, y: Float, floor: float, rounds: int = 12) -> Float:
+def _least_absolute(X: Float, y: Float, rounds: int = 12, least: float = 0.02) -> Float:
     """Iteratively reweighted least squares; directions that few surfaces have stay small."""
     weight = np.ones(len(y))
     terms = np.zeros(X.shape[1])
     for _ in range(rounds):
         H = (X * weight[:, None]).T @ X + 1e-3 * weight.sum() * np.diag([0.0, 1, 1, 1])
         terms = np.linalg.solve(H, X.T @ (weight * y))
-        weight = 1.0 / np.maximum(np.abs(y - X @ terms), floor)
+        weight = 1.0 / np.maximum(np.abs(y - X @ terms), least)
     return terms

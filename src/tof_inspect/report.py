@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core import se3
+from tof_inspect.evidence import render_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,8 +76,9 @@ def picture(inspector: Inspector, verdict: PartVerdict, views: Sequence[View], p
     if not covered.any():
         return ""
     box = _box(covered, margin)
-    bare = render(inspector.without(verdict.name), view.camera, pose.T_cell_camera, footprints=False)
-    return _png([view.depth[box], whole.depth[box], bare.depth[box]], covered[box])
+    behind = render_at(inspector.without(verdict.name), view.camera, pose.T_cell_camera, covered)
+    bare = np.where(covered, behind, whole.depth).astype(np.float32)
+    return _png([view.depth[box], whole.depth[box], bare[box]], covered[box])
 
 
 def _size(inspector: Inspector, posed: Posed, view: View, name: str) -> float:
