@@ -18,7 +18,7 @@ from tof_preproc.stack import Stack
 
 if TYPE_CHECKING:
     from tof_core.arrays import Image
-    from tof_core.capture import Capture
+    from tof_core.capture import Capture, Colour
     from tof_preproc.config import MotionConfig, PreprocConfig
 
 
@@ -37,6 +37,7 @@ class Dwell:
         self._light: Image | None = None
         self._lit: Image | None = None
         self._quantum = quantum_of(first.depth)
+        self._colour: Colour | None = None
 
     def takes(self, capture: Capture) -> bool:
         """Whether the capture belongs to this dwell: same camera and place, soon after, and room for it."""
@@ -56,6 +57,7 @@ class Dwell:
         stages.apply(self._before, frame, self._config, self._report)
         self._stack.add(frame.depth, frame.reason)
         self._add_light(capture.amplitude)
+        self._colour = capture.colour or self._colour
         self.last = capture
 
     def _add_light(self, amplitude: Image | None) -> None:
@@ -87,7 +89,7 @@ class Dwell:
             station=self.station,
             captures=self._stack.captures,
             amplitude=amplitude,
-            colour=last.colour,
+            colour=self._colour,
             temperature=last.temperature,
             noise=np.where(valid, result.noise, np.nan).astype(np.float32),
         )

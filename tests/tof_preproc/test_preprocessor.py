@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.tof_frames import captures, edge_rich, noise_of, plane
 from tof_core import se3
-from tof_core.capture import Capture, RobotPose, View
+from tof_core.capture import Capture, Colour, RobotPose, View
 from tof_core.config import from_mapping
 from tof_core.reasons import Reason
 from tof_preproc.config import PreprocConfig
@@ -138,6 +138,14 @@ def test_what_a_stage_could_not_do_is_said() -> None:
         "iqr": "1 of the 5 captures it needs",
         "sigma3": "1 of the 3 captures it needs",
     }
+
+
+def test_the_dwell_s_last_colour_image_is_the_view_s() -> None:
+    """A robot takes one colour picture a stop; the depth images after it have none within reach."""
+    frames = captures(plane(), 3)
+    picture = Colour(np.zeros((4, 4, 3), np.uint8))
+    (view,) = accumulate_views([frames[0], replace(frames[1], colour=picture), frames[2]], PreprocConfig())
+    assert view.colour is picture
 
 
 def test_captures_are_left_as_they_were() -> None:
