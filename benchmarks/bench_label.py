@@ -25,6 +25,7 @@ from tof_scene.scene import Part, Scene
 from tof_sim_label.config import LabelConfig
 from tof_sim_label.dataset import Dataset, DatasetWriter
 from tof_sim_label.label import Label, label_view
+from tof_sim_label.labeller import label_session
 from tof_sim_label.schema import Attributes
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class Labelled:
 
 def run() -> list[Figure]:
     """Every figure of this room."""
-    return [*speed(), *truth(), *honesty(), *unseen(), *keeping()]
+    return [*speed(), *truth(), *cloud(), *honesty(), *unseen(), *keeping()]
 
 
 def speed() -> list[Figure]:
@@ -123,6 +124,25 @@ def truth() -> list[Figure]:
             "mm",
             remark=f"median pose off by {result.pose_mm:.3f} mm, {result.pose_deg:.4f} deg; {100 * result.masked:.1f} % of the CAD's pixels masked",
         )
+    ]
+
+
+def cloud() -> list[Figure]:
+    """One session by its depth images and by its point clouds: filtered, aligned and labelled each for itself."""
+    from tof_core.bag import BagOptions, open_bag
+    from toftwin.pipeline import PipelineConfig, ViewStream
+
+    plan = {"plan": {"views": 6, "stations": 2, "captures": 4}, "output": {"points": True, "encoding": "32FC1"}, "seed": 6}
+    session = recorded("body_section", plan)
+    made = []
+    for options in (BagOptions(depth_topic="/depth/hand/image"), BagOptions(points_topic="/depth/hand/points")):
+        with open_bag(session.bag, options, cell_frame=session.scene.frame) as reader:
+            made.append([label for _, label in label_session(list(ViewStream(reader, PipelineConfig())), Raycaster(session.scene))[1]])
+    apart = np.concatenate([1e3 * np.abs(a.depth - b.depth)[(a.mask == 1) & (b.mask == 1)] for a, b in zip(*made, strict=True)])
+    moved = max(1e3 * se3.distance(a.posed.T_cell_camera, b.posed.T_cell_camera)[0] for a, b in zip(*made, strict=True))
+    remark = f"{apart.size} pixels of {len(made[0])} views, depth as 32FC1; poses apart by {moved:.2g} mm at most"
+    return [
+        at_most("labels of the same views by PointCloud2 and by Image, largest difference", float(apart.max()), 0.1, "mm", remark=remark)
     ]
 
 

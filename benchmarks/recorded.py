@@ -41,14 +41,19 @@ class Recorded:
             return [View.of_capture(c, tracker.push(c.stamp_ns, c.robot.T_cell_body)) for c in reader.captures() if c.robot is not None]
 
 
-def recorded(name: str, config: Mapping[str, Any], effects: Mapping[str, float] | None = None) -> Recorded:
+def recorded(name: str, config: Mapping[str, Any], effects: Mapping[str, float] | None = None, *, astray: bool = False) -> Recorded:
     """A session in a built-in scene with these values of `VirtualConfig` and these effects."""
-    return recorded_in(name, make_builtin(name), config, effects)
+    return recorded_in(name, make_builtin(name), config, effects, astray=astray)
 
 
-def recorded_in(name: str, scene: Scene, config: Mapping[str, Any], effects: Mapping[str, float] | None = None) -> Recorded:
-    """The same in any scene; as in `toftwin simulate`, the robot comes to look at the parts to be inspected."""
-    bodies = [Body(p.name, p.vertices, p.faces, p.material.albedo, p.material.roughness, p.inspect) for p in scene.parts]
+def recorded_in(
+    name: str, scene: Scene, config: Mapping[str, Any], effects: Mapping[str, float] | None = None, *, astray: bool = False
+) -> Recorded:
+    """The same in any scene.
+
+    As in `toftwin simulate`, the robot comes to look at the parts to be inspected; `astray` it looks at anything in the cell.
+    """
+    bodies = [Body(p.name, p.vertices, p.faces, p.material.albedo, p.material.roughness, p.inspect and not astray) for p in scene.parts]
     subjects = [b.name for b in bodies if b.subject]
     key = digest_config({"scene": scene.digest, "subjects": subjects, "config": dict(config), "effects": dict(effects or {})})
     bag = FOLDER / f"{name}-{key}"
