@@ -17,6 +17,7 @@ from tof_core.options import NOT_WANTED
 from tof_core.tf import TransformBuffer
 from tof_preproc.config import stages_of
 from tof_preproc.live import PreprocNodeConfig, input_topics
+from tof_preproc.preprocessor import warm_up
 from tof_preproc.stream import PreprocStream, Processed
 from tof_ros import messages, qos
 from tof_ros.base import RoomNode
@@ -64,6 +65,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         )
         self._tf = TransformListener(self, self._stream.transforms, self._advance)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        warm_up()  # the first time ever this compiles for some 20 s: better before frames come than while they wait
         self._subscribe()
         self._say_stages()
         self.timer(PERIOD_S, self._tick)

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded session played over DDS again and again, restamped, at any rate: the camera and the robot of a long run."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import defaultdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rclpy.serialization import deserialize_message
+
+from tof_ros import messages, qos
+from tof_ros.recorder import message_class
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from tof_core.bag import BagReader
+
+ROOMS = ("preproc", "label", "infer")
+
+
+class LoopedCamera:
+    """Publishes a bag's messages at `hz` frames a second on average, and hears what became of each frame.
+
+    Stamps are this host's clock, rising through all loops; so that TF covers its frames, messages go out in the order of their stamps.
+    """
+
+    def __init__(self, node: Node, reader: BagReader, hz: float) -> None:
+        """Read the bag into memory, find the graph's topics."""
+        from sensor_msgs.msg import Image, TimeReference
+
+        self._node, self._frames_topic = node, reader.topics.depth
+        wanted = [t for t in reader.types if t != "/tf_static" and not t.startswith(("/diagnostics", "/rosout"))]
+        raw = list(reader.messages(tuple(wanted)))
+        kinds = {m.topic: message_class(m.type) for m in raw}
+        self._events = [(m.stamp_ns, m.topic, deserialize_message(m.cdr, kinds[m.topic])) for m in raw]
+        frames = [stamp for stamp, topic, _ in self._events if topic == self._frames_topic]
+        step_ns = (frames[-1] - frames[0]) / (len(frames) - 1)
+        self._speed = hz * step_ns * 1e-9
+        self._first, self._loop_ns = raw[0].stamp_ns, round(raw[-1].stamp_ns - raw[0].stamp_ns + step_ns)
+        self._out = {
+            topic: node.create_publisher(kind, topic, qos.TF if topic == "/tf" else qos.sensor(reliable=True, depth=64))
+            for topic, kind in kinds.items()
+        }
+        self._static = node.create_publisher(message_class("tf2_msgs/msg/TFMessage"), "/tf_static", qos.TF_STATIC)
+        for m in reader.messages(("/tf_static",)):
+            self._static.publish(deserialize_message(m.cdr, message_class(m.type)))
+        self.sent: dict[int, float] = {}
+        self.fates: dict[str, dict[int, str]] = defaultdict(dict)
+        self.latencies: list[float] = []
+        self._stop = threading.Event()
+        for room in ROOMS:
+            node.create_subscription(TimeReference, f"{room}/done", lambda m, room=room: self._answered(room, m), qos.RECORD)
+        node.create_subscription(Image, "infer/depth", self._inferred, qos.RECORD)
+
+    def _answered(self, room: str, message: Any) -> None:
+        self.fates[room][messages.to_ns(message.header.stamp)] = message.source
+
+    def _inferred(self, message: Any) -> None:
+        if (sent := self.sent.get(messages.to_ns(message.header.stamp))) is not None:
+            self.latencies.append(time.monotonic() - sent)
+
+    @property
+    def heard(self) -> bool:
+        """Whether every node of the graph listens."""
+        return bool(self._out[self._frames_topic].get_subscription_count() >= 2) and bool(self._node.count_subscribers("preproc/dwell"))
+
+    def play(self, seconds: float) -> float:
+        """Publish for so long (or until `stop`); gives the rate that was reached, in frames a second."""
+        before, begin, start_ns = len(self.sent), time.monotonic(), time.time_ns()
+        loop = 0
+        while not self._stop.is_set() and time.monotonic() - begin < seconds:
+            for stamp, topic, message in self._events:
+                due = (stamp - self._first + loop * self._loop_ns) / self._speed
+                if due * 1e-9 > seconds or self._stop.wait(max(due * 1e-9 - (time.monotonic() - begin), 0.0)):
+                    break
+                self._send(topic, message, start_ns + round(due))
+            loop += 1
+        return (len(self.sent) - before) / (time.monotonic() - begin)
+
+    def _send(self, topic: str, message: Any, stamp_ns: int) -> None:
+        stamp = messages.to_stamp(stamp_ns)
+        for part in getattr(message, "transforms", None) or [message]:
+            part.header.stamp = stamp
+        if topic == self._frames_topic:
+            self.sent[stamp_ns] = time.monotonic()
+        self._out[topic].publish(message)
+
+    def stop(self) -> None:
+        """End `play` early."""
+        self._stop.set()
+
+    def lost(self, room: str) -> int:
+        """Frames that a room has not answered `kept`; those that preproc skipped count here too."""
+        return sum(self.fates[room].get(stamp) != "kept" for stamp in self.sent)
+
+    def settle(self, seconds: float = 15.0) -> None:
+        """Wait until every room has answered, as long as answers come."""
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline and any(len(self.fates[room]) < len(self.sent) for room in ROOMS):
+            time.sleep(0.1)
+
+    def latency_ms(self, percentile: float) -> float:
+        """From publishing a raw frame to hearing its repaired one."""
+        return 1e3 * float(np.percentile(self.latencies, percentile)) if self.latencies else float("nan")
