@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 DOMAINS = range(1, 102)
 """Up to 101 a domain's ports lie below Linux's range of ephemeral ports; 0 is everybody's default."""
 
+TRANSPORT_CHOICES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS")
+"""A user who sets one of these has chosen the transports."""
+
 
 @contextmanager
 def ros_context(args: Sequence[str] = (), *, domain: int | None = None) -> Iterator[Context]:
@@ -28,7 +31,7 @@ def ros_context(args: Sequence[str] = (), *, domain: int | None = None) -> Itera
 
     Discovery stays on this host unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise.
     """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    keep_to_this_host()
     import rclpy
 
     context = rclpy.Context()
@@ -38,6 +41,16 @@ def ros_context(args: Sequence[str] = (), *, domain: int | None = None) -> Itera
         yield context
     finally:
         context.try_shutdown()
+
+
+def keep_to_this_host() -> None:
+    """Neither discover nor listen beyond this host, unless the environment asks for it.
+
+    Discovery alone does not close the ports: Fast DDS binds them on every interface and then ignores who calls. Another middleware ignores the profile.
+    """
+    reach = os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if reach == "LOCALHOST" and not any(name in os.environ for name in TRANSPORT_CHOICES):
+        os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(Path(__file__).with_name("this_host.xml"))
 
 
 def named_domain() -> int:

@@ -22,6 +22,9 @@ STEP_TOLERANCE_M = 1e-5
 STEP_ANGLE = 0.1
 """Largest angle in radians between neighbouring triangles of a curved STEP surface."""
 
+ARCHIVES = {".zip", ".gz", ".bz2", ".xz"}
+"""trimesh would unpack them into memory, however far they go."""
+
 
 def load_mesh(path: Path) -> tuple[Float, NDArray[np.int32]]:
     """Vertices (n, 3) float64 in the file's unit (STEP and GLB: metres) and faces (m, 3) int32.
@@ -31,6 +34,8 @@ def load_mesh(path: Path) -> tuple[Float, NDArray[np.int32]]:
     """
     if not path.is_file():
         raise SceneError("the mesh is missing", where=path, todo="mesh paths are relative to scene.yaml")
+    if path.suffix.lower() in ARCHIVES:
+        raise SceneError("the mesh is an archive", where=path, todo="unpack it and name the mesh inside")
     if not path.stat().st_size:
         raise SceneError("the mesh is empty (a file of 0 bytes)", where=path, todo="export it again")
     bodies = _bodies(path)
