@@ -228,6 +228,22 @@ def test_a_quiet_ros_domain_is_said(tmp_path: Path, ros_domain: int, capsys: pyt
 
 
 @pytest.mark.dds
+def test_publishers_that_say_nothing_are_to_be_mended(ros_domain: int) -> None:
+    import rclpy
+    from sensor_msgs.msg import Image
+
+    from tof_ros.environment import ros_context
+    from toftwin.doctor.live import examine_live
+
+    with ros_context() as context:
+        node = rclpy.create_node("silent", context=context)
+        node.create_publisher(Image, "/depth/hand/image", 5)
+        said = list(examine_live(BagOptions(), None, None, 0.2))
+        node.destroy_node()
+    assert any("not one message came" in line for line in worst(said)), said
+
+
+@pytest.mark.dds
 def test_a_live_camera_is_recorded_and_examined(ros_domain: int) -> None:
     """What is published now is judged as a bag of it would be, with the QoS of its publishers besides."""
     from tests.toftwin.live_camera import live_camera

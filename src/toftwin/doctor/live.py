@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 KINDS = (IMAGE, INFO, POINTS, TEMPERATURE, TF)
 
+SILENT = "start the driver's streams; on another host: is the network's firewall open for UDP, and large messages not cut (MTU)?"
+
 
 def examine_live(options: BagOptions, scene: Scene | None, initial_pose: str | None, seconds: float) -> Iterator[Finding]:
     """Look at the ROS graph of this domain, record it for a while, examine the recording."""
@@ -44,6 +46,8 @@ def examine_live(options: BagOptions, scene: Scene | None, initial_pose: str | N
             )
         if seen.counts:
             yield from examine_bag(path, options, scene, initial_pose)
+        elif seen.publishers:
+            yield mend("live", f"{len(seen.publishers)} topics have publishers, and not one message came in {seconds:g} s", SILENT)
 
 
 def publishers(seen: Mapping[str, Sequence[Publisher]]) -> Iterator[Finding]:
