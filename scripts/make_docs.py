@@ -82,7 +82,7 @@ SERVICES = {
     "reset": "forget what was accumulated",
     "capture": "end the dwell: what was accumulated is a view, the next frame begins another",
     "flush": "give out every frame that waits, as at the end of a bag",
-    "capture_reference": "the last dwell becomes the first picture; kept in `live.reference` where that names a file",
+    "capture_reference": "what is seen now is how it should be: the first picture, against which later ones are held",
     "propose": "register the last dwell and publish the correction; the answer is false with its reason when nothing is proposed",
     "judge": "judge every part from the last `live.views` dwells, now",
     "start_recording": "begin a bag in the folder `live.record`",

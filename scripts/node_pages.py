@@ -45,12 +45,18 @@ VIEWS = [
     TRANSFORMS,
 ]
 
+COLOUR = Topic(
+    "`camera/hand/image` (`live.colour_topic`) and its `camera_info`",
+    "sensor_msgs/Image, CameraInfo",
+    "optional: the newest of a dwell goes with its view",
+)
+
 INPUTS = {
     "preproc": [DEPTH, Topic("`input.points_topic`", "sensor_msgs/PointCloud2", "instead of a depth image"), CAMERA, AMPLITUDE, TEMPERATURE, TRANSFORMS],
     "sim_label": VIEWS,
     "infer": [DEPTH, CAMERA, AMPLITUDE, TEMPERATURE],
-    "correct": VIEWS,
-    "inspect": VIEWS,
+    "correct": [*VIEWS, COLOUR],
+    "inspect": [*VIEWS, COLOUR],
     "gap": [*VIEWS, Topic("`label/pose`", "geometry_msgs/PoseWithCovarianceStamped", "where the camera really was: `sim_label` must run")],
 }  # fmt: skip
 
@@ -107,7 +113,7 @@ NODE_TEXTS = {
     ),
     "correct": NodeText(
         short="proposes, on request, where the hand must go so that the next picture is the first picture again",
-        about="`~/capture_reference` keeps the last dwell as the first picture; `~/propose` registers the last dwell to it, and to the CAD where "
+        about="`~/capture_reference` keeps the last dwell as the first picture (in the file `live.reference`, where that is given); `~/propose` registers the last dwell to it, and to the CAD where "
         "`live.scene` names one. It proposes and never orders: only where `live.connect` names the arm's topic (spot_ros2: `arm_pose_commands`) is an "
         "accepted target sent there, in `body`, `odom` or `vision` without the robot's prefix, for the frame `hand`. Refused with the reason: a view that is "
         "stale, a robot that moved meanwhile, low support, a step or a place beyond the limits, two dwells that disagree; along directions that the view does not "
@@ -127,6 +133,7 @@ NODE_TEXTS = {
     "inspect": NodeText(
         short="judges, on request, whether every part is there: present, absent, displaced, not observable",
         about="`~/judge` solves the poses of the last dwells together and weighs every part that the scene marks `inspect: true`. "
+        "`~/capture_reference`, called while the scene is complete, keeps the colour of the last dwells in memory; colour is weighed beside depth from then on. "
         "With `live.out` each judgement writes inspection.json and inspection.html.",
         start=(
             "toftwin node preproc inspect --scene cell/scene.yaml",
@@ -135,7 +142,7 @@ NODE_TEXTS = {
         outputs={
             "verdict": "one status a part: OK present, WARN displaced, ERROR absent, STALE not observable; its values are the verdict's figures"
         },
-        figures=("scene", "inspected", "verdict.STATE", "tf_age_s", "incomplete"),
+        figures=("scene", "inspected", "first_pictures", "verdict.STATE", "tf_age_s", "incomplete"),
         warns="the last judgement found parts absent or displaced",
     ),
     "gap": NodeText(

@@ -10,7 +10,7 @@ from arm_correction.config import CorrectConfig
 from tof_align.config import AlignConfig
 from tof_core.config import param, section
 from tof_core.errors import RefusedError
-from tof_core.live import ViewOptions
+from tof_core.live import ColourViewOptions
 
 if TYPE_CHECKING:
     from arm_correction.frames import Frames
@@ -22,7 +22,7 @@ DRIVER_HAND = "hand"
 
 
 @dataclass(frozen=True, slots=True)
-class LiveConfig(ViewOptions):
+class LiveConfig(ColourViewOptions):
     """What only a running node has."""
 
     reference: str = param(

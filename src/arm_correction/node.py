@@ -17,6 +17,7 @@ from arm_correction.reference import load_reference, save_reference
 from tof_core.errors import RefusedError, TransformError
 from tof_core.live import Dwells
 from tof_ros import messages, qos
+from tof_ros.colour import ColourFeed
 from tof_ros.diagnostics import status
 from tof_ros.managed import ManagedNode
 from tof_ros.views import ViewFeed
@@ -64,7 +65,8 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         live, scene = self.config.live, self._scene
         self._chain = live.chain(scene.frame if scene else "", scene.placed_in if scene else None)
         self._dwells = Dwells(2)
-        self._feed = ViewFeed(self, self._chain, live.patience_s, self._dwells.add)
+        colour = ColourFeed(self, self._chain, live)
+        self._feed = ViewFeed(self, self._chain, live.patience_s, lambda view: self._dwells.add(colour.beside(view)))
         self._arm = self.create_publisher(PoseStamped, live.connect, qos.OUTPUT) if live.connect else None
 
     def stop(self) -> None:

@@ -44,6 +44,15 @@ class ViewOptions(ManagedOptions):
         return RobotChain(transforms, self.cell_frame or cell, self.body_frame, placed)
 
 
+@dataclass(frozen=True, slots=True)
+class ColourViewOptions(ViewOptions):
+    """Of a node that looks at colour beside depth."""
+
+    colour_topic: str = param("camera/hand/image", "colour image, optional; 'none' leaves it out")
+    colour_info_topic: str = param("", "the colour camera's calibration; empty: beside the image")
+    colour_join_s: float = param(0.5, "a view's colour is at most this much older or newer than it", unit="s", low=0.0, high=60.0)
+
+
 class Dwells:
     """The newest view of each of the last dwells."""
 

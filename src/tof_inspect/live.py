@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from tof_align.config import AlignConfig
 from tof_core.config import param, section
-from tof_core.live import ViewOptions
+from tof_core.live import ColourViewOptions
 from tof_inspect.config import InspectConfig
 
 
 @dataclass(frozen=True, slots=True)
-class LiveConfig(ViewOptions):
+class LiveConfig(ColourViewOptions):
     """What only a running node has."""
 
     views: int = param(20, "the last so many dwells are judged together", low=1, high=500)

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from tof_core.errors import UsageError
+from tof_core.errors import RefusedError, UsageError
 from tof_core.live import Dwells
+from tof_inspect.colour import Picture
 from tof_inspect.judge import Inspector
 from tof_inspect.live import InspectNodeConfig
 from tof_inspect.report import write
 from tof_ros import messages
+from tof_ros.colour import ColourFeed
 from tof_ros.diagnostics import status
 from tof_ros.managed import ManagedNode
 from tof_ros.views import ViewFeed
@@ -47,6 +49,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         super().__init__(NAME, NAME, InspectNodeConfig, fixed=("live.", "align."), **options)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         self._counts: dict[str, int] = {}
+        self.service("capture_reference", self._capture, slow=True)
         self.service("judge", self._judge, slow=True)
 
     def load(self) -> None:
@@ -59,8 +62,10 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
     def start(self) -> None:
         """Hear `preproc` and TF."""
         live, scene = self.config.live, self._inspector.scene
+        chain = live.chain(scene.frame, scene.placed_in)
         self._dwells = Dwells(live.views)
-        self._feed = ViewFeed(self, live.chain(scene.frame, scene.placed_in), live.patience_s, self._dwells.add)
+        colour = ColourFeed(self, chain, live)
+        self._feed = ViewFeed(self, chain, live.patience_s, lambda view: self._dwells.add(colour.beside(view)))
 
     def stop(self) -> None:
         """Hear no more."""
@@ -79,6 +84,16 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         self._dwells.clear()
         self._feed.reset()
         return "the dwells are forgotten"
+
+    def _capture(self) -> str:
+        """The scene as it stands is complete: what colour is weighed against from now on."""
+        found = self._inspector.judge(self._dwells.all())
+        pictures = [Picture.of(v.colour, p.T_cell_camera) for v, p in zip(found.views, found.posed, strict=True) if p.accepted]
+        first = tuple(p for p in pictures if p is not None)
+        if not first:
+            raise RefusedError("no dwell has a colour picture with calibration and TF", where=NAME, todo="is live.colour_topic published?")
+        self._inspector.first = first
+        return f"{len(first)} first pictures in colour"
 
     def _judge(self) -> str:
         """Judge every part now."""
@@ -101,6 +116,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         return {
             "scene": f"{scene.folder.name} {scene.digest[:12]}",
             "inspected": str(len(self._inspector.names)),
+            "first_pictures": str(len(self._inspector.first)),
             **{f"verdict.{state}": str(count) for state, count in self._counts.items()},
             **(self._feed.figures() if self.active else {}),
         }

@@ -6,11 +6,13 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
-from tests.tof_inspect.made import as_built, plate, seen
+from tests.tof_inspect.made import CAMERA, EYE, as_built, plate, seen
 from tests.tof_ros.peers import Observer, values, wait_for
 from tests.tof_ros.view_source import ViewSource
+from tof_scene.raycast import Raycaster
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from tof_core.arrays import Bytes
     from tof_scene.scene import Scene
 
 pytestmark = pytest.mark.dds
@@ -37,6 +40,15 @@ def written(scene: Scene, folder: Path) -> Path:
     return folder / "scene.yaml"
 
 
+def painted(scene: Scene) -> Bytes:
+    """What a colour camera with the lens and the place of the depth camera sees: each part in its own colour."""
+    rays = CAMERA.rays().reshape(-1, 3) @ EYE[:3, :3].T
+    part = Raycaster(scene).cast(EYE[:3, 3], rays).part
+    paint = {name: (90 + 40 * (k % 4), 60 + 30 * (k % 5), 200 - 25 * k) for k, name in enumerate(p.name for p in plate().parts)}
+    colours = np.array([*(paint[p.name] for p in scene.parts), (20, 20, 20)], np.uint8)
+    return np.asarray(colours[part].reshape(*CAMERA.shape, 3))
+
+
 class Bench:
     """An `inspect` in one thread, a robot and an observer in others."""
 
@@ -49,6 +61,10 @@ class Bench:
         self.source = ViewSource(observer.node)
         self.heard: list[Any] = []
         observer.node.create_subscription(DiagnosticArray, "/spot/inspect/verdict", self.heard.append, qos.OUTPUT)
+
+    def wait_for_views(self, count: int) -> None:
+        """Until the node has taken so many."""
+        wait_for(lambda: self.node.tally.kept == count, what=str(self.node.tally.skipped))
 
 
 @pytest.fixture(scope="module")
@@ -75,14 +91,20 @@ def test_without_views_the_service_says_so(bench: Bench) -> None:
 
 
 def test_a_part_that_is_gone_is_told_on_the_topic_in_diagnostics_and_in_the_file(bench: Bench) -> None:
-    bench.source.send(seen(as_built(plate(), gone=(GONE,))))
-    wait_for(lambda: bench.node.tally.kept == 1, what=str(bench.node.tally.skipped))
+    for n, built in enumerate((plate(), as_built(plate(), gone=(GONE,)))):
+        if n:
+            kept = bench.observer.trigger("/spot/inspect/capture_reference")
+            assert (kept.success, kept.message) == (True, "1 first pictures in colour")
+            assert bench.observer.trigger("/spot/inspect/reset").success
+        bench.source.send(seen(built), colour=painted(built))
+        bench.wait_for_views(n + 1)
     answer = bench.observer.trigger("/spot/inspect/judge")
     assert answer.success, answer.message
     said = {s.name.removeprefix("inspect: "): s for s in wait_for(lambda: bench.heard)[-1].status}
     told = {p["name"]: p["state"] for p in json.loads((bench.out / "inspection.json").read_text())["parts"]}
     assert {name: values(s)["state"] for name, s in said.items()} == told
     assert {name: told[name] for name in (GONE, "block", "behind")} == {GONE: "absent", "block": "present", "behind": "not_observable"}
+    assert float(values(said[GONE])["log_colour"]) < -1.0 < 1.0 < float(values(said["block"])["log_colour"])
     levels = {name: int.from_bytes(s.level, "big") for name, s in said.items()}
     assert (levels[GONE], levels["block"], levels["behind"]) == (2, 0, 3)
     assert (bench.out / "inspection.html").is_file()

@@ -12,7 +12,7 @@ import numpy as np
 from tof_core import se3
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float
+    from tof_core.arrays import Bytes, Float
     from tof_core.capture import View
 
 T_HAND_CAMERA = se3.from_quat((0.06, 0.0, 0.04), (0.5, -0.5, 0.5, -0.5))
@@ -32,6 +32,8 @@ class ViewSource:
         self._out = {part: node.create_publisher(kind, f"{prefix}/preproc/{part}", qos.OUTPUT) for part, kind in KINDS.items()}
         self._label = node.create_publisher(PoseWithCovarianceStamped, f"{prefix}/label/pose", qos.OUTPUT)
         self._tf = node.create_publisher(TFMessage, "/tf", qos.TF)
+        self._colour = node.create_publisher(KINDS["depth"], f"{prefix}/camera/hand/image", qos.sensor(reliable=True))
+        self._colour_info = node.create_publisher(KINDS["camera_info"], f"{prefix}/camera/hand/camera_info", qos.sensor(reliable=True))
 
     @property
     def matched(self) -> bool:
@@ -51,14 +53,18 @@ class ViewSource:
             chain = (("cell", body, T_cell_body), (body, hand, T_body_hand), (hand, camera, T_HAND_CAMERA))
             self._tf.publish(TFMessage(transforms=[messages.transform(a, b, T, stamp) for a, b, T in chain]))
 
-    def send(self, view: View, *, age_s: float = 0.0, station: int = 0) -> View:
-        """Publish a view as if taken `age_s` ago; gives it with its stamp."""
+    def send(self, view: View, *, age_s: float = 0.0, station: int = 0, colour: Bytes | None = None) -> View:
+        """Publish a view as if taken `age_s` ago, `colour` (H, W, 3) by the same lens; gives it with its stamp."""
         from tof_ros import messages
 
         assert view.robot is not None
         stamp = time.time_ns() - round(age_s * 1e9)
         self.place(view.robot.T_cell_camera, view.camera.frame_id, stamp)
         head = messages.header(stamp, view.camera.frame_id)
+        if colour is not None:
+            self._colour_info.publish(messages.camera_info(view.camera, head))
+            self._colour.publish(messages.image(colour, "rgb8", head))
+            time.sleep(0.3)
         for name, encoding in (("depth", "32FC1"), ("sigma", "32FC1"), ("count", "16UC1"), ("reason", "8UC1")):
             self._out[name].publish(messages.image(np.asarray(getattr(view, name)), encoding, head))
         self._out["camera_info"].publish(messages.camera_info(view.camera, head))
