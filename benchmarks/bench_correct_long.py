@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from benchmarks.figure import Figure
 
 LONG = True
-SEED = 2027
+SEED = 3301
 
 
 def run() -> list[Figure]:
@@ -24,7 +24,7 @@ def run() -> list[Figure]:
     found = [
         *near_figures(returns(*NEAR, 200, seed=SEED, stands=24)),
         *far_figures(returns(*FAR, 120, seed=SEED, stands=24)),
-        *far_figures(returns(*FAR, 48, seed=SEED, stands=24, cad=False), " without CAD"),
+        *far_figures(returns(*FAR, 24, seed=SEED, stands=12, cad=False), " without CAD"),
         biased(24, 12),
         *figure_11(4),
     ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from arm_correction.kernels import associate, misfits
 from arm_correction.starts import spread_starts
-from arm_correction.unknown import Unknown, smallest_motion, unknown_directions
+from arm_correction.unknown import SCALE, Unknown, smallest_motion, unknown_directions
 from tof_align.robust import mad, tukey
 from tof_core import se3
 
@@ -25,6 +25,10 @@ COARSE_M = 0.04, 0.02
 """While searching: a point that misses by more than the first says only that it misses; one that leaves the picture counts the second."""
 FINE_M = 0.012, 0.0025
 """The same to choose between answers."""
+SLIDES = (0.08, 20), (0.04, 5)
+"""How far, and in how many steps each way, is looked along the direction that is told least, and the next."""
+CLEAR = 0.95, 0.5
+"""Support and overlap beyond which the near step is the answer and nothing else is tried."""
 HIDDEN_M = 0.025
 """A point so far behind the reference's surface was hidden by it: it neither agrees nor disagrees."""
 
@@ -144,7 +148,7 @@ def register(matcher: Matcher, T_guess: Float, others: Sequence[Float] = ()) -> 
     T = matcher.refine(T_guess, limits.far_kernel_mm * 1e-3 * 0.5, stride=3, rounds=limits.rounds)
     T = matcher.refine(T, 0.01, rounds=limits.rounds)
     answer = _look_around(matcher, T)
-    if answer.accepted and answer.unknown.rank == 6 and answer.support > 0.85 and answer.overlap > 0.6:
+    if answer.accepted and answer.unknown.rank == 6 and answer.support > CLEAR[0] and answer.overlap > CLEAR[1]:
         return answer
     return _search(matcher, T_guess, [T, *others])
 
@@ -158,13 +162,27 @@ def _look_around(matcher: Matcher, T: Float) -> Registration:
     """Whether a better answer lies a few centimetres aside: where little tells slides apart, the near step can stop early."""
     starts = T @ spread_starts(256, 0.04, np.radians(2.0))
     best = starts[1:][np.argsort(matcher.misfits(starts[1:], coarse=True))[:4]]
-    found = np.array([T, *(matcher.refine(s, 0.02, stride=4, rounds=10) for s in best)])
+    slid = _slides(matcher, T)
+    slid = slid[np.argsort(matcher.misfits(slid))[:3]]
+    found = np.array([T, *(matcher.refine(s, 0.02, stride=4, rounds=10) for s in (*best, *slid))])
     scores = matcher.misfits(found)
     winner = int(np.argmin(scores))
     if winner:
         found[winner] = matcher.refine(found[winner], 0.01, rounds=matcher.config.register.rounds)
         scores = matcher.misfits(found)
     return judge(matcher, found[winner], float(scores[winner]), far=False, rivalry=matcher.rivalry(found[winner], found))
+
+
+def _slides(matcher: Matcher, T: Float) -> Float:
+    """(k, 4, 4) motions along the two directions that the surfaces tell least: along a pipe a flange is all that tells, and it is narrow."""
+    e, J, sigma, _, _ = matcher.linearise(T, 4)
+    if len(e) < 30:
+        return T[None]
+    weight = tukey(e, 0.01) / sigma**2
+    Js = J / SCALE
+    weakest = np.linalg.eigh((Js * weight[:, None]).T @ Js)[1][:, :2] / SCALE[:, None]
+    steps = [np.linspace(-reach, reach, 2 * count + 1) for reach, count in SLIDES]
+    return np.array([T @ se3.exp(a * weakest[:, 0] + b * weakest[:, 1]) for a in steps[0] for b in steps[1]])
 
 
 def _search(matcher: Matcher, T_guess: Float, others: Sequence[Float]) -> Registration:

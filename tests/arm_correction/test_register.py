@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from arm_correction.match import make_matcher, reference_surface
-from arm_correction.register import register
+from arm_correction.register import _slides, register
 from tests.arm_correction.made import CONFIG, FIRST, post, reference, registered, seen, twist
-from tests.tof_align.made import foreign, panel, section
+from tests.tof_align.made import at, box, foreign, panel, scene_of, section
 from tof_core import se3
 from tof_core.errors import RefusedError
+from tof_scene.raycast import Raycaster
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -69,6 +70,21 @@ def test_a_round_post_says_that_turning_about_it_and_sliding_along_it_are_unknow
     moved = se3.log(found.T_reference_now)
     upright = found.unknown.null @ (np.repeat([1.0, 0.3], 3) * moved)
     np.testing.assert_allclose(upright, 0.0, atol=1e-4)
+
+
+def test_slides_that_the_surfaces_hardly_tell_are_looked_along() -> None:
+    """Along a post a collar is all that tells, and the way there leads nowhere downhill."""
+    fin = box("fin", (0.12, 0.03, 7.0), at(0.15, 0.0, 0.8, (0, 0, 0.6)))
+    marked = Raycaster(scene_of(post().scene.parts[0], fin, box("collar", (0.16, 0.31, 0.05), at(0.08, 0.0, 0.80))))
+    matcher = make_matcher(reference_surface(reference(marked), CONFIG), seen(marked, FIRST, believed=FIRST), CONFIG)
+    up = FIRST[:3, :3].T @ [0.0, 0.0, 1.0]
+    for metres in (-0.06, 0.032):
+        aside = np.eye(4)
+        aside[:3, 3] = metres * up
+        there = _slides(matcher, aside)
+        assert min(np.linalg.norm(T[:3, 3]) for T in there) < 3e-3
+        best = there[np.argsort(matcher.misfits(there))[:3]]
+        assert min(np.linalg.norm(T[:3, 3]) for T in best) < 5e-3
 
 
 def test_another_scene_is_refused() -> None:
