@@ -55,7 +55,7 @@ def node_page(name: str) -> str:
         "## Heard", _topics(INPUTS.get(name, [])),
         "## Published", _topics(rows),
         "## Services", _services(module),
-        "## Diagnostics", _diagnostics(text),
+        "## Diagnostics", _diagnostics(text, managed=managed),
         "## Parameters", CHANGES.format(", ".join(f"`{p}`" for p in fixed_of(module)), when),
         parameters(list(table(module.CONFIG))),
     ]  # fmt: skip
@@ -110,11 +110,13 @@ def fixed_of(module: Any) -> list[str]:
     return re.findall(r"\"([^\"]+)\"", found.group(1)) if found else []
 
 
-def _diagnostics(text: NodeText) -> str:
+def _diagnostics(text: NodeText, *, managed: bool) -> str:
     from tof_ros.diagnostics import Tally
 
-    keys = ", ".join(f"`{key}`" for key in (*Tally().values(), "skipped.REASON", *text.figures))
-    return f"`/diagnostics`, once a second on the wall clock. Values: {keys}. Level WARN while frames are skipped or {text.warns}; STALE after 5 s without frames."
+    state = ("state",) if managed else ()
+    keys = ", ".join(f"`{key}`" for key in (*Tally().values(), "skipped.REASON", *state, *text.figures))
+    error = "ERROR while it cannot be configured or activated; " if managed else ""
+    return f"`/diagnostics`, once a second on the wall clock. Values: {keys}. Level {error}WARN while frames are skipped or {text.warns}; STALE after 5 s without frames."
 
 
 def parameters(rows: list[ParamInfo]) -> str:
@@ -149,7 +151,8 @@ def nodes_index() -> str:
         "topic, policy, peer and remedy, and repeats it in its diagnostics while the peer is there. `toftwin doctor --live` shows "
         "what each publisher offers and which policy is in the way. Every profile can be overridden by `qos_overrides.TOPIC.*` parameters."
     )
-    return f"# Nodes\n\n{MADE}\n\n{listed}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
+    faults = "What goes wrong on a robot, what the nodes make of it, and the tests that hold it: [pains and faults](../pains.md)."
+    return f"# Nodes\n\n{MADE}\n\n{listed}\n\n{faults}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
 
 
 def qos_table() -> str:

@@ -30,7 +30,8 @@ class Mismatches:
 
     def of_publisher(self, topic: str) -> PublisherEventCallbacks:
         """The events of a publisher."""
-        return PublisherEventCallbacks(incompatible_qos=lambda event: self._note(topic, event, heard=False))
+        # Each event handler is one more thing to wait for, in every turn of the node: none beside ours.
+        return PublisherEventCallbacks(incompatible_qos=lambda event: self._note(topic, event, heard=False), use_default_callbacks=False)
 
     def _note(self, topic: str, event: Any, *, heard: bool) -> None:
         name = self._node.resolve_topic_name(topic)

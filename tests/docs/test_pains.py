@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/pains.md: each of the fifteen pains names tests, and those exist."""
+"""docs/pains.md: each of the fifteen pains and every fault names its tests, and those exist."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def test_there_are_fifteen_and_each_has_a_test(rows: list[tuple[int, list[str]]]
     assert all(len(tests) >= 2 for _, tests in rows)
 
 
-def test_every_test_that_is_named_exists_and_is_named_once(rows: list[tuple[int, list[str]]], repository: Path) -> None:
-    named = [name for _, tests in rows for name in tests]
-    assert len(named) == len(set(named))
+def test_every_test_that_is_named_exists(repository: Path) -> None:
+    named = re.findall(r"`(tests/[^`]+)`", (repository / "docs" / "pains.md").read_text().replace("`tests/docs/test_pains.py`", ""))
+    assert len(named) >= 15 * 2 + 14
     for name in named:
         path, _, function = name.partition("::")
         tree = ast.parse((repository / path).read_text())
