@@ -7,6 +7,10 @@ import argparse
 import json
 import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +58,36 @@ def test_a_bag_that_fails_is_said_and_the_others_go_on(bags: Path, tmp_path: Pat
     os.utime(bags / "b.mcap", (later, later))
     assert label(bags, out, "--workers", "1", "--json") == 1
     assert {Path(o["bag"]).stem: o["state"] for o in json.loads(capsys.readouterr().out)} == {"a": "kept", "b": "done", "bad": "failed"}
+
+
+def test_a_batch_that_is_stopped_ends_its_workers_and_says_so(bags: Path, tmp_path: Path) -> None:
+    flags = [
+        "label",
+        str(bags / "bad.mcap"),
+        str(bags / "a.mcap"),
+        "--scene",
+        "body_section",
+        "--out",
+        str(tmp_path / "out"),
+        "--workers",
+        "1",
+    ]
+    with subprocess.Popen(
+        [sys.executable, "-m", "toftwin.cli", *flags], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as batch:
+        assert batch.stdout is not None
+        assert batch.stdout.readline().startswith("failed")
+        workers = [pid for task in Path(f"/proc/{batch.pid}/task").iterdir() for pid in (task / "children").read_text().split()]
+        batch.send_signal(signal.SIGINT)
+        _, said = batch.communicate(timeout=60)
+    assert batch.returncode == cli.EXIT_INTERRUPTED
+    assert "what was finished is kept" in said
+    assert workers
+    deadline = time.monotonic() + 10  # multiprocessing's own tracker ends a moment after us
+    while [pid for pid in workers if Path(f"/proc/{pid}").exists()] and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]
+    assert outcomes(tmp_path / "out")["bad"]["state"] == "failed"
 
 
 class Deadly:

@@ -191,6 +191,29 @@ def sockets(pid: int) -> list[tuple[str, str, int, bool]]:
     return found
 
 
+@pytest.mark.parametrize(
+    ("given", "profile"),
+    [
+        ({}, "this_host.xml"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, ""),
+        ({"FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml"}, "mine.xml"),
+        ({"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, ""),
+    ],
+)
+def test_who_asks_for_the_network_gets_it(given: dict[str, str], profile: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("rclpy", reason="no ROS 2 here")
+    from tof_ros.environment import TRANSPORT_CHOICES, keep_to_this_host
+
+    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", *TRANSPORT_CHOICES):
+        monkeypatch.setenv(name, "")  # so that what is set below is undone
+        monkeypatch.delenv(name)
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    keep_to_this_host()
+    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == given.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    assert Path(os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE", "")).name == profile
+
+
 @pytest.mark.dds
 @pytest.mark.skipif(not Path("/proc/self/net/udp").exists(), reason="sockets are listed from Linux's /proc")
 def test_a_running_node_listens_on_this_host_alone(ros_domain: int) -> None:
