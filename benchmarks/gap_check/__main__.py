@@ -10,17 +10,18 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-FORMS = {"short": 40, "long": 500}
+FORMS = {"short": (40, "160x122"), "long": (500, "224x171")}
+"""Cases and pixels of the camera: the short form is the tests'."""
 
 
 def main() -> int:
     """Run all steps, or one."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.gap_check", description=__doc__)
-    parser.add_argument("--form", choices=sorted(FORMS), default="short", help="how many cases")
+    parser.add_argument("--form", choices=sorted(FORMS), default="short", help="how many cases, of what size")
     parser.add_argument("--count", type=int, help="how many cases, instead of a form")
     parser.add_argument("--out", type=Path, default=Path("out/gap-check"), help="folder of cases and reports; what is done is kept")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw")
-    parser.add_argument("--size", default="224x171", help="pixels of the camera")
+    parser.add_argument("--size", help="pixels of the camera, instead of the form's")
     parser.add_argument("--scenes", default="", help="built-in scenes, joined by commas; all if empty")
     parser.add_argument("--step", choices=("record", "examine", "baselines", "score"), help="one step alone")
     parser.add_argument("--baselines", action="store_true", help="run least squares after ICP, and boosted trees, on the same bags")
@@ -40,8 +41,8 @@ def _record(args: argparse.Namespace) -> int:
     from tof_scene.builtin import builtin_names
 
     scenes = tuple(args.scenes.split(",")) if args.scenes else tuple(builtin_names())
-    cases = draw(args.count or FORMS[args.form], scenes, args.seed)
-    width, height = (int(x) for x in args.size.split("x"))
+    cases = draw(args.count or FORMS[args.form][0], scenes, args.seed)
+    width, height = (int(x) for x in (args.size or FORMS[args.form][1]).split("x"))
     record_all(cases, args.out, (width, height))
     return 0
 

@@ -22,6 +22,7 @@ from tof_gap.unexplained import Unexplained, look
 from tof_scene.maps import concavity_map
 from tof_sensor.effects.quantization import Quantization
 from tof_sensor.effects.radial_depth import RadialDepth
+from tof_sensor.registry import VOCABULARY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -85,6 +86,7 @@ def diagnose(
     align: AlignConfig,
     left_out: frozenset[str] = frozenset(),
     say: Callable[[str], None] = lambda _: None,
+    bends: Callable[[View], bool] = lambda _: False,
 ) -> Diagnosis:
     """Diagnose a session.
 
@@ -95,19 +97,25 @@ def diagnose(
         align: the robot's priors.
         left_out: effects not to be considered (a test of `unknown`).
         say: told of each step.
+        bends: whether wide planes of a view bend as distances taken for z do; poses of few views would bend with them.
 
     Raises:
-        RefusedError: too few views, or a session that fits the scene nowhere.
+        RefusedError: too few views, or a session that fits the scene nowhere. Fewer than `MIN_VIEWS` carry one answer alone: that
+            depth is distance along the ray.
     """
     check(views)
+    few = len(views) < MIN_VIEWS
     rng = np.random.default_rng(config.evidence.seed)
     say("depth or distance")
     if RadialDepth.NAME in left_out:
         chain, along_ray = start(views, caster, config, align), None
     else:
-        views, chain, along_ray = gate(views, caster, config, align)
+        views, chain, along_ray = gate(views, caster, config, align, bends)
+    if few and along_ray is None:
+        msg = f"{len(views)} views are too few to diagnose"
+        raise RefusedError(msg, where="session", todo=f"record at least {MIN_VIEWS} still views from different poses")
     say("poses and effects together")
-    joint = solve(views, caster, config, chain, left_out)
+    joint = solve(views, caster, config, chain, frozenset(VOCABULARY) if few else left_out)
     say("what scatter, loss and edges say")
     mixing = missing.mixing(joint.views, config.missing) is not None
     final, evidence = at_solution(joint, views, caster, config, exact=mixing)
@@ -115,7 +123,7 @@ def diagnose(
     fit_views, held = split(joint.chain)
     causes = named(joint, fit_views, judge, rng)
     maps = shares(causes, evidence)
-    found = _findings(evidence, maps, config, along_ray)
+    found = (along_ray,) if few and along_ray is not None else _findings(evidence, maps, config, along_ray)
     findings = tuple(f for f in found if f.name not in left_out)
     nameless = tuple(f for f in found if f.name in left_out)
     say("how far the gap shrinks on held-out views")
@@ -125,9 +133,11 @@ def diagnose(
     residual = [used(v, findings) for v in evidence]
     if along_ray is not None and along_ray.share is not None:
         residual = [r + share for r, share in zip(residual, along_ray.share, strict=True)]
+    common = np.sum([f.common for f in findings if f.common is not None] or [np.zeros(len(views))[:, None, None]], axis=0)
+    # Scatter that is named is no bias to be taken off: it belongs to the floor.
+    floors = [f + np.nan_to_num(c) ** 2 for f, c in zip(floors, common, strict=True)]
     figures = _Figures(residual, floors, maps | corrections, held, rng)
     gap = figures.shrink(list(figures.maps))
-    common = np.sum([f.common for f in findings if f.common is not None] or [np.zeros(len(views))[:, None, None]], axis=0)
     leftover = [r - figures.total(list(figures.maps), v) - c for v, (r, c) in enumerate(zip(residual, common, strict=True))]
     step = max((f.effect.step_m / np.sqrt(12) for f in findings if isinstance(f.effect, Quantization)), default=0.0)
     alike_m = float(np.hypot(step, COMMON_LEFT * np.sqrt(np.mean(np.square(np.nan_to_num(common))))))
@@ -146,7 +156,7 @@ def diagnose(
         gap,
         share,
         unexplained,
-        not_testable(joint.views),
+        {n: f"{len(views)} views are too few" for n in VOCABULARY if n != RadialDepth.NAME} if few else not_testable(joint.views),
         evidence,
         tuple(residual),
         tuple(floors),
@@ -176,9 +186,10 @@ def _findings(
 
 def check(views: Sequence[View]) -> None:
     """Refuse sessions that cannot carry a diagnosis."""
-    if len(views) < MIN_VIEWS:
-        msg = f"{len(views)} views are too few to diagnose"
-        raise RefusedError(msg, where="session", todo=f"record at least {MIN_VIEWS} still views from different poses")
+    if not views:
+        raise RefusedError(
+            "0 views are too few to diagnose", where="session", todo=f"record at least {MIN_VIEWS} still views from different poses"
+        )
     cameras = {v.camera for v in views}
     if len(cameras) > 1:
         msg = f"views of {len(cameras)} different cameras"
@@ -188,7 +199,9 @@ def check(views: Sequence[View]) -> None:
 
 
 def split(chain: Chain) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """(fit, held out): every third view of each station is held out."""
+    """(fit, held out): every third view of each station is held out; of very few nothing is fitted, and all are judged."""
+    if len(chain.station) < MIN_VIEWS:
+        return (), tuple(range(len(chain.station)))
     fold = deal(chain.station.tolist(), 3)
     return tuple(np.flatnonzero(fold != 1).tolist()), tuple(np.flatnonzero(fold == 1).tolist())
 
@@ -200,14 +213,12 @@ def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
     if "phase_wrap" in names:
         keep |= view.gross & ~view.edge
     if "flying_pixels" in names:
-        keep |= view.edge & (view.rendering.mixed > 0) & (view.rendering.mixed < OWN_SURE) & np.isfinite(view.residual)
+        keep |= view.edge & (view.rendering.mixed > 0) & (view.rendering.mixed < missing.OWN_SURE) & np.isfinite(view.residual)
     return np.where(keep, view.residual, np.nan)
 
 
 COMMON_LEFT = 0.5
 """Of scatter that neighbours have in common (rows, beats), what its description may leave."""
-OWN_SURE = 0.35
-"""Second surface's share of a footprint from which half a pixel of pose decides which surface is the pixel's own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -37,8 +37,8 @@ def explainable(
         held: indices of the views to judge on.
         gap: what the named effects reach on the held-out views.
     """
-    if gap.shrink is None:
-        return None
+    if gap.shrink is None or not fit_views:
+        return gap.shrink
     cells = [_cells(v, e) for v, e in zip(views, left, strict=True)]
     X, y, n = (np.concatenate([cells[i][k] for i in fit_views]) for k in range(3))
     half = np.concatenate([np.full(len(cells[i][1]), place % 2 == 0) for place, i in enumerate(fit_views)])

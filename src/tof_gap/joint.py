@@ -138,12 +138,13 @@ def check_fit(views: Sequence[ViewEvidence]) -> None:
     both = [np.isfinite(v.residual) & ~v.edge for v in views]
     total = sum(int(b.sum()) for b in both)
     near = sum(int((b & ~v.gross).sum()) for v, b in zip(views, both, strict=True))
-    if total >= MIN_PIXELS and near >= 0.5 * total:
+    enough = min(MIN_PIXELS, VIEW_PIXELS * len(views))
+    if total >= enough and near >= 0.5 * total:
         return
     ratio = float(
         np.median(np.concatenate([(1 + v.residual / v.frame.depth)[b] for v, b in zip(views, both, strict=True)] or [np.ones(1)]))
     )
-    if total >= MIN_PIXELS and not 0.8 < ratio < 1.25:
+    if total >= enough and not 0.8 < ratio < 1.25:
         msg = f"depth is {ratio:.3g} times what the scene expects"
         raise RefusedError(msg, where="session", todo="check the unit of the depth image (--depth-scale) and the scene's scale")
     msg = f"only {near} of {total} pixels that see the CAD lie near it: the session fits this scene nowhere"
@@ -152,6 +153,9 @@ def check_fit(views: Sequence[ViewEvidence]) -> None:
 
 MIN_PIXELS = 2000
 """Pixels on the CAD over the session below which nothing can be said."""
+
+VIEW_PIXELS = 500
+"""The same for each of a few views."""
 
 START_INFLATE = 100.0
 """Weight of pixels while effects are unknown: neighbours share errors, the arm's prior must hold."""

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, uniform_filter
 
 from tof_core.config import param
 from tof_core.reasons import Reason
 from tof_gap.kinds import Finding
 from tof_sensor.effects.dropout import Dropout
-from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.flying_pixels import Edge, FlyingPixels
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.frame import LIGHT_M_PER_S, lambert_amplitude
 
@@ -61,9 +61,23 @@ def _dropout(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | 
     bright_half = light > np.median(light)
     random = float(gone[bright_half].mean())
     threshold = _half_lost(light, gone)
-    share = np.stack([np.where(v.frame.valid, lost(v).astype(float), np.nan) for v in views])
+    share = np.stack([np.where(v.frame.valid, _rate(v, light, gone), np.nan) for v in views])
     effect = Dropout(threshold=threshold, random=min(random, 1.0))
     return Finding(effect, float(min(1.0, gone.mean() / config.lost_share / 2)), share=share)
+
+
+NEAR_PX = 7
+
+
+def _rate(view: ViewEvidence, light: Float, gone: Mask) -> Float:
+    """(H, W) chance of loss: what pixels of this amplitude lose in the session, and what this neighbourhood loses."""
+    edges = np.unique(np.quantile(light, np.linspace(0, 1, 41)))
+    which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, len(edges) - 2)
+    by_light = np.bincount(which, gone, len(edges) - 1) / np.maximum(np.bincount(which, minlength=len(edges) - 1), 1)
+    own = by_light[np.clip(np.searchsorted(edges, lambert_amplitude(view.rendering), side="right") - 1, 0, len(edges) - 2)]
+    inside = (view.frame.valid & ~view.edge).astype(float)
+    near = uniform_filter(lost(view).astype(float), NEAR_PX) / np.maximum(uniform_filter(inside, NEAR_PX), 0.1)
+    return np.asarray(0.5 * (own + near))
 
 
 def _half_lost(light: Float, gone: Mask) -> float:
@@ -121,6 +135,9 @@ def _where_wrapped(views: Sequence[ViewEvidence], size: float, config: MissingCo
     return start, float(wrapped[inside].mean())
 
 
+OWN_SURE = 0.35
+"""Second surface's share of a footprint from which half a pixel of pose decides which surface is the pixel's own."""
+FOOTPRINTS_PX = (0.4, 0.55, 0.7, 0.85, 1.0)
 FLYING_MHZ = (15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0)
 
 
@@ -141,19 +158,21 @@ def _flying(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | N
     if found is None:
         return None
     share, number = found
-    best = min((_fitted(views, mhz) for mhz in FLYING_MHZ), key=lambda fitted: fitted[1])[0]
+    edges = [Edge.of(v.frame) for v in views]
+    tried = [FlyingPixels(share=1.0, modulation_mhz=f, footprint_px=w) for f in FLYING_MHZ for w in FOOTPRINTS_PX]
+    best = min((_fitted(views, edges, effect) for effect in tried), key=lambda fitted: fitted[1])[0]
     maps = np.stack([np.where(v.frame.valid, best.bias(v.frame), np.nan) for v in views])
     return Finding(best, float(min(1.0, share / config.flying_share / 2)), {"share": float(1 / np.sqrt(number))}, maps, corrects=True)
 
 
-def _fitted(views: Sequence[ViewEvidence], mhz: float) -> tuple[FlyingPixels, float]:
-    """The effect at a frequency with its share by weighted median, and the mean absolute error left."""
-    effect = FlyingPixels(share=1.0, modulation_mhz=mhz)
+def _fitted(views: Sequence[ViewEvidence], edges: Sequence[Edge], effect: FlyingPixels) -> tuple[FlyingPixels, float]:
+    """The effect with its share by weighted median, and the mean absolute error left; where a pixel's own surface is sure."""
     model, seen = [], []
-    for v in views:
-        here = (v.rendering.mixed > 0.02) & np.isfinite(v.residual)
-        model.append(effect.bias(v.frame)[here])
-        seen.append(v.residual[here])
+    for v, edge in zip(views, edges, strict=True):
+        residual = v.residual[edge.where]
+        here = (edge.mixed > 0.02) & (edge.mixed < OWN_SURE) & np.isfinite(residual)
+        model.append(effect.mixture(edge)[here])
+        seen.append(residual[here])
     x, y = np.concatenate(model), np.concatenate(seen)
     usable = np.abs(x) > 2e-3
     ratio, weight = y[usable] / x[usable], np.abs(x[usable])

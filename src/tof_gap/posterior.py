@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def subset(system: System, views: Sequence[int]) -> System:
     """The system of some views only; all stations stay."""
-    at = np.asarray(views)
+    at = np.asarray(views, np.int64)
     return replace(
         system,
         G=system.G[at],

@@ -14,7 +14,7 @@ from tof_gap.kinds import Finding
 from tof_sensor.effects.radial_depth import RadialDepth
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from tof_align.chain import Chain
     from tof_align.config import AlignConfig
@@ -29,10 +29,17 @@ LEAST_M = 0.004
 """Below this median miss nothing is that wrong (radial for z is tens of millimetres at the corners)."""
 
 
-def gate(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> tuple[list[View], Chain, Finding | None]:
+def gate(
+    views: Sequence[View],
+    caster: Raycaster,
+    config: GapConfig,
+    align: AlignConfig,
+    bends: Callable[[View], bool] = lambda _: False,
+) -> tuple[list[View], Chain, Finding | None]:
     """The views as z, their chain brought to the CAD, and `radial_depth` where they were not z.
 
-    Both readings are brought to the CAD with the robot's priors; the one that misses it by less is believed.
+    Both readings are brought to the CAD with the robot's priors; the one that misses it by less is believed. Few views leave poses
+    that bend with them: there `bends` decides, which says whether a wide plane in a view bends as distances taken for z do.
     """
     chain = start(views, caster, config, align)
     as_z = median_miss(views, caster, config, chain)
@@ -40,7 +47,7 @@ def gate(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Ali
         return list(views), chain, None
     converted = [replace(v, depth=radial_to_z(v.camera, v.depth)) for v in views]
     other = start(converted, caster, config, align)
-    if median_miss(converted, caster, config, other) > BETTER * as_z:
+    if median_miss(converted, caster, config, other) > BETTER * as_z and not all(bends(v) for v in views):
         return list(views), chain, None
     share = np.stack([(v.depth - c.depth).astype(np.float64) for v, c in zip(views, converted, strict=True)])
     return (

@@ -27,7 +27,7 @@ class SelectConfig:
     gain: float = param(
         10.0, "held-out chi-square an effect of one shape must win (discrepancy taken out); n shapes pay 2 ln n more", low=1.0
     )
-    share: float = param(0.04, "of the visible gap that an effect must explain, left out of all", low=0.0, high=1.0)
+    share: float = param(0.015, "of the visible gap's energy that an effect must explain, left out of all", low=0.0, high=1.0)
     tie_left: float = param(0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0)
     tie_gain: float = param(20.0, "held-out chi-square by which tied effects may differ at most", low=0.0)
     most: int = param(5, "effects named at most", low=1, high=12)
@@ -57,7 +57,7 @@ class Selection:
     empty: Hypothesis
     ties: tuple[tuple[int, ...], ...]
     visible: Float
-    """(members,) metres RMS of each member's map that pose and the others leave."""
+    """(members,) metres RMS that each member explains of held-out views, left out of all."""
     left_out: Float
     """(members,) held-out chi-square lost without the member."""
 
@@ -210,22 +210,15 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
 
 
 def _worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:
-    """Per member: held-out chi-square lost without it, and metres RMS of it that pose leaves."""
+    """Per member: held-out chi-square lost without it, and the same as metres RMS over all pixels."""
+    lost = np.array(
+        [
+            judge.score([m for i, m in enumerate(current.members) if i != place], current.inflate).score - current.score
+            for place in range(len(current.members))
+        ]
+    )
     system = judge.design.system
-    solution = judge.fit(current)
-    lost, visible = [], []
-    for place, member in enumerate(current.members):
-        rest = [m for i, m in enumerate(current.members) if i != place]
-        lost.append(judge.score(rest, current.inflate).score - current.score)
-        if judge.design.candidates[member].effect is None:
-            # A free X has no map: what it takes off the held-out chi-square is what can be seen of it.
-            visible.append(float(np.sqrt(max(lost[-1] * current.inflate, 0.0) / system.n.sum())) * system.sigma)
-            continue
-        left = map_energy(
-            system, judge.design.groups[member], _theta_of(judge, current, solution, place), np.zeros(0, np.int64), inflate=current.inflate
-        )
-        visible.append(float(np.sqrt(max(left, 0.0) / system.n.sum())) * system.sigma)
-    return np.array(lost), np.array(visible)
+    return lost, np.sqrt(np.maximum(lost * current.inflate, 0.0) / system.n.sum()) * system.sigma
 
 
 def _theta_of(judge: Selector, hypothesis: Hypothesis, solution: Fit, place: int) -> Float:

@@ -11,12 +11,15 @@ from tof_gap.config import GapConfig
 from tof_gap.diagnose import diagnose
 from tof_gap.known import known_removed
 from tof_scene.raycast import Raycaster
+from tof_sim_label.wide_plane import wide_bend
 from toftwin.pipeline import PipelineConfig, raw_views
+from toftwin.retraining import RetrainConfig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tof_core.bag import BagReader
+    from tof_core.capture import View
     from tof_gap.diagnose import Diagnosis
     from tof_scene.scene import Scene
     from tof_sensor.model import SensorModel
@@ -27,6 +30,7 @@ class GapPipelineConfig(PipelineConfig):
     """The pipeline's settings, and the diagnosis's."""
 
     gap: GapConfig = section(GapConfig, "when an effect is believed")
+    retrain: RetrainConfig = section(RetrainConfig, "learning from the fitted sensor")
 
 
 def diagnose_bag(
@@ -45,4 +49,10 @@ def diagnose_bag(
     if known is not None:
         say("taking off what is known")
         views = known_removed(views, caster, known, config.align)
-    return diagnose(views, caster, config.gap, config.align, left_out, say), caster
+    return diagnose(views, caster, config.gap, config.align, left_out, say, _bends), caster
+
+
+def _bends(view: View) -> bool:
+    """Whether the widest plane of a view bends as distances taken for z do."""
+    found = wide_bend(view.depth, view.camera)
+    return found is not None and found.radial

@@ -13,7 +13,7 @@ from tof_sensor.effect import Effect, stack
 from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float, Image
+    from tof_core.arrays import Float, Image, Ints
     from tof_sensor.frame import Frame
 
 
@@ -30,18 +30,48 @@ class FlyingPixels(Effect):
     LINEAR: ClassVar[tuple[str, ...]] = ("share",)
 
     share: float = param(0.0, "1: the footprint's phasors add in full", low=0.0, high=1.5)
+    footprint_px: float = param(1.0, "side of what a pixel really covers, of a straight edge", unit="px", low=0.2, high=1.0)
     modulation_mhz: float = param(100.0, "modulation frequency", unit="MHz", low=5.0, high=400.0)
 
     def columns(self, frame: Frame) -> Float:
         """The mixture's depth minus the larger surface's, on mixed pixels."""
+        edge = Edge.of(frame)
+        out = np.zeros(frame.depth.shape)
+        out[edge.where] = self.mixture(edge)
+        return stack([out], frame)
+
+    def mixture(self, edge: Edge) -> Float:
+        """(n,) metres of z that mixing adds at the pixels of an edge."""
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
-        m = np.nan_to_num(frame.rendering.mixed).astype(np.float64)
-        own, second = frame.radial, frame.rendering.second.astype(np.float64) * frame.length
-        A1, A2 = neighbour_amplitude(frame, frame.depth), neighbour_amplitude(frame, frame.rendering.second)
-        fall_off = (own / second) ** 2
-        ratio = m / np.maximum(1 - m, 1e-6) * np.where((A1 > 0) & (A2 > 0), A2 / np.maximum(A1, 1e-12), fall_off)
-        mixed = np.angle(1 + ratio * np.exp(1j * wave * (second - own))) / wave
-        return stack([np.where(m > 0, mixed, 0.0) / frame.length], frame)
+        m = np.clip(0.5 + (edge.mixed - 0.5) / self.footprint_px, 0.0, 1.0)
+        ratio = m / np.maximum(1 - m, 1e-6) * edge.light
+        return np.asarray(np.angle(1 + ratio * np.exp(1j * wave * edge.step)) / wave / edge.length)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edge:
+    """A view's mixed pixels (n,).
+
+    where: rows and columns; mixed: the second surface's share of the footprint; light: its amplitude over the first one's;
+    step: metres along the ray from the first to the second; length: of the ray per metre of z.
+    """
+
+    where: tuple[Ints, Ints]
+    mixed: Float
+    light: Float
+    step: Float
+    length: Float
+
+    @classmethod
+    def of(cls, frame: Frame) -> Edge:
+        """The mixed pixels of a view that see both their surfaces."""
+        share, other = np.nan_to_num(frame.rendering.mixed), frame.rendering.second
+        rows, columns = np.nonzero((share > 0) & np.isfinite(other) & frame.valid)
+        where = rows, columns
+        own, second = frame.radial[where], other[where].astype(np.float64) * frame.length[where]
+        A1, A2 = (neighbour_amplitude(frame, d)[where] for d in (frame.depth, other))
+        light = np.where((A1 > 0) & (A2 > 0), A2 / np.maximum(A1, 1e-12), (own / second) ** 2)
+        return cls(where, share[where].astype(np.float64), light, second - own, frame.length[where])
 
 
 REACH_PX = 3

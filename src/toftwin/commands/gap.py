@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Callable
 
     from tof_gap.diagnose import Diagnosis
+    from tof_scene.raycast import Raycaster
+    from toftwin.diagnosis import GapPipelineConfig
+    from toftwin.retraining import Retrained
 
 NAME = "gap"
 HELP = "diagnose why simulation and camera differ: where, which effect, how far it shrinks once added"
@@ -27,6 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml of what is known already; only the rest is diagnosed")
     parser.add_argument(
         "--leave-out", action="append", default=[], metavar="EFFECT", help="an effect not to be considered; may be repeated"
+    )
+    parser.add_argument(
+        "--retrain",
+        action="store_true",
+        help="simulate with the fitted sensor, train on that, and compare on the held-out views with training without it (minutes; resumable)",
     )
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     add_bag_arguments(parser)
@@ -57,6 +66,7 @@ class _Said:
 def run(args: argparse.Namespace) -> int:
     """Diagnose a bag and write the report."""
     import json
+    from dataclasses import asdict
 
     from tof_gap.advice import advise
     from tof_gap.page import write_page
@@ -75,8 +85,28 @@ def run(args: argparse.Namespace) -> int:
     say("advice and report")
     content = write(diagnosis, caster, args.out, advise(diagnosis, caster))
     page = write_page(diagnosis, content, args.out, Path(args.bag).name)
-    print(json.dumps(content, indent=1) if args.json else f"{summary(diagnosis)}\nreport: {page}")
+    learned = _retrained(diagnosis, caster, args.out, config, say) if args.retrain else None
+    if args.json:
+        print(json.dumps(content | ({} if learned is None else {"retrain": asdict(learned)}), indent=1))
+    else:
+        print("\n".join([summary(diagnosis), *([] if learned is None else [worth(learned)]), f"report: {page}"]))
     return 0
+
+
+def _retrained(diagnosis: Diagnosis, caster: Raycaster, out: Path, config: GapPipelineConfig, say: Callable[[str], None]) -> Retrained:
+    """Two networks, with and without the fitted effects, judged on the session."""
+    from tof_gap.report import sensor_model
+    from toftwin.retraining import retrain
+
+    return retrain(diagnosis, sensor_model(diagnosis), caster, out / "retrain", config.retrain, say)
+
+
+def worth(r: Retrained) -> str:
+    """What the fitted sensor is worth for learning, in a line."""
+    return (
+        f"learned repair of the held-out views: {r.raw_mm:.2f} mm raw, {r.without_mm:.2f} trained without {', '.join(r.effects)}, "
+        f"{r.with_mm:.2f} trained with ({r.pixels:,} pixels)"
+    )
 
 
 def summary(d: Diagnosis) -> str:
