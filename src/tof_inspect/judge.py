@@ -133,7 +133,7 @@ class Inspector:
         made = Colours(self.caster, self.first, now, self.config.colour)
         if not made.pairs:
             return None, "depth alone: the first pictures and those of now share too little"
-        return made, f"depth and colour: {len(now)} pictures against {len(self.first)} first ones"
+        return made, f"depth and colour (pairs of a picture of now with a first one: {made.pairs})"
 
     def _part(self, part: Part, seen: Sequence[Seen], colours: Colours | None) -> PartVerdict:
         index = self.scene.index(part.name)

@@ -67,7 +67,7 @@ def judged(gone: tuple[str, ...] = (), *, shadow: float = 1.0) -> dict[str, Part
     built = replace(cabinet(), parts=tuple(p for p in cabinet().parts if p.name not in gone), digest="")
     view = replace(seen(built), colour=shot(built, NEW, EYE, shadow=shadow))
     found = inspector().inspect([view], [SURE])
-    assert found.colour == "depth and colour: 1 pictures against 1 first ones"
+    assert found.colour == "depth and colour (pairs of a picture of now with a first one: 1)"
     return {v.name: v for v in found.verdicts}
 
 

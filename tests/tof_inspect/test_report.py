@@ -4,8 +4,12 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
 from dataclasses import replace
 from typing import TYPE_CHECKING
+
+import pytest
 
 from tests.tof_inspect.made import SURE, as_built, plate, seen
 from tof_inspect.config import InspectConfig
@@ -32,3 +36,18 @@ def test_page_and_json(tmp_path: Path) -> None:
     assert "a &amp; b" in page
     assert page.count("data:image/png;base64") >= 3
     assert "http" not in page
+    assert told["evidence"] == "depth alone: no first picture in colour is given"
+    assert "log ratio of depth" in page
+
+
+@pytest.mark.browser
+def test_the_page_shows_each_part_in_a_browser(tmp_path: Path) -> None:
+    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("no Chromium on this machine")
+    inspector = Inspector(Raycaster(plate()), InspectConfig())
+    page = write(inspector, inspector.inspect([seen(plate())], [SURE]), tmp_path / "out", "plate")
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", f"--user-data-dir={tmp_path / 'profile'}"]
+    shown = subprocess.run([browser, *flags, page.resolve().as_uri()], capture_output=True, text=True, timeout=120, check=True).stdout
+    assert shown.count("<img") == 4  # all but the parts that no view sees
+    assert shown.count('class="state present"') == 2

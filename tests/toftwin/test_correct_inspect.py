@@ -11,7 +11,7 @@ import pytest
 
 from tof_core import se3
 from tof_core.config import from_mapping
-from tof_scene.builtin import make_builtin
+from tof_scene.builtin import make_builtin, write_builtin
 from tof_virtual.config import VirtualConfig
 from tof_virtual.record import record
 from tof_virtual.robot import HAND_OF_CAMERA
@@ -77,11 +77,63 @@ def test_a_reference_of_another_scene_is_refused(
     assert "another scene" in capsys.readouterr().err
 
 
+def one_line(capsys: pytest.CaptureFixture[str]) -> str:
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1, said
+    assert "Traceback" not in said
+    return said
+
+
+def test_a_reference_of_another_camera_is_refused(
+    bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["correct", str(bags["first"][0]), "--save", str(tmp_path / "ref")]) == 0
+    capsys.readouterr()
+    other = tmp_path.parent / "other"
+    plan = {"views": 1, "stations": 1, "captures": 2}
+    record(
+        bodies_of(make_builtin("body_section")), other, from_mapping(VirtualConfig, {"plan": plan, "camera": {"width": 112, "height": 84}})
+    )
+    assert main(["correct", str(other), "--reference", str(tmp_path / "ref")]) == 1
+    assert "160x120" in one_line(capsys)
+
+
+def test_a_reference_that_is_none_is_said(
+    bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for command in ("correct", "inspect"):
+        assert main([command, str(bags["later"][0]), "--reference", str(tmp_path / "none"), "--scene", "body_section"]) == 2
+        assert "no such reference" in one_line(capsys)
+
+
+def test_a_view_that_the_bag_does_not_have_is_said(
+    bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["correct", str(bags["first"][0]), "--save", str(tmp_path / "ref"), "--view", "7"]) == 2
+    assert "there is no view 7; the bag has 1" in one_line(capsys)
+
+
+def test_a_scene_without_parts_to_inspect_is_said(
+    bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = write_builtin("body_section", tmp_path)
+    scene.write_text(scene.read_text().replace("inspect: true", "inspect: false"))
+    assert main(["inspect", str(bags["gone"][0]), "--scene", str(scene)]) == 1
+    assert "no part has `inspect: true`" in one_line(capsys)
+
+
 def test_inspection_finds_the_part_that_is_gone(
     bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["inspect", str(bags["gone"][0]), "--scene", "body_section", "--out", str(tmp_path / "out"), "--json"]) == 1
-    told = json.loads(capsys.readouterr().out)
+    assert main(["correct", str(bags["first"][0]), "--save", str(tmp_path / "ref"), "--scene", "body_section"]) == 0
+    capsys.readouterr()
+    flags = ["--scene", "body_section", "--reference", str(tmp_path / "ref"), "--out", str(tmp_path / "out"), "--json"]
+    assert main(["inspect", str(bags["gone"][0]), *flags]) == 1
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1
+    assert "has no colour picture" in said.err  # the bag had none: depth alone judges, and that is said
+    told = json.loads(said.out)
+    assert told["evidence"].startswith("depth alone")
     states = {p["name"]: p["state"] for p in told["parts"]}
     assert states["connector"] == "absent"
     assert sum(s == "absent" for s in states.values()) == 1
