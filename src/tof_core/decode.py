@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
 AMPLITUDE_ENCODINGS = ("mono8", "8UC1", "mono16", "16UC1", "32FC1")
+LARGEST_RASTER = 2**26
+"""Pixels; a damaged CameraInfo must not have a cloud projected into gigabytes."""
 COLOUR_ENCODINGS = ("rgb8", "bgr8", "rgba8", "bgra8", "mono8", "8UC1")
 
 
@@ -136,6 +138,9 @@ def camera_from_info(msg: Any, where: str = "camera_info", *, rectified: bool = 
     roi = msg.roi
     x0, y0 = int(roi.x_offset), int(roi.y_offset)
     width, height = int(roi.width) or int(msg.width) - x0, int(roi.height) or int(msg.height) - y0
+    if width * height > LARGEST_RASTER:
+        what = f"says {width}x{height} pixels"
+        raise CameraError(what, where=where, todo=f"up to {LARGEST_RASTER} are read; is the message damaged?")
     try:
         return Camera(
             width=width // bx,

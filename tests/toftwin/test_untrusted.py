@@ -12,7 +12,9 @@ import subprocess
 import sys
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +24,9 @@ from backports import zstd
 
 from tests.tof_core import bags
 from tof_core.bag_files import deserialize, open_files
-from tof_core.errors import BagError, ConfigError, SceneError, ToftwinError
+from tof_core.decode import camera_from_info
+from tof_core.encode import camera_info_fields
+from tof_core.errors import BagError, CameraError, ConfigError, SceneError, ToftwinError
 from tof_core.unpack import LARGEST_CHUNK, unpack
 from tof_core.yamlio import DEEPEST, parse_yaml
 from tof_scene.scene_file import load_scene
@@ -109,6 +113,13 @@ def test_a_definition_that_would_take_minutes_to_compile_is_refused(tmp_path: Pa
         deserialize(files, "/evil", bytes(8))
     assert time.monotonic() - start < 1.0
     files.close()
+
+
+def test_a_camera_of_gigabytes_is_refused() -> None:
+    fields = camera_info_fields(replace(bags.CAMERA, width=60_000, height=60_000))
+    header = SimpleNamespace(frame_id="camera")
+    with pytest.raises(CameraError, match="says 60000x60000 pixels"):
+        camera_from_info(SimpleNamespace(**fields, header=header, roi=SimpleNamespace(x_offset=0, y_offset=0, width=0, height=0)), "info")
 
 
 LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
