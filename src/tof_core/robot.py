@@ -59,13 +59,11 @@ class RobotChain:
 
         While it does not join them, a latched transform may still be on its way.
         """
-        if not self.transforms.settled(stamp_ns):
-            return False
         try:
-            self.resolve(camera_frame)
+            cell, _ = self.resolve(camera_frame)
+            return self.transforms.settled(cell, camera_frame, stamp_ns)
         except TransformError:
             return False
-        return True
 
     def resolve(self, camera_frame: str) -> tuple[str, str]:
         """The names (cell, body) for a camera; body is empty where the chain has none."""

@@ -47,6 +47,11 @@ class _Edge:
             self.stamps.insert(i, stamp_ns)
             self.motions[7 * i : 7 * i] = array("d", motion)
 
+    @property
+    def reached(self) -> int:
+        """How far time has come on this edge: its newest stamp but one, since a single stray from the future says nothing."""
+        return self.stamps[-2 if len(self.stamps) > 1 else -1]
+
     def forget_before(self, stamp_ns: int) -> None:
         """Drop samples older than `stamp_ns`, many at a time."""
         old = bisect_left(self.stamps, stamp_ns)
@@ -85,7 +90,6 @@ class TransformBuffer:
         self._keep_ns = round(keep_s * 1e9)
         self._edges: dict[str, _Edge] = {}
         self._two_parents: dict[str, tuple[str, str]] = {}
-        self._newest_ns = -(2**62)
         self._lock = RLock()
 
     def add(self, parent: str, child: str, stamp_ns: int, T: ArrayLike, *, static: bool = False) -> None:
@@ -116,10 +120,8 @@ class TransformBuffer:
                 return
             edge.static = static
             edge.put(stamp_ns, motion)
-            if not static:
-                self._newest_ns = max(self._newest_ns, stamp_ns)
-                if self._keep_ns:
-                    edge.forget_before(self._newest_ns - self._keep_ns)
+            if not static and self._keep_ns:
+                edge.forget_before(edge.reached - self._keep_ns)
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> Float:
         """`T_target_source` (4, 4) at a stamp.
@@ -137,9 +139,15 @@ class TransformBuffer:
                 motion = _compose(motion, self._at(child, stamp_ns))
         return se3.from_quat(motion[:3], motion[3:])
 
-    def settled(self, stamp_ns: int) -> bool:
-        """Whether TF has gone so far past a stamp that a lookup failing now will not succeed later."""
-        return self._newest_ns > stamp_ns + self._max_gap_ns
+    def settled(self, target: str, source: str, stamp_ns: int) -> bool:
+        """Whether TF between two frames has gone so far past a stamp that a lookup failing now will not succeed later.
+
+        Other frames do not count: they may be another robot's, by another clock.
+        """
+        with self._lock:
+            up, down = self._branches(target.lstrip("/"), source.lstrip("/"))
+            moving = [edge for frame in (*up, *down) if not (edge := self._edges[frame]).static]
+            return any(edge.reached > stamp_ns + self._max_gap_ns for edge in moving)
 
     def root(self, frame: str) -> str:
         """The topmost frame above `frame`."""
@@ -176,7 +184,6 @@ class TransformBuffer:
         """Forget everything but static transforms (the clock was set back)."""
         with self._lock:
             self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
-            self._newest_ns = -(2**62)
 
     def _at(self, child: str, stamp_ns: int) -> Motion:
         edge = self._edges[child]

@@ -129,10 +129,25 @@ def test_a_live_buffer_keeps_only_what_it_is_told_to() -> None:
 
 def test_a_clock_set_back_forgets_what_moved() -> None:
     buffer = tree()
-    assert buffer.settled(500 * MS)
+    assert buffer.settled("odom", "camera", 500 * MS)
     buffer.clear_dynamic()
     assert buffer.frames() == ("camera", "hand")
-    assert not buffer.settled(500 * MS)
+    buffer.add("odom", "hand", 0, A)
+    assert not buffer.settled("odom", "camera", 500 * MS)
+
+
+def test_neither_a_stray_stamp_nor_another_robots_clock_tells_how_far_time_has_come() -> None:
+    hour = 3_600_000 * MS
+    buffer = TransformBuffer(keep_s=1.0)
+    for i in range(300):
+        buffer.add("a", "b", i * 10 * MS, A)
+        buffer.add("a", "other", hour + i * 10 * MS, A)
+    buffer.add("a", "b", hour, A)
+    for i in range(300, 600):
+        buffer.add("a", "b", i * 10 * MS, A)
+        assert not buffer.settled("a", "b", i * 10 * MS + MS)
+        buffer.lookup("a", "b", i * 10 * MS - 500 * MS)
+    assert buffer.settled("a", "b", 5_000 * MS)
 
 
 def message(q: tuple[float, float, float, float], x: float = 1.0) -> Message:

@@ -83,6 +83,15 @@ class FaultyRobot:
         moved = [messages.transform("cell", self._frame("body"), np.eye(4), stamp) for stamp in stamps]
         self._tf.publish(TFMessage(transforms=moved))
 
+    def stray_tf(self, n: float, shift_ns: int, child: str = "body") -> None:
+        """One transform far from the time of frame `n`."""
+        from tf2_msgs.msg import TFMessage
+
+        from tof_ros import messages
+
+        stamp = round(START_NS + n * PERIOD_NS) + shift_ns
+        self._tf.publish(TFMessage(transforms=[messages.transform("cell", self._frame(child), np.eye(4), stamp)]))
+
     def frame(self, n: float, *, info: bool = True, twice: bool = False, shift_ns: int = 0, camera: Camera = CAMERA) -> int:
         """Publish frame `n`; gives its stamp."""
         from tof_ros import messages

@@ -118,6 +118,24 @@ def test_a_frame_stamped_in_the_future_is_said_and_the_graph_finds_back(running:
     assert robot.fates(after, "label") == {"kept": 3}
 
 
+def test_tf_from_the_future_or_of_another_robots_clock_costs_no_frame(running: tuple[Graph, FaultyRobot]) -> None:
+    """A frame comes before its transforms, as it does live: it must go on waiting for them."""
+    graph, robot = running
+    n = graph.begin()
+    robot.stray_tf(n, HOUR_NS)
+    for k in range(3):
+        robot.stray_tf(n + k, HOUR_NS, child="other_robot")
+    sent = []
+    for k in range(6):
+        sent.append(robot.frame(n + k))
+        time.sleep(0.15)
+        robot.tf(n + k, n + k)
+    assert robot.fates(sent) == {"kept": 6}
+    assert robot.fates(sent, "label") == {"kept": 6}
+    for node in ("preproc", "sim_label"):
+        assert robot.observer.trigger(f"/spot/{node}/reset").success
+
+
 def test_a_clock_set_back_begins_afresh_in_every_node(running: tuple[Graph, FaultyRobot]) -> None:
     graph, robot = running
     n = graph.begin()
