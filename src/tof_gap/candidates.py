@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_gap.scatter import like_stereo
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
@@ -27,6 +28,7 @@ from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from collections.abc import Set as AbstractSet
 
     from tof_core.arrays import Float
     from tof_gap.evidence import ViewEvidence
@@ -49,8 +51,9 @@ class Candidate:
     note: str = ""
 
 
-def candidates(views: Sequence[ViewEvidence], scene: Scene, left_out: frozenset[str] = frozenset()) -> list[Candidate]:
+def candidates(views: Sequence[ViewEvidence], scene: Scene, left_out: AbstractSet[str] = frozenset()) -> list[Candidate]:
     """All hypotheses that this session can test; `left_out` names effects not to be considered."""
+    left_out = left_out | not_testable(views).keys()
     made = [Candidate(HAND_EYE, None)]
     made += [Candidate(e.NAME, e, note) for e, note in _global_effects(views)]
     made += [Candidate(e.NAME, e, note) for e, note in _part_effects(views, scene)]
@@ -62,14 +65,30 @@ def not_testable(views: Sequence[ViewEvidence]) -> dict[str, str]:
     out: dict[str, str] = {}
     if all(v.view.amplitude is None for v in views):
         why = "no amplitude image"
-        out |= {"amplitude_bias": why, "lens_scatter": why}
+        out |= {"amplitude_bias": why, "lens_scatter": why, "noise": f"{why}: rows and single pixels alone can show it"}
     if not moving(views):
         out |= {"motion": "no view was taken in motion", "time_sync": "no view was taken in motion"}
     if not warming(views):
         out["temperature_drift"] = "temperature steady or unknown, and under 60 s"
     if range_span(views) < 0.08:
         out["wiggling"] = "one range only"
+    if like_stereo(views):
+        out |= dict.fromkeys(OF_MODULATED_LIGHT, "scatter goes with range squared and not with light: no time-of-flight camera")
     return out
+
+
+OF_MODULATED_LIGHT = (
+    "amplitude_bias",
+    "interference",
+    "lens_scatter",
+    "motion",
+    "multipath",
+    "phase_wrap",
+    "specular",
+    "subsurface",
+    "wiggling",
+)
+"""Effects that a camera has only if it times modulated light."""
 
 
 def moving(views: Sequence[ViewEvidence]) -> bool:

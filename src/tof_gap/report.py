@@ -39,7 +39,8 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str])
         {
             "schema": SCHEMA,
             "verdict": list(d.verdict),
-            "gap": _shrink(d.gap) | {"explainable": d.explainable, "dispersion": _dispersion(d), "missing": _missing(d)},
+            "gap": _shrink(d.gap)
+            | {"explainable": d.explainable, "dispersion": _dispersion(d), "missing": _missing(d), "floor_from": _floor_from(d)},
             "causes": [_cause(c) for c in d.causes] + [_finding(f) for f in d.findings],
             "where": {
                 "regions": [asdict(r) for r in found[:40]],
@@ -95,6 +96,13 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     return [float(v) for v in value] if isinstance(value, tuple) else value.item() if isinstance(value, np.generic) else value
+
+
+def _floor_from(d: Diagnosis) -> str:
+    """What the floor's scatter was taken from, in words."""
+    single = sum(v.view.captures == 1 for v in d.evidence)
+    how = f"{single} of {len(d.evidence)} views are of one capture: " if single else ""
+    return f"{how}scatter among neighbours of like amplitude, and what the poses leave open"
 
 
 def _dispersion(d: Diagnosis) -> dict[str, float]:

@@ -34,6 +34,7 @@ class ScatterConfig:
     extra_mm: float = param(0.4, "smallest constant part", unit="mm", low=0.0)
     burst: float = param(1.12, "scatter of a hit view against the quiet ones", low=1.02, high=10.0)
     line_mm: float = param(0.5, "smallest scatter of whole rows or columns", unit="mm", low=0.0)
+    line_share: float = param(0.15, "the same, of the median scatter", low=0.0, high=1.0)
     restless_share: float = param(0.004, "share of pixels that never rest from which they are noise", low=0.0, high=1.0)
     step_mm: float = param(1.5, "steps up to this are the depth code's own", unit="mm", low=0.0)
     bins: int = param(12, "amplitude bins per view", low=3, high=60)
@@ -110,6 +111,27 @@ def fit_law(b: Bins, step_m: float) -> LawFit:
     return LawFit(law, spread, float(np.std(log[keep])))
 
 
+def like_stereo(views: Sequence[ViewEvidence], bins: int = 8) -> bool:
+    """Whether scatter grows with the square of range and not with the light: a camera that triangulates.
+
+    log variance = c + p log amplitude + q log range^2 over the bins; photons give p from -1 to -2, disparity p = 0 and q = 2.
+    """
+    b = binned(views, bins)
+    if (
+        all(v.view.amplitude is None for v in views)
+        or len(b.view) < 12
+        or np.ptp(np.log(b.range2)) < 0.3
+        or np.ptp(np.log(b.amplitude)) < 0.3
+    ):
+        return False
+    X = np.stack([np.ones_like(b.variance), np.log(b.amplitude), np.log(b.range2)], axis=1)
+    own = X[:, 1] - X[:, [0, 2]] @ np.linalg.lstsq(X[:, [0, 2]], X[:, 1], rcond=None)[0]
+    if own.std() < 0.2:
+        return False  # Light goes with range alone: the two cannot be told apart.
+    _, p, q = np.linalg.lstsq(X, np.log(np.maximum(b.variance, 1e-14)), rcond=None)[0]
+    return bool(p > -0.3 and q > 1.2)
+
+
 def findings(views: Sequence[ViewEvidence], config: ScatterConfig, expected: PhotonLaw | None = None) -> list[Finding]:
     """`quantization`, `noise` and `interference`, each where the scatter says so."""
     steps = [depth_step(v.view.depth.astype(np.float64)) for v in views if v.view.captures == 1]
@@ -124,6 +146,10 @@ def findings(views: Sequence[ViewEvidence], config: ScatterConfig, expected: Pho
     if wave is not None and wave.size_m > config.extra_mm * 1e-3:
         return [*out, _stripes(views, wave, float(np.median(b.amplitude)))]
     fitted = fit_law(b, step)
+    if all(v.view.amplitude is None for v in views):
+        # Without light there is no law to be beyond: only what light cannot make is told.
+        found = _noise(views, b, None, step, config, None)
+        return out if found is None else [*out, found]
     quiet = quiet_law(b, step, len(views))
     ratio = _view_ratio(b, quiet, len(views))
     hit = ratio > config.burst**2 * np.median(np.sort(ratio)[: max(len(views) // 2, 2)])
@@ -134,17 +160,18 @@ def findings(views: Sequence[ViewEvidence], config: ScatterConfig, expected: Pho
 
 
 def _noise(
-    views: Sequence[ViewEvidence], b: Bins, fitted: LawFit, step: float, config: ScatterConfig, expected: PhotonLaw | None
+    views: Sequence[ViewEvidence], b: Bins, fitted: LawFit | None, step: float, config: ScatterConfig, expected: PhotonLaw | None
 ) -> Finding | None:
     """Scatter that no photon law has: constant, of whole rows or columns, of restless pixels."""
     typical = float(np.sqrt(np.median(b.variance)))
     least = max(config.extra_mm * 1e-3, config.extra_share * typical)
-    excess = _constant_part(fitted, step) if expected is None else _beyond(b, expected)
-    parts = {"at every amplitude": excess if excess > max(least, 4 * fitted.floor_std) else 0.0}
+    excess = 0.0 if fitted is None else _constant_part(fitted, step) if expected is None else _beyond(b, expected)
+    floor_std = 0.0 if fitted is None else fitted.floor_std
+    parts = {"at every amplitude": excess if excess > max(least, 4 * floor_std) else 0.0}
     common = None
     for axis, name in ((1, "by rows"), (0, "by columns")):
         jumping = lines(views, axis)
-        if jumping.sure > SURE and jumping.size_m > config.line_mm * 1e-3:
+        if jumping.sure > SURE and jumping.size_m > max(config.line_mm * 1e-3, config.line_share * typical):
             parts[name] = jumping.size_m
             common = np.stack([jumps(v, axis) for v in views]) + (0.0 if common is None else common)
     pixels = restless_pixels(views)
@@ -154,7 +181,7 @@ def _noise(
     if size <= 0:
         return None
     how = ", ".join(f"{1e3 * p:.1f} mm {name}" for name, p in parts.items() if p > 0)
-    std = {"extra_m": fitted.floor_std}
+    std = {"extra_m": floor_std}
     return Finding(Noise(extra_m=min(size, 0.1)), float(min(1.0, size / typical)), std, _constant(views, size), common=common, note=how)
 
 

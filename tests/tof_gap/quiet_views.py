@@ -42,14 +42,14 @@ def rendering(offset_m: float) -> Rendering:
     )
 
 
-def views(rng: np.random.Generator, extra: Float | None = None) -> tuple[ViewEvidence, ...]:
-    """Sessions of `VIEWS` views; `extra` (V, H, W) metres along the ray is added to the photons' own scatter."""
+def views(rng: np.random.Generator, extra: Float | None = None, *, photons: bool = True) -> tuple[ViewEvidence, ...]:
+    """Sessions of `VIEWS` views; `extra` (V, H, W) metres along the ray is added to the photons' own scatter, or is all there is."""
     renderings = [rendering(0.05 * k) for k in range(VIEWS)]
     made = []
     for k, r in enumerate(renderings):
         length = CAMERA.ray_length()
         light = 2000.0 * np.exp(0.8 * np.sin(np.arange(SHAPE[1]) / 9.0))[None] / (r.depth * length) ** 2
-        scatter = SIGMA_M * np.sqrt(2000.0 / light) * rng.standard_normal(SHAPE) + (0.0 if extra is None else extra[k])
+        scatter = SIGMA_M * np.sqrt(2000.0 / light) * rng.standard_normal(SHAPE) * photons + (0.0 if extra is None else extra[k])
         depth = (r.depth + scatter / length).astype(np.float32)
         capture = Capture(k, CAMERA, depth, np.zeros(SHAPE, np.uint8), amplitude=light.astype(np.float32))
         made.append(replace(View.of_capture(capture), station=0))

@@ -6,9 +6,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
+from tof_gap.candidates import not_testable
 from tof_gap.evidence import depth_step, robust_std, scatter
-from tof_gap.scatter import Bins, ScatterConfig, findings, fit_law
+from tof_gap.scatter import Bins, ScatterConfig, findings, fit_law, like_stereo
 
 RNG = np.random.default_rng(2)
 
@@ -105,3 +106,14 @@ def test_stripes_in_some_views_are_interference() -> None:
     hit = np.isin(np.arange(VIEWS), (0, 2, 3, 7, 8))[:, None, None]
     wave = 0.004 * np.sin(2 * np.pi * 8 * row + phase) * hit * np.ones((1, 1, SHAPE[1]))
     assert said(wave) == [("interference", "stripes of 8 turns in 5 of 12 views")]
+
+
+def test_a_stereo_camera_is_told_by_its_scatter() -> None:
+    rng = np.random.default_rng(5)
+    assert not like_stereo(views(rng))
+    range2 = np.stack([(rendering(0.05 * k).depth * CAMERA.ray_length()) ** 2 for k in range(VIEWS)])
+    session = views(rng, 0.003 * range2 * rng.standard_normal((VIEWS, *SHAPE)), photons=False)
+    assert like_stereo(session)
+    why = not_testable(session)
+    assert why["wiggling"] == "scatter goes with range squared and not with light: no time-of-flight camera"
+    assert "cad_deviation" not in why
