@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from arm_correction.closed_loop import close_loop, leftover
-from arm_correction.config import CorrectConfig
+from arm_correction.config import CorrectConfig, LimitConfig
 from arm_correction.corrector import Corrector
 from arm_correction.first import First
 from benchmarks.kept import kept
@@ -67,10 +67,11 @@ class Stand:
     def __init__(
         self, scene: Scene, view: int, *, seed: int, effects: Mapping[str, float] | None = None, cad: bool = True, **camera: float
     ) -> None:
-        """Take the first picture; with `cad` a start from far may use the CAD around it."""
+        """Take the first picture; with `cad` a start from far may use the CAD around it. The virtual arm reaches anywhere."""
         settings = {"robot": STILL, "plan": {"views": VIEWS, "stations": 1}, "camera": camera, "seed": seed}
         self.robot = VirtualRobot(bodies_of(scene), from_mapping(VirtualConfig, settings), effects or {})
-        self.scene, self.config, self._cad = scene, CorrectConfig(), cad
+        self.scene, self._cad = scene, cad
+        self.config = replace(CorrectConfig(), limits=replace(LimitConfig(), reach_m=3.0))
         self.T_body_hand = self.robot.views[view][1]
         self.robot.goto(self.T_body_hand)
         self.T_true = self.robot.T_cell_camera_true
