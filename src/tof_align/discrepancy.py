@@ -103,6 +103,18 @@ def shared_columns(basis: Basis, view: Linearised) -> Float:
     return np.concatenate(parts, axis=1) if parts else np.zeros((len(view.residual), 0))
 
 
+def unsaid(basis: Basis, view: Linearised, sizes: dict[str, float]) -> Float:
+    """(n,) deviation, metres, of errors that stick to the surface and that `shared_columns` cannot say.
+
+    A few dozen centres write down the smooth part of a rough process; how much is left at each place is known
+    (the Schur complement that Nystroem's columns leave out).
+    """
+    if not basis.root_object.size or "object" not in sizes:
+        return np.zeros(len(view.residual))
+    said = (_surface_covariance(_surface(view, basis.object_m), basis.centres) @ basis.root_object) ** 2
+    return np.asarray(sizes["object"] * np.sqrt(np.maximum(1.0 - said.sum(axis=1), 0.0)))
+
+
 def local_columns(basis: Basis, view: Linearised) -> Float:
     """(n, sum(basis.local)) columns of one view's own kinds: an offset, and what is smooth in the image."""
     n = len(view.residual)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_align.discrepancy import basis_of
+from tof_align.discrepancy import basis_of, unsaid
 from tof_align.linearise import linearise
 from tof_align.mixed import estimate
 from tof_align.robust import first_look, weigh
@@ -87,7 +87,8 @@ class Fitter:
         view = system.views[v]
         smooth = None if before is None else unmodelled(system.rig, system.basis, view, before, v)
         left = first_look(view) if before is None else view.residual - system.explained(before, v, columns)
-        weight = weigh(view, left, self.config.weights, smooth)
+        rough = 0.0 if before is None else unsaid(system.basis, view, before.sizes)
+        weight = weigh(view, left, self.config.weights, smooth, rough)
         return weight, weighted_gram(view, weight, system.basis, None if columns is None else columns[v])
 
     def _solve(self, normal: Normal) -> Mixed:

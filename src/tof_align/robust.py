@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 
-MISFIT = np.array([0.05, 0.05, 0.3, 0.05, 0.0, 0.3, 0.3])
+MISFIT = np.array([0.05, 0.05, 0.0, 0.05, 0.0, 0.3, 0.3])
 """Share of what each kind explains that is taken to be wrong: small for a function of one
-measured number, large for what is patchy or one view's own."""
+measured number, large for what is one view's own; of what sticks to the surface it is known (`unsaid`)."""
 
 
 def mad(values: Float) -> float:
@@ -39,13 +39,14 @@ def kernel_width(view: Linearised, error: Float, config: WeightConfig) -> Float:
     return np.maximum(config.kernel * scale, config.kernel_floor_mm * 1e-3)
 
 
-def weigh(view: Linearised, error: Float, config: WeightConfig, explained: Float | None = None) -> Float:
+def weigh(view: Linearised, error: Float, config: WeightConfig, explained: Float | None = None, unsaid: Float | float = 0.0) -> Float:
     """(n,) inverse variances, 1/m^2: robust, and honest about neighbours that err together.
 
-    error (n,): what the fit left, metres; explained (n, kinds): what it put down to the discrepancy.
-    Of the latter a share (`MISFIT`) is taken to be explained wrongly, alike within each sixteenth
-    of the image: columns never say all about an error nobody knows, and thousands of pixels would
-    turn the missing part into a pose.
+    error (n,): what the fit left, metres; explained (n, kinds): what it put down to the discrepancy;
+    unsaid (n,): deviation of what the discrepancy's columns cannot say. Of what is explained a share
+    (`MISFIT`) is taken to be explained wrongly; both are alike within each sixteenth of the image:
+    columns never say all about an error nobody knows, and thousands of pixels would turn the missing
+    part into a pose.
     """
     if not len(error):
         return np.zeros(0)
@@ -53,7 +54,7 @@ def weigh(view: Linearised, error: Float, config: WeightConfig, explained: Float
     weight = accept / view.sigma**2
     misfit = 0.0 if explained is None else float(np.linalg.norm(explained.std(axis=0) * MISFIT))
     patch = view.raster[0] * view.raster[1] / 16.0
-    return np.asarray(accept / (inflation(view, error, weight) * view.sigma**2 + patch * misfit**2))
+    return np.asarray(accept / (inflation(view, error, weight) * view.sigma**2 + patch * (misfit**2 + np.square(unsaid))))
 
 
 def first_look(view: Linearised) -> Float:

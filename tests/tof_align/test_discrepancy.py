@@ -10,7 +10,7 @@ import pytest
 
 from tests.tof_align.made import CONFIG, one_view, section
 from tof_align.config import DiscrepancyConfig
-from tof_align.discrepancy import LOCAL, SHARED, basis_of, farthest_points, inflation, local_columns, shared_columns
+from tof_align.discrepancy import LOCAL, SHARED, basis_of, farthest_points, inflation, local_columns, shared_columns, unsaid
 from tof_align.linearise import Linearised, linearise
 from tof_align.pixels import take_pixels
 
@@ -101,3 +101,13 @@ def test_white_noise_does_not_inflate_and_neighbours_that_err_together_do(lin: L
     y, x = np.divmod(lin.cell, lin.raster[1])
     together = 1e-3 * rng.normal(size=(40, 40))[y // 4, x // 4]
     assert inflation(lin, together, weight) > 6.0
+
+
+def test_what_the_columns_cannot_say_is_the_rest_of_the_processs_variance(lin: Linearised) -> None:
+    basis = basis_of([lin], D)
+    said = part(shared_columns(basis, lin), basis.shared, SHARED.index("object"))
+    rest = unsaid(basis, lin, {"object": 2e-3})
+    np.testing.assert_allclose((4e-6 * said**2).sum(axis=1) + rest**2, 4e-6, rtol=1e-6)
+    more = basis_of([lin], replace(D, centres=200))
+    assert (unsaid(more, lin, {"object": 2e-3}) ** 2).mean() < 0.6 * (rest**2).mean()
+    assert (unsaid(basis, lin, {}) == 0.0).all()
