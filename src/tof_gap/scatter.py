@@ -34,7 +34,7 @@ class ScatterConfig:
     extra_mm: float = param(0.4, "smallest constant part", unit="mm", low=0.0)
     burst: float = param(1.12, "scatter of a hit view against the quiet ones", low=1.02, high=10.0)
     line_mm: float = param(0.5, "smallest scatter of whole rows or columns", unit="mm", low=0.0)
-    line_share: float = param(0.15, "the same, of the median scatter", low=0.0, high=1.0)
+    line_share: float = param(0.25, "the same, of the median scatter", low=0.0, high=1.0)
     restless_share: float = param(0.004, "share of pixels that never rest from which they are noise", low=0.0, high=1.0)
     step_mm: float = param(1.5, "steps up to this are the depth code's own", unit="mm", low=0.0)
     bins: int = param(12, "amplitude bins per view", low=3, high=60)
