@@ -24,12 +24,17 @@ from toftwin.commands.simulate import bodies_of
 
 
 def test_a_base_that_comes_back_decimetres_off_gets_its_first_picture_again() -> None:
-    settings = {"robot": {"base_min_mm": 40.0, "base_max_mm": 50.0, "base_deg": 3.0}, "plan": {"views": 1, "stations": 1}, "seed": 4}
+    settings = {
+        "robot": {"base_min_mm": 40.0, "base_max_mm": 50.0, "base_deg": 3.0},
+        "plan": {"views": 1, "stations": 1},
+        "camera": {"width": 160, "height": 122},
+        "seed": 4,
+    }
     robot = VirtualRobot(bodies_of(make_builtin("body_section")), from_mapping(VirtualConfig, settings))
     config = CorrectConfig()
 
     def look() -> View:
-        return list(accumulate_views([robot.capture() for _ in range(8)], PreprocConfig()))[-1]
+        return list(accumulate_views([robot.capture() for _ in range(6)], PreprocConfig()))[-1]
 
     first, hand = robot.T_cell_camera_true, robot.T_body_hand
     first_picture = First.of(capture_reference(look(), config.weights), config)
@@ -45,7 +50,7 @@ def test_a_base_that_comes_back_decimetres_off_gets_its_first_picture_again() ->
 
 
 def test_a_refusal_moves_nothing() -> None:
-    settings = {"plan": {"views": 1, "stations": 1}, "seed": 4}
+    settings = {"plan": {"views": 1, "stations": 1}, "camera": {"width": 160, "height": 122}, "seed": 4}
     robot = VirtualRobot(bodies_of(make_builtin("pipework")), from_mapping(VirtualConfig, settings))
     config = CorrectConfig()
 

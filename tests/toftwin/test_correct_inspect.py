@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from arm_correction.reference import load_reference
 from tof_core import se3
 from tof_core.config import from_mapping
 from tof_scene.builtin import make_builtin, write_builtin
@@ -104,6 +105,19 @@ def test_a_reference_that_is_none_is_said(
     for command in ("correct", "inspect"):
         assert main([command, str(bags["later"][0]), "--reference", str(tmp_path / "none"), "--scene", "body_section"]) == 2
         assert "no such reference" in one_line(capsys)
+
+
+def test_only_a_region_may_matter(bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first = str(bags["first"][0])
+    assert main(["correct", first, "--save", str(tmp_path / "ref"), "--region", "10,20,100,60"]) == 0
+    kept = load_reference(tmp_path / "ref").region
+    assert kept.sum() == 6000
+    assert kept[20:80, 10:110].all()
+    capsys.readouterr()
+    assert main(["correct", first, "--save", str(tmp_path / "ref"), "--region", "10,20"]) == 2
+    assert "left,top,width,height" in one_line(capsys)
+    assert main(["correct", first, "--save", str(tmp_path / "ref"), "--region", "0,0,10,10"]) == 1
+    assert "pixels of the region have a depth" in one_line(capsys)
 
 
 def test_a_view_that_the_bag_does_not_have_is_said(

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import argparse
 
+    from tof_core.arrays import Mask
+
 NAME = "correct"
 HELP = "propose the hand's pose that brings back the first picture, from a reference, the CAD, or both"
 EXAMPLE = "toftwin correct today/bag --reference out/first --scene cell/scene.yaml"
@@ -23,6 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene.yaml of the cell: corrects to the CAD, too")
     parser.add_argument(
         "--save", type=Path, metavar="REF", help="keep a view of this bag as the first picture (REF.json, REF.npz) and stop"
+    )
+    parser.add_argument(
+        "--region", metavar="U,V,W,H", help="with --save: only this rectangle of the depth image matters (pixels; default: all)"
     )
     parser.add_argument("--view", type=int, default=-1, metavar="N", help="which view: 0 the first, -1 the last (default: -1)")
     parser.add_argument("--frame", default="body", metavar="FRAME", help="TF frame in which the target is given (default: the body)")
@@ -58,13 +63,32 @@ def run(args: argparse.Namespace) -> int:
         chosen = views[: args.view % len(views) + 1]
         corrector = corrector_of(scene, reference, config)
         if args.save:
-            kept = save_reference(corrector.capture(chosen[-1]), args.save)
+            kept = save_reference(corrector.capture(chosen[-1], _region(args.region, chosen[-1].camera.shape)), args.save)
             print(f"reference: {kept}")
             return 0
         frames = frames_of(reader.chain, reader.camera.frame_id, chosen[-1].stamp_ns, args.hand_frame, args.frame)
         made = corrector.propose(chosen, frames)
     _print(made, as_json=args.json)
     return 0 if next(iter(made.values())).accepted else 1
+
+
+def _region(text: str | None, shape: tuple[int, int]) -> Mask | None:
+    """(H, W) mask of a rectangle given as left, top, width, height."""
+    import numpy as np
+
+    from tof_core.errors import UsageError
+
+    if text is None:
+        return None
+    numbers = text.split(",")
+    if len(numbers) != 4 or not all(n.strip().isdigit() for n in numbers):
+        raise UsageError(
+            f"'{text}' is no rectangle", where="--region", todo="write left,top,width,height in pixels, for instance 40,30,120,90"
+        )
+    left, top, width, height = map(int, numbers)
+    mask = np.zeros(shape, bool)
+    mask[top : top + height, left : left + width] = True
+    return mask
 
 
 def _print(made: dict[str, Any], *, as_json: bool) -> None:
