@@ -142,7 +142,7 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         first, scene = self._corrector.reference, self._scene
         return {
             "reference": str(first.stamp_ns) if first else "",
-            "scene": f"{scene.folder.name} {scene.digest[:12]}" if scene else "",
+            "scene": f"{self.config.live.scene_name} {scene.digest[:12]}" if scene else "",
             "connected": self.config.live.connect,
             "verdict": self._verdict,
             **(self._feed.figures() if self.active else {}),

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tof_core.capture import View
@@ -37,6 +38,12 @@ class ViewOptions(ManagedOptions):
     max_gap_s: float = param(0.2, "longest pause of TF that is interpolated", unit="s", low=0.001, high=10.0)
     patience_s: float = param(1.0, "a view waits so long for its transform", unit="s", low=0.2, high=60.0)
     keep_tf_s: float = param(30.0, "history of TF", unit="s", low=1.0, high=3600.0)
+
+    @property
+    def scene_name(self) -> str:
+        """The scene in a word: its folder's name, or a built-in scene's."""
+        path = Path(self.scene)
+        return (path.parent if path.suffix in {".yaml", ".yml"} else path).name
 
     def chain(self, cell: str = "", placed: Placement | None = None) -> RobotChain:
         """Frames and transforms, nothing heard yet; `cell` holds where the options name none."""

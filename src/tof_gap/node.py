@@ -113,7 +113,7 @@ class GapNode(ManagedNode[GapNodeConfig]):
         """Scene, the last view's gap, how old TF is."""
         scene, said = self._caster.scene, self._said
         told = {} if said is None else {key: str(value) for key, value in _report(said).items() if key != "schema"}
-        return {"scene": f"{scene.folder.name} {scene.digest[:12]}", **told, **(self._feed.figures() if self.active else {})}
+        return {"scene": f"{self.config.live.scene_name} {scene.digest[:12]}", **told, **(self._feed.figures() if self.active else {})}
 
     def warnings(self) -> list[str]:
         """A gap that grows, or a view that could not be judged."""

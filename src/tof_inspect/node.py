@@ -114,7 +114,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         """Scene, the last judgement, how old TF is."""
         scene = self._inspector.scene
         return {
-            "scene": f"{scene.folder.name} {scene.digest[:12]}",
+            "scene": f"{self.config.live.scene_name} {scene.digest[:12]}",
             "inspected": str(len(self._inspector.names)),
             "first_pictures": str(len(self._inspector.first)),
             **{f"verdict.{state}": str(count) for state, count in self._counts.items()},

@@ -44,13 +44,14 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
 
     def __init__(self, name: str, room: str, config: type[M], *, fixed: tuple[str, ...] = (), **options: Any) -> None:
         """Unconfigured; with `live.autostart` it configures and activates itself as soon as it is spun."""
-        self.loaded = self.active = False
+        self.loaded = self.active = self._starting = False
         self._subscribed: list[Subscription] = []
         self._ticking: list[Timer] = []
         RoomNode.__init__(self, name, room, config, fixed=fixed, locked=lambda: self.loaded, **options)
         LifecycleNodeMixin.__init__(self)
         self._answer_impossible_transitions()
-        if self.config.live.autostart:
+        self._starting = self.config.live.autostart
+        if self._starting:
             self._starter = super().timer(0.01, self._autostart)
 
     def load(self) -> None:
@@ -146,7 +147,9 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
 
     def complaints(self) -> list[str]:
         """What is wrong; a node that is not active says that alone."""
-        return super().complaints() if self.active else [f"{self.state}: nothing is heard until the node is activated"]
+        if self.active:
+            return super().complaints()
+        return [] if self._starting else [f"{self.state}: nothing is heard until the node is activated"]
 
     def destroy_node(self) -> None:
         """End what is active, then go."""
@@ -155,6 +158,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
 
     def _autostart(self) -> None:
         self._starter.destroy()
+        self._starting = False
         if self.trigger_configure() == SUCCESS:
             self.trigger_activate()
 

@@ -20,7 +20,7 @@ from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
 from tof_sim_label.live import LabelNodeConfig
-from tof_sim_label.stream import Labelled, LabelStream
+from tof_sim_label.stream import Labelled, LabelStream, warm_up
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -63,6 +63,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
             raise UsageError("no scene given", where="sim_label", todo="start it with --scene, or -p live.scene:=FILE")
         self._scene = open_scene(live.scene)
         self._caster = Raycaster(self._scene)
+        warm_up(self._caster)
 
     def start(self) -> None:
         """Hear `preproc` and TF; a session begins."""
@@ -136,7 +137,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
 
     def figures(self) -> Mapping[str, str]:
         """Scene, verdicts, how old TF is."""
-        scene = {"scene": f"{self._scene.folder.name} {self._scene.digest[:12]}", "raycaster": self._caster.backend}
+        scene = {"scene": f"{self.config.live.scene_name} {self._scene.digest[:12]}", "raycaster": self._caster.backend}
         verdicts = {f"verdict.{name}": str(count) for name, count in sorted(self._verdicts.items())}
         return {**scene, **(self._feed.figures() if self.active else {}), **verdicts}
 

@@ -3,17 +3,22 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tof_align.causal import SessionAligner
-from tof_core.errors import RefusedError
+from tof_core.camera import Camera
+from tof_core.capture import Capture, RobotPose, View
+from tof_core.errors import RefusedError, ToftwinError
+from tof_scene.render import render
 from tof_sim_label.gate import RadialGate
 from tof_sim_label.label import Label, label_view
 from tof_sim_label.labeller import LabellerConfig
 
 if TYPE_CHECKING:
-    from tof_core.capture import View
     from tof_scene.raycast import Raycaster
 
 
@@ -63,3 +68,18 @@ class LabelStream:
         finally:
             self._aligner.samples.clear()
         return Labelled(view, label_view(view, posed, self._caster, self._config.label))
+
+
+def warm_up(caster: Raycaster) -> None:
+    """Load (the first time ever: compile) all kernels of alignment and labels by one small view of the scene, before frames flow."""
+    vertices = np.concatenate([part.vertices for part in caster.scene.parts])
+    centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+    camera, T = Camera(64, 48, 60.0, 60.0, 31.5, 23.5), np.eye(4)
+    T[:3, :3] = [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]  # along -x of the cell
+    T[:3, 3] = centre + np.array([np.ptp(vertices, axis=0).max(), 0.0, 0.0])
+    depth = render(caster, camera, T).depth
+    view = View.of_capture(Capture(1, camera, depth, np.zeros(depth.shape, np.uint8), RobotPose(np.eye(4), T)))
+    with suppress(ToftwinError):
+        stream = LabelStream(caster)
+        stream.push(view)
+        stream.flush()
