@@ -27,8 +27,8 @@ SEED = 31
 
 def run() -> list[Figure]:
     """Every figure of this room; counts of the issue are in `bench_correct_long`."""
-    near = returns(*NEAR, 24, seed=SEED, stands=6)
-    far = returns(*FAR, 24, seed=SEED, stands=6)
+    near = returns(*NEAR, 12, seed=SEED, stands=6)
+    far = returns(*FAR, 12, seed=SEED, stands=6)
     return [*near_figures(near), *far_figures(far), biased(6, 2), *figure_11(1), *speed()]
 
 
