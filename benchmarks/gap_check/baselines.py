@@ -27,6 +27,7 @@ def session(bag: Path) -> tuple[ColumnStore, list[Float]]:
     from tof_align.chain import chain_of
     from tof_align.pixels import sample
     from tof_align.session import near
+    from tof_core import se3
     from tof_gap.columns import ColumnStore
     from tof_gap.config import GapConfig
     from tof_gap.joint import observe
@@ -45,18 +46,16 @@ def session(bag: Path) -> tuple[ColumnStore, list[Float]]:
     samples = [sample(v, config.align.weights) for v in views]
     chain = near(samples, chain_of(samples, config.align.priors), caster, config.align)
     for _ in range(3):
-        evidence = observe(views, caster, chain, gap)
+        evidence = observe(views, caster, chain, gap, footprints=False)
         arm = []
         for v, view in enumerate(evidence):
             J = pose_columns(view.frame.take(view.pixels))[0]
             r = view.residual.ravel()[view.pixels]
             w = 1.0 / view.sigma.ravel()[view.pixels]
             step = np.linalg.lstsq(J * w[:, None], r * w, rcond=1e-8)[0]
-            from tof_core import se3
-
             arm.append(chain.arm[v] @ se3.exp(step))
         chain = replace(chain, arm=np.array(arm))
-    evidence = observe(views, caster, chain, gap)
+    evidence = observe(views, caster, chain, gap, footprints=False)
     store = ColumnStore(evidence, deal(chain.station.tolist(), SelectConfig().folds))
     return store, [v.residual.ravel()[v.pixels] / v.sigma.ravel()[v.pixels] for v in evidence]
 
