@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SEED = 40
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 
 def digest(folders: list[Path]) -> str:
