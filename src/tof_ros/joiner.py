@@ -41,9 +41,9 @@ class StampJoiner:
         self._born.setdefault(stamp_ns, time.monotonic())
         return True
 
-    def take(self, *, force: bool = False) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Sets that are ready, oldest first; `force` gives all that have their required parts."""
-        for stamp in sorted(self._sets)[: self._due(force=force)]:
+    def take(self, *, force: bool = False, overdue: int = -1) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Sets that are ready, oldest first; those up to the stamp `overdue` wait no longer; `force` gives all that have their required parts."""
+        for stamp in sorted(self._sets)[: self._due(overdue, force=force)]:
             parts = self._sets.pop(stamp)
             del self._born[stamp]
             self.newest = stamp
@@ -53,14 +53,14 @@ class StampJoiner:
                 self.incomplete += 1
                 self.on_incomplete(stamp)
 
-    def _due(self, *, force: bool) -> int:
+    def _due(self, overdue: int, *, force: bool) -> int:
         """How many of the oldest sets leave now."""
         stamps = sorted(self._sets)
         if force:
             return len(stamps)
         wanted = self._required | self._expected
         old = time.monotonic() - self._patience_s
-        leaving = [i for i, s in enumerate(stamps) if wanted <= self._sets[s].keys() or self._born[s] < old]
+        leaving = [i for i, s in enumerate(stamps) if wanted <= self._sets[s].keys() or self._born[s] < old or s <= overdue]
         return max([i + 1 for i in leaving] + [len(stamps) - self._limit, 0])
 
     def clear(self) -> None:

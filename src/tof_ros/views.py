@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from functools import partial
@@ -40,7 +41,8 @@ class ViewFeed:
     def __init__(self, node: RoomNode[Any], chain: RobotChain, patience_s: float, take: Callable[[View], None]) -> None:
         """Subscribe; `take` runs in the node's thread."""
         self._node, self._chain, self._take = node, chain, take
-        self._joiner = StampJoiner(REQUIRED, patience_s=2.0)
+        # Patience is counted in this node's own turns: one that was held up finds the missing parts in its queues.
+        self._joiner = StampJoiner(REQUIRED, patience_s=math.inf)
         self._joiner.on_incomplete = self._incomplete
         self._jump = BackwardJump()
         self._waiting: deque[tuple[int, dict[str, Any]]] = deque()
@@ -83,7 +85,7 @@ class ViewFeed:
 
     def advance(self) -> None:
         """Take every view whose transform is there."""
-        self._waiting.extend(self._joiner.take())
+        self._waiting.extend(self._joiner.take(overdue=self._overdue))
         while self._waiting:
             stamp, parts = self._waiting[0]
             try:

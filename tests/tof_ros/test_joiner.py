@@ -38,6 +38,17 @@ def test_an_expected_part_is_not_waited_for_longer_than_patience() -> None:
     assert take(joiner) == [(1, "a")]
 
 
+def test_a_set_that_is_overdue_waits_no_longer_whatever_the_clock_says() -> None:
+    joiner = StampJoiner("a", expected="x", patience_s=float("inf"))
+    joiner.add("a", 1, None)
+    joiner.add("x", 2, None)
+    joiner.add("a", 3, None)
+    assert take(joiner) == []
+    assert list(joiner.take(overdue=2)) == [(1, {"a": None})]
+    assert joiner.incomplete == 0
+    assert list(joiner.take(overdue=3)) == [(3, {"a": None})]
+
+
 def test_a_set_without_a_required_part_is_dropped_and_counted() -> None:
     joiner = StampJoiner("ab", patience_s=60)
     joiner.add("a", 1, None)
