@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 from tof_core.config import param
 from tof_gap.evidence import depth_step, robust_std
 from tof_gap.kinds import Finding
-from tof_gap.restless import SURE, jumps, lines, restless_pixels
+from tof_gap.restless import SURE, jumps, lines, pixel_pattern, restless_pixels
 from tof_gap.stripes import beat, stripes
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise, PhotonLaw
@@ -166,6 +166,8 @@ def _noise(
     typical = float(np.sqrt(np.median(b.variance)))
     least = max(config.extra_mm * 1e-3, config.extra_share * typical)
     excess = 0.0 if fitted is None else _constant_part(fitted, step) if expected is None else _beyond(b, expected)
+    # What pixels err by in every view alike is a pattern, though neighbours show it as scatter.
+    excess = float(np.sqrt(max(excess**2 - pixel_pattern(views) ** 2, 0.0)))
     floor_std = 0.0 if fitted is None else fitted.floor_std
     parts = {"at every amplitude": excess if excess > max(least, 4 * floor_std) else 0.0}
     common = None

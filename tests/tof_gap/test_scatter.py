@@ -117,3 +117,7 @@ def test_a_stereo_camera_is_told_by_its_scatter() -> None:
     why = not_testable(session)
     assert why["wiggling"] == "scatter goes with range squared and not with light: no time-of-flight camera"
     assert "cad_deviation" not in why
+
+
+def test_pixels_that_err_alike_in_every_view_are_no_noise() -> None:
+    assert said(np.tile(RNG.normal(0, 0.004, (1, *SHAPE)), (VIEWS, 1, 1))) == []
