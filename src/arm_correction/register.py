@@ -144,33 +144,38 @@ def register(matcher: Matcher, T_guess: Float, others: Sequence[Float] = ()) -> 
         T_guess: (4, 4) where the robot believes to be.
         others: more starts, for instance from features of the colour images.
     """
-    limits = matcher.config.register
-    T = matcher.refine(T_guess, limits.far_kernel_mm * 1e-3 * 0.5, stride=3, rounds=limits.rounds)
-    T = matcher.refine(T, 0.01, rounds=limits.rounds)
-    answer = _look_around(matcher, T)
+    rounds = matcher.config.register.rounds
+    wide = matcher.refine(T_guess, matcher.config.register.far_kernel_mm * 1e-3 * 0.5, stride=3, rounds=rounds)
+    # A wide kernel may slide off along a pipe from where the guess was right already: the narrow one is asked beside it.
+    near = np.array([matcher.refine(wide, 0.01, rounds=rounds), matcher.refine(T_guess, 0.01, rounds=rounds)])
+    answer = _look_around(matcher, near)
     if answer.accepted and answer.unknown.rank == 6 and answer.support > CLEAR[0] and answer.overlap > CLEAR[1]:
         return answer
-    return _search(matcher, T_guess, [T, *others])
+    return _search(matcher, [T_guess, *others], near)
 
 
 def settle(matcher: Matcher, T: Float) -> Registration:
     """The near step from a start that is trusted already."""
-    return _look_around(matcher, matcher.refine(T, 0.02, rounds=matcher.config.register.rounds))
+    return _look_around(matcher, matcher.refine(T, 0.02, rounds=matcher.config.register.rounds)[None])
 
 
-def _look_around(matcher: Matcher, T: Float) -> Registration:
-    """Whether a better answer lies a few centimetres aside: where little tells slides apart, the near step can stop early."""
+def _look_around(matcher: Matcher, answers: Float, *, far: bool = False) -> Registration:
+    """Whether something better lies a few centimetres beside the best of `answers` (k, 4, 4); all of them are its rivals.
+
+    Where little tells slides apart, a descent can stop early.
+    """
+    T = answers[np.argmin(matcher.misfits(answers))]
     starts = T @ spread_starts(256, 0.04, np.radians(2.0))
     best = starts[1:][np.argsort(matcher.misfits(starts[1:], coarse=True))[:4]]
     slid = _slides(matcher, T)
     slid = slid[np.argsort(matcher.misfits(slid))[:3]]
-    found = np.array([T, *(matcher.refine(s, 0.02, stride=4, rounds=10) for s in (*best, *slid))])
+    found = np.array([T, *answers, *(matcher.refine(s, 0.02, stride=4, rounds=10) for s in (*best, *slid))])
     scores = matcher.misfits(found)
     winner = int(np.argmin(scores))
-    if winner:
+    if winner > len(answers):
         found[winner] = matcher.refine(found[winner], 0.01, rounds=matcher.config.register.rounds)
         scores = matcher.misfits(found)
-    return judge(matcher, found[winner], float(scores[winner]), far=False, rivalry=matcher.rivalry(found[winner], found))
+    return judge(matcher, found[winner], float(scores[winner]), far=far, rivalry=matcher.rivalry(found[winner], found))
 
 
 def _slides(matcher: Matcher, T: Float) -> Float:
@@ -185,18 +190,22 @@ def _slides(matcher: Matcher, T: Float) -> Float:
     return np.array([T @ se3.exp(a * weakest[:, 0] + b * weakest[:, 1]) for a in steps[0] for b in steps[1]])
 
 
-def _search(matcher: Matcher, T_guess: Float, others: Sequence[Float]) -> Registration:
-    """Score many starts, refine the best, compare the answers."""
+def _search(matcher: Matcher, guesses: Sequence[Float], near: Float) -> Registration:
+    """Score many starts around the first guess, refine the best and the other guesses, compare the answers with `near` (k, 4, 4)."""
     c = matcher.config.register
-    starts = T_guess @ spread_starts(c.tried, c.reach_mm * 1e-3, np.radians(c.reach_deg))
+    starts = guesses[0] @ spread_starts(c.tried, c.reach_mm * 1e-3, np.radians(c.reach_deg))
     best = starts[np.argsort(matcher.misfits(starts, coarse=True))[: c.kept]]
-    found = [matcher.refine(T, c.far_kernel_mm * 1e-3, stride=12, rounds=12) for T in [*best, *others]]
-    leading = _distinct(np.array(found), matcher.misfits(np.array(found)))
+    found = np.array([matcher.refine(T, c.far_kernel_mm * 1e-3, stride=12, rounds=12) for T in [*best, *guesses[1:]]])
+    found = found[[any(_within(T, guess, matcher.config) for guess in guesses) for T in found]]
+    leading = _distinct(found, matcher.misfits(found)) if len(found) else []
     polished = [matcher.refine(matcher.refine(found[i], 0.02, stride=3, rounds=c.rounds), 0.01, rounds=c.rounds) for i in leading]
-    motions = np.array(polished)
-    scores = matcher.misfits(motions)
-    winner = int(np.argmin(scores))
-    return judge(matcher, motions[winner], float(scores[winner]), far=True, rivalry=matcher.rivalry(motions[winner], motions))
+    return _look_around(matcher, np.array([*polished, *near]), far=True)
+
+
+def _within(T: Float, guess: Float, config: CorrectConfig) -> bool:
+    """Whether an answer lies where one was looked for, with some room."""
+    metres, degrees = se3.distance(guess, T)
+    return 1e3 * metres < 1.3 * config.register.reach_mm and degrees < 1.3 * config.register.reach_deg
 
 
 def _distinct(motions: Float, scores: Float, most: int = 8) -> list[int]:
