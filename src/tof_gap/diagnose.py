@@ -138,6 +138,8 @@ def diagnose(
     floors = [f + np.nan_to_num(c) ** 2 for f, c in zip(floors, common, strict=True)]
     figures = _Figures(residual, floors, maps | corrections, held, rng)
     gap = figures.shrink(list(figures.maps))
+    if findings and not figures.maps:
+        gap = replace(gap, shrink=None, ci95=None)  # Scatter and loss alone: nothing is there to be taken off.
     leftover = [r - figures.total(list(figures.maps), v) - c for v, (r, c) in enumerate(zip(residual, common, strict=True))]
     step = max((f.effect.step_m / np.sqrt(12) for f in findings if isinstance(f.effect, Quantization)), default=0.0)
     alike_m = float(np.hypot(step, COMMON_LEFT * np.sqrt(np.mean(np.square(np.nan_to_num(common))))))

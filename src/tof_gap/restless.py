@@ -20,8 +20,10 @@ LINE_PIXELS = 20
 """Pixels that a line needs to have a mean."""
 SURE = 8.0
 """Standard errors by which lines must scatter more than their pixels allow."""
-RESTLESS = 4.0
-"""Variance of a pixel over the views against its light's, from which it is restless (one in 10^5 of 12 quiet views)."""
+RESTLESS = 6.0
+"""Variance of a pixel over the views, by its median square, against its light's, from which it is restless (one in 2000 quiet pixels of 12 views)."""
+PIXEL_SEEN = 8
+"""Views that must see a pixel before it can be called restless."""
 MIN_SEEN = 5
 
 
@@ -94,11 +96,14 @@ def restless_pixels(views: Sequence[ViewEvidence]) -> Pixels:
     high = np.stack([_sharp(v) for v in views])
     seen = np.isfinite(high)
     n = seen.sum(axis=0)
-    known = n >= MIN_SEEN
+    known = n >= PIXEL_SEEN
     centred = np.where(seen, high - np.where(seen, high, 0.0).sum(axis=0) / np.maximum(n, 1), 0.0)
-    variance = (centred**2).sum(axis=0) / np.maximum(n - 1, 1)
+    # The median over the views: an edge that crosses a pixel once makes it no restless one.
+    square = np.where(seen, centred**2, np.nan).reshape(len(views), -1)
+    variance = np.zeros(n.shape)
+    variance[known] = np.nanmedian(square[:, known.ravel()], axis=0) / CHI2_MEDIAN
     quiet = float(np.median(variance[known])) if known.any() else 1.0
-    where = known & (variance > RESTLESS * max(quiet, 1e-12) * (1 + 2 / np.sqrt(np.maximum(n, 1))))
+    where = known & (variance > RESTLESS * max(quiet, 1e-12))
     share = float(where.sum() / max(known.sum(), 1))
     sigma2 = float(np.mean([float(np.median(v.sigma[v.smooth] ** 2)) for v in views if v.smooth.any()] or [0.0]))
     size2 = (float(variance[where].mean()) - quiet) * sigma2 if where.any() else 0.0

@@ -142,7 +142,7 @@ def findings(views: Sequence[ViewEvidence], config: ScatterConfig, expected: Pho
     b = binned(views, config.bins)
     if len(b.view) < 6 or step > np.sqrt(np.median(b.variance)):
         return out  # Between steps wider than the scatter nothing can be told of it.
-    wave = beat(views)
+    wave = None if out else beat(views)  # Coarse steps leave contours, which are stripes too.
     if wave is not None and wave.size_m > config.extra_mm * 1e-3:
         return [*out, _stripes(views, wave, float(np.median(b.amplitude)))]
     fitted = fit_law(b, step)

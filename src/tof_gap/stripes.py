@@ -11,6 +11,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from tof_core.arrays import Float, Mask
     from tof_gap.evidence import ViewEvidence
 
@@ -23,6 +25,8 @@ BAND = 1.5
 """Turns to either side that belong to one beat, whose envelope widens its line."""
 HIT = 25.0
 """Chi-square of a wave (two degrees of freedom) from which a view is hit."""
+ALIKE = 3.0
+"""Rayleigh's n R^2 of the hit views' phases from which they are one phase (5 % by chance)."""
 STANDS_OUT = 8.0
 """How far the best wave's energy must stand above the median wave's."""
 
@@ -39,7 +43,8 @@ class Beat:
 
 def beat(views: Sequence[ViewEvidence]) -> Beat | None:
     """The wave that some views have and others do not, None where there is none."""
-    energy = np.stack([_energies(v) for v in views])
+    waves = np.stack([_waves(v) for v in views])
+    energy = np.abs(waves) ** 2
     total = energy.sum(axis=0)
     best = int(np.argmax(total))
     turns, tilt = (TURNS[best // len(TILTS)], TILTS[best % len(TILTS)])
@@ -49,6 +54,9 @@ def beat(views: Sequence[ViewEvidence]) -> Beat | None:
     usual = max(np.median(total), np.median(total[best % len(TILTS) :: len(TILTS)]))
     if total[best] < STANDS_OUT * usual or not 3 <= hit.sum() < len(views):
         return None
+    phase = waves[hit, best] / np.abs(waves[hit, best])
+    if len(phase) * abs(phase.mean()) ** 2 > ALIKE:
+        return None  # The same wave in every view is the sensor's own pattern.
     sizes = [float(np.mean(stripes(v, turns, tilt)[v.smooth] ** 2)) for v, h in zip(views, hit, strict=True) if h]
     return Beat(float(turns), float(tilt), hit, float(np.sqrt(np.mean(sizes))))
 
@@ -66,11 +74,11 @@ def _cells(view: ViewEvidence) -> tuple[Float, Float, Float, Float]:
     return mean[0], mean[1], mean[2], mean[3] / n
 
 
-def _energies(view: ViewEvidence) -> Float:
-    """(turns * tilts,) chi-square that each wave takes off a view, after the view's own smooth field."""
+def _waves(view: ViewEvidence) -> NDArray[np.complex128]:
+    """(turns * tilts,) each wave in a view, after the view's own smooth field: the square of its size is the chi-square that it takes off."""
     y, x, r, white = _cells(view)
     if len(r) < 100:
-        return np.zeros(len(TURNS) * len(TILTS))
+        return np.zeros(len(TURNS) * len(TILTS), complex)
     root = 1.0 / np.sqrt(white)
     smooth = np.stack([y**i * x**j for i in range(4) for j in range(4 - i)], axis=1)
     Q, _ = np.linalg.qr(smooth * root[:, None])
@@ -79,7 +87,7 @@ def _energies(view: ViewEvidence) -> Float:
     rows, columns = (np.exp(2j * np.pi * k[:, None] * q) for k, q in ((TURNS, y), (TILTS, x)))
     # Cosine and sine of a wave of several turns are at right angles, each with half of the weights' sum.
     b = (rows * (root * e)) @ columns.T
-    return np.asarray(2.0 * np.abs(b) ** 2 / (root**2).sum()).ravel()
+    return np.asarray(b * np.sqrt(2.0 / (root**2).sum())).ravel()
 
 
 def stripes(view: ViewEvidence, turns: float, tilt: float) -> Float:
