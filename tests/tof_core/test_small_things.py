@@ -100,7 +100,9 @@ def test_digests_of_configurations_do_not_hang_on_the_order_of_keys() -> None:
 
 @pytest.mark.parametrize("tty", [False, True])
 def test_progress_passes_everything_on_and_is_seen_only_on_a_terminal(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tty: bool  # noqa: FBT001  (pytest gives it by name)
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tty: bool,  # noqa: FBT001  (pytest gives it by name)
 ) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: tty, raising=False)
     assert list(progress(range(5), "counting", 5)) == [0, 1, 2, 3, 4]
