@@ -142,21 +142,23 @@ def findings(views: Sequence[ViewEvidence], config: ScatterConfig, expected: Pho
     b = binned(views, config.bins)
     if len(b.view) < 6 or step > np.sqrt(np.median(b.variance)):
         return out  # Between steps wider than the scatter nothing can be told of it.
-    wave = None if out else beat(views)  # Coarse steps leave contours, which are stripes too.
+    if out:
+        return out  # Coarse steps leave contours and uneven scatter of their own.
+    wave = beat(views)
     if wave is not None and wave.size_m > config.extra_mm * 1e-3:
-        return [*out, _stripes(views, wave, float(np.median(b.amplitude)))]
+        return [_stripes(views, wave, float(np.median(b.amplitude)))]
     fitted = fit_law(b, step)
     if all(v.view.amplitude is None for v in views):
         # Without light there is no law to be beyond: only what light cannot make is told.
         found = _noise(views, b, None, step, config, None)
-        return out if found is None else [*out, found]
+        return [] if found is None else [found]
     quiet = quiet_law(b, step, len(views))
     ratio = _view_ratio(b, quiet, len(views))
     hit = ratio > config.burst**2 * np.median(np.sort(ratio)[: max(len(views) // 2, 2)])
     if 0 < hit.sum() <= (1 - QUIET) * len(views):
-        return [*out, _burst(views, b, quiet, ratio, hit)]
+        return [_burst(views, b, quiet, ratio, hit)]
     found = _noise(views, b, fitted, step, config, expected)
-    return out if found is None else [*out, found]
+    return [] if found is None else [found]
 
 
 def _noise(
