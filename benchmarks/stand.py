@@ -83,9 +83,9 @@ class Stand:
         caster = Raycaster(self.scene) if self._cad else None
         return First.of(Corrector(self.config, caster=caster).capture(self.view), self.config, caster)
 
-    def look(self) -> View:
+    def look(self, captures: int = CAPTURES) -> View:
         """A few captures at rest: half of what a loop takes by default, to be cheap."""
-        shots = [self.robot.capture() for _ in range(CAPTURES)]
+        shots = [self.robot.capture() for _ in range(captures)]
         return list(accumulate_views(shots, PreprocConfig()))[-1]
 
     def photograph(self) -> Bytes:

@@ -27,7 +27,7 @@ FINE_M = 0.012, 0.0025
 """The same to choose between answers."""
 SLIDES = (0.08, 20), (0.04, 5)
 """How far, and in how many steps each way, is looked along the direction that is told least, and the next."""
-CLEAR = 0.95, 0.5
+CLEAR = 0.9, 0.5
 """Support and overlap beyond which the near step is the answer and nothing else is tried."""
 HIDDEN_M = 0.025
 """A point so far behind the reference's surface was hidden by it: it neither agrees nor disagrees."""
