@@ -25,7 +25,7 @@ COARSE_M = 0.04, 0.02
 """While searching: a point that misses by more than the first says only that it misses; one that leaves the picture counts the second."""
 FINE_M = 0.012, 0.0025
 """The same to choose between answers."""
-SLIDES = (0.08, 20), (0.04, 5)
+SLIDES = (0.08, 20), (0.03, 3)
 """How far, and in how many steps each way, is looked along the direction that is told least, and the next."""
 CLEAR = 0.9, 0.5
 """Support and overlap beyond which the near step is the answer and nothing else is tried."""
