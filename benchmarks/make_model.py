@@ -16,7 +16,7 @@ from tof_virtual.twin import TwinCamera
 HELD_OUT = "body_section"
 """The scene on which the sweep is judged. No built-in scene is ever trained or tuned on; random ones are."""
 DEFAULT = Path("src/tof_infer/models/default.onnx")
-EXAMPLE = "example: python -m benchmarks.make_model --work out/model --scenes 90 --epochs 30"
+EXAMPLE = "example: python -m benchmarks.make_model --work out/model --scenes 57 --epochs 40"
 
 
 def make_data(work: Path, scenes: range, views: int) -> list[Path]:
@@ -46,8 +46,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.make_model", description=__doc__, epilog=EXAMPLE)
     parser.add_argument("--work", type=Path, default=Path("out/model"), help="folder of sessions, datasets and checkpoints")
     parser.add_argument("--out", type=Path, default=DEFAULT, help="the model to write")
-    parser.add_argument("--scenes", type=int, default=90, help="random scenes")
-    parser.add_argument("--unseen", type=int, default=24, help="random scenes to calibrate sigma on, never trained on")
+    parser.add_argument("--scenes", type=int, default=57, help="random scenes")
+    parser.add_argument("--unseen", type=int, default=20, help="random scenes to calibrate sigma on, never trained on")
     parser.add_argument("--views", type=int, default=10, help="views of each")
     parser.add_argument("--data-only", action="store_true", help="stop before training")
     options, rest = parser.parse_known_args(arguments)
@@ -59,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     from toftwin.cli import main as toftwin
 
-    return toftwin(["train", *map(str, datasets), "--unseen", *map(str, unseen), "--out", str(options.out), "--epochs", "30", *rest])
+    return toftwin(["train", *map(str, datasets), "--unseen", *map(str, unseen), "--out", str(options.out), "--epochs", "40", *rest])
 
 
 if __name__ == "__main__":
