@@ -155,7 +155,7 @@ def findings(views: Sequence[ViewEvidence], config: ScatterConfig, expected: Pho
     quiet = quiet_law(b, step, len(views))
     ratio = _view_ratio(b, quiet, len(views))
     hit = ratio > config.burst**2 * np.median(np.sort(ratio)[: max(len(views) // 2, 2)])
-    if 0 < hit.sum() <= (1 - QUIET) * len(views):
+    if hit.sum() <= (1 - QUIET) * len(views) and (hit.sum() > 1 or ratio.max() > ALONE):
         return [_burst(views, b, quiet, ratio, hit)]
     found = _noise(views, b, fitted, step, config, expected)
     return [] if found is None else [found]
@@ -218,6 +218,8 @@ def quiet_law(b: Bins, step_m: float, views: int) -> LawFit:
     return fitted
 
 
+ALONE = 2.0
+"""Variance against the quiet views' from which a single view is a burst: one view may be another kind of scene."""
 QUIET = 0.25
 """Share of the views that a burst is taken to leave alone."""
 
