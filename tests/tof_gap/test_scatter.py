@@ -63,7 +63,7 @@ def test_robust_std_ignores_outliers() -> None:
     assert robust_std(values) == pytest.approx(1.0, rel=0.03)
 
 
-def said(extra: np.ndarray | None) -> list[tuple[str, str]]:  # type: ignore[type-arg]
+def said(extra: np.ndarray | None) -> list[tuple[str, str]]:
     """Names and notes of what is found in a session with `extra` (V, H, W) metres of scatter."""
     return [(f.name, f.note) for f in findings(views(np.random.default_rng(3), extra), ScatterConfig())]
 
