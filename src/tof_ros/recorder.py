@@ -84,10 +84,21 @@ class Recorder:
         """Whether every topic has found a publisher."""
         return all(s.get_publisher_count() for s in self._subscriptions)
 
-    def settle(self, quiet_s: float = 0.5) -> None:
-        """Wait until nothing has come for a while (another thread must spin the node)."""
-        before = -1
-        while self.count != before:
+    @property
+    def even(self) -> bool:
+        """Whether the topics of each room that carry anything have carried as many messages: a room's outputs come together."""
+        rooms: dict[str, set[int]] = {}
+        for topic, count in dict(self.counts).items():  # a copy: another thread counts
+            rooms.setdefault(topic.rpartition("/")[0], set()).add(count)
+        return all(len(counts) == 1 for counts in rooms.values())
+
+    def settle(self, quiet_s: float = 0.5, give_up_s: float = 10.0) -> None:
+        """Wait until nothing has come for a while (another thread must spin the node).
+
+        A large message that lost a fragment is sent again only at the next heartbeat, three seconds later: uneven topics are waited for.
+        """
+        before, end = -1, time.monotonic() + give_up_s
+        while self.count != before or (not self.even and time.monotonic() < end):
             before = self.count
             time.sleep(quiet_s)
 
