@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,17 +51,17 @@ class Row:
     verdict: tuple[str, ...]
     hit: bool
     miss: str
-    place: float | None
-    likeness: float | None
-    shrink: float | None
-    true_shrink: float | None
-    covered: bool | None
-    left_over_floor: float | None
-    label_mm: float | None
-    separable: bool | None
     seconds: float
     cpu_s: float
-    baselines: dict[str, bool]
+    place: float | None = None
+    likeness: float | None = None
+    shrink: float | None = None
+    true_shrink: float | None = None
+    covered: bool | None = None
+    left_over_floor: float | None = None
+    label_mm: float | None = None
+    separable: bool | None = None
+    baselines: dict[str, bool] = field(default_factory=dict)
 
 
 def score_all(folder: Path, *, only: str = "") -> list[Row]:
@@ -94,27 +95,9 @@ def score(sealed: Path, bag: Path, out: Path) -> Row:
     case = json.loads((sealed / "case.json").read_text())
     took = json.loads((out / "seconds.json").read_text())
     effects = tuple(sorted(case["effects"]))
+    row = partial(Row, case["name"], case["kind"], case["scene"], effects, seconds=took["wall_s"], cpu_s=took["cpu_s"])
     if not (out / "gap.json").exists():
-        return Row(
-            case["name"],
-            case["kind"],
-            case["scene"],
-            effects,
-            ("refused",),
-            hit=False,
-            miss="refused",
-            place=None,
-            likeness=None,
-            shrink=None,
-            true_shrink=None,
-            covered=None,
-            left_over_floor=None,
-            label_mm=None,
-            separable=None,
-            seconds=took["wall_s"],
-            cpu_s=took["cpu_s"],
-            baselines={},
-        )
+        return row(("refused",), hit=False, miss="refused")
     report = json.loads((out / "gap.json").read_text())
     truth = Truth(sealed, bag)
     verdict = tuple(report["verdict"])
@@ -125,11 +108,7 @@ def score(sealed: Path, bag: Path, out: Path) -> Row:
     over = None
     if not miss and effects and not case["left_out"]:
         over = report["gap"]["after_mm"]["rmse"] / max(report["gap"]["floor_mm"], 1e-9)
-    return Row(
-        case["name"],
-        case["kind"],
-        case["scene"],
-        effects,
+    return row(
         verdict,
         hit=not miss,
         miss=miss,
@@ -141,8 +120,6 @@ def score(sealed: Path, bag: Path, out: Path) -> Row:
         left_over_floor=over,
         label_mm=label_error(truth, maps["T_cell_camera"]) if not miss and not case["left_out"] and not UNSEEN & set(effects) else None,
         separable=separable(truth, case["left_out"]) if case["left_out"] else None,
-        seconds=took["wall_s"],
-        cpu_s=took["cpu_s"],
         baselines=_baselines(case, out),
     )
 

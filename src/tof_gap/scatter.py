@@ -240,11 +240,9 @@ def _burst(views: Sequence[ViewEvidence], b: Bins, fitted: LawFit, ratio: Float,
     excess = (b.variance - fitted.law.variance(b.amplitude, b.range2))[mine]
     weak = (fitted.law.reference / b.amplitude[mine]) ** 2
     # The misfit, relative, of an excess that is constant and of one that goes with 1 / A^2.
-    misfit = [
-        float(np.median(np.abs(np.log(np.maximum(excess, 1e-12) / x) - np.median(np.log(np.maximum(excess, 1e-12) / x)))))
-        for x in (np.ones_like(weak), weak)
-    ]
-    if misfit[0] < misfit[1]:
+    relative = [np.log(np.maximum(excess, 1e-12) / x) for x in (np.ones_like(weak), weak)]
+    constant, foreign = (float(np.median(np.abs(x - np.median(x)))) for x in relative)
+    if constant < foreign:
         return Finding(Noise(extra_m=min(size, 0.1)), 0.95, share=share, note=f"in bursts: {note}")
     effect = Interference(burst_m=min(size, 0.2), duty=float(hit.mean()), reference=fitted.law.reference)
     return Finding(effect, 0.95, share=share, note=note)
