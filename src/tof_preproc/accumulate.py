@@ -167,7 +167,7 @@ def _equation_1(times, n, p, low, high):  # type: ignore[no-untyped-def]  # noqa
 
 
 @njit(cache=True, inline="always")
-def _centre(method, s, times, n, p, lo, hi):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _centre(method, mean, s, times, n, p, lo, hi):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """The accumulated value and its variance in units of one capture's."""
     k = hi - lo
     if method == PAPER:
@@ -175,7 +175,7 @@ def _centre(method, s, times, n, p, lo, hi):  # type: ignore[no-untyped-def]  # 
     if method == MEDIAN:
         # Variance of a normal median: pi/2 times the mean's for many, the mean's own for one or two.
         return _quantile(s, p, lo, hi, 0.5), (1.0 + (np.pi / 2 - 1) * max(k - 1.0, 0.0) / (k + 0.3)) / k
-    return _moments(s, p, lo, hi)[0], 1.0 / k
+    return mean, 1.0 / k
 
 
 @njit(cache=True)
@@ -223,25 +223,32 @@ def _accumulate(n, s, counts, times, reasons, law, quantum, codes, fewest, numbe
     count, reason = np.zeros(pixels, np.uint16), np.zeros(pixels, np.uint8)
     rejected = np.zeros(codes.size, np.int64)
     votes = np.zeros(REASONS + codes.size, np.int64)
+    low, high = np.empty(pixels, np.int64), np.empty(pixels, np.int64)
     banded, fenced = np.any(codes == IQR_BAND), np.any((codes == IQR_TUKEY) | (codes == SIGMA_ROBUST))
     for p in range(pixels):
-        m = np.int64(counts[p])
-        lo, hi = _reject(s, p, m, codes, fewest, numbers, law[p], quantum, votes)
+        lo, hi = _reject(s, p, np.int64(counts[p]), codes, fewest, numbers, law[p], quantum, votes)
         k = hi - lo
+        low[p], high[p] = lo, hi
         if k == 0 or k < numbers[4] * n:
             votes[:REASONS] = 0
             for c in range(codes.size):
                 votes[IQR_REASON if codes[c] <= IQR_BAND else SIGMA_REASON] += votes[REASONS + c]
             reason[p] = _why(reasons, n, p, votes[:REASONS])
-        else:
-            value, weight2 = _centre(method, s, times, n, p, lo, hi)
-            trimmed = banded and k < m
-            own = _moments(s, p, lo, hi)[1] / (BAND_WITHIN if trimmed else (CUT_SHARE if fenced else 1.0))
-            variance = _variance(own, k, law[p], quantum)
-            factor = BAND_WITHIN * weight2 + BAND_BETWEEN / k if trimmed else weight2 * (CUT_PRICE if fenced else 1.0)
-            depth[p], count[p] = value, k
-            noise[p], sigma[p] = np.sqrt(variance), np.sqrt(mean_error2(variance, factor, quantum, method == MEDIAN))
+            high[p] = lo
         for c in range(codes.size):
             rejected[c] += votes[REASONS + c]
             votes[REASONS + c] = 0
+    for p in range(pixels):
+        lo, hi = low[p], high[p]
+        k = hi - lo
+        if k == 0:
+            continue
+        mean, squares = _moments(s, p, lo, hi)
+        value, weight2 = _centre(method, mean, s, times, n, p, lo, hi)
+        trimmed = banded and k < np.int64(counts[p])
+        own = squares / (BAND_WITHIN if trimmed else (CUT_SHARE if fenced else 1.0))
+        variance = _variance(own, k, law[p], quantum)
+        factor = BAND_WITHIN * weight2 + BAND_BETWEEN / k if trimmed else weight2 * (CUT_PRICE if fenced else 1.0)
+        depth[p], count[p] = value, k
+        noise[p], sigma[p] = np.sqrt(variance), np.sqrt(mean_error2(variance, factor, quantum, method == MEDIAN))
     return depth, sigma, noise, count, reason, rejected

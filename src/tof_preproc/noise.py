@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numba import njit
 from scipy.optimize import nnls
 from scipy.special import chdtr, chdtri
 
@@ -81,11 +82,41 @@ def law_of_dwell(stack: Stack, amplitude: Image | None, quantum: float) -> Noise
     n = stack.captures
     some = np.flatnonzero(stack.count == n)
     some = some[:: max(1, some.size // SAMPLES)]
-    values = stack.ordered[some, :n].astype(float)
     if not some.size:
         return NoiseLaw((max(quantum**2 / 12, TINY), 0.0, 0.0), 1.0, 1.0, by_range=amplitude is None)
-    light = _light(values.mean(axis=1), None if amplitude is None else amplitude.ravel()[some])
-    return _fit(values.var(axis=1, ddof=1), np.asarray(light, float), n - 1, quantum, by_range=amplitude is None)
+    means, variances = _moments(stack.ordered, some, n)
+    light = _light(means, None if amplitude is None else amplitude.ravel()[some])
+    return _fit(variances, np.asarray(light, float), n - 1, quantum, by_range=amplitude is None)
+
+
+@njit(cache=True)
+def _moments(ordered, some, n):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Mean and unbiased variance of the first n values of some rows."""
+    means, variances, row, strands = np.empty(some.size), np.empty(some.size), np.empty(n), np.empty(8)
+    for i in range(some.size):
+        for j in range(n):
+            row[j] = ordered[some[i], j]
+        means[i] = _sum(row, strands) / n
+        for j in range(n):
+            row[j] = (row[j] - means[i]) * (row[j] - means[i])
+        variances[i] = _sum(row, strands) / (n - 1)
+    return means, variances
+
+
+@njit(cache=True)
+def _sum(row, r):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Sum in eight strands, as NumPy adds up to 128 values: rounds less than one, and gives its bits."""
+    whole = row.size - row.size % 8
+    total = 0.0
+    if whole:
+        r[:] = row[:8]
+        for i in range(8, whole, 8):
+            for j in range(8):
+                r[j] += row[i + j]
+        total = ((r[0] + r[1]) + (r[2] + r[3])) + ((r[4] + r[5]) + (r[6] + r[7]))
+    for i in range(whole, row.size):
+        total += row[i]
+    return total
 
 
 def _fit(scatter2: Float, light: Float, dof: int, quantum: float, *, by_range: bool) -> NoiseLaw:
@@ -100,13 +131,19 @@ def _fit(scatter2: Float, light: Float, dof: int, quantum: float, *, by_range: b
         return NoiseLaw((spread, 0.0, 0.0), 1.0, 1.0, by_range)
     light, scatter2 = light[usable], scatter2[usable]
     variance = np.array([robust_variance(scatter2[b], dof, floor) for b in bins])
-    centre = np.array([np.median(light[b]) for b in bins])
+    centre = np.array([_middle(light[b]) for b in bins])
     unit = float(np.median(centre))
     powers = (centre[:, None] / unit) ** -np.arange(3.0)
     coefficients, _ = nnls(powers / variance[:, None], np.ones(len(bins)))
     a0, a1, a2 = (float(c * unit**p) for p, c in enumerate(coefficients))
-    low, high = (float(np.quantile(light, q)) for q in (0.001, 0.999))
+    low, high = (float(v) for v in np.quantile(light, (0.001, 0.999)))
     return NoiseLaw((max(a0, floor) if a1 == a2 == 0 else a0, a1, a2), low, high, by_range)
+
+
+def _middle(ascending: Float) -> float:
+    """Median of sorted values."""
+    half = ascending.size // 2
+    return float(ascending[half] if ascending.size % 2 else 0.5 * (ascending[half - 1] + ascending[half]))
 
 
 def robust_variance(scatter2: Float, dof: int, floor: float) -> float:

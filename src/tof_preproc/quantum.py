@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 FINEST, COARSEST = 2e-5, 2e-2
 """Steps looked for, metres: finer ones drown in any noise."""
+DITHERED = 1.5
+"""Variance in squared steps above which the bias is lost in the rounding of the rest (exp(-59), for up to 256 captures)."""
 
 
 def quantum_of(depth: Image, samples: int = 20000) -> float:
@@ -46,10 +48,22 @@ def mean_error2(variance: float, factor: float, quantum: float, on_code: bool) -
         return variance * factor
     q2 = quantum * quantum
     ratio = max(variance - q2 / 12, 0.0) / q2
-    bias2 = q2 / 12
-    if ratio > 1e-3 and not on_code:
-        bias2 = 0.0
-        for k in range(1, 12):
-            bias2 += np.exp(-4 * np.pi**2 * k * k * ratio) / (k * k)
-        bias2 *= q2 / (2 * np.pi**2)
+    if on_code or ratio <= 1e-3:
+        bias2 = q2 / 12
+    elif ratio < DITHERED:
+        bias2 = _series(ratio) * (q2 / (2 * np.pi**2))
+    else:
+        return variance * factor
     return max(variance - bias2, 0.0) * factor + bias2
+
+
+@njit(cache=True)
+def _series(ratio: float) -> float:
+    """The sum above, of (s / q)^2; it ends where a term is lost in rounding, as all further ones are."""
+    total = 0.0
+    for k in range(1, 12):
+        before = total
+        total += np.exp(-4 * np.pi**2 * k * k * ratio) / (k * k)
+        if total == before:
+            break
+    return total

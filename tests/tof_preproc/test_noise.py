@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.tof_frames import captures, edge_rich, noise_of, plane
-from tof_preproc.noise import law_of_capture, law_of_dwell, robust_variance
+from tof_preproc.noise import _moments, law_of_capture, law_of_dwell, robust_variance
 from tof_preproc.stack import Stack
 
 if TYPE_CHECKING:
@@ -83,3 +83,13 @@ def test_a_tenth_of_outliers_moves_the_variance_by_less_than_a_tenth() -> None:
         soiled = np.where(rng.random(20000) < 0.1, 1e4, clean)
         assert robust_variance(clean, dof, 1e-12) == pytest.approx(1.0, rel=0.03)
         assert robust_variance(soiled, dof, 1e-12) == pytest.approx(1.0, rel=0.1)
+
+
+@pytest.mark.parametrize("n", [2, 7, 8, 15, 16, 100])
+def test_mean_and_variance_over_time_are_numpy_s_to_the_bit(n: int) -> None:
+    depths = np.sort(np.random.default_rng(n).normal(1.0, 0.01, (50, 120)).astype(np.float32), axis=1)
+    some = np.arange(0, 50, 3)
+    values = depths[some, :n].astype(float)
+    means, variances = _moments(depths, some, n)
+    np.testing.assert_array_equal(means, values.mean(axis=1))
+    np.testing.assert_array_equal(variances, values.var(axis=1, ddof=1))

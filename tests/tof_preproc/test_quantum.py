@@ -43,3 +43,14 @@ def test_the_error_of_a_mean_of_codes_is_what_simulation_gives(noise: float, cap
 
 def test_no_number_of_captures_averages_a_code_without_noise_away() -> None:
     assert mean_error2(1 / 12, 1e-9, 1.0, False) == pytest.approx(1 / 12)
+
+
+@pytest.mark.parametrize("ratio", [0.002, 0.05, 0.3, 1.0, 1.4, 1.6, 4.0])
+def test_terms_left_out_change_no_bit(ratio: float) -> None:
+    bias2 = 0.0
+    for k in range(1, 12):
+        bias2 += np.exp(-4 * np.pi**2 * k * k * ratio) / (k * k)
+    variance = ratio + 1 / 12
+    bias2 *= 1 / (2 * np.pi**2)
+    whole = max(variance - bias2, 0.0) / 256 + bias2
+    assert mean_error2(variance, 1 / 256, 1.0, False) == pytest.approx(whole, rel=1e-15)
