@@ -63,7 +63,8 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
             TransformBuffer(self.config.input.max_gap_s, keep_s=self.config.live.keep_tf_s),
             need_tf=self.config.live.need_tf,
         )
-        self._tf = TransformListener(self, self._stream.transforms, self._advance)
+        ahead_ns = round(self.config.still.window_s * 1e9)
+        self._tf = TransformListener(self, self._stream.transforms, self._advance, lambda: self._patience.oldest + ahead_ns)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         warm_up()  # the first time ever this compiles for some 20 s: better before frames come than while they wait
         self._subscribe()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 PERIOD_S = 0.1
 NEVER = -(2**62)
+ALWAYS = 2**62
 
 
 class Patience:
@@ -26,6 +27,11 @@ class Patience:
     def end(self, stamp_ns: int) -> None:
         """A frame waits no longer."""
         self._ages.pop(stamp_ns, None)
+
+    @property
+    def oldest(self) -> int:
+        """The first stamp that waits, `ALWAYS` where none does; other threads may ask."""
+        return min(tuple(self._ages), default=ALWAYS)
 
     def clear(self) -> None:
         """No frame waits."""

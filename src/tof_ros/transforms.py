@@ -10,7 +10,8 @@ import rclpy
 from tf2_msgs.msg import TFMessage
 
 from tof_core.errors import TransformError
-from tof_ros import qos
+from tof_ros import messages, qos
+from tof_ros.patience import NEVER
 from tof_ros.spin import Spinner
 
 if TYPE_CHECKING:
@@ -22,15 +23,18 @@ if TYPE_CHECKING:
 
 
 class TransformListener:
-    """Feeds a buffer, and wakes its node after each message so that waiting frames are tried again.
+    """Feeds a buffer, and wakes its node once TF reaches what waits there.
 
     It listens as a small node of its own (`<name>_tf`): a queue of 100 holds two seconds of TF at 50 Hz, and a node
     that labels for longer would lose what its frames need.
     """
 
-    def __init__(self, node: Node, buffer: TransformBuffer, on_change: Callable[[], None]) -> None:
-        """Subscribe as tf2 does: `/tf` reliable and volatile, `/tf_static` latched, 100 deep. `on_change` runs in the node's thread."""
-        self._node, self._buffer, self._log = node, buffer, node.get_logger()
+    def __init__(self, node: Node, buffer: TransformBuffer, on_change: Callable[[], None], awaited: Callable[[], int]) -> None:
+        """Subscribe as tf2 does: `/tf` reliable and volatile, `/tf_static` latched, 100 deep.
+
+        `on_change` runs in the node's thread; `awaited`, which runs in another, is the stamp that TF must have reached to be of use.
+        """
+        self._node, self._buffer, self._log, self._awaited = node, buffer, node.get_logger(), awaited
         self._wake = node.create_guard_condition(on_change)
         self._heard = float("-inf")
         self.messages = self.refused = 0
@@ -59,7 +63,9 @@ class TransformListener:
         self.messages += 1
         if not static:
             self._heard = time.monotonic()
-        self._wake.trigger()
+        reached = max((messages.to_ns(t.header.stamp) for t in message.transforms), default=NEVER)
+        if static or reached >= self._awaited():
+            self._wake.trigger()
 
     def _refuse(self, why: str) -> None:
         if not self.refused:

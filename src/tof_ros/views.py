@@ -48,7 +48,7 @@ class ViewFeed:
         self._waiting: deque[tuple[int, dict[str, Any]]] = deque()
         self._arrivals: dict[int, float] = {}
         self._patience, self._overdue = Patience(patience_s), NEVER
-        self._transforms = TransformListener(node, chain.transforms, self.advance)
+        self._transforms = TransformListener(node, chain.transforms, self.advance, lambda: self._patience.oldest)
         for part, kind in KINDS.items():
             node.input(f"preproc/{part}", kind, partial(self._part, part), qos.OUTPUT)
         node.timer(PERIOD_S, self._tick)

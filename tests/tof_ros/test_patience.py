@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from tof_ros.patience import NEVER, Patience
+from tof_ros.patience import ALWAYS, NEVER, Patience
 
 
 def test_a_frame_is_overdue_after_its_ticks_and_takes_older_ones_along() -> None:
@@ -29,3 +29,13 @@ def test_a_frame_heard_twice_keeps_its_age() -> None:
     patience.tick()
     patience.start(100)
     assert patience.tick() == 100
+
+
+def test_the_oldest_stamp_is_that_of_the_first_frame_that_waits() -> None:
+    patience = Patience(0.2)
+    assert patience.oldest == ALWAYS
+    for stamp in (300, 100, 200):
+        patience.start(stamp)
+    assert patience.oldest == 100
+    patience.end(100)
+    assert patience.oldest == 200

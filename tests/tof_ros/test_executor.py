@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One wait, then everything that is ready; other threads may meddle."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="no ROS 2 here")
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from rclpy.node import Node
+
+pytestmark = pytest.mark.dds
+
+
+@pytest.fixture(scope="module")
+def context(ros_domain: int) -> Iterator[Any]:
+    from tof_ros.environment import ros_context
+
+    with ros_context(domain=ros_domain) as context:
+        yield context
+
+
+@contextmanager
+def spun(context: Any, name: str) -> Iterator[tuple[Node, Any]]:
+    import rclpy
+
+    from tof_ros.spin import Spinner
+
+    node = rclpy.create_node(name, context=context)
+    spinner = Spinner(node)
+    try:
+        yield node, spinner
+    finally:
+        spinner.stop()
+        assert not spinner.alive
+
+
+def wait_for(done: Callable[[], object], seconds: float = 10.0) -> bool:
+    end = time.monotonic() + seconds
+    while not done() and time.monotonic() < end:
+        time.sleep(0.01)
+    return bool(done())
+
+
+def test_every_message_of_every_topic_is_heard_in_order(context: Any) -> None:
+    from std_msgs.msg import Header
+
+    heard: dict[str, list[str]] = {"a": [], "b": []}
+    with spun(context, "ears") as (ears, _), spun(context, "mouth") as (mouth, _):
+        for topic, words in heard.items():
+            ears.create_subscription(Header, topic, lambda m, words=words: words.append(m.frame_id), 100)
+        out = [mouth.create_publisher(Header, topic, 100) for topic in heard]
+        assert wait_for(lambda: all(p.get_subscription_count() for p in out))
+        for k in range(50):
+            for publisher in out:
+                publisher.publish(Header(frame_id=str(k)))
+        assert wait_for(lambda: all(len(words) == 50 for words in heard.values()))
+    assert heard == {"a": [str(k) for k in range(50)], "b": [str(k) for k in range(50)]}
+
+
+def test_a_guard_triggered_by_another_thread_is_not_missed(context: Any) -> None:
+    calls = []
+    with spun(context, "woken") as (node, _):
+        guard = node.create_guard_condition(lambda: calls.append(threading.current_thread().name))
+        for k in range(20):
+            guard.trigger()
+            assert wait_for(lambda k=k: len(calls) == k + 1)
+    assert set(calls) == {"woken"}
+
+
+def test_a_service_answers_and_the_caller_s_future_is_told(context: Any) -> None:
+    from std_srvs.srv import Trigger
+
+    def answer(_: Any, response: Any) -> Any:
+        response.success = True
+        return response
+
+    with spun(context, "server") as (server, _), spun(context, "caller") as (caller, _):
+        server.create_service(Trigger, "ask", answer)
+        client = caller.create_client(Trigger, "ask")
+        assert client.wait_for_service(timeout_sec=10.0)
+        assert client.call(Trigger.Request(), timeout_sec=10.0).success
+
+
+def test_what_a_callback_destroys_is_called_no_more(context: Any) -> None:
+    from rclpy.clock import Clock, ClockType
+
+    calls = []
+    with spun(context, "fading") as (node, spinner):
+
+        def once() -> None:
+            calls.append(1)
+            node.destroy_timer(timer)
+
+        timer = node.create_timer(0.01, once, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        later: list[int] = []
+        node.create_timer(0.01, lambda: later.append(1), clock=Clock(clock_type=ClockType.STEADY_TIME))
+        assert wait_for(lambda: len(later) > 5)
+        assert spinner.alive
+    assert calls == [1]
+
+
+def test_a_guard_that_another_one_destroys_in_the_same_turn_is_not_called(context: Any) -> None:
+    calls = []
+    with spun(context, "closing") as (node, _):
+        begun, release = threading.Event(), threading.Event()
+        node.create_guard_condition(lambda: (begun.set(), release.wait(10.0))).trigger()
+        assert begun.wait(10.0)
+        guards: list[Any] = []
+
+        def close_the_other(mine: int) -> None:
+            calls.append(mine)
+            node.destroy_guard_condition(guards[1 - mine])
+
+        guards += [node.create_guard_condition(lambda k=k: close_the_other(k)) for k in (0, 1)]
+        for guard in guards:
+            guard.trigger()
+        release.set()
+        assert wait_for(lambda: calls)
+        time.sleep(0.1)
+    assert len(calls) == 1
+
+
+def test_what_a_callback_raises_stops_the_node_and_is_kept(context: Any) -> None:
+    def fail() -> None:
+        raise ZeroDivisionError("on purpose")
+
+    with spun(context, "failing") as (node, spinner):
+        node.create_guard_condition(fail).trigger()
+        assert wait_for(lambda: not spinner.alive)
+        assert isinstance(spinner.error, ZeroDivisionError)
