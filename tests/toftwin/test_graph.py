@@ -12,10 +12,14 @@ import pytest
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 
 ASK = """
-import os, signal, sys, threading
+import os, signal, sys, threading, time
 from toftwin import graph
 early = "numpy" in sys.modules
-threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGTERM)).start()
+def stop():
+    while signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        time.sleep(0.01)
+    os.kill(os.getpid(), signal.SIGTERM)
+threading.Thread(target=stop).start()
 graph.run_graph(graph.GraphSpec(()))
 print(early, os.environ["OPENBLAS_NUM_THREADS"])
 """
