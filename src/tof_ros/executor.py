@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_c
 from rclpy.utilities import timeout_sec_to_nsec
-from rclpy.waitable import NumberOfEntities
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -102,14 +101,14 @@ def _hold(handle: Any, held: list[Any]) -> bool:
 
 def _wait_set(entities: list[list[Any]], waitables: Iterable[Any], context: Any) -> Any:
     subscriptions, guards, timers, clients, services = entities
-    more = sum((w.get_num_entities() for w in waitables), NumberOfEntities())
+    more = [w.get_num_entities() for w in waitables]
     wait_set = rclpy_c.WaitSet(
-        len(subscriptions) + more.num_subscriptions,
-        len(guards) + more.num_guard_conditions,
-        len(timers) + more.num_timers,
-        len(clients) + more.num_clients,
-        len(services) + more.num_services,
-        more.num_events,
+        len(subscriptions) + sum(m.num_subscriptions for m in more),
+        len(guards) + sum(m.num_guard_conditions for m in more),
+        len(timers) + sum(m.num_timers for m in more),
+        len(clients) + sum(m.num_clients for m in more),
+        len(services) + sum(m.num_services for m in more),
+        sum(m.num_events for m in more),
         context,
     )
     wait_set.clear_entities()
