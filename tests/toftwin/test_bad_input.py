@@ -206,11 +206,12 @@ def test_a_full_disk_is_one_line_and_leaves_no_dataset(scene: Path, tmp_path: Pa
 
 
 def test_every_frame_before_a_killed_recorder_is_readable(tmp_path: Path) -> None:
-    flags = ["simulate", "--scene", "body_section", "--out", str(tmp_path / "bag"), "--views", "200", "--size", "112x86"]
+    flags = ["simulate", "--scene", "body_section", "--out", str(tmp_path / "bag"), "--views", "40", "--size", "112x86"]
     recorder = subprocess.Popen([sys.executable, "-m", "toftwin.cli", *flags], stdout=subprocess.DEVNULL)
     file = tmp_path / "bag" / "bag.mcap"
-    deadline = time.monotonic() + 60
-    while not (file.exists() and file.stat().st_size > 600_000) and time.monotonic() < deadline:
+    # However slow the host is: what the recorder takes to begin is not asked here (a run that hangs is ended by the suite's time limit).
+    while not (file.exists() and file.stat().st_size > 600_000):
+        assert recorder.poll() is None, "the recording ended before it could be killed"
         time.sleep(0.02)
     os.kill(recorder.pid, signal.SIGKILL)
     recorder.wait()
