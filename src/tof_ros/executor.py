@@ -41,11 +41,11 @@ class DirectExecutor(SingleThreadedExecutor):
 
     def _take_guard_condition(self, gc: Any) -> Any:
         """As of the other kinds: one that another callback of this turn destroyed is called no more."""
-        held: list[Any] = []
-        if not _hold(gc.handle, held):
-            return None
-        held[0].__exit__(None, None, None)
-        return super()._take_guard_condition(gc)
+        return super()._take_guard_condition(gc) if _alive(gc) else None
+
+    def _take_timer(self, tmr: Any) -> Any:
+        """A timer that another callback of this turn cancelled is called no more."""
+        return super()._take_timer(tmr) if _alive(tmr) and tmr.handle.is_timer_ready() else None
 
     def _run_tasks(self) -> None:
         """What a future has to tell once it is done."""
@@ -69,6 +69,8 @@ class DirectExecutor(SingleThreadedExecutor):
             entities = [[e for e in kind if _hold(e.handle, held)] for kind in found]
             waitables = [w for n in nodes for w in n.waitables if _hold(w, held)]
             _hold(self._context.handle, held)
+            if self._is_shutdown:  # looked at once all is held: before, the guard that would end the wait may be gone
+                raise ShutdownException
             wait_set = _wait_set(entities, waitables, self._context.handle)
             wait_set.wait(timeout_ns)
             if self._is_shutdown:
@@ -87,6 +89,14 @@ class DirectExecutor(SingleThreadedExecutor):
             pointers = wait_set.get_ready_entities(kind)
             ready += [(take, e) for e in some if e.handle.pointer in pointers and e not in own] if pointers else []
         return ready
+
+
+def _alive(entity: Any) -> bool:
+    try:
+        with entity.handle:
+            return True
+    except rclpy_c.InvalidHandle:
+        return False
 
 
 def _hold(handle: Any, held: list[Any]) -> bool:

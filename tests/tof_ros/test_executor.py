@@ -107,6 +107,33 @@ def test_what_a_callback_destroys_is_called_no_more(context: Any) -> None:
     assert calls == [1]
 
 
+def test_a_timer_that_another_one_cancels_is_called_no_more(context: Any) -> None:
+    from rclpy.clock import Clock, ClockType
+
+    calls: list[int] = []
+    with spun(context, "cancelling") as (node, spinner):
+        timers: list[Any] = []
+
+        def cancel_the_other(mine: int) -> None:
+            calls.append(mine)
+            time.sleep(0.05)  # both are due in every turn
+            timers[1 - mine].cancel()
+
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        timers += [node.create_timer(0.02, lambda k=k: cancel_the_other(k), clock=clock) for k in (0, 1)]
+        assert wait_for(lambda: len(calls) > 3)
+        assert spinner.alive
+    assert len(set(calls)) == 1
+
+
+def test_nodes_stop_at_once_whatever_they_are_about(context: Any) -> None:
+    for k in range(8):
+        with spun(context, f"brief_{k}") as (node, _):
+            node.create_guard_condition(lambda: None).trigger()
+            begun = time.monotonic()
+        assert time.monotonic() - begun < 2.0
+
+
 def test_a_guard_that_another_one_destroys_in_the_same_turn_is_not_called(context: Any) -> None:
     calls = []
     with spun(context, "closing") as (node, _):
