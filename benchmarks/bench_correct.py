@@ -67,14 +67,14 @@ def far_figures(ended: list[Ended], what: str = "") -> list[Figure]:
     ]
 
 
-def biased(count: int, stands: int) -> Figure:
+def biased(count: int, stands: int, seed: int = SEED) -> Figure:
     """A camera that nobody modelled."""
-    ended = returns(*NEAR, count, seed=SEED, stands=stands, effects={"wiggling": 1.0, "multipath": 1.0})
+    ended = returns(*NEAR, count, seed=seed, stands=stands, effects={"wiggling": 1.0, "multipath": 1.0})
     worst = max((e.mm for e in ended if e.done), default=float("nan"))
     return at_most("return to a reference with wiggling and multipath on: worst", worst, 1.5, "mm", remark=why(ended))
 
 
-def figure_11(views: int) -> list[Figure]:
+def figure_11(views: int, seed: int = SEED) -> list[Figure]:
     """How far the picture is from the first one: untouched, after 2D, after 3D; and another shot from the first pose itself.
 
     By structure (what is left of a picture without the light that varies slowly) and plain. In another light the shadows themselves
@@ -83,7 +83,7 @@ def figure_11(views: int) -> list[Figure]:
     cases = [(name, view) for name in builtin_names() for view in range(views)]
     out: list[Figure] = []
     for light, another in (("same light", False), ("another light", True)):
-        rows = [_pictures(name, view, another_light=another) for name, view in cases]
+        rows = [_pictures(name, view, seed, another_light=another) for name, view in cases]
         for k, (what, unit) in enumerate((("structure", "% of brightness"), ("plain", "grey values of 255"))):
             none, flat, solid, again = (float(np.mean([r[k][i] for r in rows])) for i in range(4))
             table = f"{unit}: none {none:.2f}, 2D {flat:.2f}, 3D {solid:.2f}, another shot from the first pose {again:.2f}; {len(rows)} scenes and views"
@@ -97,9 +97,9 @@ def figure_11(views: int) -> list[Figure]:
     return out
 
 
-def _pictures(scene: str, view: int, *, another_light: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _pictures(scene: str, view: int, seed: int, *, another_light: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """By structure and plain, each: none, 2D, 3D, another shot; all over the pixels that the 2D way could fill."""
-    stand = Stand(make_builtin(scene), view, seed=SEED)
+    stand = Stand(make_builtin(scene), view, seed=seed)
     photo = stand.photograph()
     if another_light:
         stand.robot.drive(stand.robot.T_cell_body)

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from benchmarks.figure import Figure
 
 LONG = True
-SEED = 3301
+SEED = 4409
+"""Looked into by nobody before its figures; 3301 was."""
 
 
 def run() -> list[Figure]:
@@ -25,7 +26,7 @@ def run() -> list[Figure]:
         *near_figures(returns(*NEAR, 200, seed=SEED, stands=24)),
         *far_figures(returns(*FAR, 102, seed=SEED, stands=17)),
         *far_figures(returns(*FAR, 18, seed=SEED, stands=9, cad=False), " without CAD"),
-        biased(12, 6),
-        *figure_11(2),
+        biased(12, 6, SEED),
+        *figure_11(2, SEED),
     ]
     return [replace(figure, what=f"long: {figure.what}") for figure in found]
