@@ -94,8 +94,9 @@ class LoopedCamera:
         self._stop.set()
 
     def lost(self, room: str) -> int:
-        """Frames that a room has not answered `kept`; those that preproc skipped count here too."""
-        return sum(self.fates[room].get(stamp) != "kept" for stamp in self.sent)
+        """Frames that a room has not answered `kept`; those that preproc skipped count here too. May be asked while others send."""
+        fates = self.fates[room]
+        return sum(fates.get(stamp) != "kept" for stamp in tuple(self.sent))
 
     def settle(self, seconds: float = 15.0) -> None:
         """Wait until every room has answered, as long as answers come."""
@@ -105,4 +106,5 @@ class LoopedCamera:
 
     def latency_ms(self, percentile: float) -> float:
         """From publishing a raw frame to hearing its repaired one."""
-        return 1e3 * float(np.percentile(self.latencies, percentile)) if self.latencies else float("nan")
+        latencies = tuple(self.latencies)
+        return 1e3 * float(np.percentile(latencies, percentile)) if latencies else float("nan")
