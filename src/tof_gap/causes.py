@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core import se3
+from tof_gap.observable import Unknown, unknown_share
 from tof_gap.pattern import lines
 from tof_gap.posterior import fit_to
 from tof_sensor.effects.cad_deviation import CadDeviation
@@ -60,6 +61,8 @@ def named(joint: Joint, fit_views: Sequence[int], config: Selector, rng: np.rand
         group = design.groups[member]
         columns = slice(start, start + len(group))
         start += len(group)
+        if config.nameless(member):
+            continue
         effect, std = _in_units(joint, member, solution, columns, fit_views)
         ties = tuple(design.candidates[i].name for i in selection.ties[place])
         one = Named(effect.NAME, (effect,), (std,), ties, confidence(joint, config, place, rng))
@@ -128,6 +131,18 @@ def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generat
     won = judge.score(rest, chosen.inflate).held_out - chosen.held_out
     draws = rng.integers(0, len(won), size=(rounds, len(won)))
     return float((won[draws].sum(axis=1) > judge.gain(chosen.members[place])).mean())
+
+
+def nameless_share(joint: Joint, view: ViewEvidence) -> Float:
+    """(H, W) metres of what the solution gives to functions of observables: error that shows but has no name."""
+    design, solution = joint.design, joint.selection.fit
+    out, start = np.zeros(view.residual.shape), 0
+    for member in joint.selection.chosen.members:
+        group, effect = design.groups[member], design.candidates[member].effect
+        if isinstance(effect, Unknown):
+            out += unknown_share(effect, solution.theta[start : start + len(group)] / design.scale[group], view)
+        start += len(group)
+    return out
 
 
 def shares(causes: Sequence[Named], views: Sequence[ViewEvidence]) -> dict[str, list[Float]]:

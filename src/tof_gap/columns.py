@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core import se3
+from tof_gap.observable import Unknown, unknown_columns
 from tof_gap.pattern import pattern_columns
 from tof_gap.system import System
 from tof_sensor.effects.cad_deviation import CadDeviation
@@ -67,6 +68,8 @@ class ColumnStore:
         view = self.views[v]
         if isinstance(effect, FixedPattern):
             return pattern_columns(self.views, v, self._folds, effect.order)
+        if isinstance(effect, Unknown):
+            return unknown_columns(effect, view)
         if effect.LOCAL:
             return np.asarray(effect.columns(self._thinned[v])[0])
         return effect.columns_at(view.frame, view.pixels)

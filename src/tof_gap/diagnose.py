@@ -11,15 +11,15 @@ import numpy as np
 from tof_core.errors import RefusedError
 from tof_gap import missing, scatter
 from tof_gap.candidates import not_testable
-from tof_gap.causes import Named, named, shares
+from tof_gap.causes import Named, named, nameless_share, shares
 from tof_gap.flexible import explainable
 from tof_gap.joint import at_solution, solve, start
 from tof_gap.posterior import camera_covs, floor2
 from tof_gap.radial import gate
 from tof_gap.select import Selector, deal
 from tof_gap.shrink import Shrink, blocks, measure
-from tof_gap.unexplained import Unexplained, look
-from tof_scene.maps import concavity_map
+from tof_gap.unexplained import Unexplained, look, misfit
+from tof_sensor.effect import Evidence
 from tof_sensor.effects.quantization import Quantization
 from tof_sensor.effects.radial_depth import RadialDepth
 from tof_sensor.registry import VOCABULARY
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_align.config import AlignConfig
-    from tof_core.arrays import Float, Image
+    from tof_core.arrays import Float
     from tof_core.capture import View
     from tof_gap.config import GapConfig
     from tof_gap.evidence import ViewEvidence
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 MIN_VIEWS = 4
-CONCAVITY_STRIDE = 6
-"""Pixels between those whose sky is looked at."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +54,7 @@ class Diagnosis:
     """All that the report says; arrays are per view in bag order.
 
     residual: (H, W) metres measured minus rendered at the final joint poses, before any effect;
-    floor2: (H, W) m^2; shares: metres per named effect; concavity: (H, W) share of a pixel's sky that the scene fills;
+    floor2: (H, W) m^2; shares: metres per named effect;
     cameras: (V, 4, 4) T_cell_camera, X and all.
     """
 
@@ -71,7 +69,6 @@ class Diagnosis:
     residual: tuple[Float, ...]
     floor2: tuple[Float, ...]
     shares: Mapping[str, Sequence[Float]]
-    concavity: tuple[Image, ...]
     chain: Chain
     cameras: Float
     joint: Joint
@@ -123,7 +120,8 @@ def diagnose(
     fit_views, held = split(joint.chain)
     causes = named(joint, fit_views, judge, rng)
     maps = shares(causes, evidence)
-    found = (along_ray,) if few and along_ray is not None else _findings(evidence, maps, config, along_ray)
+    unnamed = [nameless_share(joint, v) for v in evidence]
+    found = (along_ray,) if few and along_ray is not None else _findings(evidence, {**maps, "": unnamed}, config, along_ray)
     findings = tuple(f for f in found if f.name not in left_out)
     nameless = tuple(f for f in found if f.name in left_out)
     say("how far the gap shrinks on held-out views")
@@ -144,8 +142,18 @@ def diagnose(
     step = max((f.effect.step_m / np.sqrt(12) for f in findings if isinstance(f.effect, Quantization)), default=0.0)
     alike_m = float(np.hypot(step, COMMON_LEFT * np.sqrt(np.mean(np.square(np.nan_to_num(common))))))
     named_gross = any(f.name == "phase_wrap" for f in findings)
-    hollow = tuple(concavity_map(caster, v.rendering, CONCAVITY_STRIDE) for v in evidence)
-    unexplained = look(evidence, leftover, floors, gap, caster.scene, hollow, gross_named=named_gross, alike_m=alike_m, nameless=nameless)
+    unexplained = look(
+        evidence,
+        leftover,
+        floors,
+        gap,
+        caster.scene,
+        gross_named=named_gross,
+        alike_m=alike_m,
+        nameless=nameless,
+        depends_on=joint.selection.unknown,
+        misfit=misfit(evidence, residual, leftover, [f + s for f, s in zip(floors, _scatter2(findings, evidence), strict=True)]),
+    )
     judged = tuple(Cause(c, figures.shrink([c.name]), figures.shrink([m for m in figures.maps if m != c.name]).shrink) for c in causes)
     share = explainable(evidence, leftover, fit_views, held, gap)
     verdict = sorted({*(c.verdict for c in causes), *(f.name for f in findings)})
@@ -163,7 +171,6 @@ def diagnose(
         tuple(residual),
         tuple(floors),
         figures.maps,
-        hollow,
         final,
         np.stack([replace(final, hand_eye=joint.hand_eye).pose(v) for v in range(len(views))]),
         joint,
@@ -184,6 +191,12 @@ def _findings(
         *scatter.findings(left, config.scatter),
         *missing.findings(left, config.missing),
     )
+
+
+def _scatter2(findings: Sequence[Finding], views: Sequence[ViewEvidence]) -> Float:
+    """(V, H, W) m^2 of scatter that was named: not white perhaps, but said."""
+    named = [np.nan_to_num(f.share) ** 2 for f in findings if f.effect.EVIDENCE is Evidence.SCATTER and f.share is not None]
+    return np.asarray(np.sum(named or [np.zeros((len(views), *views[0].residual.shape))], axis=0))
 
 
 def check(views: Sequence[View]) -> None:

@@ -10,12 +10,14 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from tof_core.config import param
+from tof_scene.maps import concavity_map
 from tof_sensor.frame import Context, Frame, ideal_frame
+from tof_sensor.geometry import image_flow
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Ints, Mask
+    from tof_core.arrays import Float, Image, Ints, Mask
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
@@ -38,7 +40,7 @@ class ViewEvidence:
 
     residual (H, W) metres of z, NaN where either side is missing; sigma (H, W) metres, scatter of
     the view's depth that neighbours agree on; smooth, edge, gross (H, W) masks; pixels (n,) flat
-    indices for fits.
+    indices for fits; concavity (H, W) share of a pixel's sky that the scene fills, NaN where not asked for.
     """
 
     view: View
@@ -49,6 +51,7 @@ class ViewEvidence:
     edge: Mask
     gross: Mask
     pixels: Ints
+    concavity: Image
 
     @property
     def rendering(self) -> Rendering:
@@ -61,8 +64,10 @@ def gather(
     renderings: Sequence[Rendering],
     caster: Raycaster,
     config: EvidenceConfig,
+    *,
+    sky: bool = False,
 ) -> tuple[ViewEvidence, ...]:
-    """Residuals of all views against the CAD rendered at their reference poses."""
+    """Residuals of all views against the CAD rendered at their reference poses; `sky`: concavity too."""
     start = min(v.stamp_ns for v in views)
     rng = np.random.default_rng(config.seed)
     out = []
@@ -74,10 +79,13 @@ def gather(
             caster=caster,
         )
         amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
-        out.append(_of_view(view, ideal_frame(rendering, context, amplitude), config, rng))
+        hollow = concavity_map(caster, rendering, CONCAVITY_STRIDE) if sky else np.full(rendering.depth.shape, np.nan, np.float32)
+        out.append(_of_view(view, ideal_frame(rendering, context, amplitude), config, rng, hollow))
     return tuple(out)
 
 
+CONCAVITY_STRIDE = 6
+"""Pixels between those whose sky is looked at."""
 STANDING = 1e-4
 """Velocities below this (m/s, rad/s) are rounding of TF."""
 
@@ -88,9 +96,9 @@ def _twist(view: View) -> Float:
     return np.zeros(6) if twist is None or np.abs(twist).max() < STANDING else twist
 
 
-def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Generator) -> ViewEvidence:
+def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Generator, concavity: Image) -> ViewEvidence:
     residual = view.depth.astype(np.float64) - frame.depth
-    edge = edge_band(frame, config.edge_px + (SMEAR_PX if frame.context.twist.any() else 0))
+    edge = edge_band(frame, config.edge_px + smear(frame))
     gross = np.abs(residual) > config.gross_mm * 1e-3
     flat = frame.rendering.incidence > np.radians(config.grazing_deg)
     smooth = np.isfinite(residual) & ~edge & ~gross & ~flat
@@ -98,11 +106,21 @@ def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Ge
     sigma = np.maximum(scatter(residual, smooth, frame.amplitude), depth_step(view.depth.astype(np.float64)) / np.sqrt(12))
     index = np.flatnonzero(smooth)
     pixels = np.sort(rng.choice(index, min(config.pixels, len(index)), replace=False))
-    return ViewEvidence(view, frame, residual, sigma, smooth, edge, gross, pixels)
+    return ViewEvidence(view, frame, residual, sigma, smooth, edge, gross, pixels, concavity)
 
 
-SMEAR_PX = 4
-"""How much wider the edge band is where the camera moved: an exposure of 0.1 s smears edges by as much."""
+EXPOSURE_S = 0.2
+"""How long a camera may look at most: four taps of some tens of milliseconds."""
+SMEAR_PX = 30
+"""Wider than this no edge band gets."""
+
+
+def smear(frame: Frame) -> int:
+    """Pixels by which edges smear while the camera moves through an exposure."""
+    if not frame.context.twist.any() or not frame.valid.any():
+        return 0
+    speed = np.hypot(*image_flow(frame))[frame.valid]
+    return min(int(np.ceil(EXPOSURE_S * np.quantile(speed, 0.9))), SMEAR_PX)
 
 
 def edge_band(frame: Frame, width: int) -> Mask:
@@ -170,8 +188,9 @@ def depth_step(depth: Float) -> float:
 
 def robust_std(values: Float) -> float:
     """Standard deviation less what lies beyond five of the MAD's scale: outliers go, a mixture's tails stay."""
-    mad = 1.4826 * float(np.median(np.abs(values - np.median(values))))
+    around = values - np.median(values)
+    mad = 1.4826 * float(np.median(np.abs(around)))
     if mad <= 0:
         return float(values.std())
-    core = values[np.abs(values) < 5.0 * mad]
+    core = around[np.abs(around) < 5.0 * mad]
     return float(np.sqrt((core * core).mean()))

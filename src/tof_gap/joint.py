@@ -16,6 +16,7 @@ from tof_core.errors import RefusedError
 from tof_gap.candidates import Candidate, candidates
 from tof_gap.columns import ColumnStore, Design, build
 from tof_gap.evidence import ViewEvidence, gather
+from tof_gap.observable import unknowns
 from tof_gap.select import Selection, Selector, deal, select
 from tof_gap.system import arm_steps, fit
 from tof_scene.render import render
@@ -78,10 +79,13 @@ def solve(
         if farthest(joint.chain, after, NEAR) <= 1.0:
             break
         joint, store = _linearised(observe(views, caster, after, config), caster, after, config, left_out)
-    if finer := refined(store, joint.design, joint.selection, joint.chain, config):
-        design = build(store, [*joint.design.candidates, *finer], joint.chain, config.hand_sd)
-        joint = replace(joint, design=design, selection=select(design, config.select))
-    return joint
+    if not joint.design.candidates:
+        return joint
+    # Named effects had the first word, each in its best shape; now what nobody named may contend.
+    finer = refined(store, joint.design, joint.selection, joint.chain, config)
+    nameless = [Candidate(u.NAME, u, u.quantity) for u in unknowns(joint.views)]
+    design = build(store, [*joint.design.candidates, *finer, *nameless], joint.chain, config.hand_sd)
+    return replace(joint, design=design, selection=select(design, config.select))
 
 
 def _linearised(
@@ -172,7 +176,7 @@ def observe(
 ) -> tuple[ViewEvidence, ...]:
     """Render every view where the chain has it, and gather what differs."""
     renderings = [render(caster, v.camera, chain.pose(i), footprints=footprints) for i, v in enumerate(views)]
-    return gather(views, renderings, caster, config.evidence)
+    return gather(views, renderings, caster, config.evidence, sky=footprints)
 
 
 def moved(chain: Chain, design: Design, solution: Fit, inflate: float) -> Chain:

@@ -161,7 +161,7 @@ def _flying(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | N
     edges = [Edge.of(v.frame) for v in views]
     tried = [FlyingPixels(share=1.0, modulation_mhz=f, footprint_px=w) for f in FLYING_MHZ for w in FOOTPRINTS_PX]
     best = min((_fitted(views, edges, effect) for effect in tried), key=lambda fitted: fitted[1])[0]
-    maps = np.stack([np.where(v.frame.valid, best.bias(v.frame), np.nan) for v in views])
+    maps = np.stack([np.where(v.frame.valid, _mixture_seen(v, edge, best), np.nan) for v, edge in zip(views, edges, strict=True)])
     return Finding(best, float(min(1.0, share / config.flying_share / 2)), {"share": float(1 / np.sqrt(number))}, maps, corrects=True)
 
 
@@ -171,7 +171,8 @@ def _fitted(views: Sequence[ViewEvidence], edges: Sequence[Edge], effect: Flying
     for v, edge in zip(views, edges, strict=True):
         residual = v.residual[edge.where]
         here = (edge.mixed > 0.02) & (edge.mixed < OWN_SURE) & np.isfinite(residual)
-        model.append(effect.mixture(edge)[here])
+        mixture = _nearest_turn(effect, edge, residual)
+        model.append(mixture[here])
         seen.append(residual[here])
     x, y = np.concatenate(model), np.concatenate(seen)
     usable = np.abs(x) > 2e-3
@@ -180,6 +181,20 @@ def _fitted(views: Sequence[ViewEvidence], edges: Sequence[Edge], effect: Flying
     middle = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
     share = float(np.clip(ratio[order][min(middle, len(order) - 1)], 0.0, 1.5)) if len(order) else 0.0
     return replace(effect, share=share), float(np.abs(y - share * x).mean())
+
+
+def _nearest_turn(effect: FlyingPixels, edge: Edge, seen: Float) -> Float:
+    """(n,) metres of z that mixing adds, in the turn nearest to what was seen: over steps of half a turn that is not foretold."""
+    mixture, turn = effect.mixture(edge), LIGHT_M_PER_S / (2e6 * effect.modulation_mhz) / edge.length
+    lost = np.round((seen - mixture) / turn)
+    return np.where((np.abs(edge.step) > 0.5 * turn * edge.length) & np.isfinite(lost), mixture + lost * turn, mixture)
+
+
+def _mixture_seen(view: ViewEvidence, edge: Edge, effect: FlyingPixels) -> Float:
+    """(H, W) metres that the effect adds in a view."""
+    out = np.zeros(view.residual.shape)
+    out[edge.where] = effect.share * _nearest_turn(effect, edge, view.residual[edge.where])
+    return out
 
 
 def _between(views: Sequence[ViewEvidence], config: MissingConfig) -> tuple[Float, Float]:

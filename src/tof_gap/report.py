@@ -44,7 +44,7 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str])
             "causes": [_cause(c) for c in d.causes] + [_finding(f) for f in d.findings],
             "where": {
                 "regions": [asdict(r) for r in found[:40]],
-                "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2, d.concavity).items()},
+                "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2).items()},
             },
             "unexplained": asdict(d.unexplained),
             "not_testable": d.not_testable,

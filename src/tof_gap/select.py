@@ -10,7 +10,9 @@ import numpy as np
 
 from tof_core.config import param
 from tof_gap.candidates import HAND_EYE
+from tof_gap.observable import Unknown
 from tof_gap.system import cross_validate, fit, map_energy
+from tof_sensor.effects.cad_deviation import CadDeviation
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -25,27 +27,30 @@ class SelectConfig:
     """When an effect is believed."""
 
     gain: float = param(
-        10.0, "held-out chi-square an effect of one shape must win (discrepancy taken out); n shapes pay 2 ln n more", low=1.0
+        16.0, "held-out chi-square an effect of one shape must win (discrepancy taken out); n shapes pay 2 ln n more", low=1.0
     )
     share: float = param(0.015, "of the visible gap's energy that an effect must explain, left out of all", low=0.0, high=1.0)
     tie_left: float = param(0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0)
     tie_gain: float = param(20.0, "held-out chi-square by which tied effects may differ at most", low=0.0)
     most: int = param(5, "effects named at most", low=1, high=12)
+    unknown: float = param(25.0, "held-out chi-square that a function of an observable pays for not being a named effect", low=0.0)
+    unknown_share: float = param(0.03, "of the explained chi-square that it pays besides, and must win to stay", low=0.0, high=1.0)
     folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """A set of candidates with its held-out chi-square per view (V,)."""
+    """A set of candidates with its held-out chi-square per view (V,), and what it pays for members that are no named effects."""
 
     members: tuple[int, ...]
     held_out: Float
     inflate: float
+    price: float = 0.0
 
     @property
     def score(self) -> float:
-        """Held-out chi-square of all views; smaller explains more."""
-        return float(self.held_out.sum())
+        """Held-out chi-square of all views, price included; smaller explains more."""
+        return float(self.held_out.sum()) + self.price
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +65,12 @@ class Selection:
     """(members,) metres RMS that each member explains of held-out views, left out of all."""
     left_out: Float
     """(members,) held-out chi-square lost without the member."""
+    unknown: tuple[str, ...]
+    """Observables on which something depends that no named effect explains, most first."""
+
+
+MANIFOLD = (CadDeviation.NAME, Unknown.NAME)
+"""What may be there more than once: every part deviates by itself."""
 
 
 class Selector:
@@ -69,11 +80,16 @@ class Selector:
         """Deal the views into folds, every station in every fold as evenly as it goes."""
         self.design, self.config = design, config
         self.folds = deal(design.system.station.tolist(), config.folds)
+        self._empty: dict[float, float] = {}
 
     def gain(self, member: int) -> float:
         """Held-out chi-square that a candidate must win: what was tried at many shapes finds one that fits by chance."""
         name = self.design.candidates[member].name
         return self.config.gain + 2.0 * float(np.log(sum(c.name == name for c in self.design.candidates)))
+
+    def share(self, member: int) -> float:
+        """Of the visible gap's energy that a candidate must explain."""
+        return self.config.unknown_share if self.nameless(member) else self.config.share
 
     def columns(self, members: Iterable[int]) -> Ints:
         """Columns of a set of candidates."""
@@ -88,7 +104,26 @@ class Selector:
         """Fit on all folds but one, judge on that one, for every fold."""
         active, free = self.columns(members), self.frees_hand(members)
         held_out = cross_validate(self.design.system, active, self.folds, inflate=inflate, free_hand=free)
-        return Hypothesis(tuple(members), held_out, inflate)
+        return Hypothesis(tuple(members), held_out, inflate, self._price(members, held_out, inflate))
+
+    def _price(self, members: Sequence[int], held_out: Float, inflate: float) -> float:
+        """What members that are no effects pay: a form that physics foretells is never exact, one that is drawn freely always is."""
+        free = sum(self.nameless(m) for m in members)
+        if not free:
+            return 0.0
+        if inflate not in self._empty:
+            self._empty[inflate] = self.score((), inflate).score
+        explained = self._empty[inflate] - float(held_out.sum())
+        return free * (self.config.unknown + self.config.unknown_share * max(explained, 0.0))
+
+    def nameless(self, member: int) -> bool:
+        """Whether a candidate is a function of an observable and no effect."""
+        return isinstance(self.design.candidates[member].effect, Unknown)
+
+    def repeats(self, member: int, members: Iterable[int]) -> bool:
+        """Whether one of the members is this candidate, or another shape of an effect that cannot be there twice."""
+        name = self.design.candidates[member].name
+        return member in members or (name not in MANIFOLD and any(self.design.candidates[m].name == name for m in members))
 
     def fit(self, hypothesis: Hypothesis) -> Fit:
         """The hypothesis fitted to all views."""
@@ -155,10 +190,9 @@ def _rescored(judge: Selector, members: Sequence[int]) -> Hypothesis:
 
 
 def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
-    names = {judge.design.candidates[m].name for m in current.members}
     best: Hypothesis | None = None
-    for i, candidate in enumerate(judge.design.candidates):
-        if i in current.members or (candidate.name in names and candidate.name != "cad_deviation"):
+    for i in range(len(judge.design.candidates)):
+        if judge.repeats(i, current.members):
             continue
         trial = judge.score((*current.members, i), current.inflate)
         if current.score - trial.score < judge.gain(i) or not _steady(current, trial):
@@ -181,9 +215,8 @@ def _exchange(judge: Selector, current: Hypothesis) -> Hypothesis:
         improved = False
         for place in range(len(current.members)):
             rest = [m for i, m in enumerate(current.members) if i != place]
-            names = {judge.design.candidates[m].name for m in rest}
-            for i, candidate in enumerate(judge.design.candidates):
-                if i in current.members or (candidate.name in names and candidate.name != "cad_deviation"):
+            for i in range(len(judge.design.candidates)):
+                if i in current.members or judge.repeats(i, rest):
                     continue
                 trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
                 if trial.score < current.score - 1.0 and judge.plausible(trial):
@@ -200,7 +233,7 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
         weak = [
             (v, i)
             for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
-            if gain < judge.gain(current.members[i]) or v * v < judge.config.share * total
+            if gain < judge.gain(current.members[i]) or v * v < judge.share(current.members[i]) * total
         ]
         if not weak:
             break
@@ -228,8 +261,20 @@ def _theta_of(judge: Selector, hypothesis: Hypothesis, solution: Fit, place: int
 
 def _described(judge: Selector, current: Hypothesis) -> Selection:
     lost, visible = _worth(judge, current) if current.members else (np.zeros(0), np.zeros(0))
-    ties = tuple(_stand_ins(judge, current, place, float(lost[place])) for place in range(len(current.members)))
-    return Selection(current, judge.fit(current), judge.score((), current.inflate), ties, visible, lost)
+    ties = tuple(
+        () if judge.nameless(m) else _stand_ins(judge, current, place, float(lost[place])) for place, m in enumerate(current.members)
+    )
+    effects = [judge.design.candidates[m].effect for m in current.members]
+    unknown = tuple(e.quantity for _, e in sorted(zip(-lost, effects, strict=True), key=lambda le: le[0]) if isinstance(e, Unknown))
+    return Selection(
+        current,
+        judge.fit(current),
+        judge.score((), current.inflate),
+        ties,
+        visible,
+        lost,
+        unknown,
+    )
 
 
 TIE_SHARE = 0.35
@@ -244,7 +289,7 @@ def _stand_ins(judge: Selector, current: Hypothesis, place: int, worth: float) -
     taken = {d.candidates[m].name for m in current.members}
     found: dict[str, tuple[float, int]] = {}
     for i, candidate in enumerate(d.candidates):
-        if candidate.name in taken:
+        if candidate.name in taken or judge.nameless(i):
             continue
         trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
         if trial.score - current.score > min(config.tie_gain, max(TIE_SHARE * worth, 4.0)) or not judge.plausible(trial):

@@ -14,7 +14,7 @@ from tof_gap.where import by_quantity
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Image
+    from tof_core.arrays import Float
     from tof_gap.evidence import ViewEvidence
     from tof_gap.kinds import Finding
     from tof_gap.shrink import Shrink
@@ -24,6 +24,8 @@ STRUCTURED_MM = 0.7
 """Block-mean error above the floor from which what is left has structure worth a name..."""
 STRUCTURED_SHARE = 0.12
 """... and its share of the whole gap's energy above the floor."""
+MISFIT_SHARE = 0.25
+"""Of the chi-square above scatter that poses alone leave, what a sufficient answer may leave at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,17 +48,19 @@ def look(
     floor2: Sequence[Float],
     gap: Shrink,
     scene: Scene,
-    concavity: Sequence[Image],
     *,
     gross_named: bool = False,
     alike_m: float = 0.0,
     nameless: Sequence[Finding] = (),
+    depends_on: tuple[str, ...] = (),
+    misfit: float = 0.0,
 ) -> Unexplained:
     """Judge what is left (H, W) metres per view against the floor.
 
     Pixels off by more than any bias, away from edges, count too unless an effect named them (`gross_named`). Where
     neighbours err alike by a named scatter (steps, rows, beats), `alike_m` of structure is its own. Scatter, loss and mixing
-    that show but may not be named (`nameless`) are unexplained too.
+    that show but may not be named (`nameless`) are unexplained too. So is an error that only a function of some observable
+    describes (`depends_on`), and a joint fit that leaves a share `misfit` of what it was to explain.
     """
     block, mean, expected, part = _block_means(views, left, floor2)
     if len(block) == 0:
@@ -65,7 +69,8 @@ def look(
     size = 1e3 * float(np.sqrt(max(excess2, 0.0)))
     before2 = max((gap.before.rmse**2 - gap.floor_mm**2), 1e-9)
     gross = max(0.0, _gross_share(views) - GROSS_SHARE) if not gross_named else 0.0
-    structured = (size > np.hypot(STRUCTURED_MM, 1e3 * alike_m) and size**2 > STRUCTURED_SHARE * before2) or gross > 0
+    blocks_agree = size > np.hypot(STRUCTURED_MM, 1e3 * alike_m) and size**2 > STRUCTURED_SHARE * before2
+    structured = blocks_agree or gross > 0 or bool(depends_on) or misfit > MISFIT_SHARE
     energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
     if nameless:
         structured = True
@@ -74,9 +79,24 @@ def look(
     return Unexplained(
         size,
         structured=bool(structured),
-        depends_on=_depends_on(views, left, floor2, concavity) if structured else (),
+        depends_on=(depends_on or _depends_on(views, left, floor2)) if structured else (),
         where=tuple(scene.parts[int(i)].name for i in order[:4]) if structured else (),
     )
+
+
+SCATTER_KNOWN = 0.03
+"""How well the scatter's own variance is known: chi-square per pixel within this of 1 is no misfit."""
+
+
+def misfit(views: Sequence[ViewEvidence], before: Sequence[Float], left: Sequence[Float], floor2: Sequence[Float]) -> float:
+    """Of what chi-square per pixel exceeds the floor before anything is taken off, the share that is left; 0 where that is no misfit."""
+
+    def excess(errors: Sequence[Float]) -> float:
+        each = [(e**2 / f)[v.smooth & np.isfinite(e)] for v, e, f in zip(views, errors, floor2, strict=True)]
+        return float(np.concatenate(each).mean()) - 1.0
+
+    after = excess(left)
+    return 0.0 if after < SCATTER_KNOWN else after / max(excess(before), after)
 
 
 GROSS_SHARE = 0.004
@@ -118,12 +138,10 @@ def _block_means(
     return np.concatenate(n_all), np.concatenate(mean_all), np.concatenate(var_all), np.concatenate(part_all)
 
 
-def _depends_on(
-    views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], concavity: Sequence[Image]
-) -> tuple[str, ...]:
+def _depends_on(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float]) -> tuple[str, ...]:
     """Quantities whose bins' means carry a tenth or more of what is left, most first."""
     carried = {}
-    for name, bins in by_quantity(views, left, floor2, concavity).items():
+    for name, bins in by_quantity(views, left, floor2).items():
         n = np.array([b.pixels for b in bins], float)
         if len(n) < 3:
             continue

@@ -15,7 +15,7 @@ from tof_gap.shrink import BLOCK_PX
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Image, Ints
+    from tof_core.arrays import Float, Ints
     from tof_gap.evidence import ViewEvidence
     from tof_scene.scene import Scene
 
@@ -119,15 +119,14 @@ def by_quantity(
     views: Sequence[ViewEvidence],
     gap: Sequence[Float],
     floor2: Sequence[Float],
-    concavity: Sequence[Image],
     bins: int = 12,
 ) -> dict[str, list[Bin]]:
     """The gap against each quantity of DESIGN section 4, in bins of equal pixel numbers."""
     e, f = np.concatenate([g.ravel() for g in gap]), np.concatenate([x.ravel() for x in floor2])
-    return {name: _bins(np.concatenate([q.ravel() for q in maps]), e, f, bins) for name, maps in _quantities(views, concavity).items()}
+    return {name: _bins(np.concatenate([q.ravel() for q in maps]), e, f, bins) for name, maps in _quantities(views).items()}
 
 
-def _quantities(views: Sequence[ViewEvidence], concavity: Sequence[Image]) -> dict[str, list[Float]]:
+def _quantities(views: Sequence[ViewEvidence]) -> dict[str, list[Float]]:
     shape = views[0].residual.shape
     rows, columns = np.mgrid[: shape[0], : shape[1]].astype(float)
     return {
@@ -140,7 +139,7 @@ def _quantities(views: Sequence[ViewEvidence], concavity: Sequence[Image]) -> di
         "speed_m_s": [np.full(shape, np.linalg.norm(v.frame.context.twist[:3])) for v in views],
         "column": [columns] * len(views),
         "row": [rows] * len(views),
-        "concavity": [c.astype(np.float64) for c in concavity],
+        "concavity": [v.concavity.astype(np.float64) for v in views],
     }
 
 

@@ -54,3 +54,14 @@ def cell_points(frame: Frame) -> Float:
     """(H, W, 3) surface points in the cell frame, metres; NaN off the CAD."""
     T = frame.rendering.T_cell_camera
     return np.asarray(frame.points @ T[:3, :3].T + T[:3, 3])
+
+
+def image_flow(frame: Frame) -> tuple[Float, Float]:
+    """(H, W) pixels a second that the scene moves over the image, along columns and rows, under the camera's twist; 0 where nothing is."""
+    v, w = frame.context.twist[:3], frame.context.twist[3:]
+    points = np.nan_to_num(frame.points)
+    velocity = -v - np.cross(w, points)
+    z = np.where(points[..., 2] > 0, points[..., 2], np.inf)
+    along_u = frame.camera.fx * (velocity[..., 0] - points[..., 0] / z * velocity[..., 2]) / z
+    along_v = frame.camera.fy * (velocity[..., 1] - points[..., 1] / z * velocity[..., 2]) / z
+    return along_u, along_v

@@ -31,6 +31,14 @@ def test_law_of_shot_and_ambient_is_found_without_a_floor() -> None:
     assert law.floor_m < 1e-4
 
 
+def test_a_bin_that_hardly_ever_changes_does_not_make_the_law() -> None:
+    amplitude = np.geomspace(100, 30000, 40)
+    variance = 0.001**2 * np.median(amplitude) / amplitude
+    variance[-1] = 5e-15  # Too bright to scatter beyond the depth code's step.
+    law = fit_law(Bins(np.zeros(40), amplitude, np.ones(40), variance, np.full(40, 2000.0)), 0.001).law
+    assert np.hypot(law.shot_m, law.far_m) == pytest.approx(0.001, rel=0.1)
+
+
 def test_ambient_light_of_far_surfaces_is_no_burst() -> None:
     amplitude, range2 = np.tile(np.geomspace(100, 10000, 20), 4), np.repeat([0.25, 0.5, 1.0, 2.0], 20)
     variance = (0.0005**2 + 0.0012**2 * range2) * np.median(amplitude) / amplitude
@@ -61,6 +69,10 @@ def test_continuous_depth_has_no_step() -> None:
 def test_robust_std_ignores_outliers() -> None:
     values = np.concatenate([RNG.normal(0, 1, 10000), np.full(50, 100.0)])
     assert robust_std(values) == pytest.approx(1.0, rel=0.03)
+
+
+def test_robust_std_is_taken_about_the_middle() -> None:
+    assert robust_std(RNG.normal(50, 1, 10000)) == pytest.approx(1.0, rel=0.03)
 
 
 def said(extra: np.ndarray | None) -> list[tuple[str, str]]:

@@ -14,7 +14,7 @@ from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern
-from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.flying_pixels import Edge, FlyingPixels
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.motion import Motion
@@ -99,6 +99,14 @@ def test_subsurface_delays_its_part_and_goes_with_incidence() -> None:
     bias = Subsurface(delay_m=0.003, aslant_m=-0.001, part=0).bias(frame) * frame.length
     np.testing.assert_allclose(bias, 0.003 - 0.001 * (1 - np.cos(frame.rendering.incidence)), atol=1e-9)
     assert not Subsurface(delay_m=0.003, part=1).bias(frame).any()
+
+
+def test_over_more_than_half_a_turn_a_mixture_stays_by_the_stronger_return() -> None:
+    half = np.array([0.5])
+    turn = FlyingPixels(modulation_mhz=100.0)
+    for light, near in ((0.1, 0.0), (10.0, 1.2)):
+        edge = Edge((np.array([0]), np.array([0])), half, np.array([light]), np.array([1.2]), np.ones(1))
+        assert turn.mixture(edge)[0] == pytest.approx(near, abs=0.03)
 
 
 def test_flying_pixel_of_equal_halves_lies_between() -> None:

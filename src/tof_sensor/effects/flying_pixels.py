@@ -45,7 +45,10 @@ class FlyingPixels(Effect):
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         m = np.clip(0.5 + (edge.mixed - 0.5) / self.footprint_px, 0.0, 1.0)
         ratio = m / np.maximum(1 - m, 1e-6) * edge.light
-        return np.asarray(np.angle(1 + ratio * np.exp(1j * wave * edge.step)) / wave / edge.length)
+        # A camera takes the turn of the stronger return.
+        stronger = np.where(ratio > 1, edge.step, 0.0)
+        sum_of_both = np.exp(-1j * wave * stronger) + ratio * np.exp(1j * wave * (edge.step - stronger))
+        return np.asarray((stronger + np.angle(sum_of_both) / wave) / edge.length)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.config import param
 from tof_sensor.effect import Effect, stack
 from tof_sensor.frame import LIGHT_M_PER_S
-from tof_sensor.geometry import pose_columns
+from tof_sensor.geometry import image_flow, pose_columns
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
@@ -48,12 +48,7 @@ class Motion(Effect):
 
 def _log_rate(frame: Frame) -> Float:
     """(H, W) d ln A / dt in a pixel, by the flow of the image under the camera's twist."""
-    v, w = frame.context.twist[:3], frame.context.twist[3:]
-    points = np.nan_to_num(frame.points)
-    velocity = -v - np.cross(w, points)
-    z = np.where(points[..., 2] > 0, points[..., 2], np.inf)
-    flow_u = frame.camera.fx * (velocity[..., 0] - points[..., 0] / z * velocity[..., 2]) / z
-    flow_v = frame.camera.fy * (velocity[..., 1] - points[..., 1] / z * velocity[..., 2]) / z
+    flow_u, flow_v = image_flow(frame)
     log = np.log(np.maximum(frame.amplitude, 1e-12))
     dv, du = np.gradient(np.where(frame.valid, log, np.nan))
     return np.asarray(np.nan_to_num(-(du * flow_u + dv * flow_v)))
