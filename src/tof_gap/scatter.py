@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.optimize import nnls
 
 from tof_core.config import param
@@ -95,15 +96,17 @@ def fit_law(b: Bins, step_m: float) -> LawFit:
     reference = float(np.median(b.amplitude))
     ratio = reference / b.amplitude
     own = step_m**2 / 12
-    # A bin whose depth code hardly ever changes says nothing finer than the code's step.
-    seen = np.maximum(b.variance, max(own, LEAST_SHARE * float(np.median(b.variance))))
-    target = np.maximum(seen - own, 0.0)
-    weight = np.sqrt(b.samples / 2) / seen
+    # Weighed by what bins of like amplitude scatter: one whose depth code hardly ever changes would outweigh all others.
+    order = np.argsort(b.amplitude)
+    usual = np.empty_like(b.variance)
+    usual[order] = median_filter(b.variance[order], size=NEIGHBOURS, mode="mirror")
+    target = np.maximum(b.variance - own, 0.0)
+    weight = np.sqrt(b.samples / 2) / np.maximum(usual, 1e-12)
     keep, c, log = np.ones(len(target), bool), np.zeros(4), np.zeros(len(target))
     X = np.stack([np.ones_like(ratio), ratio, ratio * b.range2, ratio**2], axis=1)
     for _ in range(4):
         c, _ = nnls(X[keep] * weight[keep, None], target[keep] * weight[keep])
-        log = np.log(seen / np.maximum(X @ c + own, 1e-14))
+        log = np.log(np.maximum(b.variance, 1e-14) / np.maximum(X @ c + own, 1e-14))
         keep = log < max(3 * 1.4826 * np.median(np.abs(log - np.median(log))), 0.2) + np.median(log)
     cov = np.linalg.pinv((X[keep] * weight[keep, None]).T @ (X[keep] * weight[keep, None]))
     floor2 = c[0] + own
@@ -113,8 +116,8 @@ def fit_law(b: Bins, step_m: float) -> LawFit:
     return LawFit(law, spread, float(np.std(log[keep])))
 
 
-LEAST_SHARE = 1e-4
-"""Of the median variance, the least that a bin is believed."""
+NEIGHBOURS = 9
+"""Bins next in amplitude whose middle variance weighs one."""
 
 
 def like_stereo(views: Sequence[ViewEvidence], bins: int = 8) -> bool:
