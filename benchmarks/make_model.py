@@ -15,21 +15,23 @@ from tof_virtual.twin import TwinCamera
 
 HELD_OUT = "body_section"
 """The scene on which the sweep is judged. No built-in scene is ever trained or tuned on; random ones are."""
+HOLLOW = 0.45
+"""Share of scenes with a cavity in the second half of those that sigma is learnt on: it must hold before what is unlike the training."""
 DEFAULT = Path("src/tof_infer/models/default.onnx")
 EXAMPLE = "example: python -m benchmarks.make_model --work out/model --scenes 57 --epochs 40"
 
 
-def make_data(work: Path, scenes: range, views: int) -> list[Path]:
-    """Labelled datasets of random scenes, one for each number; those that are there are kept."""
+def make_data(work: Path, scenes: range, views: int, hollow: float = 0.0) -> list[Path]:
+    """Labelled datasets of random scenes, one for each number, such a share with a cavity; those that are there are kept."""
     camera = TwinCamera()
     datasets = []
     for seed in progress(scenes, "scenes", len(scenes)):
-        name = f"random_{seed:02d}"
+        name = f"{'hollow' if hollow else 'random'}_{seed:02d}"
         dataset = work / f"{name}.zarr"
         datasets.append(dataset)
         if dataset.exists():
             continue
-        scene = random_scene(seed)
+        scene = random_scene(seed, hollow)
         shutil.rmtree(work / f"{name}.part", ignore_errors=True)
         bag = work / f"{name}_session"
         shutil.rmtree(bag, ignore_errors=True)
@@ -47,14 +49,23 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--work", type=Path, default=Path("out/model"), help="folder of sessions, datasets and checkpoints")
     parser.add_argument("--out", type=Path, default=DEFAULT, help="the model to write")
     parser.add_argument("--scenes", type=int, default=57, help="random scenes")
-    parser.add_argument("--unseen", type=int, default=20, help="random scenes to calibrate sigma on, never trained on")
+    parser.add_argument(
+        "--unseen", type=int, default=60, help="scenes of either kind that sigma is learnt and calibrated on, never trained on"
+    )
     parser.add_argument("--views", type=int, default=10, help="views of each")
     parser.add_argument("--data-only", action="store_true", help="stop before training")
+    parser.add_argument("--sigma-only", action="store_true", help="do not train: give the model that is there a new sigma")
     options, rest = parser.parse_known_args(arguments)
     options.work.mkdir(parents=True, exist_ok=True)
     first = options.scenes + 1
-    datasets = make_data(options.work, range(1, first), options.views)
     unseen = make_data(options.work, range(first, first + options.unseen), options.views)
+    unseen += make_data(options.work, range(1, 1 + options.unseen), options.views, HOLLOW)
+    if options.sigma_only:
+        from tof_infer.unseen import make_sure_again
+
+        print(make_sure_again(options.out, unseen, options.out).figures)
+        return 0
+    datasets = make_data(options.work, range(1, first), options.views)
     if options.data_only:
         return 0
     from toftwin.cli import main as toftwin

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 SCHEMA = "toftwin.model/1"
 KEY = "toftwin.card"
 """Key of the card in the ONNX metadata."""
-OUTPUTS = ["depth_out", "sigma"]
-"""Names of the ONNX outputs."""
+OUTPUTS = ["depth_out", "sigma", "own"]
+"""Names of the ONNX outputs; the last one is there where a whole frame tells of sigma."""
 SAME_FOCAL, SAME_MIDDLE = 0.02, 0.02
 """Relative difference of focal lengths, and of principal points in image widths, within which a camera is the same."""
 
@@ -28,7 +28,9 @@ class Card:
 
     inputs: names of the ONNX inputs, in order: `depth`, `amplitude`, `incidence`, `material` (1, 1, H, W), NaN where there is nothing;
     `ray` (1, 3, H, W) unit directions; `temperature` (1,). H and W are multiples of `multiple`, padded with NaN (rays with anything but
-    0 in z) below and to the right. Outputs `depth_out` and `sigma` (1, 1, H, W), metres. range_m: depths it was trained on.
+    0 in z) below and to the right. Outputs `depth_out` and `sigma` (1, 1, H, W), metres, and perhaps `own`: sigma as the pixel's own
+    surroundings tell it. Where that is above `max_sigma_m` nothing is known (what else the frame tells of sigma holds for the raw depth
+    too, and is no reason to keep it). range_m: depths it was trained on.
     """
 
     inputs: tuple[str, ...]

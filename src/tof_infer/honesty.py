@@ -27,11 +27,11 @@ class Calibration:
         return np.asarray(np.exp(self.offset + self.slope * log_scale))
 
 
-def calibrate(error: Float, log_scale: Float) -> Calibration:
+def calibrate(error: Float, log_scale: Float, own: Float | None = None) -> Calibration:
     """Fit on validation pixels (n,): the slope in bins of the scale, then the factor.
 
-    Errors have longer tails than the normal law, so no factor meets both shares; this one misses both by little, where sigma is
-    small enough to count.
+    Errors have longer tails than the normal law, so no factor meets both shares; this one misses both by little, where the pixel's
+    own scale (the same, if not given) is small enough to count.
     """
     order = np.argsort(log_scale)
     bins = [b for b in np.array_split(order, BINS)[1:-1] if len(b) >= 20]  # the outermost are too wide
@@ -42,7 +42,7 @@ def calibrate(error: Float, log_scale: Float) -> Calibration:
     at = np.array([np.median(log_scale[b]) for b in bins])
     slope = float(np.clip(np.polyfit(at, wanted, 1)[0], 0.5, 1.5)) if np.ptp(at) > 0.1 else 1.0
     offset = float(np.mean(wanted - slope * at))
-    small = order[: int(KNOWN * len(order)) + 1]
+    small = (order if own is None else np.argsort(own))[: int(KNOWN * len(order)) + 1]
     ratio = e[small] / Calibration(offset, slope).sigma(log_scale[small])
     return Calibration(offset + _best_shift(ratio), slope)
 

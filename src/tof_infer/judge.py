@@ -23,7 +23,10 @@ STRIDE = 7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Verdict:
-    """Validation: mean loss, mean absolute errors in metres of the network and of the raw depth, and thinned pixels (n,)."""
+    """Validation: mean loss, mean absolute errors in metres of the network and of the raw depth, and thinned pixels (n,).
+
+    log_scale: as the whole frame tells it; own: as the pixel's surroundings alone do.
+    """
 
     loss: float
     mae: float
@@ -31,16 +34,17 @@ class Verdict:
     error: Float
     raw_error: Float
     log_scale: Float
+    own: Float
 
     def honest(self, max_sigma_m: float = 0.0) -> tuple[Calibration, float]:
         """The calibration of sigma that these errors ask for, and the limit above which nothing is known (0: chosen here)."""
-        calibration = calibrate(self.error, self.log_scale)
-        return calibration, max_sigma_m or sigma_limit(self.error, self.raw_error, calibration.sigma(self.log_scale))
+        calibration = calibrate(self.error, self.log_scale, self.own)
+        return calibration, max_sigma_m or sigma_limit(self.error, self.raw_error, calibration.sigma(self.own))
 
     def figures(self, name: str, calibration: Calibration, limit: float) -> dict[str, Any]:
         """Plain numbers for the card, their names beginning with `name`."""
         sigma = calibration.sigma(self.log_scale)
-        known = sigma <= limit
+        known = calibration.sigma(self.own) <= limit
         one, two = coverage(self.error[known], sigma[known])
         wrong = (np.abs(self.error) > 0.01) & known
         values = {
@@ -65,11 +69,11 @@ def judge(net: RepairNet, batcher: Batcher, device: torch.device, kind: str) -> 
     for images, target in batcher.plain():
         images = {k: v.to(device) for k, v in images.items()}
         target = {k: v.to(device) for k, v in target.items()}
-        depth, log_scale = net(images)
-        losses.append(float(loss_of(kind, depth, log_scale, images, target)))
+        depth, log_scale, own = net.doubted(images)
+        losses.append(float(loss_of(kind, depth, own, images, target)))
         where = usable(images, target)
-        rows = [(depth - target["label"])[where], (images["depth"] - target["label"])[where], log_scale[where]]
+        rows = [(depth - target["label"])[where], (images["depth"] - target["label"])[where], log_scale[where], own[where]]
         errors.append(torch.stack(rows).cpu().numpy())
     every = np.concatenate(errors, axis=1)
     thin = every[:, ::STRIDE].astype(np.float64)
-    return Verdict(float(np.mean(losses)), float(np.abs(every[0]).mean()), float(np.abs(every[1]).mean()), thin[0], thin[1], thin[2])
+    return Verdict(float(np.mean(losses)), float(np.abs(every[0]).mean()), float(np.abs(every[1]).mean()), *thin)

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812 (as PyTorch calls it)
 
+from tof_infer.doubt import CELL, Doubt, cells_of
 from tof_infer.features import Features
 
 if TYPE_CHECKING:
@@ -22,10 +23,12 @@ if TYPE_CHECKING:
 UNIT_M = 0.01
 """Metres of one unit of the network's output."""
 MIN_SCALE_M, MAX_SCALE_M = 1e-5, 1.0
+CHUNK = 16
+"""Channels that onnxruntime's convolution takes at once; of a number above that is no multiple it takes the slow way."""
 
 
 class Block(nn.Module):
-    """Two convolutions of 3 x 3 with a shortcut."""
+    """Two convolutions of 3 x 3 with a shortcut. What comes in several parts is convolved part by part: no copy puts them together."""
 
     def __init__(self, inside: int, outside: int) -> None:
         super().__init__()
@@ -33,10 +36,19 @@ class Block(nn.Module):
         self.second = nn.Conv2d(outside, outside, 3, padding=1)
         nn.init.zeros_(self.second.weight)
 
-    def forward(self, x: Tensor) -> Tensor:
-        """(N, inside, H, W) to (N, outside, H, W)."""
-        x = F.relu(self.first(x))
+    def forward(self, *parts: Tensor) -> Tensor:
+        """(N, inside, H, W), in parts, to (N, outside, H, W)."""
+        x = F.relu(convolved(self.first, *parts))
         return F.relu(x + self.second(x))
+
+
+def convolved(layer: nn.Conv2d, *parts: Tensor) -> Tensor:
+    """What the layer makes of all parts put together, channels after channels."""
+    # Plain numbers, which the exported graph keeps as constants: it would cut the weights anew for each frame.
+    weights = torch.split(layer.weight, [int(x.shape[1]) for x in parts], 1)
+    biases = (layer.bias, *(None for _ in parts[1:]))
+    first, *others = (F.conv2d(x, w, b, padding=1) for x, w, b in zip(parts, weights, biases, strict=True))
+    return sum(others, first)
 
 
 class UNet(nn.Module):
@@ -52,11 +64,11 @@ class UNet(nn.Module):
         """(N, inside, H, W) to (N, base, H, W); H and W multiples of 2^(levels - 1)."""
         passed: list[Tensor] = []
         for k, block in enumerate(self.down):
-            x = block(x if k == 0 else F.max_pool2d(x, 2))
+            x = block(F.max_pool2d(x, 2)) if k else block(*torch.split(x, CHUNK, 1))
             passed.append(x)
         x = passed.pop()
         for block in self.up:
-            x = block(torch.cat([F.interpolate(x, scale_factor=2.0, mode="nearest"), passed.pop()], 1))
+            x = block(F.interpolate(x, scale_factor=2.0, mode="nearest"), passed.pop())
         return x
 
 
@@ -66,6 +78,7 @@ class RepairNet(nn.Module):
     def __init__(self, config: NetConfig) -> None:
         super().__init__()
         self.config = config
+        self.doubt: Doubt | None = None  # taught when all else is
         self.features = Features(config)
         s = config.unshuffle
         fine = self.features.fine_channels
@@ -76,11 +89,23 @@ class RepairNet(nn.Module):
 
     def forward(self, images: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
         """Corrected depth and the log of its scale in metres, both (N, 1, H, W), of images as in `Features`; any value off the mask."""
+        return self.look(images)[:2]
+
+    def doubted(self, images: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+        """Depth, the log of its scale as the whole frame tells it, and the same as the pixel's surroundings alone do."""
+        depth, own, features = self.look(images)
+        if self.doubt is None:
+            return depth, own, own
+        more = self.doubt(*cells_of(*features, own))
+        return depth, own + F.interpolate(more, scale_factor=float(CELL * self.config.unshuffle), mode="nearest"), own
+
+    def look(self, images: dict[str, Tensor]) -> tuple[Tensor, Tensor, tuple[Tensor, Tensor, Tensor]]:
+        """Depth, the log of its scale, and the features they come from."""
         s = self.config.unshuffle
         fine, smooth, valid = self.features(images)
-        out = self.head(torch.cat([self.unet(torch.cat([fine, smooth], 1)), fine], 1))
+        out = convolved(self.head, self.unet(torch.cat([fine, smooth], 1)), fine)
         out = F.pixel_shuffle(out, s) if s > 1 else out
         change, log = out[:, :1] * UNIT_M, out[:, 1:]
         z = torch.where(valid > 0, images["depth"], torch.zeros_like(valid))
         log = torch.clamp(log + math.log(UNIT_M / 3), math.log(MIN_SCALE_M), math.log(MAX_SCALE_M))
-        return (z - change if self.config.residual else change / UNIT_M), log
+        return (z - change if self.config.residual else change / UNIT_M), log, (fine, smooth, valid)

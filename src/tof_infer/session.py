@@ -15,6 +15,8 @@ from tof_infer.config import InferConfig
 from tof_infer.frames import Mark, padded_size, unit_rays
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from tof_core.arrays import Bytes, Image, Mask
     from tof_core.camera import Camera
     from tof_core.capture import Capture
@@ -94,6 +96,17 @@ class Session:
         Raises:
             RefusedError: another camera, or depths far outside those trained on.
         """
+        depth, sigma, *own = self.outputs(self.inputs(capture, **cad))
+        h, w = capture.depth.shape
+        return self._judged(capture.depth, *(image[0, 0, :h, :w] for image in (depth, sigma, own[0] if own else sigma)))
+
+    def outputs(self, inputs: Mapping[str, Any]) -> list[Any]:
+        """What the graph makes of its inputs."""
+        made: list[Any] = self._session.run(None, inputs)
+        return made
+
+    def inputs(self, capture: Capture, **cad: Image) -> dict[str, Any]:
+        """What the graph takes of a capture; the next capture's overwrites it."""
         self.accept(capture.camera)
         self._check_range(capture.depth)
         self._fill("depth", capture.depth)
@@ -102,19 +115,17 @@ class Session:
                 self._fill(name, image)
         if "temperature" in self._inputs:
             self._inputs["temperature"][0] = capture.temperature
-        depth, sigma = self._session.run(OUTPUTS, self._inputs)
-        h, w = capture.depth.shape
-        return self._judged(capture.depth, depth[0, 0, :h, :w], sigma[0, 0, :h, :w])
+        return self._inputs
 
     def _fill(self, name: str, image: Image | None) -> None:
         h, w = self._camera.shape if self._camera else (0, 0)
         self._inputs[name][0, 0, :h, :w] = np.nan if image is None else image
 
-    def _judged(self, raw: Image, depth: Image, sigma: Image) -> Repaired:
+    def _judged(self, raw: Image, depth: Image, sigma: Image, own: Image) -> Repaired:
         """Keep the raw value where the network does not know, says nonsense, or has never seen such a range."""
         low, high = self.card.range_m
         there = np.isfinite(raw) & (raw > 0)
-        known = there & (sigma <= self.max_sigma_m) & (depth > 0) & np.isfinite(depth) & (raw > 0.8 * low) & (raw < 1.2 * high)
+        known = there & (own <= self.max_sigma_m) & (depth > 0) & np.isfinite(depth) & (raw > 0.8 * low) & (raw < 1.2 * high)
         mark = np.where(known, np.uint8(Mark.REPAIRED), np.where(there, np.uint8(Mark.RAW_KEPT), np.uint8(Mark.INVALID)))
         unknown = np.where(there, np.float32(np.inf), np.float32(np.nan))
         return Repaired(np.where(known, depth, np.where(there, raw, np.float32(np.nan))), np.where(known, sigma, unknown), mark)
@@ -170,8 +181,8 @@ def _checked_card(session: Any, path: Path) -> Card:
     card = parse_card(text, path)
     takes = {i.name: i.type for i in session.get_inputs()}
     gives = [o.name for o in session.get_outputs()]
-    if list(takes) != list(card.inputs) or set(takes.values()) != {"tensor(float)"} or gives != OUTPUTS:
-        msg = f"takes {', '.join(takes)} and gives {', '.join(gives)}; its card says {', '.join(card.inputs)} and {', '.join(OUTPUTS)}"
+    if list(takes) != list(card.inputs) or set(takes.values()) != {"tensor(float)"} or gives not in (OUTPUTS[:2], OUTPUTS):
+        msg = f"takes {', '.join(takes)} and gives {', '.join(gives)}; its card says {', '.join(card.inputs)} and {', '.join(OUTPUTS[:2])}"
         raise ModelError(msg, where=path, todo="train it again")
     known = {"depth", "amplitude", "ray", "temperature", "incidence", "material"}
     if not set(takes) <= known:

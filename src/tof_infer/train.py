@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,10 +19,11 @@ from tof_infer.batches import Batcher
 from tof_infer.card import Card
 from tof_infer.export import export
 from tof_infer.honesty import Calibration
-from tof_infer.judge import Verdict, judge
+from tof_infer.judge import judge
 from tof_infer.loss import loss_of
 from tof_infer.network import RepairNet
 from tof_infer.samples import Pool, Samples
+from tof_infer.unseen import Unseen, make_sure
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -64,8 +65,8 @@ def train(
 ) -> Card:
     """Train on datasets, write `out` and its card beside it; a checkpoint lies at `<out>.ckpt` until it is done.
 
-    `unseen` are datasets of other scenes: sigma is calibrated on them, for on new stations of a scene that was trained on errors are
-    smaller than before a new one. Without them the validation views serve.
+    `unseen` are datasets of other scenes, for on new stations of a scene that was trained on errors are smaller than before a new one:
+    two of three teach what a whole frame tells of sigma, the others calibrate it. Without them the validation views calibrate.
 
     Raises:
         RefusedError: too few stations, or nothing to learn from.
@@ -76,7 +77,7 @@ def train(
     pool = Pool(paths)
     split = pool.split(config.val, config.test, config.seed)
     training, validation = _samples(pool, split, config)
-    others = _all_of(unseen, pool) if unseen else None
+    others = Unseen.of(unseen, pool)
     say(
         f"{len(training)} captures to train on, {len(validation)} to check on, {pool.stations} stations; "
         f"left out: {dict(training.skipped + validation.skipped) or 'none'}"
@@ -93,10 +94,8 @@ def train(
         said = _one_epoch(state, batcher, checker, device)
         _save(checkpoint, state, digest)
         say(said)
-    verdicts = {"val": judge(state.average, checker, device, config.loss)}
-    if others is not None:
-        verdicts["unseen"] = judge(state.average, Batcher(others, config), device, config.loss)
-    card = _card(config, pool, split, training, verdicts, state)
+    figures, limit = make_sure(state.average, {"val": checker}, others, config, device)
+    card = _card(config, pool, split, training, state, figures, limit, others)
     out.parent.mkdir(parents=True, exist_ok=True)
     export(state.average.cpu(), Calibration(**card.figures["calibration"]), card, out)
     checkpoint.unlink(missing_ok=True)
@@ -142,12 +141,6 @@ def _samples(pool: Pool, split: Split, config: TrainConfig) -> tuple[Samples, Sa
                 todo="label again, and look at its verdicts",
             )
     return training, validation
-
-
-def _all_of(paths: Sequence[Path], pool: Pool) -> Samples:
-    """Every capture of datasets of the same camera."""
-    other = Pool([pool.datasets[0].path, *paths])  # the first one only holds the camera to ours
-    return Samples(other, np.arange(pool.datasets[0].views, other.views))
 
 
 def thinned(views: Ints, count: int) -> Ints:
@@ -239,10 +232,17 @@ def _resume(path: Path, state: State, digest: str) -> None:
     state.epoch, state.curves = saved["epoch"], saved["curves"]
 
 
-def _card(config: TrainConfig, pool: Pool, split: Split, training: Samples, verdicts: dict[str, Verdict], state: State) -> Card:
+def _card(
+    config: TrainConfig,
+    pool: Pool,
+    split: Split,
+    training: Samples,
+    state: State,
+    figures: dict[str, Any],
+    limit: float,
+    others: Unseen,
+) -> Card:
     low, high = np.quantile(np.concatenate([training[i].label[training[i].mask][::101] for i in range(len(training))]), [0.002, 0.998])
-    calibration, limit = verdicts.get("unseen", verdicts["val"]).honest(config.max_sigma_mm * 1e-3)
-    figures = {key: value for name, verdict in verdicts.items() for key, value in verdict.figures(name, calibration, limit).items()}
     return Card(
         inputs=config.net.names,
         multiple=config.net.multiple,
@@ -258,7 +258,8 @@ def _card(config: TrainConfig, pool: Pool, split: Split, training: Samples, verd
             "val_views": len(split.val),
             "test_views": len(split.test),
             "train_captures": len(training),
+            **others.facts,
         },
-        figures={**figures, "calibration": asdict(calibration), "weights": sum(p.numel() for p in state.net.parameters())},
+        figures=figures,
         curves=state.curves,
     )

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tests.tof_infer.made import CAMERA, measured
-from tof_core.errors import ConfigError
+from tof_core.config import to_mapping
+from tof_core.errors import ConfigError, ModelError
 from tof_infer.config import NetConfig
 from tof_infer.frames import unit_rays
 
@@ -17,7 +18,8 @@ torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 
 from tof_infer.batches import pad  # noqa: E402
 from tof_infer.card import Card  # noqa: E402
-from tof_infer.export import export  # noqa: E402
+from tof_infer.doubt import Doubt, cells_of  # noqa: E402
+from tof_infer.export import export, restore  # noqa: E402
 from tof_infer.honesty import Calibration  # noqa: E402
 from tof_infer.loss import loss_of  # noqa: E402
 from tof_infer.network import RepairNet  # noqa: E402
@@ -39,6 +41,15 @@ def net(config: NetConfig = CONFIG) -> RepairNet:
     for p in made.parameters():
         if p.ndim > 1:
             p.data += 0.05 * torch.randn_like(p)
+    return made
+
+
+@torch.no_grad()
+def doubtful(run: RepairNet) -> Doubt:
+    """A doubt with random weights everywhere."""
+    _, log, features = run.look(images(1, (32, 48)))
+    made = Doubt(cells_of(*features, log)[0].shape[1])
+    made.tell.weight += 0.1 * torch.randn_like(made.tell.weight)
     return made
 
 
@@ -83,21 +94,50 @@ def test_more_padding_changes_only_the_rim() -> None:
 
 
 @torch.no_grad()
-@pytest.mark.parametrize("size", [(32, 48), (64, 64), (176, 224)])
-def test_onnx_says_what_pytorch_says_at_any_size(tmp_path: Path, size: tuple[int, int]) -> None:
+@pytest.mark.parametrize(("size", "kind"), [((32, 48), "plain"), ((64, 64), "doubting"), ((176, 224), "doubting")])
+def test_onnx_says_what_pytorch_says_at_any_size(tmp_path: Path, size: tuple[int, int], kind: str) -> None:
     import onnxruntime as ort
 
     run = net()
-    card = Card(CONFIG.names, CONFIG.multiple, CAMERA, (0.3, 2.0), 0.01)
+    run.doubt = doubtful(run) if kind == "doubting" else None
+    card = Card(CONFIG.names, CONFIG.multiple, CAMERA, (0.3, 2.0), 0.01, {"net": to_mapping(CONFIG)})
     export(run, Calibration(0.3, 1.1), card, tmp_path / "m.onnx")
     session = ort.InferenceSession(tmp_path / "m.onnx", providers=["CPUExecutionProvider"])
     given = images(4, size)
-    depth, sigma = session.run(None, {n: given[n].numpy() for n in CONFIG.names})
-    want, log = run(given)
+    depth, sigma, *own = session.run(None, {n: given[n].numpy() for n in CONFIG.names})
+    want, log, alone = run.doubted(given)
     there = torch.isfinite(given["depth"]).numpy()
     np.testing.assert_allclose(depth[there], want.numpy()[there], atol=1e-5)
     np.testing.assert_allclose(sigma[there], np.exp(0.3 + 1.1 * log.numpy()[there]), rtol=1e-4)
     assert np.isnan(depth[~there]).all()
+    assert len(own) == (kind == "doubting")
+    for image in own:
+        np.testing.assert_allclose(image[there], np.exp(0.3 + 1.1 * alone.numpy()[there]), rtol=1e-4)
+    again, read = restore(tmp_path / "m.onnx")
+    torch.testing.assert_close(again.doubted(given), (want, log, alone), rtol=0, atol=0)
+    assert read == card
+
+
+@torch.no_grad()
+def test_doubt_changes_sigma_alone_and_not_by_what_is_invalid() -> None:
+    run, given = net(), images(1, (32, 48))
+    depth, log = run(given)
+    run.doubt = doubtful(run)
+    same, doubted, own = run.doubted(given)
+    torch.testing.assert_close((same, own), (depth, log), rtol=0, atol=0)
+    assert (doubted - log).abs().max() > 0.01
+    for nothing in (0.0, float("inf")):
+        other = {**given, "depth": torch.nan_to_num(given["depth"], nan=nothing, posinf=nothing)}
+        there = torch.isfinite(given["depth"])
+        torch.testing.assert_close(run.doubted(other)[1][there], doubted[there])
+    run.doubt = Doubt(run.doubt.see.in_channels)  # an untaught one
+    torch.testing.assert_close(run.doubted(given)[1], log, rtol=0, atol=0)
+
+
+def test_a_file_without_weights_is_not_restored(tmp_path: Path) -> None:
+    (tmp_path / "m.onnx").write_bytes(b"no model")
+    with pytest.raises(ModelError, match=r"m\.onnx: its weights cannot be read"):
+        restore(tmp_path / "m.onnx")
 
 
 def test_an_unknown_input_is_refused() -> None:

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a whole frame tells of sigma, learnt on scenes that the depth was not trained on.
+
+Errors beyond two sigma are not at edges. They lie on smooth surfaces that bright neighbours light (multipath), thousands of pixels
+at once and nearly all too far, and half of them in a tenth of the frames. The scale of a pixel does not know of it: it comes from near
+that pixel, and from scenes that the network remembers. How bright the frame is, how wide and how concave, does tell.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F  # noqa: N812 (as PyTorch calls it)
+
+from tof_infer.honesty import KNOWN
+from tof_infer.loss import usable
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_infer.batches import Batcher
+    from tof_infer.network import RepairNet
+
+CELL = 4
+"""Blocks along each side of a cell."""
+LOWEST = -8.0
+"""Log of a scale in metres below which none matters."""
+STEPS, BATCH, RATE = 1200, 8, 3e-3
+STRIDE = 7
+"""Every so manieth pixel teaches."""
+LEVELS = ((0.0, 0.6827, 0.05), (math.log(2.0), 0.9545, 0.03))
+"""Log of a multiple of sigma, the share of errors within it, and the tolerance of that share."""
+
+
+class Doubt(nn.Module):
+    """Cells of a frame to what is added to the log of their scale; each knows the frame's mean and its most."""
+
+    def __init__(self, channels: int, width: int = 16) -> None:
+        super().__init__()
+        self.see = nn.Conv2d(channels, width, 1)
+        self.near = nn.Conv2d(width, width, 3, padding=1)
+        self.frame = nn.Conv2d(2 * width, width, 1)
+        self.join = nn.Conv2d(width, width, 3, padding=1)
+        self.tell = nn.Conv2d(width, 1, 1)
+        for zeros in (self.tell.weight, self.tell.bias):
+            assert zeros is not None
+            nn.init.zeros_(zeros)
+
+    def forward(self, cells: Tensor, share: Tensor) -> Tensor:
+        """(N, channels, h, w) and the share of their pixels that have a depth (N, 1, h, w) to (N, 1, h, w)."""
+        x = F.relu(self.see(cells)) * share
+        mean = x.sum((2, 3), keepdim=True) / (share.sum((2, 3), keepdim=True) + 1e-6)
+        x = F.relu(self.near(x) + self.frame(torch.cat([mean, x.amax((2, 3), keepdim=True)], 1)))
+        told: Tensor = self.tell(F.relu(self.join(x)))
+        return told
+
+
+def cells_of(fine: Tensor, smooth: Tensor, valid: Tensor, log: Tensor) -> tuple[Tensor, Tensor]:
+    """The features and the scale of a frame by cells, and the cells' share of pixels with a depth."""
+    size = CELL * log.shape[-1] // smooth.shape[-1]
+    share = F.avg_pool2d(valid, size)
+    mean = F.avg_pool2d((log - LOWEST) * valid, size) / (share + 1e-3)
+    most = F.max_pool2d((log - LOWEST) * valid, size)
+    return torch.cat([F.avg_pool2d(smooth, CELL), F.avg_pool2d(fine.abs(), CELL), mean, most], 1), share
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lesson:
+    """One frame: its cells and their share, and of some pixels the cell they are in, the log of the error and of the scale."""
+
+    cells: Tensor
+    share: Tensor
+    cell: Tensor
+    error: Tensor
+    scale: Tensor
+
+
+def learn_doubt(net: RepairNet, batcher: Batcher, device: torch.device, seed: int) -> Doubt:
+    """A `Doubt` from frames of scenes that the network was not trained on."""
+    return teach(_lessons(net, batcher, device), seed)
+
+
+def teach(lessons: Sequence[Lesson], seed: int, steps: int = STEPS) -> Doubt:
+    """Make 68 and 95 % of errors lie within one and two sigma, wherever the scale is small enough to count.
+
+    Pinball losses of both quantiles, weighed by their tolerances: no law of the errors is assumed.
+    """
+    limit = torch.quantile(torch.cat([x.scale[::STRIDE] for x in lessons]), KNOWN)
+    torch.manual_seed(seed)
+    doubt = Doubt(lessons[0].cells.shape[0])
+    optimiser = torch.optim.AdamW(doubt.parameters(), lr=RATE, weight_decay=0.1)
+    falling = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    rng = np.random.default_rng(seed)
+    for _ in range(steps):
+        loss = _loss(doubt, [lessons[int(k)] for k in rng.choice(len(lessons), BATCH)], limit)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        falling.step()
+    doubt.eval()
+    return doubt
+
+
+@torch.no_grad()
+def _lessons(net: RepairNet, batcher: Batcher, device: torch.device) -> list[Lesson]:
+    net.eval()
+    out = []
+    for images, target in batcher.plain():
+        images = {k: v.to(device) for k, v in images.items()}
+        target = {k: v.to(device) for k, v in target.items()}
+        depth, log, features = net.look(images)
+        cells, share = cells_of(*features, log)
+        pixels = usable(images, target)[0, 0].nonzero()[::STRIDE]
+        rows, columns = pixels[:, 0], pixels[:, 1]
+        size = log.shape[-1] // cells.shape[-1]
+        error = (depth - target["label"])[0, 0, rows, columns].abs()
+        cell = rows // size * cells.shape[-1] + columns // size
+        found = (cells[0], share[0], cell, torch.log(error + 1e-5), log[0, 0, rows, columns])
+        out.append(Lesson(*(x.cpu() for x in found)))
+    return out
+
+
+def _loss(doubt: Doubt, lessons: Sequence[Lesson], limit: Tensor) -> Tensor:
+    told = doubt(torch.stack([x.cells for x in lessons]), torch.stack([x.share for x in lessons])).flatten(1)
+    beyond = torch.cat([x.error - x.scale - told[k, x.cell] for k, x in enumerate(lessons)])
+    counts = (torch.cat([x.scale for x in lessons]) <= limit).float()
+    losses = [torch.maximum(share * (beyond - far), (share - 1) * (beyond - far)) / tolerance for far, share, tolerance in LEVELS]
+    return (sum(losses) * counts).sum() / counts.sum()
