@@ -51,13 +51,18 @@ class Candidate:
     note: str = ""
 
 
-def candidates(views: Sequence[ViewEvidence], scene: Scene, left_out: AbstractSet[str] = frozenset()) -> list[Candidate]:
-    """All hypotheses that this session can test; `left_out` names effects not to be considered."""
-    left_out = left_out | not_testable(views).keys()
+def candidates(
+    views: Sequence[ViewEvidence], scene: Scene, left_out: AbstractSet[str] = frozenset(), *, quick: bool = False
+) -> list[Candidate]:
+    """All hypotheses that this session can test.
+
+    `left_out` names effects not to be considered; `quick` takes only those that look at each pixel by itself.
+    """
+    untestable = not_testable(views).keys()
     made = [Candidate(HAND_EYE, None)]
-    made += [Candidate(e.NAME, e, note) for e, note in _global_effects(views)]
+    made += [Candidate(e.NAME, e, note) for e, note in _global_effects(views, untestable)]
     made += [Candidate(e.NAME, e, note) for e, note in _part_effects(views, scene)]
-    return [c for c in made if c.name not in left_out]
+    return [c for c in made if c.name not in left_out | untestable and not (quick and c.effect is not None and not c.effect.LOCAL)]
 
 
 def not_testable(views: Sequence[ViewEvidence]) -> dict[str, str]:
@@ -113,8 +118,7 @@ def range_span(views: Sequence[ViewEvidence]) -> float:
     return float(high - low)
 
 
-def _global_effects(views: Sequence[ViewEvidence]) -> Iterator[tuple[Effect, str]]:
-    out = not_testable(views)
+def _global_effects(views: Sequence[ViewEvidence], out: AbstractSet[str]) -> Iterator[tuple[Effect, str]]:
     yield RangeOffset(), ""
     yield DepthScale(), ""
     yield RadialDepth(), ""

@@ -13,7 +13,7 @@ from tof_gap import missing, scatter
 from tof_gap.candidates import not_testable
 from tof_gap.causes import Named, named, nameless_share, shares
 from tof_gap.flexible import explainable
-from tof_gap.joint import at_solution, solve, start
+from tof_gap.joint import at_solution, delayed, solution, solve, start
 from tof_gap.posterior import camera_covs, floor2
 from tof_gap.radial import gate
 from tof_gap.select import Selector, deal
@@ -114,8 +114,7 @@ def diagnose(
     say("poses and effects together")
     joint = solve(views, caster, config, chain, frozenset(VOCABULARY) if few else left_out)
     say("what scatter, loss and edges say")
-    mixing = missing.mixing(joint.views, config.missing) is not None
-    final, evidence = at_solution(joint, views, caster, config, exact=mixing)
+    final, evidence = at_solution(joint, views, caster, config)
     judge = Selector(joint.design, config.select)
     fit_views, held = split(joint.chain)
     causes = named(joint, fit_views, judge, rng)
@@ -152,6 +151,7 @@ def diagnose(
         alike_m=alike_m,
         nameless=nameless,
         depends_on=joint.selection.unknown,
+        crowd=joint.selection.crowd,
         misfit=misfit(evidence, residual, leftover, [f + s for f, s in zip(floors, _scatter2(findings, evidence), strict=True)]),
     )
     judged = tuple(Cause(c, figures.shrink([c.name]), figures.shrink([m for m in figures.maps if m != c.name]).shrink) for c in causes)
@@ -172,11 +172,17 @@ def diagnose(
         tuple(floors),
         figures.maps,
         final,
-        np.stack([replace(final, hand_eye=joint.hand_eye).pose(v) for v in range(len(views))]),
+        _cameras(joint, final),
         joint,
         fit_views,
         held,
     )
+
+
+def _cameras(joint: Joint, final: Chain) -> Float:
+    """(V, 4, 4) T_cell_camera with hand-eye and lateness as the solution has them."""
+    there = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, solution(joint)[1])
+    return np.stack([there.pose(v) for v in range(len(there.station))])
 
 
 def _findings(

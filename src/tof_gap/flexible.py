@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FEATURES = 400
 WIDTHS = (0.3, 1.0, 3.0)
 """Scales of the features, in standard deviations of the inputs (Rahimi and Recht 2007)."""
-CELL_PX = 4
+CELL_PX = 6
 """Side of the cells whose means are fitted: white scatter averages out, what a model could follow stays."""
 RIDGES = (3.0, 0.3, 0.03, 0.003)
 """Strengths of the ridge, relative to the data's weight; none at all is tried too."""

@@ -22,9 +22,11 @@ from tof_gap.system import arm_steps, fit
 from tof_scene.render import render
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.lens_scatter import LensScatter
+from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.specular import Specular
+from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.effects.wiggling import Wiggling
 from tof_sensor.geometry import pose_columns
 
@@ -43,8 +45,6 @@ if TYPE_CHECKING:
 
 NEAR = (2e-3, 0.2)
 """Metres and degrees that a camera may move before its view is rendered, and its columns made, anew."""
-HERE = (2e-4, 0.02)
-"""The same where mixed pixels are to be explained."""
 ROUNDS = 3
 """Linearisations at most."""
 
@@ -57,6 +57,8 @@ class Joint:
     views: tuple[ViewEvidence, ...]
     design: Design
     selection: Selection
+    late_s: float = 0.0
+    """Seconds of stamps that the chain's robot poses make up for; the residuals still show it."""
 
     @property
     def hand_eye(self) -> Float:
@@ -71,14 +73,19 @@ def solve(
     chain: Chain,
     left_out: frozenset[str] = frozenset(),
 ) -> Joint:
-    """Poses and effects at once, from a `chain` that `start` brought near; linearised anew while cameras move."""
-    check_fit(evidence := observe(views, caster, chain, config))
-    joint, store = _linearised(evidence, caster, chain, config, left_out)
+    """Poses and effects at once, from a `chain` that `start` brought near; linearised anew while cameras move.
+
+    The first round asks only effects that look at each pixel by itself: it is there to bring the cameras near.
+    """
+    check_fit(evidence := observe(views, caster, chain, config, footprints=False))
+    joint, store = _linearised(evidence, caster, chain, config, left_out, quick=True)
     for _ in range(ROUNDS - 1):
-        after = moved(joint.chain, joint.design, joint.selection.fit, joint.selection.chosen.inflate)
-        if farthest(joint.chain, after, NEAR) <= 1.0:
+        after, late_s = solution(joint)
+        evidence = _in_time(observe(views, caster, after, config, footprints=False, sky=True), late_s)
+        joint, store = _linearised(evidence, caster, after, config, left_out)
+        joint = replace(joint, late_s=late_s)
+        if farthest(after, solution(joint)[0], NEAR) <= 1.0:
             break
-        joint, store = _linearised(observe(views, caster, after, config), caster, after, config, left_out)
     if not joint.design.candidates:
         return joint
     # Named effects had the first word, each in its best shape; now what nobody named may contend.
@@ -88,16 +95,45 @@ def solve(
     return replace(joint, design=design, selection=select(design, config.select))
 
 
+def solution(joint: Joint) -> tuple[Chain, float]:
+    """The chain after the solution's steps, its robot poses at the time that the solution says, and that lateness in seconds."""
+    after = moved(joint.chain, joint.design, joint.selection.fit, joint.selection.chosen.inflate)
+    late_s, start = 0.0, 0
+    for member in joint.selection.chosen.members:
+        group, effect = joint.design.groups[member], joint.design.candidates[member].effect
+        if isinstance(effect, TimeSync | Motion):
+            late_s = float(joint.selection.fit.theta[start] / joint.design.scale[group[0]])
+        start += len(group)
+    return delayed(after, joint.views, late_s - joint.late_s), late_s
+
+
+def delayed(chain: Chain, views: Sequence[ViewEvidence], seconds: float) -> Chain:
+    """The chain with the robot's poses as they were `seconds` later, by each camera's own velocity."""
+    if seconds == 0.0:
+        return chain
+    steps = [se3.exp(seconds * v.frame.context.twist) for v in views]
+    return replace(chain, robot=np.array([T @ step for T, step in zip(chain.robot, steps, strict=True)]))
+
+
+def _in_time(evidence: Sequence[ViewEvidence], late_s: float) -> tuple[ViewEvidence, ...]:
+    """Evidence seen from where the cameras were, with the residual that robot poses of the stamps would leave, to first order there."""
+    if late_s == 0.0:
+        return tuple(evidence)
+    return tuple(replace(v, residual=v.residual + late_s * (pose_columns(v.frame) @ v.frame.context.twist)) for v in evidence)
+
+
 def _linearised(
     evidence: tuple[ViewEvidence, ...],
     caster: Raycaster,
     chain: Chain,
     config: GapConfig,
     left_out: frozenset[str],
+    *,
+    quick: bool = False,
 ) -> tuple[Joint, ColumnStore]:
     """A selection among all hypotheses at one chain, and the columns it was made of."""
     store = ColumnStore(evidence, deal(chain.station.tolist(), config.select.folds))
-    design = build(store, candidates(evidence, caster.scene, left_out), chain, config.hand_sd)
+    design = build(store, candidates(evidence, caster.scene, left_out, quick=quick), chain, config.hand_sd)
     return Joint(chain, evidence, design, select(design, config.select)), store
 
 
@@ -119,19 +155,11 @@ def farthest(one: Chain, other: Chain, unit: tuple[float, float]) -> float:
     return max(max(metres / unit[0], degrees / unit[1]) for metres, degrees in steps)
 
 
-def at_solution(
-    joint: Joint, views: Sequence[View], caster: Raycaster, config: GapConfig, *, exact: bool
-) -> tuple[Chain, tuple[ViewEvidence, ...]]:
-    """The final chain, hand-eye undone (it is an effect), and the evidence there.
-
-    A small step is taken as linear, a very small one alone where `exact`: mixed pixels ask for poses within a tenth of a pixel.
-    """
-    after = moved(joint.chain, joint.design, joint.selection.fit, joint.selection.chosen.inflate)
-    final = replace(after, hand_eye=np.eye(4))
-    if farthest(joint.chain, final, HERE if exact else NEAR) > 1.0:
-        return final, observe(views, caster, final, config)
-    steps = [se3.log(se3.inverse(joint.chain.pose(v)) @ final.pose(v)) for v in range(len(views))]
-    return final, tuple(replace(v, residual=v.residual - pose_columns(v.frame) @ xi) for v, xi in zip(joint.views, steps, strict=True))
+def at_solution(joint: Joint, views: Sequence[View], caster: Raycaster, config: GapConfig) -> tuple[Chain, tuple[ViewEvidence, ...]]:
+    """The final chain, hand-eye and lateness undone (they are effects), and the evidence there: mixed pixels ask for exact poses and footprints."""
+    after, late_s = solution(joint)
+    final = replace(delayed(after, joint.views, -late_s), hand_eye=np.eye(4))
+    return final, observe(views, caster, final, config, sky=True)
 
 
 def check_fit(views: Sequence[ViewEvidence]) -> None:
@@ -173,10 +201,11 @@ def observe(
     config: GapConfig,
     *,
     footprints: bool = True,
+    sky: bool = False,
 ) -> tuple[ViewEvidence, ...]:
-    """Render every view where the chain has it, and gather what differs."""
+    """Render every view where the chain has it, and gather what differs; `sky`: concavity too."""
     renderings = [render(caster, v.camera, chain.pose(i), footprints=footprints) for i, v in enumerate(views)]
-    return gather(views, renderings, caster, config.evidence, sky=footprints)
+    return gather(views, renderings, caster, config.evidence, sky=sky)
 
 
 def moved(chain: Chain, design: Design, solution: Fit, inflate: float) -> Chain:

@@ -13,6 +13,7 @@ from tof_gap.candidates import HAND_EYE
 from tof_gap.observable import Unknown
 from tof_gap.system import cross_validate, fit, map_energy
 from tof_sensor.effects.cad_deviation import CadDeviation
+from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -27,13 +28,15 @@ class SelectConfig:
     """When an effect is believed."""
 
     gain: float = param(
-        16.0, "held-out chi-square an effect of one shape must win (discrepancy taken out); n shapes pay 2 ln n more", low=1.0
+        30.0, "held-out chi-square an effect of one shape must win (discrepancy taken out); n shapes pay 2 ln n more", low=1.0
     )
+    hand_gain: float = param(10.0, "the same for hand-eye: the arms' own spread, which is known, speaks for it, and not pixels", low=1.0)
     share: float = param(0.015, "of the visible gap's energy that an effect must explain, left out of all", low=0.0, high=1.0)
     tie_left: float = param(0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0)
     tie_gain: float = param(20.0, "held-out chi-square by which tied effects may differ at most", low=0.0)
     most: int = param(5, "effects named at most", low=1, high=12)
     unknown: float = param(25.0, "held-out chi-square that a function of an observable pays for not being a named effect", low=0.0)
+    crowd_share: float = param(0.15, "of the visible gap's energy that an effect beyond the second must explain", low=0.0, high=1.0)
     unknown_share: float = param(0.03, "of the explained chi-square that it pays besides, and must win to stay", low=0.0, high=1.0)
     folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50)
 
@@ -67,6 +70,8 @@ class Selection:
     """(members,) held-out chi-square lost without the member."""
     unknown: tuple[str, ...]
     """Observables on which something depends that no named effect explains, most first."""
+    crowd: tuple[str, ...]
+    """Effects that each explained a little beside two others: together they draw something else."""
 
 
 MANIFOLD = (CadDeviation.NAME, Unknown.NAME)
@@ -84,11 +89,15 @@ class Selector:
 
     def gain(self, member: int) -> float:
         """Held-out chi-square that a candidate must win: what was tried at many shapes finds one that fits by chance."""
+        if self.frees_hand([member]):
+            return self.config.hand_gain
         name = self.design.candidates[member].name
         return self.config.gain + 2.0 * float(np.log(sum(c.name == name for c in self.design.candidates)))
 
     def share(self, member: int) -> float:
-        """Of the visible gap's energy that a candidate must explain."""
+        """Of the visible gap's energy that a candidate must explain; hand-eye hardly shows in it, the arms take it up."""
+        if self.frees_hand([member]):
+            return 0.0
         return self.config.unknown_share if self.nameless(member) else self.config.share
 
     def columns(self, members: Iterable[int]) -> Ints:
@@ -131,7 +140,7 @@ class Selector:
         return fit(self.design.system, self.columns(members), inflate=hypothesis.inflate, free_hand=self.frees_hand(members))
 
     def plausible(self, hypothesis: Hypothesis) -> bool:
-        """Whether every coefficient lies within its parameter's bounds, give or take two of its errors."""
+        """Whether every coefficient lies within its parameter's bounds, give or take two of its errors, and motion shows at edges."""
         solution, start = self.fit(hypothesis), 0
         sd = np.sqrt(np.diag(solution.theta_cov))
         for member in hypothesis.members:
@@ -140,6 +149,11 @@ class Selector:
             start += len(group)
             if effect is None or len(effect.LINEAR) != len(group):
                 continue
+            if isinstance(effect, Motion):
+                # Without what it does at edges it is lateness, which has a name of its own.
+                at_edges, cov = solution.theta[at][1:], solution.theta_cov[at, at][1:, 1:]
+                if at_edges @ np.linalg.solve(cov, at_edges) < self.config.gain:
+                    return False
             low, high = effect.bounds
             value, error = solution.theta[at] / self.design.scale[group], 2 * sd[at] / self.design.scale[group]
             if ((value + error < low) | (value - error > high)).any():
@@ -181,8 +195,8 @@ def select(design: Design, config: SelectConfig) -> Selection:
         if better is None:
             break
         current = _exchange(judge, better)
-    current = _prune(judge, current)
-    return _described(judge, current)
+    current, crowd = _without_crowd(judge, _prune(judge, current))
+    return _described(judge, current, crowd)
 
 
 def _rescored(judge: Selector, members: Sequence[int]) -> Hypothesis:
@@ -259,7 +273,23 @@ def _theta_of(judge: Selector, hypothesis: Hypothesis, solution: Fit, place: int
     return solution.theta[ends[place] : ends[place + 1]]
 
 
-def _described(judge: Selector, current: Hypothesis) -> Selection:
+def _without_crowd(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tuple[str, ...]]:
+    """Without the effects beyond the second that explain little, and their names.
+
+    Several small effects together draw almost any form: whoever names them all believes in a coincidence.
+    """
+    crowd: list[str] = []
+    while len(named := [i for i, m in enumerate(current.members) if not judge.nameless(m) and not judge.frees_hand([m])]) > 2:
+        _, visible = _worth(judge, current)
+        least = min(named, key=lambda i: visible[i])
+        if visible[least] ** 2 >= judge.config.crowd_share * float((visible**2).sum()):
+            break
+        crowd.append(judge.design.candidates[current.members[least]].name)
+        current = _rescored(judge, [m for i, m in enumerate(current.members) if i != least])
+    return current, tuple(crowd)
+
+
+def _described(judge: Selector, current: Hypothesis, crowd: tuple[str, ...]) -> Selection:
     lost, visible = _worth(judge, current) if current.members else (np.zeros(0), np.zeros(0))
     ties = tuple(
         () if judge.nameless(m) else _stand_ins(judge, current, place, float(lost[place])) for place, m in enumerate(current.members)
@@ -274,6 +304,7 @@ def _described(judge: Selector, current: Hypothesis) -> Selection:
         visible,
         lost,
         unknown,
+        crowd,
     )
 
 

@@ -53,6 +53,7 @@ def look(
     alike_m: float = 0.0,
     nameless: Sequence[Finding] = (),
     depends_on: tuple[str, ...] = (),
+    crowd: tuple[str, ...] = (),
     misfit: float = 0.0,
 ) -> Unexplained:
     """Judge what is left (H, W) metres per view against the floor.
@@ -60,7 +61,7 @@ def look(
     Pixels off by more than any bias, away from edges, count too unless an effect named them (`gross_named`). Where
     neighbours err alike by a named scatter (steps, rows, beats), `alike_m` of structure is its own. Scatter, loss and mixing
     that show but may not be named (`nameless`) are unexplained too. So is an error that only a function of some observable
-    describes (`depends_on`), and a joint fit that leaves a share `misfit` of what it was to explain.
+    describes (`depends_on`), one that several small effects would have to draw together (`crowd`), and a joint fit that leaves a share `misfit` of what it was to explain.
     """
     block, mean, expected, part = _block_means(views, left, floor2)
     if len(block) == 0:
@@ -70,7 +71,7 @@ def look(
     before2 = max((gap.before.rmse**2 - gap.floor_mm**2), 1e-9)
     gross = max(0.0, _gross_share(views) - GROSS_SHARE) if not gross_named else 0.0
     blocks_agree = size > np.hypot(STRUCTURED_MM, 1e3 * alike_m) and size**2 > STRUCTURED_SHARE * before2
-    structured = blocks_agree or gross > 0 or bool(depends_on) or misfit > MISFIT_SHARE
+    structured = blocks_agree or gross > 0 or bool(depends_on) or bool(crowd) or misfit > MISFIT_SHARE
     energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
     if nameless:
         structured = True

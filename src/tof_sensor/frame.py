@@ -55,6 +55,8 @@ class Frame:
     @property
     def length(self) -> Float:
         """(H, W) radial distance per metre of z."""
+        if self.rays is self.camera.rays():
+            return self.camera.ray_length()
         return np.asarray(np.sqrt(np.einsum("...i,...i->...", self.rays, self.rays)))
 
     def take(self, pixels: Ints) -> Frame:
