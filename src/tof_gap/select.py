@@ -37,6 +37,9 @@ class SelectConfig:
     most: int = param(5, "effects named at most", low=1, high=12)
     unknown: float = param(25.0, "held-out chi-square that a function of an observable pays for not being a named effect", low=0.0)
     crowd_share: float = param(0.15, "of the visible gap's energy that an effect beyond the second must explain", low=0.0, high=1.0)
+    crowd_least: float = param(
+        0.06, "of the explained chi-square, what such effects must explain together to be unknown", low=0.0, high=1.0
+    )
     unknown_share: float = param(0.03, "of the explained chi-square that it pays besides, and must win to stay", low=0.0, high=1.0)
     folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50)
 
@@ -274,11 +277,12 @@ def _theta_of(judge: Selector, hypothesis: Hypothesis, solution: Fit, place: int
 
 
 def _without_crowd(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tuple[str, ...]]:
-    """Without the effects beyond the second that explain little, and their names.
+    """Without the effects beyond the second that explain little, and their names where together they explain much.
 
-    Several small effects together draw almost any form: whoever names them all believes in a coincidence.
+    Several small effects together draw almost any form: whoever names them all believes in a coincidence. Very small
+    ones make up for what the maps of the others are not exact in, and are nothing by themselves.
     """
-    crowd: list[str] = []
+    whole, crowd = current, list[str]()
     while len(named := [i for i, m in enumerate(current.members) if not judge.nameless(m) and not judge.frees_hand([m])]) > 2:
         _, visible = _worth(judge, current)
         least = min(named, key=lambda i: visible[i])
@@ -286,7 +290,11 @@ def _without_crowd(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tu
             break
         crowd.append(judge.design.candidates[current.members[least]].name)
         current = _rescored(judge, [m for i, m in enumerate(current.members) if i != least])
-    return current, tuple(crowd)
+    if not crowd:
+        return whole, ()
+    without = judge.score(current.members, whole.inflate).score - whole.score
+    explained = judge.score((), whole.inflate).score - whole.score
+    return current, tuple(crowd) if without > judge.config.crowd_least * explained else ()
 
 
 def _described(judge: Selector, current: Hypothesis, crowd: tuple[str, ...]) -> Selection:
