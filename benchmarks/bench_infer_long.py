@@ -135,6 +135,7 @@ def plot(curve: Mapping[int, Found]) -> None:
     figure, ax = plt.subplots(figsize=(5.2, 3.2), layout="constrained")
     ax.plot(list(curve), [f.trusted for f in curve.values()], "-o", color="#0b7285", label=f"{100 * TRUSTED:.0f} % most certain pixels")
     ax.plot(list(curve), [f.every for f in curve.values()], "--o", color="#868e96", label="all pixels")
+    ax.axhline(next(iter(curve.values())).raw, color="#e8590c", linestyle=":", label="raw, all pixels")
     ax.set_xscale("log")
     ax.set_xticks(list(curve), [str(n) for n in curve])
     ax.set_xlabel("training views")
