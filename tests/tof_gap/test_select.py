@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which effects are believed: on columns that are drawn, so that the right answer is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tof_gap.candidates import HAND_EYE, Candidate
+from tof_gap.columns import Design
+from tof_gap.observable import Unknown
+from tof_gap.select import SelectConfig, Selector, deal, select
+from tof_gap.system import System
+from tof_sensor.effects.depth_scale import DepthScale
+from tof_sensor.effects.multipath import Multipath
+from tof_sensor.effects.range_offset import RangeOffset
+from tof_sensor.effects.subsurface import Subsurface
+from tof_sensor.effects.temperature_drift import TemperatureDrift
+from tof_sensor.effects.wiggling import Wiggling
+
+VIEWS, PIXELS = 12, 400
+FREE = Unknown("range_m", (0.0, 1.0, 2.0))
+"""A candidate that is no effect."""
+
+
+def design(candidates: list[Candidate], strengths: list[float], *, copies: tuple[int, int] | None = None, seed: int = 0) -> Design:
+    """One column per candidate, independent unless `copies` (of, by); the residual is their sum at `strengths` and noise of 1."""
+    rng = np.random.default_rng(seed)
+    k = len(candidates)
+    G = []
+    for _ in range(VIEWS):
+        pose, C = rng.normal(size=(PIXELS, 18)) * 1e-3, rng.normal(size=(PIXELS, k))
+        if copies is not None:
+            C[:, copies[1]] = 0.99 * C[:, copies[0]] + 0.14 * C[:, copies[1]]
+        r = C @ np.array(strengths) + rng.normal(size=PIXELS)
+        X = np.concatenate([pose, C, r[:, None]], axis=1)
+        G.append(X.T @ X)
+    six = np.full(6, 0.01)
+    system = System(
+        np.stack(G),
+        np.zeros(VIEWS, int),
+        np.full(VIEWS, float(PIXELS)),
+        np.full(VIEWS, float(PIXELS)),
+        six,
+        six,
+        six,
+        np.zeros((1, 6)),
+        np.zeros((VIEWS, 6)),
+        np.zeros(6),
+        np.full(k, 10.0),
+    )
+    return Design(tuple(candidates), tuple(np.array([i]) for i in range(k)), np.full(k, 1e3), system)
+
+
+def plain(*effects: object) -> list[Candidate]:
+    return [Candidate(e.NAME, e) for e in effects]  # type: ignore[attr-defined, arg-type]
+
+
+def names(d: Design, members: tuple[int, ...]) -> list[str]:
+    return sorted(d.candidates[m].name for m in members)
+
+
+def test_what_was_added_is_chosen_and_nothing_else() -> None:
+    d = design(plain(RangeOffset(), DepthScale(), TemperatureDrift()), [0.3, 0.0, 0.5])
+    found = select(d, SelectConfig())
+    assert names(d, found.chosen.members) == ["range_offset", "temperature_drift"]
+    assert found.crowd == ()
+
+
+def test_a_named_effect_goes_before_a_free_form_that_does_as_well() -> None:
+    d = design([*plain(RangeOffset()), Candidate("unknown", FREE)], [0.0, 0.4], copies=(1, 0))
+    # The free form is the truth here, but the named one is nearly it: what it misses is less than the price.
+    assert names(d, select(d, SelectConfig()).chosen.members) == ["range_offset"]
+    far = design([*plain(RangeOffset()), Candidate("unknown", FREE)], [0.0, 0.4])
+    assert names(far, select(far, SelectConfig()).chosen.members) == ["unknown"]
+    assert select(far, SelectConfig()).unknown == ("range_m",)
+
+
+def test_small_effects_beyond_the_second_are_a_crowd() -> None:
+    effects = plain(RangeOffset(), DepthScale(), TemperatureDrift(), Wiggling(), Multipath(), Subsurface(part=0))
+    found = select(d := design(effects, [0.6, 0.5, 0.2, 0.2, 0.2, 0.0]), SelectConfig())
+    assert names(d, found.chosen.members) == ["depth_scale", "range_offset"]
+    assert set(found.crowd) == {"temperature_drift", "wiggling", "multipath"}
+    # Three of a size are three effects, and one that hardly shows makes up for a map that is not exact.
+    three = select(d := design(effects, [0.5, 0.5, 0.5, 0.0, 0.0, 0.0]), SelectConfig())
+    assert len(three.chosen.members) == 3
+    assert three.crowd == ()
+    trifle = select(design(effects, [1.5, 1.2, 0.12, 0.0, 0.0, 0.0]), SelectConfig(share=0.0))
+    assert len(trifle.chosen.members) == 2
+    assert trifle.crowd == ()
+
+
+def test_hand_eye_needs_less_than_what_pixels_speak_for() -> None:
+    d = design([Candidate(HAND_EYE, None), *plain(RangeOffset())], [0.0, 0.0])
+    judge = Selector(d, SelectConfig())
+    assert judge.gain(0) == SelectConfig().hand_gain < judge.gain(1)
+    assert judge.share(0) == 0.0
+
+
+def test_every_fold_leaves_every_station_some_views() -> None:
+    stations = [0] * 5 + [1] * 7
+    fold = deal(stations, 6)
+    assert len(np.unique(fold)) == 6
+    for f in range(6):
+        assert {s for s, x in zip(stations, fold, strict=True) if x != f} == {0, 1}
