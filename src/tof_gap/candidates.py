@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -139,8 +140,9 @@ def _global_effects(views: Sequence[ViewEvidence], out: AbstractSet[str]) -> Ite
         for period in periods(range_span(views)):
             yield Wiggling(modulation_mhz=_mhz(period)), f"period {period * 1e3:.0f} mm"
     if "motion" not in out:
-        for mhz in (20.0, 40.0, 60.0, 80.0, 100.0, 120.0):
-            yield Motion(modulation_mhz=mhz), f"{mhz:g} MHz"
+        for mhz, tap, opposite in itertools.product((60.0, 80.0, 100.0), (0.005, 0.01, 0.02, 0.035, 0.06), (False, True)):
+            order = "opposite first" if opposite else "in turn"
+            yield Motion(modulation_mhz=mhz, tap_s=tap, opposite_first=opposite), f"{mhz:g} MHz, {1e3 * tap:g} ms, {order}"
         yield TimeSync(), ""
     for lobe in (5.0, 10.0, 16.0, 24.0, 34.0):
         for gloss in (0.05, 0.3, 1.5):

@@ -217,6 +217,7 @@ def moved(chain: Chain, design: Design, solution: Fit, inflate: float) -> Chain:
 SHAPES: dict[type[Effect], tuple[tuple[str, float], ...]] = {
     Wiggling: (("modulation_mhz", 0.2), ("modulation_mhz", 0.05), ("modulation_mhz", 0.012)),
     LensScatter: (("modulation_mhz", 0.1),),
+    Motion: (("tap_s", 0.5), ("modulation_mhz", 0.2), ("tap_s", 0.15)),
     Multipath: (("modulation_mhz", 0.3),),
     AmplitudeBias: (("reference", 200.0), ("reference", 1.5), ("reference", 0.25)),
     Specular: (("lobe_deg", 0.3), ("gloss", 0.7), ("lobe_deg", 0.15), ("gloss", 0.4)),
@@ -255,7 +256,7 @@ def _best_shape(
     inflate: float,
 ) -> Any:
     """The effect whose parameter `name`, within a factor 1 +- `width`, does best on held-out views."""
-    steps = np.linspace(-1, 1, 5 if isinstance(effect, Specular | LensScatter | Multipath) else 13)
+    steps = np.linspace(-1, 1, 5 if isinstance(effect, Specular | LensScatter | Multipath | Motion) else 13)
     near_by = [replace(effect, **{name: float(getattr(effect, name) * (1 + width) ** s)}) for s in steps]
     trial = [Candidate(e.NAME, e) for e in near_by]
     judge = Selector(build(store, [*others, *trial], chain, config.hand_sd), config.select)

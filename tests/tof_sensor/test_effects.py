@@ -29,6 +29,7 @@ from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.effects.wiggling import Wiggling
 from tof_sensor.frame import Context
+from tof_sensor.geometry import image_flow
 
 RNG = np.random.default_rng(5)
 
@@ -76,7 +77,28 @@ def test_time_sync_is_twist_times_delay() -> None:
 
 
 def test_motion_is_nothing_while_standing() -> None:
-    assert not Motion(axial_s=0.02, edge_s=0.02).bias(plane_frame()).any()
+    assert not Motion(axial_s=0.02, edge=1.0, steady=1.0).bias(plane_frame()).any()
+
+
+def test_taps_of_a_moving_camera_disagree_where_brightness_changes_and_nowhere_else() -> None:
+    still = plane_frame()
+    albedo = still.rendering.albedo.copy()
+    albedo[:, 20:] *= 0.3
+    twist = np.array([0.1, 0, 0, 0, 0, 0])
+    frame = replace(still, rendering=replace(still.rendering, albedo=albedo), context=Context(twist=twist))
+    taps = Motion(edge=1.0, steady=1.0, tap_s=0.02)
+    reach = 1.5 * taps.tap_s * np.abs(image_flow(frame)[0]).max()
+    wrong = np.abs(taps.bias(frame)).max(axis=0)
+    far = np.abs(np.arange(CAMERA.width) - 19.5) > reach + 1.0
+    assert wrong[~far].max() > 0.01
+    assert wrong[far].max() < 0.1 * wrong[~far].max()
+
+
+def test_an_axial_motion_is_late_more_than_its_taps_disagree() -> None:
+    frame = replace(plane_frame(), context=Context(twist=np.array([0, 0, 0.1, 0, 0, 0])))
+    late = Motion(axial_s=0.02).bias(frame)
+    np.testing.assert_allclose(late[15, 20], TimeSync(delay_s=0.02).bias(frame)[15, 20])
+    assert np.abs(Motion(edge=1.0, tap_s=0.02).bias(frame)).max() < 0.6 * np.abs(late).max()
 
 
 def test_deviation_moves_its_part_alone() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion: the taps are exposed one after the other while the scene moves through the pixel."""
+"""Motion: four taps look one after another, each at another scene."""
 
 from __future__ import annotations
 
@@ -7,48 +7,70 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from tof_core.config import param
-from tof_sensor.effect import Effect, stack
-from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.effect import Effect
+from tof_sensor.frame import LIGHT_M_PER_S, lambert_amplitude
 from tof_sensor.geometry import image_flow, pose_columns
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
+
+IN_TURN, OPPOSITE_FIRST = (0, 1, 2, 3), (0, 2, 1, 3)
+"""Which quarter turn each tap is shifted by, in order of time: the maker's choice."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion(Effect):
-    """Four taps at times 0..3 `tap_s` (TOF_EFFECTS A.12; Jimenez 2014).
+    """Four taps `tap_s` apart around the mean time (TOF_EFFECTS A.12; Jimenez 2014).
 
-    Depth is that of the mean time; besides, a change of brightness between the taps turns the
-    phase: c0 / (4 pi f) times (A'/A) tap / 2, by the image's flow over amplitude edges. How much, goes with twice the phase
-    and with the order of the taps, which is the maker's: mean, cosine and sine are coefficients.
+    Depth is that of the mean time, late by `axial_s`. Besides, each tap sees the image shifted by its flow: tap k at time t collects
+    A (c + cos(phi - k pi / 2)) with amplitude A and phase phi of the point that lies in the pixel then, and light c that is not
+    modulated. Where A or phi change along the flow the four do not belong together, and their phase errs. The error is linear in c.
     """
 
     NAME: ClassVar[str] = "motion"
     LOCAL: ClassVar[bool] = False
-    LINEAR: ClassVar[tuple[str, ...]] = ("axial_s", "edge_s", "edge_cos_s", "edge_sin_s")
+    LINEAR: ClassVar[tuple[str, ...]] = ("axial_s", "edge", "steady")
 
     axial_s: float = param(0.0, "time by which the depth is late", unit="s", low=-0.5, high=0.5)
-    edge_s: float = param(0.0, "time between taps times the edge term's gain", unit="s", low=-0.5, high=0.5)
-    edge_cos_s: float = param(0.0, "its part with the cosine of twice the phase", unit="s", low=-0.5, high=0.5)
-    edge_sin_s: float = param(0.0, "its part with the sine", unit="s", low=-0.5, high=0.5)
+    edge: float = param(0.0, "1: the taps' differences in full", low=-0.5, high=2.5)
+    steady: float = param(0.0, "light that is not modulated, over the modulated", low=-5.0, high=10.0)
+    tap_s: float = param(0.02, "from one tap to the next", unit="s", low=1e-4, high=0.5)
     modulation_mhz: float = param(60.0, "modulation frequency", unit="MHz", low=5.0, high=400.0)
+    opposite_first: bool = param(False, "the second tap is half a turn from the first, not a quarter")
 
     def columns(self, frame: Frame) -> Float:
-        """Depth rate, and brightness rate in metres; 0 where the camera stands."""
+        """Depth rate, and the taps' error in metres without and by unmodulated light; 0 where the camera stands."""
+        return self.columns_at(frame, np.arange(frame.depth.size)).reshape(*frame.depth.shape, 3)
+
+    def columns_at(self, frame: Frame, pixels: Ints) -> Float:
+        """(n, 3) of `columns` on chosen pixels."""
         twist = frame.context.twist
-        rate = pose_columns(frame) @ twist
-        phase = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
-        brightness, turn = _log_rate(frame) / phase / frame.length, 2 * phase * np.nan_to_num(frame.radial)
-        return stack([rate, brightness, brightness * np.cos(turn), brightness * np.sin(turn)], frame)
+        if not twist.any():
+            return np.zeros((len(pixels), 3))
+        rate = (pose_columns(frame.take(pixels))[0] @ twist)[:, None]
+        errors = self._taps(frame, pixels) / frame.length.ravel()[pixels, None]
+        return np.asarray(np.nan_to_num(np.concatenate([rate, errors], axis=1)))
 
-
-def _log_rate(frame: Frame) -> Float:
-    """(H, W) d ln A / dt in a pixel, by the flow of the image under the camera's twist."""
-    flow_u, flow_v = image_flow(frame)
-    log = np.log(np.maximum(frame.amplitude, 1e-12))
-    dv, du = np.gradient(np.where(frame.valid, log, np.nan))
-    return np.asarray(np.nan_to_num(-(du * flow_u + dv * flow_v)))
+    def _taps(self, frame: Frame, pixels: Ints) -> Float:
+        """(n, 2) metres along the ray: the taps' error without unmodulated light, and what as much of it as of modulated light adds."""
+        row, column = np.divmod(pixels, frame.depth.shape[1])
+        along_u, along_v = (f.ravel()[pixels] for f in image_flow(frame))
+        point = frame.points.reshape(-1, 3)[pixels]
+        radial = frame.radial
+        own = radial.ravel()[pixels]
+        recedes = -(point @ frame.context.twist[:3]) / own
+        light = lambert_amplitude(frame.rendering)
+        wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
+        difference = np.zeros((2, len(pixels)), complex)
+        for place, quarter in enumerate(OPPOSITE_FIRST if self.opposite_first else IN_TURN):
+            t = (place - 1.5) * self.tap_s
+            there = np.stack([row - along_v * t, column - along_u * t])
+            A, R = (map_coordinates(image, there, order=1, mode="nearest") for image in (light, radial))
+            modulated = A * np.cos(wave * (R + recedes * t) - quarter * np.pi / 2)
+            difference += 1j**quarter * np.stack([modulated, A + modulated])
+        error = np.angle(difference * np.exp(-1j * wave * own)) / wave
+        return np.stack([error[0], error[1] - error[0]], axis=1)
