@@ -49,8 +49,8 @@ def test_what_was_encoded_is_decoded(case: tuple[np.ndarray[Any, Any], str, int,
 @given(hnp.arrays(np.uint16, (4, 5)), st.booleans(), st.sampled_from([0.001, 1 / 999, 0.00025]))
 def test_integer_depth_is_counts_times_scale_but_for_both_invalid_codes(
     counts: np.ndarray[Any, Any],
-    bigendian: bool,
-    scale: float,  # noqa: FBT001  (hypothesis gives it by place)
+    bigendian: bool,  # noqa: FBT001  (hypothesis gives it by place)
+    scale: float,
 ) -> None:
     depth, reason = decode_depth(image(counts, "16UC1", bigendian=bigendian), scale=scale)
     invalid = (counts == 0) | (counts == 65535)
