@@ -59,8 +59,11 @@ def _projected(d: Diagnosis, maps: Sequence[Float], cell_m: float = 0.012) -> tu
     """(n, 2) screen positions and (n,) mean gap in mm of small cubes of space, nearest last."""
     points = np.concatenate([cell_points(v.frame)[np.isfinite(m)] for v, m in zip(d.evidence, maps, strict=True)])
     gap = np.concatenate([m[np.isfinite(m)] for m in maps])
-    key, which = np.unique(np.floor(points / cell_m).astype(np.int64), axis=0, return_inverse=True)
-    which = which.ravel()
+    cube = np.floor(points / cell_m).astype(np.int64)
+    size = np.ptp(cube, axis=0) + 1
+    # One number a cube: sorting rows is twenty times slower.
+    _, first, which = np.unique(np.ravel_multi_index((cube - cube.min(axis=0)).T, size), return_index=True, return_inverse=True)
+    key = cube[first]
     mean = 1e3 * np.bincount(which, gap) / np.bincount(which)
     T = d.evidence[len(d.evidence) // 2].rendering.T_cell_camera
     local = ((key + 0.5) * cell_m - T[:3, 3]) @ T[:3, :3]
