@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,7 +61,7 @@ def run() -> list[Figure]:
             "the paper's recipe (depth alone, MSE, no residual), 40 views, 100 epochs: MAE of all pixels",
             paper.every,
             "mm",
-            remark=f"raw {paper.raw:.2f} mm",
+            remark=f"raw {paper.raw:.2f} mm; on other stations of its own scenes {card_of('paper')['val_mae_mm']:.2f} mm, raw {card_of('paper')['val_raw_mae_mm']:.2f} mm",
         ),
     ]
 
@@ -70,6 +71,12 @@ ABLATIONS = {
     "without amplitude": "depth,ray,temperature",
     "and the CAD's incidence and material": ",".join(SENSOR_INPUTS + CAD_INPUTS),
 }
+
+
+def card_of(name: str) -> dict[str, float]:
+    """Figures on the card of a network that was trained here."""
+    figures: dict[str, float] = json.loads((WORK / f"long_{name}_{STEPS}.json").read_text(encoding="utf-8"))["figures"]
+    return figures
 
 
 def told(f: Found) -> str:
