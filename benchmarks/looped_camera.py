@@ -15,6 +15,8 @@ from tof_ros import messages, qos
 from tof_ros.recorder import message_class
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rclpy.node import Node
 
     from tof_core.bag import BagReader
@@ -32,7 +34,7 @@ class LoopedCamera:
         """Read the bag into memory, find the graph's topics."""
         from sensor_msgs.msg import Image, TimeReference
 
-        self._node, self._frames_topic = node, reader.topics.depth
+        self._node, self._frames_topic, self._hz = node, reader.topics.depth, hz
         wanted = [t for t in reader.types if t != "/tf_static" and not t.startswith(("/diagnostics", "/rosout"))]
         raw = list(reader.messages(tuple(wanted)))
         kinds = {m.topic: message_class(m.type) for m in raw}
@@ -68,6 +70,29 @@ class LoopedCamera:
         """Whether every node of the graph listens."""
         return bool(self._out[self._frames_topic].get_subscription_count() >= 2) and bool(self._node.count_subscribers("preproc/dwell"))
 
+    def warm_up(self, alive: Callable[[], bool], seconds: float = 120.0) -> bool:
+        """Play until every room has kept a second's frames, then forget them; whether that came to be.
+
+        A writer sends to the readers that it has met: on a busy host some of a node's topics meet theirs seconds after others.
+        """
+        player = threading.Thread(target=self.play, args=(seconds,))
+        player.start()
+        while player.is_alive() and alive() and not self._flowing():
+            player.join(0.2)
+        flowing = self._flowing()
+        self.stop()
+        player.join()
+        self.settle(2.0)
+        self._stop.clear()
+        self.sent.clear()
+        self.latencies.clear()
+        return flowing
+
+    def _flowing(self) -> bool:
+        """Whether every room has lately kept as many frames as are sent in a second."""
+        most = max(round(self._hz), 1)
+        return all(sum(fate == "kept" for fate in tuple(self.fates[room].values())[-most:]) >= most for room in ROOMS)
+
     def play(self, seconds: float) -> float:
         """Publish for so long (or until `stop`); gives the rate that was reached, in frames a second."""
         before, begin, start_ns = len(self.sent), time.monotonic(), time.time_ns()
@@ -101,7 +126,7 @@ class LoopedCamera:
     def settle(self, seconds: float = 15.0) -> None:
         """Wait until every room has answered, as long as answers come."""
         deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline and any(len(self.fates[room]) < len(self.sent) for room in ROOMS):
+        while time.monotonic() < deadline and any(not self.sent.keys() <= self.fates[room].keys() for room in ROOMS):
             time.sleep(0.1)
 
     def latency_ms(self, percentile: float) -> float:

@@ -121,7 +121,8 @@ def running(scene: str, bag: Path, hz: float) -> Iterator[tuple[LoopedCamera, Gr
             if not graph.alive() or time.monotonic() > deadline:
                 raise SystemExit("soak: the graph did not start; its messages are above")
             time.sleep(0.1)
-        time.sleep(1.0)
+        if not camera.warm_up(graph.alive):
+            raise SystemExit("soak: frames do not flow through the graph; its messages are above")
         yield camera, graph
 
 
