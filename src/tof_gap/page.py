@@ -11,6 +11,7 @@ from tof_gap import pictures
 from tof_gap.where import by_quantity
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from tof_gap.diagnose import Diagnosis
@@ -81,20 +82,39 @@ def sentence(content: dict[str, Any]) -> str:
     if content["verdict"] == ["none"]:
         return "Camera and simulation agree to within the noise: nothing needs to be added."
     if not names:
-        return "Camera and simulation differ, and no effect known here explains how."
-    said = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+        return f"Camera and simulation differ, and no effect known here explains how.{_clue(content['unexplained'])}"
+    said = _listed(names)
     verb = "explain" if len(names) > 1 else "explains"
     how = "" if gap["shrink"] is None else f" and {verb} {_percent(gap['shrink'])} of the gap"
-    more = " Something else is left that no effect known here explains." if "unknown" in content["verdict"] else ""
+    more = ""
+    if "unknown" in content["verdict"]:
+        more = f" Something else is left that no effect known here explains.{_clue(content['unexplained'])}"
     return f"Camera and simulation differ by {said}{', which together' if len(names) > 1 and how else ', which' if how else ''}{how[4:] if how else ''}.{more}"
 
 
+GOES_WITH = {"x_m": "place in the cell", "y_m": "place in the cell", "z_m": "place in the cell", "temperature_c": "temperature"}
+"""Observables whose names say less than these words."""
+
+
+def _clue(unexplained: dict[str, Any]) -> str:
+    """What the unexplained part goes with and where it is, as a sentence."""
+    names = [GOES_WITH.get(q, q.split("_")[0]) for q in unexplained["depends_on"]]
+    goes = f"goes with {_listed(list(dict.fromkeys(names)))}" if names else ""
+    where = f"shows most on {_listed(unexplained['where'][:3])}" if unexplained["where"] else ""
+    said = "; it ".join(x for x in (goes, where) if x)
+    return f" It {said}." if said else ""
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
 def _percent(share: float | None) -> str:
-    return "–" if share is None else f"{share:.0%}"
+    return "–" if share is None else f"{round(share, 2) + 0.0:.0%}"
 
 
 def _interval(ci: list[float] | None) -> str:
-    return "" if ci is None else f" (95 %: {ci[0]:.0%} to {ci[1]:.0%})"
+    return "" if ci is None else f" (95 %: {_percent(ci[0])} to {_percent(ci[1])})"
 
 
 def _fitted(cause: dict[str, Any]) -> str:

@@ -27,4 +27,10 @@ def test_the_verdict_reads_as_a_sentence() -> None:
     assert one == "Camera and simulation differ by multipath, which explains 97% of the gap."
     two = sentence({"verdict": ["amplitude_bias|wiggling", "multipath"], "gap": gap})
     assert two == "Camera and simulation differ by amplitude bias or wiggling and multipath, which together explain 97% of the gap."
-    assert "no effect known here" in sentence({"verdict": ["unknown"], "gap": gap})
+    clue = {"depends_on": ["amplitude", "x_m", "z_m"], "where": ["floor", "wall"]}
+    assert sentence({"verdict": ["unknown"], "gap": gap, "unexplained": clue}) == (
+        "Camera and simulation differ, and no effect known here explains how. "
+        "It goes with amplitude and place in the cell; it shows most on floor and wall."
+    )
+    nowhere = {"depends_on": [], "where": []}
+    assert sentence({"verdict": ["multipath", "unknown"], "gap": gap, "unexplained": nowhere}).endswith("no effect known here explains.")
