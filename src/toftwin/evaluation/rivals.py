@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -143,7 +144,9 @@ def measured_frame(capture: Capture) -> Frame:
     depth = capture.depth.astype(np.float64)
     amplitude = np.ones_like(depth) if capture.amplitude is None else np.nan_to_num(capture.amplitude.astype(np.float64))
     zero = np.zeros_like(depth)
-    return Frame(cast("Any", None), camera.rays(), depth, amplitude, zero, zero, Context(temperature=capture.temperature))
+    return Frame(
+        cast("Any", SimpleNamespace(camera=camera)), camera.rays(), depth, amplitude, zero, zero, Context(temperature=capture.temperature)
+    )
 
 
 def correction(model: SensorModel, capture: Capture) -> Float:
