@@ -25,8 +25,8 @@ BAND = 1.5
 """Turns to either side that belong to one beat, whose envelope widens its line."""
 HIT = 25.0
 """Chi-square of a wave (two degrees of freedom) from which a view is hit."""
-ALIKE = 3.0
-"""Rayleigh's n R^2 of the hit views' phases from which they are one phase (5 % by chance)."""
+ALIKE = 5.0
+"""Rayleigh's n R^2 of the hit views' phases from which they are one phase (0.7 % by chance; a pattern that is always there has n)."""
 STANDS_OUT = 8.0
 """How far the best wave's energy must stand above the median wave's."""
 
