@@ -31,7 +31,7 @@ def session(bag: Path) -> tuple[ColumnStore, list[Float]]:
     from tof_gap.columns import ColumnStore
     from tof_gap.config import GapConfig
     from tof_gap.joint import observe
-    from tof_gap.select import SelectConfig, deal
+    from tof_gap.judge import SelectConfig, deal
     from tof_scene.raycast import Raycaster
     from tof_sensor.geometry import pose_columns
     from toftwin.diagnosis import GapPipelineConfig

@@ -161,7 +161,7 @@ def _session(truth: Truth) -> tuple[ColumnStore, Chain]:
     from tof_gap.columns import ColumnStore
     from tof_gap.config import GapConfig
     from tof_gap.joint import observe
-    from tof_gap.select import SelectConfig, deal
+    from tof_gap.judge import SelectConfig, deal
     from tof_scene.raycast import Raycaster
     from toftwin.diagnosis import GapPipelineConfig
     from toftwin.inputs import opened

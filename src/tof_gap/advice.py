@@ -11,7 +11,7 @@ import numpy as np
 from tof_core import se3
 from tof_gap.columns import ColumnStore, build
 from tof_gap.evidence import edge_band
-from tof_gap.select import SelectConfig, deal
+from tof_gap.judge import SelectConfig, deal
 from tof_gap.system import map_energy
 from tof_scene.render import render
 from tof_sensor.frame import ideal_frame

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_gap.evidence import ViewEvidence
     from tof_gap.joint import Joint
-    from tof_gap.select import Selector
+    from tof_gap.judge import Selector
     from tof_gap.system import Fit
     from tof_sensor.effect import Effect
 

@@ -14,9 +14,9 @@ from tof_gap.candidates import not_testable
 from tof_gap.causes import Named, named, nameless_share, shares
 from tof_gap.flexible import explainable
 from tof_gap.joint import at_solution, delayed, solution, solve, start
+from tof_gap.judge import Selector, deal
 from tof_gap.posterior import camera_covs, floor2
 from tof_gap.radial import gate
-from tof_gap.select import Selector, deal
 from tof_gap.shrink import Shrink, blocks, measure
 from tof_gap.unexplained import Unexplained, look, misfit
 from tof_sensor.effect import Evidence

@@ -16,8 +16,9 @@ from tof_core.errors import RefusedError
 from tof_gap.candidates import Candidate, candidates
 from tof_gap.columns import ColumnStore, Design, build
 from tof_gap.evidence import ViewEvidence, gather
+from tof_gap.judge import Selector, deal
 from tof_gap.observable import unknowns
-from tof_gap.select import Selection, Selector, deal, select
+from tof_gap.select import Selection, select
 from tof_gap.system import arm_steps, fit
 from tof_scene.render import render
 from tof_sensor.effects.amplitude_bias import AmplitudeBias

@@ -13,8 +13,9 @@ from tof_align.chain import Chain
 from tof_align.config import Priors
 from tof_gap.candidates import Candidate
 from tof_gap.columns import ColumnStore, build
+from tof_gap.judge import SelectConfig, deal
 from tof_gap.observable import observed, unknown_columns, unknown_share, unknowns
-from tof_gap.select import SelectConfig, deal, select
+from tof_gap.select import select
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.range_offset import RangeOffset

@@ -7,8 +7,9 @@ import numpy as np
 
 from tof_gap.candidates import HAND_EYE, Candidate
 from tof_gap.columns import Design
+from tof_gap.judge import SelectConfig, Selector, deal
 from tof_gap.observable import Unknown
-from tof_gap.select import SelectConfig, Selector, deal, select
+from tof_gap.select import select
 from tof_gap.system import System
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.multipath import Multipath
