@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from benchmarks.parts import Fate
     from tof_core.arrays import Float
-    from tof_core.capture import View
+    from tof_core.capture import Posed, View
     from tof_inspect.judge import PartVerdict
     from tof_inspect.without import Without
     from tof_scene.rendering import Rendering
@@ -88,8 +88,8 @@ def _made(build: int, views: int, colour: bool, scene: Scene, wide: bool) -> Ite
         robot.goto(T_body_hand)
         shots = [robot.capture(colour=colour and k == 0) for k in range(CAPTURES)]
         view = replace(list(accumulate_views(shots, PreprocConfig()))[-1], colour=shots[0].colour)
-        posed = align_view(view, inspector.caster, robot.T_cell_camera, PRIOR).posed
-        if not posed.accepted:
+        posed = _posed(view, inspector.caster, robot.T_cell_camera)
+        if posed is None:
             continue
         inspector.first = _first(complete, T_body_hand, inspector) if colour else ()
         try:
@@ -108,14 +108,23 @@ def _made(build: int, views: int, colour: bool, scene: Scene, wide: bool) -> Ite
                 yield _row(scene, said, fate[said.name], alike, rule, shown, bool(inspector.first))
 
 
+def _posed(view: View, caster: Raycaster, T_cell_camera: Float) -> Posed | None:
+    """Where a view was taken; None where alignment refuses it."""
+    try:
+        posed = align_view(view, caster, T_cell_camera, PRIOR).posed
+    except RefusedError:
+        return None
+    return posed if posed.accepted else None
+
+
 def _first(complete: VirtualRobot, T_body_hand: Any, inspector: Inspector) -> tuple[Picture, ...]:
     """A picture of the complete scene from near there, on another day: other light, another error of the base; its pose by the CAD."""
     complete.drive(complete.T_cell_body)
     complete.goto(T_body_hand)
     shot = complete.capture(colour=True)
     view = list(accumulate_views([shot], PreprocConfig()))[-1]
-    posed = align_view(view, inspector.caster, complete.T_cell_camera, PRIOR).posed
-    picture = Picture.of(shot.colour, posed.T_cell_camera) if posed.accepted else None
+    posed = _posed(view, inspector.caster, complete.T_cell_camera)
+    picture = Picture.of(shot.colour, posed.T_cell_camera) if posed else None
     return (picture,) if picture else ()
 
 
