@@ -111,8 +111,8 @@ def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Ge
 
 EXPOSURE_S = 0.2
 """How long a camera may look at most: four taps of some tens of milliseconds."""
-SMEAR_PX = 30
-"""Wider than this no edge band gets."""
+SMEAR_SHARE = 0.04
+"""Of the image's width, more than which no edge band grows: something must be left to look at."""
 
 
 def smear(frame: Frame) -> int:
@@ -120,7 +120,7 @@ def smear(frame: Frame) -> int:
     if not frame.context.twist.any() or not frame.valid.any():
         return 0
     speed = np.hypot(*image_flow(frame))[frame.valid]
-    return min(int(np.ceil(EXPOSURE_S * np.quantile(speed, 0.9))), SMEAR_PX)
+    return min(int(np.ceil(EXPOSURE_S * np.quantile(speed, 0.9))), round(SMEAR_SHARE * frame.camera.width))
 
 
 def edge_band(frame: Frame, width: int) -> Mask:
