@@ -32,5 +32,5 @@ def test_the_verdict_reads_as_a_sentence() -> None:
         "Camera and simulation differ, and no effect known here explains how. "
         "It goes with amplitude and place in the cell; it shows most on floor and wall."
     )
-    nowhere = {"depends_on": [], "where": []}
+    nowhere: dict[str, list[str]] = {"depends_on": [], "where": []}
     assert sentence({"verdict": ["multipath", "unknown"], "gap": gap, "unexplained": nowhere}).endswith("no effect known here explains.")

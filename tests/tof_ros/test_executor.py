@@ -6,6 +6,7 @@ from __future__ import annotations
 import threading
 import time
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -66,12 +67,16 @@ def test_every_message_of_every_topic_is_heard_in_order(context: Any) -> None:
 
 
 def test_a_guard_triggered_by_another_thread_is_not_missed(context: Any) -> None:
-    calls = []
+    calls: list[str] = []
+
+    def called(times: int) -> bool:
+        return len(calls) == times
+
     with spun(context, "woken") as (node, _):
         guard = node.create_guard_condition(lambda: calls.append(threading.current_thread().name))
         for k in range(20):
             guard.trigger()
-            assert wait_for(lambda k=k: len(calls) == k + 1)
+            assert wait_for(partial(called, k + 1))
     assert set(calls) == {"woken"}
 
 
@@ -138,7 +143,12 @@ def test_a_guard_that_another_one_destroys_in_the_same_turn_is_not_called(contex
     calls = []
     with spun(context, "closing") as (node, _):
         begun, release = threading.Event(), threading.Event()
-        node.create_guard_condition(lambda: (begun.set(), release.wait(10.0))).trigger()
+
+        def hold() -> None:
+            begun.set()
+            release.wait(10.0)
+
+        node.create_guard_condition(hold).trigger()
         assert begun.wait(10.0)
         guards: list[Any] = []
 
