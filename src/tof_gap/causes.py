@@ -56,11 +56,7 @@ def named(joint: Joint, fit_views: Sequence[int], config: Selector, rng: np.rand
     # What is not known of the bases is not known of the coefficients either.
     solution = replace(solution, cov=whole.cov)
     out: dict[str, Named] = {}
-    start = 0
-    for place, member in enumerate(chosen.members):
-        group = design.groups[member]
-        columns = slice(start, start + len(group))
-        start += len(group)
+    for place, (member, (_, _, columns)) in enumerate(zip(chosen.members, design.placed(chosen.members), strict=True)):
         if config.nameless(member):
             continue
         effect, std = _in_units(joint, member, solution, columns, fit_views)
@@ -136,12 +132,10 @@ def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generat
 def nameless_share(joint: Joint, view: ViewEvidence) -> Float:
     """(H, W) metres of what the solution gives to functions of observables: error that shows but has no name."""
     design, solution = joint.design, joint.selection.fit
-    out, start = np.zeros(view.residual.shape), 0
-    for member in joint.selection.chosen.members:
-        group, effect = design.groups[member], design.candidates[member].effect
+    out = np.zeros(view.residual.shape)
+    for effect, group, at in design.placed(joint.selection.chosen.members):
         if isinstance(effect, Unknown):
-            out += unknown_share(effect, solution.theta[start : start + len(group)] / design.scale[group], view)
-        start += len(group)
+            out += unknown_share(effect, solution.theta[at] / design.scale[group], view)
     return out
 
 

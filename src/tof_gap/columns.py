@@ -18,7 +18,7 @@ from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float, Ints
@@ -44,6 +44,14 @@ class Design:
     groups: tuple[Ints, ...]
     scale: Float
     system: System
+
+    def placed(self, members: Sequence[int]) -> Iterator[tuple[Effect | None, Ints, slice]]:
+        """Of each member its effect, its columns, and where its coefficients stand in a solution of all members."""
+        start = 0
+        for member in members:
+            group = self.groups[member]
+            yield self.candidates[member].effect, group, slice(start, start + len(group))
+            start += len(group)
 
 
 class ColumnStore:

@@ -99,12 +99,10 @@ def solve(
 def solution(joint: Joint) -> tuple[Chain, float]:
     """The chain after the solution's steps, its robot poses at the time that the solution says, and that lateness in seconds."""
     after = moved(joint.chain, joint.design, joint.selection.fit, joint.selection.chosen.inflate)
-    late_s, start = 0.0, 0
-    for member in joint.selection.chosen.members:
-        group, effect = joint.design.groups[member], joint.design.candidates[member].effect
+    late_s = 0.0
+    for effect, group, at in joint.design.placed(joint.selection.chosen.members):
         if isinstance(effect, TimeSync | Motion):
-            late_s = float(joint.selection.fit.theta[start] / joint.design.scale[group[0]])
-        start += len(group)
+            late_s = float((joint.selection.fit.theta[at] / joint.design.scale[group])[0])
     return delayed(after, joint.views, late_s - joint.late_s), late_s
 
 

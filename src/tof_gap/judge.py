@@ -126,12 +126,9 @@ class Selector:
 
     def plausible(self, hypothesis: Hypothesis) -> bool:
         """Whether every coefficient lies within its parameter's bounds, give or take two of its errors, and motion shows at edges."""
-        solution, start = self.fit(hypothesis), 0
+        solution = self.fit(hypothesis)
         sd = np.sqrt(np.diag(solution.theta_cov))
-        for member in hypothesis.members:
-            group, effect = self.design.groups[member], self.design.candidates[member].effect
-            at = slice(start, start + len(group))
-            start += len(group)
+        for effect, group, at in self.design.placed(hypothesis.members):
             if effect is None or len(effect.LINEAR) != len(group):
                 continue
             if isinstance(effect, Motion):

@@ -122,8 +122,8 @@ def _worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:
 
 
 def _theta_of(judge: Selector, hypothesis: Hypothesis, solution: Fit, place: int) -> Float:
-    ends = np.cumsum([0, *(len(judge.design.groups[m]) for m in hypothesis.members)])
-    return solution.theta[ends[place] : ends[place + 1]]
+    at = [columns for _, _, columns in judge.design.placed(hypothesis.members)]
+    return solution.theta[at[place]]
 
 
 def _without_crowd(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tuple[str, ...]]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tof_core.errors import ToftwinError, UsageError
+from toftwin.threads import one_thread
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -37,8 +38,6 @@ DONE = {
     "gap": "gap/done",
 }
 """Where each node says what became of a frame."""
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Of a node's linear algebra: for small matrices more threads gain nothing, and waiting for each other they take the cores of other nodes."""
 WITH_SCENE = ("sim_label", "correct", "inspect", "gap")
 """Nodes that take the CAD."""
 
@@ -91,7 +90,7 @@ def _text(value: Any) -> str:
 
 def run_graph(spec: GraphSpec) -> int:
     """Run the nodes in this process until SIGINT or SIGTERM; 1 if a node died."""
-    os.environ.update({name: "1" for name in ONE_THREAD if name not in os.environ})  # read when NumPy is imported, below
+    one_thread()  # read when NumPy is imported, below
     from tof_ros.environment import parameter_overrides, ros_context
     from tof_ros.spin import spinning
 

@@ -63,21 +63,14 @@ class _Said:
             print(f"gap: {step}", file=sys.stderr)
 
 
-def one_thread() -> None:
-    """One thread of linear algebra, where none is loaded yet: on thousands of small matrices two take a third longer than one."""
-    import os
-    import sys
-
-    from toftwin.graph import ONE_THREAD
-
-    if "numpy" not in sys.modules:
-        os.environ.update({name: os.environ.get(name, "1") for name in ONE_THREAD})
-
-
 def run(args: argparse.Namespace) -> int:
     """Diagnose a bag and write the report."""
-    if not args.retrain:
-        one_thread()
+    import sys
+
+    from toftwin.threads import one_thread
+
+    if not args.retrain and "numpy" not in sys.modules:
+        one_thread()  # on thousands of small matrices two take a third longer
     import json
     from dataclasses import asdict
 
