@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from toftwin.batch import Outcome
 
-BAGS, VIEWS, CAPTURES = 4, 8, 10
+BAGS, VIEWS, CAPTURES = 6, 8, 10
 SESSION = {"plan": {"views": VIEWS, "stations": 2, "captures": CAPTURES}, "camera": {"width": 224, "height": 171}, "seed": 5}
 
 

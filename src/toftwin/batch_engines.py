@@ -41,6 +41,8 @@ def run_local(calls: Sequence[argparse.Namespace], workers: int) -> Iterator[Out
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         for worker in crew:
+            worker.dismiss()
+        for worker in crew:
             worker.stop()
 
 
@@ -65,10 +67,14 @@ class _Worker:
             return Outcome(call.bag, str(call.out), FAILED, f"its worker ended with {code}; see dmesg where memory ran out (-9)")
         return outcome
 
-    def stop(self) -> None:
-        """End the process: at once where it waits for a bag, killed where it labels one."""
-        if self._process is not None:
+    def dismiss(self) -> None:
+        """Ask for no more bags: the process ends by itself where it waits for one."""
+        if self._line is not None:
             self._line.close()
+
+    def stop(self) -> None:
+        """End the process: it has gone by itself or is killed over the bag that it labels."""
+        if self._process is not None:
             self._process.join(2.0)
             self._process.terminate()
             self._process.join()
