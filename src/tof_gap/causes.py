@@ -10,10 +10,10 @@ import numpy as np
 
 from tof_core import se3
 from tof_gap.observable import Unknown, unknown_share
-from tof_gap.pattern import lines
+from tof_gap.pattern import lines, single_pixels
 from tof_gap.posterior import fit_to
 from tof_sensor.effects.cad_deviation import CadDeviation
-from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.hand_eye import HandEye
 
 if TYPE_CHECKING:
@@ -112,9 +112,14 @@ def _plausible(effect: Effect, values: Float) -> Float:
 
 
 def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Sequence[int]) -> FixedPattern:
-    by_column, by_row = lines([joint.views[i] for i in fit_views])
-    line = values[-1]
-    return replace(effect, values=tuple(float(v) for v in (*(line * by_column), *(line * by_row), *values[:-1])))
+    views = [joint.views[i] for i in fit_views]
+    by_column, by_row = lines(views)
+    line, single = values[-1], single_pixels(views)
+    return replace(
+        effect,
+        values=tuple(float(v) for v in (*(line * by_column), *(line * by_row), *values[:-1])),
+        pixels=packed(single.image) if single.size_m > 0 else "",
+    )
 
 
 def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generator, rounds: int = 300) -> float:

@@ -15,11 +15,15 @@ from tof_gap.causes import Named, named, nameless_share, shares
 from tof_gap.flexible import explainable
 from tof_gap.joint import at_solution, delayed, solution, solve, start
 from tof_gap.judge import Selector, deal
+from tof_gap.pattern import single_pixels, without_pattern
 from tof_gap.posterior import camera_covs, floor2
 from tof_gap.radial import gate
 from tof_gap.shrink import Shrink, blocks, measure
 from tof_gap.unexplained import Unexplained, look, misfit
 from tof_sensor.effect import Evidence
+from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.quantization import Quantization
 from tof_sensor.effects.radial_depth import RadialDepth
 from tof_sensor.registry import VOCABULARY
@@ -125,7 +129,12 @@ def diagnose(
     nameless = tuple(f for f in found if f.name in left_out)
     say("how far the gap shrinks on held-out views")
     covs = camera_covs(joint.design.system, joint.selection.fit, joint.chain, inflate=joint.selection.chosen.inflate)
-    floors = floor2(evidence, covs)
+    unsure2 = np.zeros(evidence[0].residual.shape)
+    quiet: Sequence[ViewEvidence] = evidence
+    if FixedPattern.NAME in maps:
+        unsure2 = single_pixels([joint.views[i] for i in fit_views]).unsure2
+        quiet = without_pattern(evidence, maps[FixedPattern.NAME], unsure2)
+    floors = floor2(quiet, covs)
     corrections = {f.name: list(f.share) for f in findings if f.corrects and f.share is not None}
     residual = [used(v, findings) for v in evidence]
     if along_ray is not None and along_ray.share is not None:
@@ -133,7 +142,7 @@ def diagnose(
     common = np.sum([f.common for f in findings if f.common is not None] or [np.zeros(len(views))[:, None, None]], axis=0)
     # Scatter that is named is no bias to be taken off: it belongs to the floor.
     floors = [f + np.nan_to_num(c) ** 2 for f, c in zip(floors, common, strict=True)]
-    figures = _Figures(residual, floors, maps | corrections, held, rng)
+    figures = _Figures(residual, floors, maps | corrections, held, unsure2, rng)
     gap = figures.shrink(list(figures.maps))
     if findings and not figures.maps:
         gap = replace(gap, shrink=None, ci95=None)  # Scatter and loss alone: nothing is there to be taken off.
@@ -166,7 +175,7 @@ def diagnose(
         gap,
         share,
         unexplained,
-        {n: f"{len(views)} views are too few" for n in VOCABULARY if n != RadialDepth.NAME} if few else not_testable(joint.views),
+        {n: f"{len(views)} views are too few" for n in VOCABULARY if n != RadialDepth.NAME} if few else _untested(joint, maps),
         evidence,
         tuple(residual),
         tuple(floors),
@@ -185,6 +194,12 @@ def _cameras(joint: Joint, final: Chain) -> Float:
     return np.stack([there.pose(v) for v in range(len(there.station))])
 
 
+def _untested(joint: Joint, maps: Mapping[str, Sequence[Float]]) -> dict[str, str]:
+    """Effects that this session cannot test, with the reason."""
+    smeared = {FlyingPixels.NAME: "motion mixes edges by itself: record at rest"} if Motion.NAME in maps else {}
+    return not_testable(joint.views) | smeared
+
+
 def _findings(
     views: Sequence[ViewEvidence], maps: Mapping[str, Sequence[Float]], config: GapConfig, along_ray: Finding | None
 ) -> tuple[Finding, ...]:
@@ -195,7 +210,7 @@ def _findings(
     return (
         *([] if along_ray is None else [along_ray]),
         *scatter.findings(left, config.scatter),
-        *missing.findings(left, config.missing),
+        *missing.findings(left, config.missing, smeared=Motion.NAME in maps),
     )
 
 
@@ -250,6 +265,8 @@ class _Figures:
     floors: Sequence[Float]
     maps: Mapping[str, Sequence[Float]]
     held: Sequence[int]
+    unsure2: Float
+    """(H, W) m^2 along the ray by which the map of a fixed pattern may be wrong."""
     rng: np.random.Generator
 
     def total(self, names: Sequence[str], view: int) -> Float:
@@ -261,4 +278,5 @@ class _Figures:
         """Before and after taking the named effects off."""
         before = [self.residual[v] for v in self.held]
         after = [b - self.total(names, v) for b, v in zip(before, self.held, strict=True)]
-        return measure(blocks(before, after, [self.floors[v] for v in self.held]), self.rng)
+        unsure2 = float(self.unsure2.mean()) if FixedPattern.NAME in names else 0.0
+        return measure(blocks(before, after, [self.floors[v] for v in self.held]), self.rng, unsure2=unsure2)

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 
 from tof_core.config import param
 from tof_scene.maps import concavity_map
-from tof_sensor.frame import Context, Frame, ideal_frame
+from tof_sensor.frame import Context, Frame, ideal_frame, lambert_amplitude
 from tof_sensor.geometry import image_flow
 
 if TYPE_CHECKING:
@@ -98,7 +98,8 @@ def _twist(view: View) -> Float:
 
 def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Generator, concavity: Image) -> ViewEvidence:
     residual = view.depth.astype(np.float64) - frame.depth
-    edge = edge_band(frame, config.edge_px + smear(frame))
+    smeared = smear(frame)
+    edge = edge_band(frame, config.edge_px + smeared, creases=smeared > 0)
     gross = np.abs(residual) > config.gross_mm * 1e-3
     flat = frame.rendering.incidence > np.radians(config.grazing_deg)
     smooth = np.isfinite(residual) & ~edge & ~gross & ~flat
@@ -123,16 +124,23 @@ def smear(frame: Frame) -> int:
     return min(int(np.ceil(EXPOSURE_S * np.quantile(speed, 0.9))), round(SMEAR_SHARE * frame.camera.width))
 
 
-def edge_band(frame: Frame, width: int) -> Mask:
-    """(H, W) pixels within `width` of a depth edge or of the end of the CAD."""
+CREASE = 0.05
+"""Relative step of brightness from one pixel to the next that no smooth surface has."""
+
+
+def edge_band(frame: Frame, width: int, *, creases: bool = False) -> Mask:
+    """(H, W) pixels within `width` of a depth edge or of the end of the CAD; `creases`: of where brightness jumps, too."""
     z = frame.depth
     seam = frame.rendering.mixed > 0
+    light = np.log(np.maximum(lambert_amplitude(frame.rendering), 1e-12))
     for axis in (0, 1):
         step = np.abs(np.diff(z, axis=axis))
         tilt = np.tan(np.minimum(np.nan_to_num(frame.rendering.incidence, nan=1.4), 1.4)) * frame.camera.pixel_angle
         expected = z * (2.0 * tilt + 2.0 * frame.camera.pixel_angle)
         limit = np.minimum(np.delete(expected, -1, axis), np.delete(expected, 0, axis))
         jump = ~(step < limit)
+        if creases:
+            jump |= np.abs(np.diff(light, axis=axis)) > CREASE
         pad = [(0, 0), (0, 0)]
         pad[axis] = (0, 1)
         seam = seam | np.pad(jump, pad)

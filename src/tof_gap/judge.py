@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -28,7 +29,7 @@ class SelectConfig:
     """When an effect is believed."""
 
     gain: float = param(
-        30.0, "held-out chi-square an effect of one shape must win (discrepancy taken out); n shapes pay 2 ln n more", low=1.0
+        30.0, "held-out chi-square an effect must win (discrepancy taken out); one that is tried at n shapes pays 2 ln n besides", low=1.0
     )
     hand_gain: float = param(10.0, "the same for hand-eye: the arms' own spread, which is known, speaks for it, and not pixels", low=1.0)
     share: float = param(0.015, "of the visible gap's energy that an effect must explain, left out of all", low=0.0, high=1.0)
@@ -46,7 +47,7 @@ class SelectConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """A set of candidates with its held-out chi-square per view (V,), and what it pays for members that are no named effects."""
+    """A set of candidates with its held-out chi-square per view (V,), and what its members pay for being of many forms."""
 
     members: tuple[int, ...]
     held_out: Float
@@ -71,13 +72,11 @@ class Selector:
         self.design, self.config = design, config
         self.folds = deal(design.system.station.tolist(), config.folds)
         self._empty: dict[float, float] = {}
+        self._shapes = Counter(c.name for c in design.candidates)
 
     def gain(self, member: int) -> float:
-        """Held-out chi-square that a candidate must win: what was tried at many shapes finds one that fits by chance."""
-        if self.frees_hand([member]):
-            return self.config.hand_gain
-        name = self.design.candidates[member].name
-        return self.config.gain + 2.0 * float(np.log(sum(c.name == name for c in self.design.candidates)))
+        """What a candidate's score must win."""
+        return self.config.hand_gain if self.frees_hand([member]) else self.config.gain
 
     def share(self, member: int) -> float:
         """Of the visible gap's energy that a candidate must explain; hand-eye hardly shows in it, the arms take it up."""
@@ -101,14 +100,18 @@ class Selector:
         return Hypothesis(tuple(members), held_out, inflate, self._price(members, held_out, inflate))
 
     def _price(self, members: Sequence[int], held_out: Float, inflate: float) -> float:
-        """What members that are no effects pay: a form that physics foretells is never exact, one that is drawn freely always is."""
+        """What members pay that could have come in many forms.
+
+        What is tried at many shapes finds one that fits by chance; a form that physics foretells is never exact, one that is drawn freely always is.
+        """
+        shapes = sum(2.0 * float(np.log(self._shapes[self.design.candidates[m].name])) for m in members if not self.nameless(m))
         free = sum(self.nameless(m) for m in members)
         if not free:
-            return 0.0
+            return shapes
         if inflate not in self._empty:
             self._empty[inflate] = self.score((), inflate).score
         explained = self._empty[inflate] - float(held_out.sum())
-        return free * (self.config.unknown + self.config.unknown_share * max(explained, 0.0))
+        return shapes + free * (self.config.unknown + self.config.unknown_share * max(explained, 0.0))
 
     def nameless(self, member: int) -> bool:
         """Whether a candidate is a function of an observable and no effect."""

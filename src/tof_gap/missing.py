@@ -35,9 +35,9 @@ class MissingConfig:
     step_mm: float = param(30.0, "depth step from which an edge can show mixing", unit="mm", low=1.0)
 
 
-def findings(views: Sequence[ViewEvidence], config: MissingConfig) -> list[Finding]:
-    """`dropout`, `phase_wrap` and `flying_pixels`, each where the pixels say so."""
-    found = (_dropout(views, config), _phase_wrap(views, config), _flying(views, config))
+def findings(views: Sequence[ViewEvidence], config: MissingConfig, *, smeared: bool = False) -> list[Finding]:
+    """`dropout`, `phase_wrap` and `flying_pixels`, each where the pixels say so; `smeared`: motion mixes edges of its own."""
+    found = (_dropout(views, config), _phase_wrap(views, config), None if smeared else _flying(views, config))
     return [f for f in found if f is not None]
 
 

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fixed pattern as columns: smooth fields, and the lines that other views of the same raster show."""
+"""Fixed pattern as columns: smooth fields, and the lines that other views of the same raster show; and its single pixels."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import uniform_filter
 
+from tof_gap.evidence import depth_step, scatter
 from tof_sensor.effects.fixed_pattern import cosines
 
 if TYPE_CHECKING:
@@ -47,6 +49,65 @@ def lines(views: Sequence[ViewEvidence]) -> tuple[Float, Float]:
     by_column = total.sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
     rest = total - weight * by_column[None]
     return by_column, rest.sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-12)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pixels:
+    """What single pixels err by in every view alike.
+
+    image: (H, W) metres along the ray, drawn to zero as far as scatter may have made it; size_m: how large such errors are (RMS);
+    unsure2: (H, W) m^2 that the image may itself be wrong by.
+    """
+
+    image: Float
+    size_m: float
+    unsure2: Float
+
+
+def single_pixels(views: Sequence[ViewEvidence]) -> Pixels:
+    """Means over the views of the high-passed residual less its lines, each weighed against the scatter of that mean.
+
+    The two halves of the views share the pattern and nothing else that is white: their covariance is its variance.
+    """
+    by_column, by_row = lines(views)
+    sharp, weight = [], []
+    for view in views:
+        r = high_pass(view.residual * view.frame.length, view.smooth) - by_column[None] - by_row[:, None]
+        sharp.append(np.nan_to_num(r))
+        weight.append(np.where(np.isfinite(r), (view.sigma * view.frame.length) ** -2.0, 0.0))
+    high, w = np.stack(sharp), np.stack(weight)
+    halves = [(w[i::2] * high[i::2]).sum(axis=0) / np.maximum(w[i::2].sum(axis=0), 1e-12) for i in (0, 1)]
+    both = (w[0::2].sum(axis=0) > 0) & (w[1::2].sum(axis=0) > 0)
+    product = (halves[0] * halves[1])[both]
+    if len(product) < ENOUGH_PIXELS:
+        return Pixels(np.zeros(both.shape), 0.0, np.zeros(both.shape))
+    product = np.clip(product, *np.quantile(product, [0.002, 0.998]))
+    size2 = float(product.mean())
+    if size2 < SURE * float(product.std()) / np.sqrt(len(product)):
+        return Pixels(np.zeros(both.shape), 0.0, np.zeros(both.shape))
+    total, n = w.sum(axis=0), np.maximum((w > 0).sum(axis=0), 1)
+    # The scatter that neighbours show has the pattern in it.
+    scatter2 = np.maximum(n / np.maximum(total, 1e-12) - size2, 0.1 * size2) / n
+    trust = np.where(total > 0, size2 / (size2 + scatter2), 0.0)
+    mean = (w * high).sum(axis=0) / np.maximum(total, 1e-12)
+    return Pixels(trust * mean, float(np.sqrt(size2)), size2 * (1.0 - trust))
+
+
+SURE = 4.0
+"""Of its own error, what the variance of single pixels must reach to be one."""
+ENOUGH_PIXELS = 200
+"""Pixels that both halves of the views see below which nothing is said of single ones."""
+
+
+def without_pattern(views: Sequence[ViewEvidence], bias: Sequence[Float], unsure2: Float) -> list[ViewEvidence]:
+    """The views with the scatter that is left once the pattern's (H, W) `bias` of each is taken off, less what that is not sure of."""
+    out = []
+    for view, b in zip(views, bias, strict=True):
+        seen = scatter(view.residual - b, view.smooth, view.frame.amplitude)
+        own = depth_step(view.view.depth.astype(np.float64)) / np.sqrt(12)
+        sigma2 = np.maximum(seen**2 - unsure2 / view.frame.length**2, 0.25 * seen**2)
+        out.append(replace(view, sigma=np.maximum(np.sqrt(sigma2), own)))
+    return out
 
 
 def high_pass(image: Float, mask: Mask) -> Float:

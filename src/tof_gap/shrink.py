@@ -79,12 +79,18 @@ def _block_sums(before: Float, after: Float, floor2: Float) -> tuple[Float, Floa
     return total(seen.astype(float)), moments(before), moments(after), total(floor2)
 
 
+SCATTER_KNOWN = 0.03
+"""How well the scatter's own variance, most of the floor, is known (relative)."""
 RESOLUTION = 0.005
 """Half a point of shrink: blocks do not tell what rounding of the depth code and of the floor leave open."""
 
 
-def measure(held_out: HeldOut, rng: np.random.Generator, rounds: int = 400) -> Shrink:
-    """The figures with a block-bootstrap interval of the shrink."""
+def measure(held_out: HeldOut, rng: np.random.Generator, rounds: int = 400, unsure2: float = 0.0) -> Shrink:
+    """The figures with an interval of the shrink that the effects themselves would give.
+
+    It is that of a block bootstrap, widened by how well the floor is known; and where many coefficients were told from few
+    views, so that they are wrong by `unsure2` (m^2), what is left of that is not the effects' and may be won.
+    """
     before, after = held_out.errors("before"), held_out.errors("after")
     floor2 = float(held_out.floor2.sum() / max(held_out.n.sum(), 1.0))
     value = _ratio(before.rmse, after.rmse, floor2)
@@ -95,7 +101,10 @@ def measure(held_out: HeldOut, rng: np.random.Generator, rounds: int = 400) -> S
         b2, a2, f2 = draws @ held_out.before[2] / n, draws @ held_out.after[2] / n, draws @ held_out.floor2 / n
         ratios = 1 - (a2 - f2) / np.maximum(b2 - f2, 1e-12)
         low, high = np.quantile(ratios, [0.025, 0.975])
-        ci = (min(float(low), value - RESOLUTION), max(float(high), value + RESOLUTION))
+        above = (before.rmse * 1e-3) ** 2 - floor2
+        floor = abs(value) * SCATTER_KNOWN * floor2 / above
+        half = [float(np.hypot(max(side, RESOLUTION), floor)) for side in (value - low, high - value)]
+        ci = (value - half[0], value + half[1] + unsure2 / above)
     return Shrink(before, after, 1e3 * float(np.sqrt(floor2)), value, ci)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.shrink import BLOCK_PX
+from tof_gap.shrink import BLOCK_PX, SCATTER_KNOWN
 from tof_gap.where import by_quantity
 
 if TYPE_CHECKING:
@@ -83,10 +83,6 @@ def look(
         depends_on=(depends_on or _depends_on(views, left, floor2)) if structured else (),
         where=tuple(scene.parts[int(i)].name for i in order[:4]) if structured else (),
     )
-
-
-SCATTER_KNOWN = 0.03
-"""How well the scatter's own variance is known: chi-square per pixel within this of 1 is no misfit."""
 
 
 def misfit(views: Sequence[ViewEvidence], before: Sequence[Float], left: Sequence[Float], floor2: Sequence[Float]) -> float:

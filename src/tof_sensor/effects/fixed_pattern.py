@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import base64
+import binascii
+import zlib
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
@@ -10,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tof_core.config import param
+from tof_core.errors import ConfigError
 from tof_sensor.effect import FieldEffect, stack
 
 if TYPE_CHECKING:
@@ -19,10 +23,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FixedPattern(FieldEffect):
-    """dr(u, v) = one value per column, per row, and a smooth field (TOF_EFFECTS A.4).
+    """dr(u, v) = one value per column, per row, a smooth field (TOF_EFFECTS A.4), and single pixels.
 
     `values` are W columns, H rows, then `order`^2 - 1 cosines (DCT-II) without the constant,
-    which is `range_offset`'s.
+    which is `range_offset`'s. `pixels` is an image in text form (`packed`), empty where pixels do not differ.
     """
 
     NAME: ClassVar[str] = "fixed_pattern"
@@ -30,6 +34,7 @@ class FixedPattern(FieldEffect):
 
     values: tuple[float, ...] = ()
     order: int = param(4, "smooth field: cosines per axis", low=1, high=16)
+    pixels: str = param("", "what single pixels err by beyond that: int16 of 10 um, row after row, deflated, base64")
 
     def columns(self, frame: Frame) -> Float:
         """(H, W, W + H + order^2 - 1), dense."""
@@ -47,13 +52,47 @@ class FixedPattern(FieldEffect):
         return out * np.where(frame.valid, 1 / frame.length, 0).ravel()[pixels, None]
 
     def bias(self, frame: Frame) -> Float:
-        """The pattern along z, without building the dense columns."""
-        if not self.values:
-            return np.zeros(frame.depth.shape)
+        """The pattern along z, without building the dense columns.
+
+        Raises:
+            ConfigError: the pattern is one of another raster.
+        """
         h, w = frame.depth.shape
-        v = np.asarray(self.values)
-        field = v[:w][None, :] + v[w : w + h][:, None] + cosines(h, w, self.order) @ v[w + h :]
+        field = np.zeros((h, w)) if not self.pixels else unpacked(self.pixels, (h, w))
+        if self.values:
+            v = np.asarray(self.values)
+            if len(v) != w + h + self.order**2 - 1:
+                raise _other_raster((h, w))
+            field = field + v[:w][None, :] + v[w : w + h][:, None] + cosines(h, w, self.order) @ v[w + h :]
         return stack([np.where(frame.valid, field / frame.length, 0)], frame)[..., 0]
+
+
+STEP_M = 1e-5
+"""Of `pixels`: far below any camera's own step, and 0.3 m as int16."""
+
+
+def packed(image: Float) -> str:
+    """`pixels` of an image (H, W) in metres along the ray."""
+    steps = np.clip(np.rint(image / STEP_M), -32767, 32767).astype("<i2")
+    return base64.b64encode(zlib.compress(steps.tobytes(), 9)).decode("ascii")
+
+
+@lru_cache(maxsize=8)
+def unpacked(pixels: str, shape: tuple[int, int]) -> Float:
+    """(H, W) metres along the ray of `pixels`; no more is inflated than the raster holds."""
+    size = 2 * shape[0] * shape[1]
+    try:
+        data = zlib.decompressobj().decompress(base64.b64decode(pixels, validate=True), size + 1)
+    except (binascii.Error, ValueError, zlib.error):
+        data = b""
+    if len(data) != size:
+        raise _other_raster(shape)
+    return STEP_M * np.frombuffer(data, "<i2").reshape(shape).astype(np.float64)
+
+
+def _other_raster(shape: tuple[int, int]) -> ConfigError:
+    msg = f"is not of the camera's raster ({shape[1]}x{shape[0]})"
+    return ConfigError(msg, where=FixedPattern.NAME, todo="take the sensor.yaml of this camera, or leave the effect out")
 
 
 @lru_cache(maxsize=8)

@@ -64,13 +64,27 @@ class Motion(Effect):
         own = radial.ravel()[pixels]
         recedes = -(point @ frame.context.twist[:3]) / own
         light = lambert_amplitude(frame.rendering)
+        grows = light * _light_rate(frame)
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         difference = np.zeros((2, len(pixels)), complex)
         for place, quarter in enumerate(OPPOSITE_FIRST if self.opposite_first else IN_TURN):
             t = (place - 1.5) * self.tap_s
             there = np.stack([row - along_v * t, column - along_u * t])
-            A, R = (map_coordinates(image, there, order=1, mode="nearest") for image in (light, radial))
+            A, G, R = (map_coordinates(image, there, order=1, mode="nearest") for image in (light, grows, radial))
+            A = A + G * t
             modulated = A * np.cos(wave * (R + recedes * t) - quarter * np.pi / 2)
             difference += 1j**quarter * np.stack([modulated, A + modulated])
         error = np.angle(difference * np.exp(-1j * wave * own)) / wave
         return np.stack([error[0], error[1] - error[0]], axis=1)
+
+
+def _light_rate(frame: Frame) -> Float:
+    """(H, W) 1/s: how fast, relative, the light of the surface point in a pixel grows, as the lamp moves with the camera.
+
+    Lambert's n.p / r^3 with the point p and its normal n in the camera's frame, which turn and move alike.
+    """
+    v, point, normal = frame.context.twist[:3], np.nan_to_num(frame.points), np.nan_to_num(frame.rendering.normal)
+    facing = np.einsum("hwi,hwi->hw", normal, point)
+    recedes = -(point @ v) / np.maximum(frame.radial, 1e-6)
+    rate = np.divide(-(normal @ v), facing, out=np.zeros_like(facing), where=facing < 0) - 3 * recedes / np.maximum(frame.radial, 1e-6)
+    return np.asarray(np.nan_to_num(rate))
