@@ -21,11 +21,9 @@ from tof_gap.observable import unknowns
 from tof_gap.select import Selection, select
 from tof_gap.system import arm_steps, fit
 from tof_scene.render import render
-from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.multipath import Multipath
-from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.specular import Specular
 from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.effects.wiggling import Wiggling
@@ -218,7 +216,6 @@ SHAPES: dict[type[Effect], tuple[tuple[str, float], ...]] = {
     LensScatter: (("modulation_mhz", 0.1),),
     Motion: (("tap_s", 0.5), ("modulation_mhz", 0.2), ("tap_s", 0.15)),
     Multipath: (("modulation_mhz", 0.3),),
-    AmplitudeBias: (("reference", 200.0), ("reference", 1.5), ("reference", 0.25)),
     Specular: (("lobe_deg", 0.3), ("gloss", 0.7), ("lobe_deg", 0.15), ("gloss", 0.4)),
 }
 """Which parameters of shape are searched for more finely, in turn, and how far (relative)."""
@@ -231,17 +228,12 @@ def refined(store: ColumnStore, design: Design, selection: Selection, chain: Cha
     for place, candidate in enumerate(chosen):
         if candidate.effect is None or type(candidate.effect) not in SHAPES:
             continue
-        others = [c for i, c in enumerate(chosen) if i != place and not _is_zero_of(c, candidate)]
+        others = [c for i, c in enumerate(chosen) if i != place]
         best = candidate.effect
         for name, width in SHAPES[type(best)]:
             best = _best_shape(best, name, width, others, store, chain, config, selection.chosen.inflate)
         out.append(Candidate(best.NAME, best, "refined"))
     return out
-
-
-def _is_zero_of(other: Candidate, one: Candidate) -> bool:
-    """Whether `other` may only make up for the amplitude at which `one` was taken to be zero."""
-    return isinstance(one.effect, AmplitudeBias) and isinstance(other.effect, RangeOffset)
 
 
 def _best_shape(

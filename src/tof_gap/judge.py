@@ -14,7 +14,6 @@ from tof_gap.candidates import HAND_EYE
 from tof_gap.observable import Unknown
 from tof_gap.system import cross_validate, fit
 from tof_sensor.effects.cad_deviation import CadDeviation
-from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -33,6 +32,9 @@ class SelectConfig:
     )
     hand_gain: float = param(10.0, "the same for hand-eye: the arms' own spread, which is known, speaks for it, and not pixels", low=1.0)
     share: float = param(0.015, "of the visible gap's energy that an effect must explain, left out of all", low=0.0, high=1.0)
+    mends: float = param(
+        0.1, "of what a member could take over of the others' maps, what it must win to be no mending of theirs", low=0.0, high=1.0
+    )
     tie_left: float = param(0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0)
     tie_gain: float = param(20.0, "held-out chi-square by which tied effects may differ at most", low=0.0)
     most: int = param(5, "effects named at most", low=1, high=12)
@@ -128,17 +130,18 @@ class Selector:
         return fit(self.design.system, self.columns(members), inflate=hypothesis.inflate, free_hand=self.frees_hand(members))
 
     def plausible(self, hypothesis: Hypothesis) -> bool:
-        """Whether every coefficient lies within its parameter's bounds, give or take two of its errors, and motion shows at edges."""
+        """Whether every coefficient lies within its parameter's bounds, give or take two of its errors, and what makes the effect shows."""
         solution = self.fit(hypothesis)
         sd = np.sqrt(np.diag(solution.theta_cov))
         for effect, group, at in self.design.placed(hypothesis.members):
             if effect is None or len(effect.LINEAR) != len(group):
                 continue
-            if isinstance(effect, Motion):
-                # Without what it does at edges it is lateness, which has a name of its own.
-                at_edges, cov = solution.theta[at][1:], solution.theta_cov[at, at][1:, 1:]
-                if at_edges @ np.linalg.solve(cov, at_edges) < self.config.gain:
-                    return False
+            own = at.start + np.array([effect.LINEAR.index(name) for name in effect.OWN], np.int64)
+            if (
+                len(own)
+                and solution.theta[own] @ np.linalg.solve(solution.theta_cov[np.ix_(own, own)], solution.theta[own]) < self.config.gain
+            ):
+                return False
             low, high = effect.bounds
             value, error = solution.theta[at] / self.design.scale[group], 2 * sd[at] / self.design.scale[group]
             if ((value + error < low) | (value - error > high)).any():

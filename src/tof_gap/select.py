@@ -100,13 +100,32 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
         weak = [
             (v, i)
             for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
-            if gain < judge.gain(current.members[i]) or v * v < judge.share(current.members[i]) * total
+            if gain < judge.gain(current.members[i])
+            or v * v < judge.share(current.members[i]) * total
+            or gain < judge.config.mends * _mendable(judge, current, i)
         ]
         if not weak:
             break
         drop = min(weak)[1]
         current = _rescored(judge, [m for i, m in enumerate(current.members) if i != drop])
     return current
+
+
+def _mendable(judge: Selector, current: Hypothesis, place: int) -> float:
+    """Chi-square of the other members' maps that the member at `place` could take over.
+
+    Maps are never quite right: whoever wins but a little of that mends the others, and is not there.
+    """
+    member, members = current.members[place], current.members
+    rest = [m for m in members if m != member]
+    if not rest or judge.frees_hand([member]) or judge.nameless(member):
+        return 0.0
+    theta = judge.fit(current).theta
+    at = [columns for _, _, columns in judge.design.placed(members)]
+    others = np.concatenate([theta[at[i]] for i in range(len(members)) if i != place])
+    maps, mine = judge.columns(rest), judge.columns([member])
+    before, after = (map_energy(judge.design.system, maps, others, c, inflate=current.inflate) for c in (mine[:0], mine))
+    return (before - after) / current.inflate
 
 
 def _worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:

@@ -39,6 +39,8 @@ class Effect(ABC):
     NAME: ClassVar[str]
     EVIDENCE: ClassVar[Evidence] = Evidence.BIAS
     LINEAR: ClassVar[tuple[str, ...]] = ()
+    OWN: ClassVar[tuple[str, ...]] = ()
+    """Of `LINEAR`, those without which it would be another effect: an offset, or stamps that are late."""
     LOCAL: ClassVar[bool] = True
     """Whether a pixel's bias depends on that pixel alone, so that `Frame.take` may thin the view."""
 

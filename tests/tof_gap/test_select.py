@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from tof_gap.candidates import HAND_EYE, Candidate
 from tof_gap.columns import Design
@@ -88,6 +89,23 @@ def test_small_effects_beyond_the_second_are_a_crowd() -> None:
     trifle = select(design(effects, [1.5, 1.2, 0.12, 0.0, 0.0, 0.0]), SelectConfig(share=0.0))
     assert len(trifle.chosen.members) == 2
     assert trifle.crowd == ()
+
+
+def test_who_wins_but_a_little_of_what_could_be_taken_from_others_mends_them_and_is_not_there() -> None:
+    near = plain(Wiggling(), Subsurface(part=0), DepthScale())
+    # The second is nearly the first: what is missing of it in the residual speaks for it, though little beside all that both could be.
+    mended = select(d := design(near, [6.0, 0.9, 0.0], copies=(0, 1)), SelectConfig(share=0.0))
+    assert names(d, mended.chosen.members) == ["wiggling"]
+    taken = select(d, SelectConfig(share=0.0, mends=0.0))
+    assert names(d, taken.chosen.members) == ["subsurface", "wiggling"]
+
+
+def test_of_two_that_explain_alike_the_one_tried_at_fewer_shapes_is_chosen() -> None:
+    many = [Candidate("wiggling", Wiggling(modulation_mhz=f)) for f in (60.0, 70.0, 80.0, 90.0)]
+    d = design([*plain(DepthScale()), *many], [0.4, 0, 0, 0, 0], copies=(0, 1))
+    judge = Selector(d, SelectConfig())
+    assert judge.score([1], 1.0).price == pytest.approx(2 * np.log(4))
+    assert judge.score([0], 1.0).price == 0.0
 
 
 def test_hand_eye_needs_less_than_what_pixels_speak_for() -> None:

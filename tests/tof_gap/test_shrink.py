@@ -38,3 +38,20 @@ def test_pixels_without_depth_do_not_count() -> None:
     before, after, floor = maps(0.004, 0.001, 0.0)
     before[0][:32] = np.nan
     assert blocks(before, after, floor).n.sum() == 3 * 64 * 64 - 32 * 64
+
+
+def test_what_a_map_may_be_wrong_by_may_still_be_won() -> None:
+    sums = blocks(*maps(0.004, 0.002, 0.25))
+    sure, unsure = (measure(sums, np.random.default_rng(0), unsure2=u) for u in (0.0, 1e-6))
+    assert sure.ci95 is not None
+    assert unsure.ci95 is not None
+    assert unsure.ci95[0] == sure.ci95[0]
+    assert unsure.ci95[1] - sure.ci95[1] == pytest.approx(1e-6 / 0.004**2, rel=0.05)
+
+
+def test_under_much_scatter_the_interval_says_that_the_floor_is_not_known_better() -> None:
+    little, much = (measure(blocks(*maps(0.004, noise, 0.0)), RNG).ci95 for noise in (0.0005, 0.008))
+    assert little is not None
+    assert much is not None
+    assert np.diff(little) < 0.02
+    assert np.diff(much) > 2 * 0.03 * 0.008**2 / 0.004**2

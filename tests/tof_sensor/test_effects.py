@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.tof_sensor.plane import CAMERA, plane_frame
+from tests.tof_sensor.plane import CAMERA, NORMAL, plane_frame
+from tof_core.errors import ConfigError
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.dropout import Dropout
-from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.flying_pixels import Edge, FlyingPixels
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.lens_scatter import LensScatter
@@ -47,6 +48,15 @@ def test_amplitude_bias_grows_with_each_e_fold() -> None:
     np.testing.assert_allclose(bias[:, -1] - bias[:, 0], 0.008, atol=1e-9)
 
 
+def test_where_amplitude_bias_is_zero_does_not_matter() -> None:
+    amplitude = np.geomspace(1.0, 50.0, CAMERA.width)[None] * np.ones((CAMERA.height, 1))
+    frame, shift = plane_frame(amplitude=amplitude), np.log(7.0)
+    a, b = 0.004, 0.0006
+    at_seven = AmplitudeBias(per_ln_m=a, per_ln2_m=b, reference=7.0)
+    at_one = AmplitudeBias(at_reference_m=-a * shift + b * shift**2, per_ln_m=a - 2 * b * shift, per_ln2_m=b, reference=1.0)
+    np.testing.assert_allclose(at_one.bias(frame), at_seven.bias(frame), atol=1e-12)
+
+
 def test_drift_follows_the_thermometer_and_without_one_the_clock() -> None:
     warm = plane_frame(Context(temperature=35.0))
     np.testing.assert_allclose(TemperatureDrift(drift_m=5e-4).bias(warm) * warm.length, 0.005, rtol=1e-12)
@@ -66,6 +76,27 @@ def test_fixed_pattern_dense_columns_agree_with_its_bias() -> None:
     pattern = FixedPattern(values=tuple(RNG.normal(0, 1e-3, h + w + 8)), order=3)
     frame = plane_frame()
     np.testing.assert_allclose(pattern.columns(frame) @ pattern.coefficients, pattern.bias(frame), atol=1e-12)
+
+
+def test_fixed_pattern_keeps_single_pixels_to_ten_micrometres() -> None:
+    image = RNG.normal(0, 2e-3, CAMERA.shape)
+    frame = plane_frame()
+    bias = FixedPattern(pixels=packed(image)).bias(frame)
+    np.testing.assert_allclose(bias * frame.length, image, atol=5.1e-6)
+
+
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        FixedPattern(pixels=packed(np.zeros((3, 4)))),
+        FixedPattern(pixels=packed(np.zeros((4000, 4000)))),
+        FixedPattern(pixels="no base64!"),
+        FixedPattern(values=(1e-3,) * 12),
+    ],
+)
+def test_a_pattern_of_another_raster_is_refused(pattern: FixedPattern) -> None:
+    with pytest.raises(ConfigError, match="40x30"):
+        pattern.bias(plane_frame())
 
 
 def test_time_sync_is_twist_times_delay() -> None:
@@ -92,6 +123,17 @@ def test_taps_of_a_moving_camera_disagree_where_brightness_changes_and_nowhere_e
     far = np.abs(np.arange(CAMERA.width) - 19.5) > reach + 1.0
     assert wrong[~far].max() > 0.01
     assert wrong[far].max() < 0.1 * wrong[~far].max()
+
+
+def test_a_camera_that_slides_along_a_plane_sees_one_brightness() -> None:
+    # The lamp goes with the camera: along the plane nothing in the image changes, however steeply brightness falls over it.
+    along = np.cross(NORMAL, [0.0, 1.0, 0.0])
+    frame = replace(plane_frame(), context=Context(twist=np.array([*(0.1 * along / np.linalg.norm(along)), 0, 0, 0])))
+    turned = replace(frame, context=Context(twist=np.array([0, 0, 0, 0, 0.2, 0])))
+    taps = Motion(edge=1.0, steady=1.0, tap_s=0.02)
+    inside = (slice(4, -4), slice(4, -4))
+    assert np.abs(taps.bias(frame)[inside]).max() < 1e-4
+    assert np.abs(taps.bias(turned)[inside]).max() > 1e-3
 
 
 def test_an_axial_motion_is_late_more_than_its_taps_disagree() -> None:

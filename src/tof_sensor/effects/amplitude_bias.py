@@ -18,18 +18,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class AmplitudeBias(Effect):
-    """dr = a ln(A / A0) + b ln(A / A0)^2 (Lindner 2010; TOF_EFFECTS A.2); A0 only sets the zero."""
+    """dr = c + a ln(A / A0) + b ln(A / A0)^2 (Lindner 2010; TOF_EFFECTS A.2).
+
+    c is the bias at the amplitude A0: where none is stated to be free of bias, every A0 tells the same.
+    """
 
     NAME: ClassVar[str] = "amplitude_bias"
-    LINEAR: ClassVar[tuple[str, ...]] = ("per_ln_m", "per_ln2_m")
+    LINEAR: ClassVar[tuple[str, ...]] = ("at_reference_m", "per_ln_m", "per_ln2_m")
+    OWN: ClassVar[tuple[str, ...]] = ("per_ln_m", "per_ln2_m")
 
+    at_reference_m: float = param(0.0, "bias at the reference", unit="m", low=-0.2, high=0.2)
     per_ln_m: float = param(0.0, "bias per e-fold of amplitude", unit="m", low=-0.05, high=0.05)
     per_ln2_m: float = param(0.0, "curvature of the law", unit="m", low=-0.05, high=0.05)
-    reference: float = param(1.0, "amplitude without bias, in the camera's unit", low=1e-12)
+    reference: float = param(1.0, "amplitude from which is reckoned, in the camera's unit", low=1e-12)
 
     def columns(self, frame: Frame) -> Float:
-        """Log amplitude and its square, along z."""
+        """One, log amplitude and its square, along z; 0 where no light came back."""
         log = np.log(np.maximum(frame.amplitude, 1e-12) / self.reference)
-        length = frame.length
         seen = frame.valid & (frame.amplitude > 0)
-        return stack([np.where(seen, log, 0) / length, np.where(seen, log * log, 0) / length], frame)
+        return stack([np.where(seen, power, 0) / frame.length for power in (np.ones_like(log), log, log * log)], frame)

@@ -27,13 +27,14 @@ class Motion(Effect):
     """Four taps `tap_s` apart around the mean time (TOF_EFFECTS A.12; Jimenez 2014).
 
     Depth is that of the mean time, late by `axial_s`. Besides, each tap sees the image shifted by its flow: tap k at time t collects
-    A (c + cos(phi - k pi / 2)) with amplitude A and phase phi of the point that lies in the pixel then, and light c that is not
-    modulated. Where A or phi change along the flow the four do not belong together, and their phase errs. The error is linear in c.
+    A (c + cos(phi - k pi / 2)) with amplitude A and phase phi of the point that lies in the pixel then, lit by a lamp that has moved
+    with the camera, and light c that is not modulated. Where A or phi change along the flow the four do not belong together, and their phase errs. The error is linear in c.
     """
 
     NAME: ClassVar[str] = "motion"
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("axial_s", "edge", "steady")
+    OWN: ClassVar[tuple[str, ...]] = ("edge", "steady")
 
     axial_s: float = param(0.0, "time by which the depth is late", unit="s", low=-0.5, high=0.5)
     edge: float = param(0.0, "1: the taps' differences in full", low=-0.5, high=2.5)
