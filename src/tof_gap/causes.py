@@ -12,6 +12,7 @@ from tof_core import se3
 from tof_gap.observable import Unknown, unknown_share
 from tof_gap.pattern import lines, single_pixels
 from tof_gap.posterior import fit_to
+from tof_scene.render import render
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.hand_eye import HandEye
@@ -19,11 +20,13 @@ from tof_sensor.effects.hand_eye import HandEye
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tof_align.chain import Chain
     from tof_core.arrays import Float
     from tof_gap.evidence import ViewEvidence
     from tof_gap.joint import Joint
     from tof_gap.judge import Selector
     from tof_gap.system import Fit
+    from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
 
 
@@ -144,13 +147,26 @@ def nameless_share(joint: Joint, view: ViewEvidence) -> Float:
     return out
 
 
-def shares(causes: Sequence[Named], views: Sequence[ViewEvidence]) -> dict[str, list[Float]]:
-    """Per named effect its (H, W) metres of z in every view."""
+def shares(causes: Sequence[Named], views: Sequence[ViewEvidence], chain: Chain, caster: Raycaster) -> dict[str, list[Float]]:
+    """Per named effect its (H, W) metres of z in every view; `chain` is where the views are seen from."""
     out = {}
     for cause in causes:
         maps = []
-        for view in views:
-            total = np.sum([e.bias(view.frame) for e in cause.effects], axis=0)
+        for v, view in enumerate(views):
+            total = np.sum([_moved(e, view, v, chain, caster) if isinstance(e, HandEye) else e.bias(view.frame) for e in cause.effects], axis=0)
             maps.append(np.where(view.frame.valid, total, np.nan))
         out[cause.name] = maps
     return out
+
+
+def _moved(hand_eye: HandEye, view: ViewEvidence, v: int, chain: Chain, caster: Raycaster) -> Float:
+    """(H, W) metres that depth changes where the camera is off its mount: to first order only where another surface comes into view."""
+    X = se3.exp(np.asarray(hand_eye.coefficients))
+    there = render(caster, view.view.camera, replace(chain, hand_eye=X).pose(v), footprints=False)
+    linear = hand_eye.bias(view.frame)
+    exact = there.depth - view.frame.depth
+    return np.where((there.part == view.rendering.part) & (np.abs(exact - linear) < OTHER_SURFACE_M), exact, linear)
+
+
+OTHER_SURFACE_M = 0.02
+"""Metres between a step and its first order beyond which another surface has come into view."""

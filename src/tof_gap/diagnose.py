@@ -122,7 +122,7 @@ def diagnose(
     judge = Selector(joint.design, config.select)
     fit_views, held = split(joint.chain)
     causes = named(joint, fit_views, judge, rng)
-    maps = shares(causes, evidence)
+    maps = shares(causes, evidence, final, caster)
     unnamed = [nameless_share(joint, v) for v in evidence]
     found = (along_ray,) if few and along_ray is not None else _findings(evidence, {**maps, "": unnamed}, config, along_ray)
     findings = tuple(f for f in found if f.name not in left_out)
@@ -156,6 +156,7 @@ def diagnose(
         floors,
         gap,
         caster.scene,
+        at_solution=joint.views,
         gross_named=named_gross,
         alike_m=alike_m,
         nameless=nameless,

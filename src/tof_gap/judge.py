@@ -30,7 +30,7 @@ class SelectConfig:
     gain: float = param(
         30.0, "held-out chi-square an effect must win (discrepancy taken out); one that is tried at n shapes pays 2 ln n besides", low=1.0
     )
-    hand_gain: float = param(10.0, "the same for hand-eye: the arms' own spread, which is known, speaks for it, and not pixels", low=1.0)
+    hand_gain: float = param(14.0, "the same for hand-eye: the arms' own spread, which is known, speaks for it, and not pixels", low=1.0)
     share: float = param(0.015, "of the visible gap's energy that an effect must explain, left out of all", low=0.0, high=1.0)
     mends: float = param(
         0.1, "of what a member could take over of the others' maps, what it must win to be no mending of theirs", low=0.0, high=1.0

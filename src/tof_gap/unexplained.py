@@ -49,6 +49,7 @@ def look(
     gap: Shrink,
     scene: Scene,
     *,
+    at_solution: Sequence[ViewEvidence] | None = None,
     gross_named: bool = False,
     alike_m: float = 0.0,
     nameless: Sequence[Finding] = (),
@@ -58,7 +59,8 @@ def look(
 ) -> Unexplained:
     """Judge what is left (H, W) metres per view against the floor.
 
-    Pixels off by more than any bias, away from edges, count too unless an effect named them (`gross_named`). Where
+    Pixels off by more than any bias, away from edges, count too unless an effect named them (`gross_named`), or they are not where
+    the cameras are after all (`at_solution`). Where
     neighbours err alike by a named scatter (steps, rows, beats), `alike_m` of structure is its own. Scatter, loss and mixing
     that show but may not be named (`nameless`) are unexplained too. So is an error that only a function of some observable
     describes (`depends_on`), one that several small effects would have to draw together (`crowd`), and a joint fit that leaves a share `misfit` of what it was to explain.
@@ -69,9 +71,9 @@ def look(
     excess2 = np.average(mean**2 - expected, weights=block)
     size = 1e3 * float(np.sqrt(max(excess2, 0.0)))
     before2 = max((gap.before.rmse**2 - gap.floor_mm**2), 1e-9)
-    gross = max(0.0, _gross_share(views) - GROSS_SHARE) if not gross_named else 0.0
+    gross = 0.0 if gross_named else min(_gross_share(v) for v in (views, at_solution or views))
     blocks_agree = size > np.hypot(STRUCTURED_MM, 1e3 * alike_m) and size**2 > STRUCTURED_SHARE * before2
-    structured = blocks_agree or gross > 0 or bool(depends_on) or bool(crowd) or misfit > MISFIT_SHARE
+    structured = blocks_agree or gross > GROSS_SHARE or bool(depends_on) or bool(crowd) or misfit > MISFIT_SHARE
     energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
     if nameless:
         structured = True

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -59,33 +60,47 @@ class Motion(Effect):
     def _taps(self, frame: Frame, pixels: Ints) -> Float:
         """(n, 2) metres along the ray: the taps' error without unmodulated light, and what as much of it as of modulated light adds."""
         row, column = np.divmod(pixels, frame.depth.shape[1])
-        along_u, along_v = (f.ravel()[pixels] for f in image_flow(frame))
-        point = frame.points.reshape(-1, 3)[pixels]
-        radial = frame.radial
-        own = radial.ravel()[pixels]
-        recedes = -(point @ frame.context.twist[:3]) / own
-        light = lambert_amplitude(frame.rendering)
-        grows = light * _light_rate(frame)
+        seen = _passing(frame)
+        along_u, along_v, recedes, own = (image.ravel()[pixels] for image in (seen.along_u, seen.along_v, seen.recedes, seen.radial))
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         difference = np.zeros((2, len(pixels)), complex)
         for place, quarter in enumerate(OPPOSITE_FIRST if self.opposite_first else IN_TURN):
             t = (place - 1.5) * self.tap_s
             there = np.stack([row - along_v * t, column - along_u * t])
-            A, G, R = (map_coordinates(image, there, order=1, mode="nearest") for image in (light, grows, radial))
-            A = A + G * t
+            A, G, R = (map_coordinates(image, there, order=1, mode="nearest") for image in (seen.light, seen.grows, seen.radial))
+            A += G * t
             modulated = A * np.cos(wave * (R + recedes * t) - quarter * np.pi / 2)
             difference += 1j**quarter * np.stack([modulated, A + modulated])
         error = np.angle(difference * np.exp(-1j * wave * own)) / wave
         return np.stack([error[0], error[1] - error[0]], axis=1)
 
 
-def _light_rate(frame: Frame) -> Float:
-    """(H, W) 1/s: how fast, relative, the light of the surface point in a pixel grows, as the lamp moves with the camera.
+@dataclass(frozen=True, slots=True, eq=False)
+class Passing:
+    """What a view's pixels see as the camera goes by, each (H, W).
 
-    Lambert's n.p / r^3 with the point p and its normal n in the camera's frame, which turn and move alike.
+    Pixels a second along columns and rows; metres, and metres a second that the point recedes; light, and light a second.
+    """
+
+    along_u: Float
+    along_v: Float
+    radial: Float
+    recedes: Float
+    light: Float
+    grows: Float
+
+
+@lru_cache(maxsize=24)
+def _passing(frame: Frame) -> Passing:
+    """Worked out once for the views in use: no shape changes it.
+
+    Light is Lambert's n.p / r^3 with the point p and its normal n in the camera's frame; both turn alike, and the lamp goes with the
+    camera.
     """
     v, point, normal = frame.context.twist[:3], np.nan_to_num(frame.points), np.nan_to_num(frame.rendering.normal)
+    radial = np.maximum(frame.radial, 1e-6)
+    recedes = -(point @ v) / radial
     facing = np.einsum("hwi,hwi->hw", normal, point)
-    recedes = -(point @ v) / np.maximum(frame.radial, 1e-6)
-    rate = np.divide(-(normal @ v), facing, out=np.zeros_like(facing), where=facing < 0) - 3 * recedes / np.maximum(frame.radial, 1e-6)
-    return np.asarray(np.nan_to_num(rate))
+    rate = np.divide(-(normal @ v), facing, out=np.zeros_like(facing), where=facing < 0) - 3 * recedes / radial
+    light = lambert_amplitude(frame.rendering)
+    return Passing(*image_flow(frame), frame.radial, recedes, light, light * np.nan_to_num(rate))
