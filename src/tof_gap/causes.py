@@ -153,7 +153,9 @@ def shares(causes: Sequence[Named], views: Sequence[ViewEvidence], chain: Chain,
     for cause in causes:
         maps = []
         for v, view in enumerate(views):
-            total = np.sum([_moved(e, view, v, chain, caster) if isinstance(e, HandEye) else e.bias(view.frame) for e in cause.effects], axis=0)
+            total = np.sum(
+                [_moved(e, view, v, chain, caster) if isinstance(e, HandEye) else e.bias(view.frame) for e in cause.effects], axis=0
+            )
             maps.append(np.where(view.frame.valid, total, np.nan))
         out[cause.name] = maps
     return out

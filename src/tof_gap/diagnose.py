@@ -162,7 +162,9 @@ def diagnose(
         nameless=nameless,
         depends_on=joint.selection.unknown,
         crowd=joint.selection.crowd,
-        misfit=misfit(evidence, residual, leftover, [f + s for f, s in zip(floors, _scatter2(findings, evidence), strict=True)]),
+        misfit=misfit(evidence, residual, leftover, [f + s + unsure2 for f, s in zip(floors, _scatter2(findings, evidence), strict=True)]),
+        # Scatter that neighbours share is no misfit, and the fit does not know of it.
+        unfitted=0.0 if any(f.effect.EVIDENCE is Evidence.SCATTER for f in findings) else judge.unfitted(joint.selection.chosen),
     )
     judged = tuple(Cause(c, figures.shrink([c.name]), figures.shrink([m for m in figures.maps if m != c.name]).shrink) for c in causes)
     share = explainable(evidence, leftover, fit_views, held, gap)

@@ -202,7 +202,9 @@ def observe(
 ) -> tuple[ViewEvidence, ...]:
     """Render every view where the chain has it, and gather what differs; `sky`: concavity too."""
     renderings = [render(caster, v.camera, chain.pose(i), footprints=footprints) for i, v in enumerate(views)]
-    return gather(views, renderings, caster, config.evidence, sky=sky)
+    # Where footprints are not traced, mixed pixels are not known: they are next to those that jump.
+    evidence = config.evidence if footprints else replace(config.evidence, edge_px=config.evidence.edge_px + 1)
+    return gather(views, renderings, caster, evidence, sky=sky)
 
 
 def moved(chain: Chain, design: Design, solution: Fit, inflate: float) -> Chain:

@@ -148,6 +148,14 @@ class Selector:
                 return False
         return True
 
+    def unfitted(self, hypothesis: Hypothesis) -> float:
+        """Of the chi-square above scatter that poses alone leave, the share that the hypothesis leaves; 0 where that is hardly any."""
+        system = self.design.system
+        hand = self.frees_hand(hypothesis.members)
+        fits = fit(system, self.columns(())), fit(system, self.columns(hypothesis.members), free_hand=hand)
+        before, after = (solution.energy / float(system.n.sum()) - 1.0 for solution in fits)
+        return after / max(before, after) if hypothesis.members and after > UNFITTED_LEAST else 0.0
+
     def inflation(self, members: Sequence[int]) -> float:
         """How much less than white noise's a pixel's weight is, from what the members leave.
 
@@ -159,6 +167,8 @@ class Selector:
         return 1.0 + max(left / float(system.n.sum()) - 1.0, 0.0) * NEIGHBOURS
 
 
+UNFITTED_LEAST = 0.01
+"""Chi-square per pixel above scatter that its distribution leaves open."""
 NEIGHBOURS = 30.0
 """Drawn pixels that share one error where the residual is structured."""
 
