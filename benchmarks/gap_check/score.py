@@ -209,7 +209,7 @@ def _shrinks(
     left = residual - np.sum([np.nan_to_num(m[held]) for m in true_maps], axis=0)
     if "phase_wrap" in effects:
         # At the distance where turns are lost it is noise that decides which pixel loses one: the noise-free map cannot say.
-        seen &= np.abs(left) < HALF_A_TURN * np.nanmax(np.abs(truth.map("phase_wrap")))
+        seen &= np.abs(left) < HALF_A_TURN * np.nanmax(np.abs(true_maps[effects.index("phase_wrap")]))
     left = left[seen]
     before2, after2 = float((residual[seen] ** 2).mean()), float((left**2).mean())
     floor2 = (report["gap"]["floor_mm"] * 1e-3) ** 2

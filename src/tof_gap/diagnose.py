@@ -12,19 +12,16 @@ from tof_core.errors import RefusedError
 from tof_gap import missing, scatter
 from tof_gap.candidates import not_testable
 from tof_gap.causes import Named, named, nameless_share, shares
+from tof_gap.figures import figures
 from tof_gap.flexible import explainable
 from tof_gap.joint import at_solution, delayed, solution, solve, start
 from tof_gap.judge import Selector, deal
-from tof_gap.pattern import single_pixels, without_pattern
-from tof_gap.posterior import camera_covs, floor2
 from tof_gap.radial import gate
-from tof_gap.shrink import Shrink, blocks, measure
 from tof_gap.unexplained import Unexplained, look, misfit
 from tof_sensor.effect import Evidence
-from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.motion import Motion
-from tof_sensor.effects.quantization import Quantization
+from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.radial_depth import RadialDepth
 from tof_sensor.registry import VOCABULARY
 
@@ -39,6 +36,7 @@ if TYPE_CHECKING:
     from tof_gap.evidence import ViewEvidence
     from tof_gap.joint import Joint
     from tof_gap.kinds import Finding
+    from tof_gap.shrink import Shrink
     from tof_scene.raycast import Raycaster
 
 MIN_VIEWS = 4
@@ -128,46 +126,32 @@ def diagnose(
     findings = tuple(f for f in found if f.name not in left_out)
     nameless = tuple(f for f in found if f.name in left_out)
     say("how far the gap shrinks on held-out views")
-    covs = camera_covs(joint.design.system, joint.selection.fit, joint.chain, inflate=joint.selection.chosen.inflate)
-    unsure2 = np.zeros(evidence[0].residual.shape)
-    quiet: Sequence[ViewEvidence] = evidence
-    if FixedPattern.NAME in maps:
-        unsure2 = single_pixels([joint.views[i] for i in fit_views]).unsure2
-        quiet = without_pattern(evidence, maps[FixedPattern.NAME], unsure2)
-    floors = floor2(quiet, covs)
-    corrections = {f.name: list(f.share) for f in findings if f.corrects and f.share is not None}
-    residual = [used(v, findings) for v in evidence]
+    told = figures(evidence, joint, maps, findings, (fit_views, held), rng)
     if along_ray is not None and along_ray.share is not None:
-        residual = [r + share for r, share in zip(residual, along_ray.share, strict=True)]
-    common = np.sum([f.common for f in findings if f.common is not None] or [np.zeros(len(views))[:, None, None]], axis=0)
-    # Scatter that is named is no bias to be taken off: it belongs to the floor.
-    floors = [f + np.nan_to_num(c) ** 2 for f, c in zip(floors, common, strict=True)]
-    figures = _Figures(residual, floors, maps | corrections, held, unsure2, rng)
-    gap = figures.shrink(list(figures.maps))
-    if findings and not figures.maps:
+        told = replace(told, residual=[r + share for r, share in zip(told.residual, along_ray.share, strict=True)])
+    gap = told.shrink(list(told.maps))
+    if findings and not told.maps:
         gap = replace(gap, shrink=None, ci95=None)  # Scatter and loss alone: nothing is there to be taken off.
-    leftover = [r - figures.total(list(figures.maps), v) - c for v, (r, c) in enumerate(zip(residual, common, strict=True))]
-    step = max((f.effect.step_m / np.sqrt(12) for f in findings if isinstance(f.effect, Quantization)), default=0.0)
-    alike_m = float(np.hypot(step, COMMON_LEFT * np.sqrt(np.mean(np.square(np.nan_to_num(common))))))
-    named_gross = any(f.name == "phase_wrap" for f in findings)
+    left = told.left()
+    scattered = [f + s + told.unsure2 for f, s in zip(told.floors, _scatter2(findings, evidence), strict=True)]
     unexplained = look(
         evidence,
-        leftover,
-        floors,
+        left,
+        told.floors,
         gap,
         caster.scene,
         at_solution=joint.views,
-        gross_named=named_gross,
-        alike_m=alike_m,
+        gross_named=any(f.name == PhaseWrap.NAME for f in findings),
+        alike_m=told.alike_m,
         nameless=nameless,
         depends_on=joint.selection.unknown,
         crowd=joint.selection.crowd,
-        misfit=misfit(evidence, residual, leftover, [f + s + unsure2 for f, s in zip(floors, _scatter2(findings, evidence), strict=True)]),
+        misfit=misfit(evidence, told.residual, left, scattered),
         # Scatter that neighbours share is no misfit, and the fit does not know of it.
         unfitted=0.0 if any(f.effect.EVIDENCE is Evidence.SCATTER for f in findings) else judge.unfitted(joint.selection.chosen),
     )
-    judged = tuple(Cause(c, figures.shrink([c.name]), figures.shrink([m for m in figures.maps if m != c.name]).shrink) for c in causes)
-    share = explainable(evidence, leftover, fit_views, held, gap)
+    judged = tuple(Cause(c, told.shrink([c.name]), told.shrink([m for m in told.maps if m != c.name]).shrink) for c in causes)
+    share = explainable(evidence, left, fit_views, held, gap)
     verdict = sorted({*(c.verdict for c in causes), *(f.name for f in findings)})
     if unexplained.structured:
         verdict.append("unknown")
@@ -180,9 +164,9 @@ def diagnose(
         unexplained,
         {n: f"{len(views)} views are too few" for n in VOCABULARY if n != RadialDepth.NAME} if few else _untested(joint, maps),
         evidence,
-        tuple(residual),
-        tuple(floors),
-        figures.maps,
+        tuple(told.residual),
+        tuple(told.floors),
+        told.maps,
         final,
         _cameras(joint, final),
         joint,
@@ -243,43 +227,3 @@ def split(chain: Chain) -> tuple[tuple[int, ...], tuple[int, ...]]:
         return (), tuple(range(len(chain.station)))
     fold = deal(chain.station.tolist(), 3)
     return tuple(np.flatnonzero(fold != 1).tolist()), tuple(np.flatnonzero(fold == 1).tolist())
-
-
-def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
-    """(H, W) the residual on the pixels that count: edges and gross errors only where an effect claims them."""
-    names = {f.name for f in findings}
-    keep = view.smooth.copy()
-    if "phase_wrap" in names:
-        keep |= view.gross & ~view.edge
-    if "flying_pixels" in names:
-        keep |= view.edge & (view.rendering.mixed > 0) & (view.rendering.mixed < missing.OWN_SURE) & np.isfinite(view.residual)
-    return np.where(keep, view.residual, np.nan)
-
-
-COMMON_LEFT = 0.5
-"""Of scatter that neighbours have in common (rows, beats), what its description may leave."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Figures:
-    """Shrinks over the held-out views for any set of maps."""
-
-    residual: Sequence[Float]
-    floors: Sequence[Float]
-    maps: Mapping[str, Sequence[Float]]
-    held: Sequence[int]
-    unsure2: Float
-    """(H, W) m^2 along the ray by which the map of a fixed pattern may be wrong."""
-    rng: np.random.Generator
-
-    def total(self, names: Sequence[str], view: int) -> Float:
-        """(H, W) metres that the named effects add in a view."""
-        zero = np.zeros(self.residual[view].shape)
-        return np.asarray(np.sum([zero, *(np.nan_to_num(self.maps[n][view]) for n in names)], axis=0))
-
-    def shrink(self, names: Sequence[str]) -> Shrink:
-        """Before and after taking the named effects off."""
-        before = [self.residual[v] for v in self.held]
-        after = [b - self.total(names, v) for b, v in zip(before, self.held, strict=True)]
-        unsure2 = float(self.unsure2.mean()) if FixedPattern.NAME in names else 0.0
-        return measure(blocks(before, after, [self.floors[v] for v in self.held]), self.rng, unsure2=unsure2)
