@@ -21,7 +21,9 @@ from tof_gap.unexplained import Unexplained, look, misfit
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.effects.quantization import Quantization
 from tof_sensor.effects.radial_depth import RadialDepth
 from tof_sensor.registry import VOCABULARY
 
@@ -147,8 +149,7 @@ def diagnose(
         depends_on=joint.selection.unknown,
         crowd=joint.selection.crowd,
         misfit=misfit(evidence, told.residual, left, scattered),
-        # Scatter that neighbours share is no misfit, and the fit does not know of it.
-        unfitted=0.0 if any(f.effect.EVIDENCE is Evidence.SCATTER for f in findings) else judge.unfitted(joint.selection.chosen),
+        unfitted=0.0 if any(_in_common(f) for f in findings) else judge.unfitted(joint.selection.chosen),
     )
     judged = tuple(Cause(c, told.shrink([c.name]), told.shrink([m for m in told.maps if m != c.name]).shrink) for c in causes)
     share = explainable(evidence, left, fit_views, held, gap)
@@ -199,6 +200,11 @@ def _findings(
         *scatter.findings(left, config.scatter),
         *missing.findings(left, config.missing, smeared=Motion.NAME in maps),
     )
+
+
+def _in_common(finding: Finding) -> bool:
+    """Whether neighbours share a named scatter: that is no misfit, and the fit does not know of it."""
+    return finding.common is not None or isinstance(finding.effect, Quantization | Noise)
 
 
 def _scatter2(findings: Sequence[Finding], views: Sequence[ViewEvidence]) -> Float:

@@ -89,7 +89,7 @@ def figures(
     unsure2, quiet = np.zeros(views[0].residual.shape), views
     if FixedPattern.NAME in maps:
         unsure2 = single_pixels([joint.views[i] for i in split[0]]).unsure2
-        quiet = without_pattern(views, maps[FixedPattern.NAME], unsure2)
+        quiet = without_pattern(views, maps[FixedPattern.NAME], unsure2, split[0])
     covs = camera_covs(joint.design.system, joint.selection.fit, joint.chain, inflate=joint.selection.chosen.inflate)
     nothing = np.zeros((len(views), *views[0].residual.shape))
     common = np.sum([nothing, *(f.common for f in findings if f.common is not None)], axis=0)

@@ -99,13 +99,17 @@ ENOUGH_PIXELS = 200
 """Pixels that both halves of the views see below which nothing is said of single ones."""
 
 
-def without_pattern(views: Sequence[ViewEvidence], bias: Sequence[Float], unsure2: Float) -> list[ViewEvidence]:
-    """The views with the scatter that is left once the pattern's (H, W) `bias` of each is taken off, less what that is not sure of."""
+def without_pattern(views: Sequence[ViewEvidence], bias: Sequence[Float], unsure2: Float, fit_views: Sequence[int]) -> list[ViewEvidence]:
+    """The views with the scatter that is left once the pattern's (H, W) `bias` of each is taken off.
+
+    What the pattern is wrong by (`unsure2`) adds to what is seen of a view, and is as much missing where the view itself told it.
+    """
     out = []
-    for view, b in zip(views, bias, strict=True):
+    for v, (view, b) in enumerate(zip(views, bias, strict=True)):
         seen = scatter(view.residual - b, view.smooth, view.frame.amplitude)
         own = depth_step(view.view.depth.astype(np.float64)) / np.sqrt(12)
-        sigma2 = np.maximum(seen**2 - unsure2 / view.frame.length**2, 0.25 * seen**2)
+        wrong2 = (-unsure2 if v in fit_views else unsure2) / view.frame.length**2
+        sigma2 = np.maximum(seen**2 - wrong2, 0.25 * seen**2)
         out.append(replace(view, sigma=np.maximum(np.sqrt(sigma2), own)))
     return out
 

@@ -26,7 +26,7 @@ STRUCTURED_SHARE = 0.12
 """... and its share of the whole gap's energy above the floor."""
 MISFIT_SHARE = 0.25
 """Of the chi-square above the floor at the solution's poses, what a sufficient answer may leave at most."""
-UNFITTED_SHARE = 0.15
+UNFITTED_SHARE = 0.1
 """The same of what poses alone leave."""
 
 
