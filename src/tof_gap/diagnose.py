@@ -149,7 +149,7 @@ def diagnose(
         depends_on=joint.selection.unknown,
         crowd=joint.selection.crowd,
         misfit=misfit(evidence, told.residual, left, scattered),
-        unfitted=0.0 if any(_in_common(f) for f in findings) else judge.unfitted(joint.selection.chosen),
+        unfitted=0.0 if any(_uneven(f) for f in findings) else judge.unfitted(joint.selection.chosen, _said(evidence, told.common)),
     )
     judged = tuple(Cause(c, told.shrink([c.name]), told.shrink([m for m in told.maps if m != c.name]).shrink) for c in causes)
     share = explainable(evidence, left, fit_views, held, gap)
@@ -202,9 +202,14 @@ def _findings(
     )
 
 
-def _in_common(finding: Finding) -> bool:
-    """Whether neighbours share a named scatter: that is no misfit, and the fit does not know of it."""
-    return finding.common is not None or isinstance(finding.effect, Quantization | Noise)
+def _uneven(finding: Finding) -> bool:
+    """Whether a named scatter is such that no chi-square can be foretold: steps, rows, restless pixels."""
+    return isinstance(finding.effect, Quantization | Noise)
+
+
+def _said(views: Sequence[ViewEvidence], common: Sequence[Float]) -> float:
+    """Chi-square per pixel of scatter that neighbours have in common and that was named."""
+    return float(np.concatenate([(np.nan_to_num(c) / v.sigma)[v.smooth] ** 2 for v, c in zip(views, common, strict=True)]).mean())
 
 
 def _scatter2(findings: Sequence[Finding], views: Sequence[ViewEvidence]) -> Float:

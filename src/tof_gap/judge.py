@@ -148,12 +148,15 @@ class Selector:
                 return False
         return True
 
-    def unfitted(self, hypothesis: Hypothesis) -> float:
-        """Of the chi-square above scatter that poses alone leave, the share that the hypothesis leaves; 0 where that is hardly any."""
+    def unfitted(self, hypothesis: Hypothesis, said: float = 0.0) -> float:
+        """Of the chi-square above scatter that poses alone leave, the share that the hypothesis leaves; 0 where that is hardly any.
+
+        `said`: chi-square per pixel of scatter in common that was named.
+        """
         system = self.design.system
         hand = self.frees_hand(hypothesis.members)
         fits = fit(system, self.columns(())), fit(system, self.columns(hypothesis.members), free_hand=hand)
-        before, after = (solution.energy / float(system.n.sum()) - 1.0 for solution in fits)
+        before, after = (solution.energy / float(system.n.sum()) - 1.0 - said for solution in fits)
         return after / max(before, after) if hypothesis.members and after > UNFITTED_LEAST else 0.0
 
     def inflation(self, members: Sequence[int]) -> float:
