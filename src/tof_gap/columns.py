@@ -83,6 +83,10 @@ class ColumnStore:
         return effect.columns_at(view.frame, view.pixels)
 
 
+PINNED_SD = np.repeat([3e-3, np.radians(0.2)], 3)
+"""How far the base of a moving session may be from where edges put it: smear shifts them by millimetres, and is given up to ask for effects."""
+
+
 def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd: Float) -> Design:
     """One system of all hypotheses, linearised at `chain`; `hand_sd` (6,) holds X where it is not freed."""
     by_candidate = [store.of(c.effect) for c in tested]
@@ -94,15 +98,18 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     scale = np.sqrt(sum((np.einsum("nk,nk->k", c, c) for c in C), np.zeros(C[0].shape[1])) / total)
     live = scale > 1e-12
     safe = np.where(live, scale, 1.0)
+    base0, base_sd = np.array([se3.log(T) for T in chain.base]), chain.priors.base
+    if any(v.frame.context.twist.any() for v in store.views):
+        base0, base_sd = np.zeros_like(base0), np.minimum(base_sd, PINNED_SD)
     system = System(
         G=np.stack([_gram(v, c / safe, chain, i) for i, (v, c) in enumerate(zip(store.views, C, strict=True))]),
         station=np.asarray(chain.station),
         n=np.array([float(len(v.pixels)) for v in store.views]),
         weight=np.array([float((v.sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
-        base_sd=chain.priors.base,
+        base_sd=base_sd,
         arm_sd=chain.priors.arm,
         hand_sd=hand_sd,
-        base0=np.array([se3.log(T) for T in chain.base]),
+        base0=base0,
         arm0=np.array([se3.log(T) for T in chain.arm]),
         hand0=se3.log(chain.hand_eye),
         # A column that vanishes everywhere is pinned: it explains nothing.

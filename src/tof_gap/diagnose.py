@@ -149,7 +149,11 @@ def diagnose(
         depends_on=joint.selection.unknown,
         crowd=joint.selection.crowd,
         misfit=misfit(evidence, told.residual, left, scattered),
-        unfitted=0.0 if any(_uneven(f) for f in findings) else judge.unfitted(joint.selection.chosen, _said(evidence, told.common)),
+        # What motion smears at folds and rims is no misfit of what was named.
+        unfitted=0.0
+        if Motion.NAME in maps or any(_uneven(f) for f in findings)
+        else judge.unfitted(joint.selection.chosen, _said(evidence, told.common)),
+        arms_alike=judge.arms_alike(joint.selection.chosen),
     )
     judged = tuple(Cause(c, told.shrink([c.name]), told.shrink([m for m in told.maps if m != c.name]).shrink) for c in causes)
     share = explainable(evidence, left, fit_views, held, gap)

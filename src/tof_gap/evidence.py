@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
 
 from tof_core.config import param
 from tof_scene.maps import concavity_map
@@ -66,8 +66,9 @@ def gather(
     config: EvidenceConfig,
     *,
     sky: bool = False,
+    wider_px: int = 0,
 ) -> tuple[ViewEvidence, ...]:
-    """Residuals of all views against the CAD rendered at their reference poses; `sky`: concavity too."""
+    """Residuals of all views against the CAD rendered at their reference poses; `sky`: concavity too; `wider_px`: of still views' edges."""
     start = min(v.stamp_ns for v in views)
     rng = np.random.default_rng(config.seed)
     out = []
@@ -80,7 +81,7 @@ def gather(
         )
         amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
         hollow = concavity_map(caster, rendering, CONCAVITY_STRIDE) if sky else np.full(rendering.depth.shape, np.nan, np.float32)
-        out.append(_of_view(view, ideal_frame(rendering, context, amplitude), config, rng, hollow))
+        out.append(_of_view(view, ideal_frame(rendering, context, amplitude), config, rng, hollow, wider_px))
     return tuple(out)
 
 
@@ -96,11 +97,12 @@ def _twist(view: View) -> Float:
     return np.zeros(6) if twist is None or np.abs(twist).max() < STANDING else twist
 
 
-def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Generator, concavity: Image) -> ViewEvidence:
+def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Generator, concavity: Image, wider_px: int) -> ViewEvidence:
     residual = view.depth.astype(np.float64) - frame.depth
-    smeared = smear(frame)
-    edge = edge_band(frame, config.edge_px + smeared, creases=smeared > 0)
+    edge = spoiled(frame, config.edge_px, wider_px)
     gross = np.abs(residual) > config.gross_mm * 1e-3
+    if smear(frame):
+        edge |= streaks(residual, frame, ~edge & ~gross)
     flat = frame.rendering.incidence > np.radians(config.grazing_deg)
     smooth = np.isfinite(residual) & ~edge & ~gross & ~flat
     # Rounding to coarse steps hides scatter from neighbours that round alike.
@@ -122,6 +124,32 @@ def smear(frame: Frame) -> int:
         return 0
     speed = np.hypot(*image_flow(frame))[frame.valid]
     return min(int(np.ceil(EXPOSURE_S * np.quantile(speed, 0.9))), round(SMEAR_SHARE * frame.camera.width))
+
+
+def spoiled(frame: Frame, width: int, wider: int) -> Mask:
+    """(H, W) pixels that mixing or smear may reach: `width` around depth edges; farther, and around creases, while the camera moves.
+
+    `wider` is for still views alone: of moving ones enough is given up.
+    """
+    smeared = smear(frame)
+    return edge_band(frame, width + smeared, creases=True) if smeared else edge_band(frame, width + wider)
+
+
+STREAK_SIGMA = 5.0
+"""Scatters off its neighbourhood from which a pixel of a moving view is on a streak..."""
+STREAK_PX = 9
+"""... of which the neighbourhood, so many pixels wide, holds less than half."""
+
+
+def streaks(residual: Float, frame: Frame, keep: Mask) -> Mask:
+    """(H, W) thin marks of a moving view: rims and low steps smear as edges do, and no band foretells all of them."""
+    keep = keep & np.isfinite(residual)
+    if not keep.any():
+        return np.zeros(keep.shape, bool)
+    nearest = distance_transform_edt(~keep, return_distances=False, return_indices=True)
+    around = median_filter(residual[tuple(nearest)], size=STREAK_PX, mode="nearest")
+    off = np.abs(residual - around) > STREAK_SIGMA * scatter(residual, keep, frame.amplitude)
+    return np.asarray(binary_dilation(off & keep))
 
 
 CREASE = 0.05

@@ -13,7 +13,7 @@ from tof_align.pixels import sample
 from tof_align.session import near
 from tof_core import se3
 from tof_core.errors import RefusedError
-from tof_gap.candidates import Candidate, candidates
+from tof_gap.candidates import Candidate, candidates, moving
 from tof_gap.columns import ColumnStore, Design, build
 from tof_gap.evidence import ViewEvidence, gather
 from tof_gap.judge import Selector, deal
@@ -77,7 +77,7 @@ def solve(
     The first round asks only effects that look at each pixel by itself: it is there to bring the cameras near.
     """
     check_fit(evidence := observe(views, caster, chain, config, footprints=False))
-    joint, store = _linearised(evidence, caster, chain, config, left_out, quick=True)
+    joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
     for _ in range(ROUNDS - 1):
         after, late_s = solution(joint)
         evidence = _in_time(observe(views, caster, after, config, footprints=False, sky=True), late_s)
@@ -139,7 +139,10 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
     samples = [sample(v, align.weights) for v in views]
     chain = near(samples, chain_of(samples, align.priors), caster, align)
     for _ in range(2):
-        design = build(ColumnStore(observe(views, caster, chain, config, footprints=False), chain.station), [], chain, config.hand_sd)
+        evidence = observe(views, caster, chain, config, footprints=False)
+        if moving(evidence):
+            break  # Edges, which these poses are found by, are given up from here on.
+        design = build(ColumnStore(evidence, chain.station), [], chain, config.hand_sd)
         before, chain = chain, moved(chain, design, fit(design.system, np.zeros(0, np.int64), inflate=START_INFLATE), START_INFLATE)
         if farthest(before, chain, NEAR) <= 1.0:
             break
@@ -203,8 +206,7 @@ def observe(
     """Render every view where the chain has it, and gather what differs; `sky`: concavity too."""
     renderings = [render(caster, v.camera, chain.pose(i), footprints=footprints) for i, v in enumerate(views)]
     # Where footprints are not traced, mixed pixels are not known: they are next to those that jump.
-    evidence = config.evidence if footprints else replace(config.evidence, edge_px=config.evidence.edge_px + 1)
-    return gather(views, renderings, caster, evidence, sky=sky)
+    return gather(views, renderings, caster, config.evidence, sky=sky, wider_px=0 if footprints else 1)
 
 
 def moved(chain: Chain, design: Design, solution: Fit, inflate: float) -> Chain:

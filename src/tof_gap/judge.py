@@ -12,7 +12,7 @@ import numpy as np
 from tof_core.config import param
 from tof_gap.candidates import HAND_EYE
 from tof_gap.observable import Unknown
-from tof_gap.system import cross_validate, fit
+from tof_gap.system import arm_steps, cross_validate, fit
 from tof_sensor.effects.cad_deviation import CadDeviation
 
 if TYPE_CHECKING:
@@ -158,6 +158,12 @@ class Selector:
         fits = fit(system, self.columns(())), fit(system, self.columns(hypothesis.members), free_hand=hand)
         before, after = (solution.energy / float(system.n.sum()) - 1.0 - said for solution in fits)
         return after / max(before, after) if hypothesis.members and after > UNFITTED_LEAST else 0.0
+
+    def arms_alike(self, hypothesis: Hypothesis) -> float:
+        """Chi-square of 6 of what all arms' poses err by alike, under the robot's prior: a mount that is off and was not named."""
+        system = self.design.system
+        steps = system.arm0 + arm_steps(system, self.fit(hypothesis), inflate=hypothesis.inflate)
+        return float(len(steps) * ((steps / system.arm_sd).mean(axis=0) ** 2).sum())
 
     def inflation(self, members: Sequence[int]) -> float:
         """How much less than white noise's a pixel's weight is, from what the members leave.

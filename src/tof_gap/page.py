@@ -92,7 +92,8 @@ def sentence(content: dict[str, Any]) -> str:
     return f"Camera and simulation differ by {said}{', which together' if len(names) > 1 and how else ', which' if how else ''}{how[4:] if how else ''}.{more}"
 
 
-GOES_WITH = {"x_m": "place in the cell", "y_m": "place in the cell", "z_m": "place in the cell", "temperature_c": "temperature"}
+PLACE = "place in the cell"
+GOES_WITH = {"x_m": PLACE, "y_m": PLACE, "z_m": PLACE, "temperature_c": "temperature", "hand": "the camera's place on the hand"}
 """Observables whose names say less than these words."""
 
 
