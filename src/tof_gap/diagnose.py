@@ -21,9 +21,7 @@ from tof_gap.unexplained import Unexplained, look, misfit
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.motion import Motion
-from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
-from tof_sensor.effects.quantization import Quantization
 from tof_sensor.effects.radial_depth import RadialDepth
 from tof_sensor.registry import VOCABULARY
 
@@ -149,10 +147,6 @@ def diagnose(
         depends_on=joint.selection.unknown,
         crowd=joint.selection.crowd,
         misfit=misfit(evidence, told.residual, left, scattered),
-        # What motion smears at folds and rims is no misfit of what was named.
-        unfitted=0.0
-        if Motion.NAME in maps or any(_uneven(f) for f in findings)
-        else judge.unfitted(joint.selection.chosen, _said(evidence, told.common)),
         arms_alike=judge.arms_alike(joint.selection.chosen),
     )
     judged = tuple(Cause(c, told.shrink([c.name]), told.shrink([m for m in told.maps if m != c.name]).shrink) for c in causes)
@@ -204,16 +198,6 @@ def _findings(
         *scatter.findings(left, config.scatter),
         *missing.findings(left, config.missing, smeared=Motion.NAME in maps),
     )
-
-
-def _uneven(finding: Finding) -> bool:
-    """Whether a named scatter is such that no chi-square can be foretold: steps, rows, restless pixels."""
-    return isinstance(finding.effect, Quantization | Noise)
-
-
-def _said(views: Sequence[ViewEvidence], common: Sequence[Float]) -> float:
-    """Chi-square per pixel of scatter that neighbours have in common and that was named."""
-    return float(np.concatenate([(np.nan_to_num(c) / v.sigma)[v.smooth] ** 2 for v, c in zip(views, common, strict=True)]).mean())
 
 
 def _scatter2(findings: Sequence[Finding], views: Sequence[ViewEvidence]) -> Float:

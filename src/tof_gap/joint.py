@@ -17,6 +17,7 @@ from tof_gap.candidates import Candidate, candidates, moving
 from tof_gap.columns import ColumnStore, Design, build
 from tof_gap.evidence import ViewEvidence, gather
 from tof_gap.judge import Selector, deal
+from tof_gap.missing import mixing
 from tof_gap.observable import unknowns
 from tof_gap.select import Selection, select
 from tof_gap.system import arm_steps, fit
@@ -76,11 +77,12 @@ def solve(
 
     The first round asks only effects that look at each pixel by itself: it is there to bring the cameras near.
     """
-    check_fit(evidence := observe(views, caster, chain, config, footprints=False))
+    wider_px = MIXED_PX if _mixes(views, caster, chain, config) else 0
+    check_fit(evidence := observe(views, caster, chain, config, footprints=False, wider_px=wider_px))
     joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
     for _ in range(ROUNDS - 1):
         after, late_s = solution(joint)
-        evidence = _in_time(observe(views, caster, after, config, footprints=False, sky=True), late_s)
+        evidence = _in_time(observe(views, caster, after, config, footprints=False, sky=True, wider_px=wider_px), late_s)
         joint, store = _linearised(evidence, caster, after, config, left_out)
         joint = replace(joint, late_s=late_s)
         if farthest(after, solution(joint)[0], NEAR) <= 1.0:
@@ -92,6 +94,19 @@ def solve(
     nameless = [Candidate(u.NAME, u, u.quantity) for u in unknowns(joint.views)]
     design = build(store, [*joint.design.candidates, *finer, *nameless], joint.chain, config.hand_sd)
     return replace(joint, design=design, selection=select(design, config.select))
+
+
+MIXED_PX = 1
+"""Pixels by which edges reach farther where pixels mix: footprints that are not traced do not tell which."""
+MIXED_EVERY = 3
+"""Of so many views one is looked at to see whether pixels mix."""
+
+
+def _mixes(views: Sequence[View], caster: Raycaster, chain: Chain, config: GapConfig) -> bool:
+    """Whether edges show pixels that lie on neither surface."""
+    some = range(0, len(views), MIXED_EVERY)
+    renderings = [render(caster, views[i].camera, chain.pose(i)) for i in some]
+    return mixing(gather([views[i] for i in some], renderings, caster, config.evidence), config.missing) is not None
 
 
 def solution(joint: Joint) -> tuple[Chain, float]:
@@ -202,11 +217,11 @@ def observe(
     *,
     footprints: bool = True,
     sky: bool = False,
+    wider_px: int = 0,
 ) -> tuple[ViewEvidence, ...]:
-    """Render every view where the chain has it, and gather what differs; `sky`: concavity too."""
+    """Render every view where the chain has it, and gather what differs; `sky`: concavity too; `wider_px`: of still views' edges."""
     renderings = [render(caster, v.camera, chain.pose(i), footprints=footprints) for i, v in enumerate(views)]
-    # Where footprints are not traced, mixed pixels are not known: they are next to those that jump.
-    return gather(views, renderings, caster, config.evidence, sky=sky, wider_px=0 if footprints else 1)
+    return gather(views, renderings, caster, config.evidence, sky=sky, wider_px=wider_px)
 
 
 def moved(chain: Chain, design: Design, solution: Fit, inflate: float) -> Chain:

@@ -148,17 +148,6 @@ class Selector:
                 return False
         return True
 
-    def unfitted(self, hypothesis: Hypothesis, said: float = 0.0) -> float:
-        """Of the chi-square above scatter that poses alone leave, the share that the hypothesis leaves; 0 where that is hardly any.
-
-        `said`: chi-square per pixel of scatter in common that was named.
-        """
-        system = self.design.system
-        hand = self.frees_hand(hypothesis.members)
-        fits = fit(system, self.columns(())), fit(system, self.columns(hypothesis.members), free_hand=hand)
-        before, after = (solution.energy / float(system.n.sum()) - 1.0 - said for solution in fits)
-        return after / max(before, after) if hypothesis.members and after > UNFITTED_LEAST else 0.0
-
     def arms_alike(self, hypothesis: Hypothesis) -> float:
         """Chi-square of 6 of what all arms' poses err by alike, under the robot's prior: a mount that is off and was not named."""
         system = self.design.system
@@ -176,8 +165,6 @@ class Selector:
         return 1.0 + max(left / float(system.n.sum()) - 1.0, 0.0) * NEIGHBOURS
 
 
-UNFITTED_LEAST = 0.01
-"""Chi-square per pixel above scatter that its distribution leaves open."""
 NEIGHBOURS = 30.0
 """Drawn pixels that share one error where the residual is structured."""
 

@@ -26,8 +26,6 @@ STRUCTURED_SHARE = 0.12
 """... and its share of the whole gap's energy above the floor."""
 MISFIT_SHARE = 0.25
 """Of the chi-square above the floor at the solution's poses, what a sufficient answer may leave at most."""
-UNFITTED_SHARE = 0.1
-"""The same of what poses alone leave."""
 ARMS_ALIKE = 22.5
 """Chi-square of six that one session in a thousand exceeds: arms that err alike by more are off their mount."""
 
@@ -60,18 +58,15 @@ def look(
     depends_on: tuple[str, ...] = (),
     crowd: tuple[str, ...] = (),
     misfit: float = 0.0,
-    unfitted: float = 0.0,
     arms_alike: float = 0.0,
 ) -> Unexplained:
     """Judge what is left (H, W) metres per view against the floor.
 
     Pixels off by more than any bias, away from edges, count too unless an effect named them (`gross_named`), or they are not where
-    the cameras are after all (`at_solution`). Where
-    neighbours err alike by a named scatter (steps, rows, beats), `alike_m` of structure is its own. Scatter, loss and mixing
-    that show but may not be named (`nameless`) are unexplained too. So is an error that only a function of some observable
-    describes (`depends_on`), one that several small effects would have to draw together (`crowd`), and a joint fit
-    that leaves a share of what it was to explain: `misfit` of all that is above the floor at its poses, `unfitted` of what other poses could not take;
-    and arms that all err alike (`arms_alike`).
+    the cameras are after all (`at_solution`). Where neighbours err alike by a named scatter (steps, rows, beats), `alike_m` of
+    structure is its own. Scatter, loss and mixing that show but may not be named (`nameless`) are unexplained too. So is an error
+    that only a function of some observable describes (`depends_on`), one that several small effects would have to draw together
+    (`crowd`), a joint fit that leaves a share `misfit` of what it was to explain, and arms that all err alike (`arms_alike`).
     """
     block, mean, expected, part = _block_means(views, left, floor2)
     if len(block) == 0:
@@ -82,9 +77,7 @@ def look(
     gross = 0.0 if gross_named else min(_gross_share(v) for v in (views, at_solution or views))
     blocks_agree = size > np.hypot(STRUCTURED_MM, 1e3 * alike_m) and size**2 > STRUCTURED_SHARE * before2
     depends_on = (*depends_on, "hand") if arms_alike > ARMS_ALIKE else depends_on
-    structured = (
-        blocks_agree or gross > GROSS_SHARE or bool(depends_on) or bool(crowd) or misfit > MISFIT_SHARE or unfitted > UNFITTED_SHARE
-    )
+    structured = blocks_agree or gross > GROSS_SHARE or bool(depends_on) or bool(crowd) or misfit > MISFIT_SHARE
     energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
     if nameless:
         structured = True
