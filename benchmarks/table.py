@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from benchmarks.figure import Figure
@@ -46,7 +46,7 @@ def read_sections(page: Path) -> dict[str, list[str]]:
     return sections
 
 
-def write_page(page: Path, results: dict[str, Iterable[Figure]], where: str) -> None:
+def write_page(page: Path, results: Mapping[str, Iterable[Figure]], where: str) -> None:
     """Put new results in place of the same benches' old ones; every other section stays as it was."""
     sections = read_sections(page)
     for name, figures in results.items():
