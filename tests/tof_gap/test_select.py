@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -113,6 +115,22 @@ def test_hand_eye_needs_less_than_what_pixels_speak_for() -> None:
     judge = Selector(d, SelectConfig())
     assert judge.gain(0) == SelectConfig().hand_gain < judge.gain(1)
     assert judge.share(0) == 0.0
+
+
+def test_arms_that_all_err_alike_speak_of_their_mount() -> None:
+    rng = np.random.default_rng(1)
+    quiet = design(plain(RangeOffset()), [0.0])
+    G = []
+    for _ in range(VIEWS):
+        pose, C = rng.normal(size=(PIXELS, 18)), rng.normal(size=(PIXELS, 1))
+        # Of base, hand and arm the arm's columns alone carry it: the same step of two prior deviations in every view.
+        r = pose[:, 12:] @ np.array([0.02, 0, 0, 0, 0, 0]) + 0.01 * rng.normal(size=PIXELS)
+        X = np.concatenate([pose, C, r[:, None]], axis=1) / 0.01
+        G.append(X.T @ X)
+    off = replace(quiet, system=replace(quiet.system, G=np.stack(G)))
+    alike = [Selector(d, SelectConfig()).arms_alike(Selector(d, SelectConfig()).score([], 1.0)) for d in (quiet, off)]
+    assert alike[0] < 6.0
+    assert alike[1] == pytest.approx(VIEWS * 2.0**2, rel=0.1)
 
 
 def test_every_fold_leaves_every_station_some_views() -> None:
