@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core import se3
+from tof_gap.candidates import moving
 from tof_gap.observable import Unknown, unknown_columns
 from tof_gap.pattern import pattern_columns
 from tof_gap.system import System
@@ -88,7 +89,10 @@ PINNED_SD = np.repeat([3e-3, np.radians(0.2)], 3)
 
 
 def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd: Float) -> Design:
-    """One system of all hypotheses, linearised at `chain`; `hand_sd` (6,) holds X where it is not freed."""
+    """One system of all hypotheses, linearised at `chain`; `hand_sd` (6,) holds X where it is not freed.
+
+    The bases of a moving session stay by the chain's, and not by the robot's word.
+    """
     by_candidate = [store.of(c.effect) for c in tested]
     ends = np.cumsum([0, *(columns[0].shape[1] for columns in by_candidate)])
     groups = tuple(np.arange(a, b) for a, b in itertools.pairwise(ends))
@@ -99,7 +103,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     live = scale > 1e-12
     safe = np.where(live, scale, 1.0)
     base0, base_sd = np.array([se3.log(T) for T in chain.base]), chain.priors.base
-    if any(v.frame.context.twist.any() for v in store.views):
+    if moving(store.views):
         base0, base_sd = np.zeros_like(base0), np.minimum(base_sd, PINNED_SD)
     system = System(
         G=np.stack([_gram(v, c / safe, chain, i) for i, (v, c) in enumerate(zip(store.views, C, strict=True))]),

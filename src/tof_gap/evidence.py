@@ -114,6 +114,8 @@ def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Ge
 
 EXPOSURE_S = 0.2
 """How long a camera may look at most: four taps of some tens of milliseconds."""
+TREMBLE_PX = 0.25
+"""Smear below which the camera is taken to stand."""
 SMEAR_SHARE = 0.04
 """Of the image's width, more than which no edge band grows: something must be left to look at."""
 
@@ -122,8 +124,9 @@ def smear(frame: Frame) -> int:
     """Pixels by which edges smear while the camera moves through an exposure."""
     if not frame.context.twist.any() or not frame.valid.any():
         return 0
-    speed = np.hypot(*image_flow(frame))[frame.valid]
-    return min(int(np.ceil(EXPOSURE_S * np.quantile(speed, 0.9))), round(SMEAR_SHARE * frame.camera.width))
+    reach = EXPOSURE_S * np.quantile(np.hypot(*image_flow(frame))[frame.valid], 0.9)
+    # TF that trembles is no motion.
+    return 0 if reach < TREMBLE_PX else min(int(np.ceil(reach)), round(SMEAR_SHARE * frame.camera.width))
 
 
 def spoiled(frame: Frame, width: int, wider: int) -> Mask:
@@ -160,14 +163,14 @@ def edge_band(frame: Frame, width: int, *, creases: bool = False) -> Mask:
     """(H, W) pixels within `width` of a depth edge or of the end of the CAD; `creases`: of where brightness jumps, too."""
     z = frame.depth
     seam = frame.rendering.mixed > 0
-    light = np.log(np.maximum(lambert_amplitude(frame.rendering), 1e-12))
+    light = np.log(np.maximum(lambert_amplitude(frame.rendering), 1e-12)) if creases else None
     for axis in (0, 1):
         step = np.abs(np.diff(z, axis=axis))
         tilt = np.tan(np.minimum(np.nan_to_num(frame.rendering.incidence, nan=1.4), 1.4)) * frame.camera.pixel_angle
         expected = z * (2.0 * tilt + 2.0 * frame.camera.pixel_angle)
         limit = np.minimum(np.delete(expected, -1, axis), np.delete(expected, 0, axis))
         jump = ~(step < limit)
-        if creases:
+        if light is not None:
             jump |= np.abs(np.diff(light, axis=axis)) > CREASE
         pad = [(0, 0), (0, 0)]
         pad[axis] = (0, 1)

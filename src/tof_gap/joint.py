@@ -75,7 +75,8 @@ def solve(
 ) -> Joint:
     """Poses and effects at once, from a `chain` that `start` brought near; linearised anew while cameras move.
 
-    The first round asks only effects that look at each pixel by itself: it is there to bring the cameras near.
+    The first round asks only effects that look at each pixel by itself: it is there to bring the cameras near. Of a moving session it
+    asks all, as whatever stands in for motion takes the cameras away.
     """
     wider_px = MIXED_PX if _mixes(views, caster, chain, config) else 0
     check_fit(evidence := observe(views, caster, chain, config, footprints=False, wider_px=wider_px))

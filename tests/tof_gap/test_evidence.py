@@ -16,7 +16,7 @@ SLIDES = np.array([0.15, 0, 0, 0, 0, 0])
 """0.15 m/s along the image's rows: 17 pixels a second at 0.9 m."""
 
 
-def frame(twist: np.ndarray | None = None, *, step_m: float = 0.0, fold: bool = False) -> Frame:  # type: ignore[type-arg]
+def frame(twist: np.ndarray | None = None, *, step_m: float = 0.0, fold: bool = False) -> Frame:
     """A tilted plane; its right half `step_m` farther, or as dark as if it were folded away."""
     r = rendering(0.0)
     depth, incidence = r.depth.copy(), r.incidence.copy()
@@ -27,7 +27,7 @@ def frame(twist: np.ndarray | None = None, *, step_m: float = 0.0, fold: bool = 
     return ideal_frame(made, Context(twist=np.zeros(6) if twist is None else twist))
 
 
-def columns(mask: np.ndarray) -> tuple[int, int]:  # type: ignore[type-arg]
+def columns(mask: np.ndarray) -> tuple[int, int]:
     """First and last column that a mask holds in the middle row."""
     where = np.flatnonzero(mask[SHAPE[0] // 2])
     return (int(where[0]), int(where[-1])) if len(where) else (-1, -1)
@@ -49,6 +49,11 @@ def test_a_moving_view_gives_up_what_the_image_flows_and_folds_too() -> None:
     assert still[0] - moving[0] == moving[1] - still[1] == smear(moved)
     assert columns(spoiled(frame(SLIDES, fold=True), 2, 0)) == moving
     assert not edge_band(frame(fold=True), 2).any()
+
+
+def test_a_hand_whose_pose_trembles_stands() -> None:
+    assert smear(frame(SLIDES / 100)) == 0
+    assert smear(frame(SLIDES / 10)) == 1
 
 
 def test_a_thin_mark_is_left_out_and_a_wide_one_stays() -> None:
