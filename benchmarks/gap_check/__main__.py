@@ -69,7 +69,8 @@ def _score(args: argparse.Namespace) -> int:
     (args.out / "scores.json").write_text(json.dumps([asdict(r) for r in rows], indent=1))
     print(summary(rows))
     if args.write:
-        Path("docs/gap_check.md").write_text(page(rows, f"make gap-check ARGS='--form {args.form} --seed {args.seed}'"))
+        drawn = f"--form {args.form}" if args.count is None else f"--count {args.count} --size {args.size or FORMS[args.form][1]}"
+        Path("docs/gap_check.md").write_text(page(rows, f"make gap-check ARGS='{drawn} --seed {args.seed}'"))
     return 0
 
 
