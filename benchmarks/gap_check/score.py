@@ -201,15 +201,15 @@ def _shrinks(
 ) -> tuple[float | None, float | None, bool | None]:
     """Stated shrink, the one that taking off the true effect would give, and whether the interval holds it."""
     stated, held = report["gap"]["shrink"], report["split"]["held_out_views"]
-    true_maps = [m for e in effects if (m := truth.map(e)) is not None]
-    if stated is None or len(true_maps) != len(effects):
+    biases = {e: m for e in effects if (m := truth.bias(e)) is not None}
+    if stated is None or not biases:
         return None, None, None
     residual = maps["residual_m"].astype(float)[held]
     seen = np.isfinite(residual)
-    left = residual - np.sum([np.nan_to_num(m[held]) for m in true_maps], axis=0)
-    if "phase_wrap" in effects:
+    left = residual - np.sum([np.nan_to_num(m[held]) for m in biases.values()], axis=0)
+    if "phase_wrap" in biases:
         # At the distance where turns are lost it is noise that decides which pixel loses one: the noise-free map cannot say.
-        seen &= np.abs(left) < HALF_A_TURN * np.nanmax(np.abs(true_maps[effects.index("phase_wrap")]))
+        seen &= np.abs(left) < HALF_A_TURN * np.nanmax(np.abs(biases["phase_wrap"]))
     left = left[seen]
     before2, after2 = float((residual[seen] ** 2).mean()), float((left**2).mean())
     floor2 = (report["gap"]["floor_mm"] * 1e-3) ** 2

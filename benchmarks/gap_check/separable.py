@@ -37,6 +37,11 @@ class Truth:
                 return np.asarray(self.arrays[f"{kind}_{effect}"], float)
         return None
 
+    def bias(self, effect: str) -> Float | None:
+        """(V, H, W) metres that the effect adds to depth, None where it scatters or loses alone."""
+        kept = self.arrays.get(f"bias_{effect}")
+        return None if kept is None else np.asarray(kept, float)
+
     def worst_part(self, effect: str) -> str | None:
         """Name of the part that carries most of an effect's energy."""
         true = self.map(effect)
