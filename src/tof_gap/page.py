@@ -23,7 +23,7 @@ MEANING = {
     "lens_scatter": "light of bright surfaces spreads in the lens over dark ones",
     "temperature_drift": "range drifts while the camera warms up",
     "amplitude_bias": "dark and bright surfaces are measured at different distances",
-    "fixed_pattern": "each column, row or corner of the sensor has its own offset",
+    "fixed_pattern": "each pixel, column, row or corner of the sensor has its own offset",
     "noise": "more scatter than light explains",
     "motion": "the hand moved while the frame was taken",
     "intrinsics": "the lens is not what camera_info says",

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tof_gap.kinds import Finding
     from tof_gap.shrink import Shrink
     from tof_scene.raycast import Raycaster
+    from tof_sensor.effect import Effect
 
 SCHEMA = "toftwin.gap/1"
 
@@ -67,7 +68,7 @@ def _shrink(s: Shrink) -> dict[str, Any]:
 
 
 def _cause(c: Cause) -> dict[str, Any]:
-    params = [{k: _plain(getattr(e, k)) for k in type(e).__dataclass_fields__ if k.islower()} for e in c.named.effects]  # type: ignore[attr-defined]
+    params = [_params(e) for e in c.named.effects]
     alone = _shrink(c.alone)
     return {
         "effect": c.named.name,
@@ -81,17 +82,26 @@ def _cause(c: Cause) -> dict[str, Any]:
 
 
 def _finding(f: Finding) -> dict[str, Any]:
-    params = {k: _plain(getattr(f.effect, k)) for k in type(f.effect).__dataclass_fields__ if k.islower()}  # type: ignore[attr-defined]
     return {
         "effect": f.name,
         "tied_with": [],
         "confidence": f.confidence,
-        "params": params,
+        "params": _params(f.effect),
         "params_std": f.std,
         "alone": {"after_mm": None, "shrink": None, "shrink_ci95": None},
         "left_out": {"shrink": None},
         "note": f.note,
     }
+
+
+def _params(effect: Effect) -> dict[str, Any]:
+    """Parameters by name; an image in text form stays in `sensor.yaml`."""
+    values = {k: _plain(getattr(effect, k)) for k in type(effect).__dataclass_fields__ if k.islower()}  # type: ignore[attr-defined]
+    return {k: v for k, v in values.items() if not (isinstance(v, str) and len(v) > LONGEST_TEXT)}
+
+
+LONGEST_TEXT = 200
+"""Characters of a parameter that a reader may want to see."""
 
 
 def _plain(value: Any) -> Any:
