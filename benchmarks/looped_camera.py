@@ -53,6 +53,7 @@ class LoopedCamera:
         self.sent: dict[int, float] = {}
         self.fates: dict[str, dict[int, str]] = defaultdict(dict)
         self.latencies: list[float] = []
+        self.behind_s = 0.0
         self._stop = threading.Event()
         for room in ROOMS:
             node.create_subscription(TimeReference, f"{room}/done", lambda m, room=room: self._answered(room, m), qos.RECORD)
@@ -94,14 +95,18 @@ class LoopedCamera:
         return all(sum(fate == "kept" for fate in tuple(self.fates[room].values())[-most:]) >= most for room in ROOMS)
 
     def play(self, seconds: float) -> float:
-        """Publish for so long (or until `stop`); gives the rate that was reached, in frames a second."""
+        """Publish for so long (or until `stop`); gives the rate that was reached, in frames a second; `behind_s` the most it was late."""
+        self.behind_s = 0.0
         before, begin, start_ns = len(self.sent), time.monotonic(), time.time_ns()
         loop = 0
         while not self._stop.is_set() and time.monotonic() - begin < seconds:
             for stamp, topic, message in self._events:
                 due = (stamp - self._first + loop * self._loop_ns) / self._speed
-                if due * 1e-9 > seconds or self._stop.wait(max(due * 1e-9 - (time.monotonic() - begin), 0.0)):
+                # The last frame's transforms come after it: what follows is still sent, up to the next frame.
+                over = due * 1e-9 > seconds and topic == self._frames_topic
+                if over or self._stop.wait(max(due * 1e-9 - (time.monotonic() - begin), 0.0)):
                     break
+                self.behind_s = max(self.behind_s, time.monotonic() - begin - due * 1e-9)
                 self._send(topic, message, start_ns + round(due))
             loop += 1
         return (len(self.sent) - before) / (time.monotonic() - begin)
