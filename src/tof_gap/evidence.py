@@ -99,9 +99,10 @@ def _twist(view: View) -> Float:
 
 def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Generator, concavity: Image, wider_px: int) -> ViewEvidence:
     residual = view.depth.astype(np.float64) - frame.depth
-    edge = spoiled(frame, config.edge_px, wider_px)
+    smeared = smear(frame)
+    edge = spoiled(frame, config.edge_px, wider_px, smeared)
     gross = np.abs(residual) > config.gross_mm * 1e-3
-    if smear(frame):
+    if smeared:
         edge |= streaks(residual, frame, ~edge & ~gross)
     flat = frame.rendering.incidence > np.radians(config.grazing_deg)
     smooth = np.isfinite(residual) & ~edge & ~gross & ~flat
@@ -129,12 +130,11 @@ def smear(frame: Frame) -> int:
     return 0 if reach < TREMBLE_PX else min(int(np.ceil(reach)), round(SMEAR_SHARE * frame.camera.width))
 
 
-def spoiled(frame: Frame, width: int, wider: int) -> Mask:
-    """(H, W) pixels that mixing or smear may reach: `width` around depth edges; farther, and around creases, while the camera moves.
+def spoiled(frame: Frame, width: int, wider: int, smeared: int) -> Mask:
+    """(H, W) pixels that mixing or smear may reach: `width` around depth edges; by `smeared` farther, and around creases, in a moving view.
 
     `wider` is for still views alone: of moving ones enough is given up.
     """
-    smeared = smear(frame)
     return edge_band(frame, width + smeared, creases=True) if smeared else edge_band(frame, width + wider)
 
 

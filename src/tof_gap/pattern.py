@@ -65,10 +65,7 @@ class Pixels:
 
 
 def single_pixels(views: Sequence[ViewEvidence]) -> Pixels:
-    """Means over the views of the high-passed residual less its lines, each weighed against the scatter of that mean.
-
-    The two halves of the views share the pattern and nothing else that is white: their covariance is its variance.
-    """
+    """Means over the views of the high-passed residual less its lines, each weighed against the scatter of that mean."""
     by_column, by_row = lines(views)
     sharp, weight = [], []
     for view in views:
@@ -78,12 +75,8 @@ def single_pixels(views: Sequence[ViewEvidence]) -> Pixels:
     high, w = np.stack(sharp), np.stack(weight)
     halves = [(w[i::2] * high[i::2]).sum(axis=0) / np.maximum(w[i::2].sum(axis=0), 1e-12) for i in (0, 1)]
     both = (w[0::2].sum(axis=0) > 0) & (w[1::2].sum(axis=0) > 0)
-    product = (halves[0] * halves[1])[both]
-    if len(product) < ENOUGH_PIXELS:
-        return Pixels(np.zeros(both.shape), 0.0, np.zeros(both.shape))
-    product = np.clip(product, *np.quantile(product, [0.002, 0.998]))
-    size2 = float(product.mean())
-    if size2 < SURE * float(product.std()) / np.sqrt(len(product)):
+    size2, error2 = in_common(halves[0][both], halves[1][both])
+    if size2 <= 0 or size2 < SURE * error2:
         return Pixels(np.zeros(both.shape), 0.0, np.zeros(both.shape))
     total, n = w.sum(axis=0), np.maximum((w > 0).sum(axis=0), 1)
     # The scatter that neighbours show has the pattern in it.
@@ -91,6 +84,18 @@ def single_pixels(views: Sequence[ViewEvidence]) -> Pixels:
     trust = np.where(total > 0, size2 / (size2 + scatter2), 0.0)
     mean = (w * high).sum(axis=0) / np.maximum(total, 1e-12)
     return Pixels(trust * mean, float(np.sqrt(size2)), size2 * (1.0 - trust))
+
+
+def in_common(one: Float, other: Float) -> tuple[float, float]:
+    """m^2 of what two halves of the views say of the same pixels alike, and its error; 0 of too few pixels.
+
+    The halves share the pattern and nothing else that is white: their covariance is its variance.
+    """
+    product = one * other
+    if len(product) < ENOUGH_PIXELS:
+        return 0.0, 0.0
+    product = np.clip(product, *np.quantile(product, [0.002, 0.998]))
+    return float(product.mean()), float(product.std() / np.sqrt(len(product)))
 
 
 SURE = 4.0

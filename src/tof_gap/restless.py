@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.pattern import high_pass
+from tof_gap.pattern import high_pass, in_common
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -111,21 +111,14 @@ def restless_pixels(views: Sequence[ViewEvidence]) -> Pixels:
 
 
 def pixel_pattern(views: Sequence[ViewEvidence]) -> float:
-    """Metres along the ray: RMS of what single pixels err by in every view alike, as second differences along rows see it.
-
-    The two halves of the views share it and nothing else that is white: their covariance is its variance.
-    """
+    """Metres along the ray: RMS of what single pixels err by in every view alike, as second differences along rows see it."""
     d2 = np.stack([np.diff(np.where(v.smooth, v.residual * v.frame.length, np.nan), n=2, axis=1) for v in views]) / np.sqrt(6.0)
     halves, known = [], np.ones(d2.shape[1:], bool)
     for half in (d2[::2], d2[1::2]):
         n = np.isfinite(half).sum(axis=0)
         known &= n >= 2
         halves.append(np.where(np.isfinite(half), half, 0.0).sum(axis=0) / np.maximum(n, 1))
-    product = (halves[0] * halves[1])[known]
-    if len(product) < 200:
-        return 0.0
-    low, high = np.quantile(product, [0.002, 0.998])
-    return float(np.sqrt(max(float(np.clip(product, low, high).mean()), 0.0)))
+    return float(np.sqrt(max(in_common(halves[0][known], halves[1][known])[0], 0.0)))
 
 
 def _sharp(view: ViewEvidence) -> Float:

@@ -120,9 +120,8 @@ def _mendable(judge: Selector, current: Hypothesis, place: int) -> float:
     rest = [m for m in members if m != member]
     if not rest or judge.frees_hand([member]) or judge.nameless(member):
         return 0.0
-    theta = judge.fit(current).theta
-    at = [columns for _, _, columns in judge.design.placed(members)]
-    others = np.concatenate([theta[at[i]] for i in range(len(members)) if i != place])
+    solution = judge.fit(current)
+    others = np.concatenate([_theta_of(judge, current, solution, i) for i in range(len(members)) if i != place])
     maps, mine = judge.columns(rest), judge.columns([member])
     before, after = (map_energy(judge.design.system, maps, others, c, inflate=current.inflate) for c in (mine[:0], mine))
     return (before - after) / current.inflate

@@ -33,21 +33,26 @@ def columns(mask: np.ndarray) -> tuple[int, int]:
     return (int(where[0]), int(where[-1])) if len(where) else (-1, -1)
 
 
+def given_up(f: Frame, wider: int = 0) -> np.ndarray:
+    """What a band of two pixels, grown by the view's own smear, takes."""
+    return spoiled(f, 2, wider, smear(f))
+
+
 def test_a_still_view_gives_up_the_band_around_a_step_and_no_more() -> None:
     middle = SHAPE[1] // 2
     assert smear(frame(step_m=0.3)) == 0
-    assert columns(spoiled(frame(step_m=0.3), 2, 0)) == (middle - 3, middle + 2)
-    assert columns(spoiled(frame(step_m=0.3), 2, 1)) == (middle - 4, middle + 3)
-    assert not spoiled(frame(fold=True), 2, 0).any()
+    assert columns(given_up(frame(step_m=0.3))) == (middle - 3, middle + 2)
+    assert columns(given_up(frame(step_m=0.3), wider=1)) == (middle - 4, middle + 3)
+    assert not given_up(frame(fold=True)).any()
 
 
 def test_a_moving_view_gives_up_what_the_image_flows_and_folds_too() -> None:
     moved = frame(SLIDES, step_m=0.3)
     flow = 0.15 * CAMERA.fx / 0.9
     assert smear(moved) == pytest.approx(min(0.2 * flow, 0.04 * SHAPE[1]), abs=1)
-    still, moving = (columns(spoiled(f, 2, 0)) for f in (frame(step_m=0.3), moved))
+    still, moving = (columns(given_up(f)) for f in (frame(step_m=0.3), moved))
     assert still[0] - moving[0] == moving[1] - still[1] == smear(moved)
-    assert columns(spoiled(frame(SLIDES, fold=True), 2, 0)) == moving
+    assert columns(given_up(frame(SLIDES, fold=True))) == moving
     assert not edge_band(frame(fold=True), 2).any()
 
 

@@ -29,7 +29,8 @@ class Motion(Effect):
 
     Depth is that of the mean time, late by `axial_s`. Besides, each tap sees the image shifted by its flow: tap k at time t collects
     A (c + cos(phi - k pi / 2)) with amplitude A and phase phi of the point that lies in the pixel then, lit by a lamp that has moved
-    with the camera, and light c that is not modulated. Where A or phi change along the flow the four do not belong together, and their phase errs. The error is linear in c.
+    with the camera, and light c that is not modulated. Where A or phi change along the flow the four do not belong together, and
+    their phase errs. The error is linear in c.
     """
 
     NAME: ClassVar[str] = "motion"
