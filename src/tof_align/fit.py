@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ from tof_align.mixed import estimate
 from tof_align.robust import first_look, weigh
 from tof_align.system import R, SessionSystem, assemble, unmodelled, weighted_gram
 from tof_core.arrays import Float
+from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from tof_align.pixels import Pixels
     from tof_scene.raycast import Raycaster
 
-WORKERS = 2
-"""Views are cast and multiplied out in as many threads (NumPy and the casters let go of the interpreter)."""
 NOISE_LIMITED = 0.2e-3
 """Metres of unmodelled error below which more pixels make a pose better."""
 Columns = Callable[[int, "Linearised"], Float]
@@ -69,16 +67,15 @@ class Fitter:
 
     def once(self, rig: R, before: Mixed | None = None) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
         """Cast, linearise, weigh by what the last answer left (the first time: a free pose), solve."""
-        with ThreadPoolExecutor(WORKERS) as pool:
-            views = tuple(
-                pool.map(lambda v: linearise(self.pixels[v], rig.pose(v), self.caster, self.config.weights), range(len(self.pixels)))
-            )
-            if not any(len(v.residual) for v in views):
-                raise RefusedError("no view sees the CAD", where="alignment", todo="check the scene's frame and the robot's pose")
-            self.basis = self.basis or basis_of(views, self.config.discrepancy)
-            columns = None if self.columns is None else [self.columns(v, view) for v, view in enumerate(views)]
-            system = SessionSystem(rig, views, tuple(np.zeros(0) for _ in views), self.basis, {}, self.theta_std)
-            weighed = list(pool.map(lambda v: self._weighed(system, before, columns, v), range(len(views))))
+        views = tuple(
+            in_threads(lambda v: linearise(self.pixels[v], rig.pose(v), self.caster, self.config.weights), range(len(self.pixels)))
+        )
+        if not any(len(v.residual) for v in views):
+            raise RefusedError("no view sees the CAD", where="alignment", todo="check the scene's frame and the robot's pose")
+        self.basis = self.basis or basis_of(views, self.config.discrepancy)
+        columns = None if self.columns is None else [self.columns(v, view) for v, view in enumerate(views)]
+        system = SessionSystem(rig, views, tuple(np.zeros(0) for _ in views), self.basis, {}, self.theta_std)
+        weighed = in_threads(lambda v: self._weighed(system, before, columns, v), range(len(views)))
         theta_info = system.theta_info(0 if columns is None else columns[0].shape[1])
         answer = self._solve(assemble([gram for _, gram in weighed], rig, self.basis, theta_info))
         return replace(system, weights=tuple(w for w, _ in weighed), sizes=answer.sizes), answer, columns

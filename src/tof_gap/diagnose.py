@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.errors import RefusedError
 from tof_gap import missing, scatter
-from tof_gap.candidates import not_testable
+from tof_gap.candidates import HAND_EYE, not_testable
 from tof_gap.causes import Named, named, nameless_share, shares
 from tof_gap.figures import figures
 from tof_gap.flexible import explainable
@@ -147,7 +147,7 @@ def diagnose(
         depends_on=joint.selection.unknown,
         crowd=joint.selection.crowd,
         misfit=misfit(evidence, told.residual, left, scattered),
-        arms_alike=judge.arms_alike(joint.selection.chosen),
+        arms_alike=0.0 if Motion.NAME in maps else judge.arms_alike(joint.selection.chosen),
     )
     judged = tuple(Cause(c, told.shrink([c.name]), told.shrink([m for m in told.maps if m != c.name]).shrink) for c in causes)
     share = explainable(evidence, left, fit_views, held, gap)
@@ -182,7 +182,11 @@ def _cameras(joint: Joint, final: Chain) -> Float:
 
 def _untested(joint: Joint, maps: Mapping[str, Sequence[Float]]) -> dict[str, str]:
     """Effects that this session cannot test, with the reason."""
-    smeared = {FlyingPixels.NAME: "motion mixes edges by itself: record at rest"} if Motion.NAME in maps else {}
+    moved = {
+        FlyingPixels.NAME: "motion mixes edges by itself: record at rest",
+        HAND_EYE: "motion shifts what poses are known by: record at rest",
+    }
+    smeared = moved if Motion.NAME in maps else {}
     return not_testable(joint.views) | smeared
 
 

@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
 
 from tof_core.config import param
+from tof_core.cores import in_threads
 from tof_scene.maps import concavity_map
 from tof_sensor.frame import Context, Frame, ideal_frame, lambert_amplitude
 from tof_sensor.geometry import image_flow
@@ -28,7 +30,9 @@ class EvidenceConfig:
     """Which pixels speak."""
 
     pixels: int = param(3000, "pixels of a view used in fits, drawn evenly", low=200, high=200_000)
-    gross_mm: float = param(60.0, "residuals beyond this are counted apart, never fitted", unit="mm", low=5.0, high=1e4)
+    gross_mm: float = param(
+        60.0, "residuals beyond this, and beyond five scatters, are counted apart, never fitted", unit="mm", low=5.0, high=1e4
+    )
     edge_px: int = param(2, "pixels this near a depth edge are counted apart", unit="px", low=0, high=10)
     grazing_deg: float = param(80.0, "flatter than this is left out", unit="deg", low=30.0, high=90.0)
     seed: int = param(0, "seed of the draw", low=0)
@@ -70,9 +74,8 @@ def gather(
 ) -> tuple[ViewEvidence, ...]:
     """Residuals of all views against the CAD rendered at their reference poses; `sky`: concavity too; `wider_px`: of still views' edges."""
     start = min(v.stamp_ns for v in views)
-    rng = np.random.default_rng(config.seed)
-    out = []
-    for view, rendering in zip(views, renderings, strict=True):
+
+    def one(view: View, rendering: Rendering) -> ViewEvidence:
         context = Context(
             temperature=view.temperature,
             time_s=(view.stamp_ns - start) * 1e-9,
@@ -81,8 +84,10 @@ def gather(
         )
         amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
         hollow = concavity_map(caster, rendering, CONCAVITY_STRIDE) if sky else np.full(rendering.depth.shape, np.nan, np.float32)
-        out.append(_of_view(view, ideal_frame(rendering, context, amplitude), config, rng, hollow, wider_px))
-    return tuple(out)
+        return _of_view(view, ideal_frame(rendering, context, amplitude), config, hollow, wider_px)
+
+    rng = np.random.default_rng(config.seed)  # One draw after the other: the same pixels whichever view is ready first.
+    return tuple(replace(v, pixels=_drawn(v.smooth, config.pixels, rng)) for v in in_threads(one, views, renderings))
 
 
 CONCAVITY_STRIDE = 6
@@ -97,22 +102,29 @@ def _twist(view: View) -> Float:
     return np.zeros(6) if twist is None or np.abs(twist).max() < STANDING else twist
 
 
-def _of_view(view: View, frame: Frame, config: EvidenceConfig, rng: np.random.Generator, concavity: Image, wider_px: int) -> ViewEvidence:
+def _of_view(view: View, frame: Frame, config: EvidenceConfig, concavity: Image, wider_px: int) -> ViewEvidence:
     residual = view.depth.astype(np.float64) - frame.depth
     smeared = smear(frame)
     edge = spoiled(frame, config.edge_px, wider_px, smeared)
-    gross = np.abs(residual) > config.gross_mm * 1e-3
-    if smeared:
-        edge |= streaks(residual, frame, ~edge & ~gross)
     flat = frame.rendering.incidence > np.radians(config.grazing_deg)
-    smooth = np.isfinite(residual) & ~edge & ~gross & ~flat
     # Rounding to coarse steps hides scatter from neighbours that round alike.
-    sigma = np.maximum(scatter(residual, smooth, frame.amplitude), depth_step(view.depth.astype(np.float64)) / np.sqrt(12))
+    white = scatter(residual, np.isfinite(residual) & ~edge & ~flat, frame.amplitude)
+    sigma = np.maximum(white, depth_step(view.depth.astype(np.float64)) / np.sqrt(12))
+    gross = np.abs(residual) > np.maximum(config.gross_mm * 1e-3, GROSS_SIGMA * sigma)
+    if smeared:
+        edge |= streaks(residual, sigma, ~edge & ~gross)
+    smooth = np.isfinite(residual) & ~edge & ~gross & ~flat
+    return ViewEvidence(view, frame, residual, sigma, smooth, edge, gross, np.zeros(0, np.int64), concavity)
+
+
+def _drawn(smooth: Mask, pixels: int, rng: np.random.Generator) -> Ints:
+    """(n,) flat indices of pixels to fit on, in order."""
     index = np.flatnonzero(smooth)
-    pixels = np.sort(rng.choice(index, min(config.pixels, len(index)), replace=False))
-    return ViewEvidence(view, frame, residual, sigma, smooth, edge, gross, pixels, concavity)
+    return np.sort(rng.choice(index, min(pixels, len(index)), replace=False))
 
 
+GROSS_SIGMA = 5.0
+"""Scatters within which nothing is gross, however weak the light."""
 EXPOSURE_S = 0.2
 """How long a camera may look at most: four taps of some tens of milliseconds."""
 TREMBLE_PX = 0.25
@@ -144,14 +156,14 @@ STREAK_PX = 9
 """... of which the neighbourhood, so many pixels wide, holds less than half."""
 
 
-def streaks(residual: Float, frame: Frame, keep: Mask) -> Mask:
+def streaks(residual: Float, sigma: Float, keep: Mask) -> Mask:
     """(H, W) thin marks of a moving view: rims and low steps smear as edges do, and no band foretells all of them."""
     keep = keep & np.isfinite(residual)
     if not keep.any():
         return np.zeros(keep.shape, bool)
     nearest = distance_transform_edt(~keep, return_distances=False, return_indices=True)
     around = median_filter(residual[tuple(nearest)], size=STREAK_PX, mode="nearest")
-    off = np.abs(residual - around) > STREAK_SIGMA * scatter(residual, keep, frame.amplitude)
+    off = np.abs(residual - around) > STREAK_SIGMA * sigma
     return np.asarray(binary_dilation(off & keep))
 
 
@@ -198,14 +210,14 @@ def scatter(residual: Float, smooth: Mask, amplitude: Float, bins: int = 32) -> 
     d2_all, log = np.concatenate(samples), np.concatenate(light)
     if len(d2_all) < 50:
         return np.full(residual.shape, 2e-3)
+    order = np.argsort(log)
+    d2_all, log = d2_all[order], log[order]
     edges = np.unique(np.quantile(log, np.linspace(0, 1, bins + 1)))
-    which = np.clip(np.searchsorted(edges, log, side="right") - 1, 0, max(len(edges) - 2, 0))
     centres, sizes = [], []
-    for b in range(max(len(edges) - 1, 1)):
-        here = which == b
-        if here.sum() >= 30:
-            centres.append(float(log[here].mean()))
-            sizes.append(robust_std(d2_all[here]))
+    for a, b in itertools.pairwise([0, *np.searchsorted(log, edges[1:-1]), len(log)]):
+        if b - a >= 30:
+            centres.append(float(log[a:b].mean()))
+            sizes.append(robust_std(d2_all[a:b]))
     if not centres:
         return np.full(residual.shape, robust_std(d2_all))
     logs = np.log(np.maximum(amplitude, 1e-12))

@@ -12,6 +12,7 @@ from tof_align.chain import chain_of
 from tof_align.pixels import sample
 from tof_align.session import near
 from tof_core import se3
+from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
 from tof_gap.candidates import Candidate, candidates, moving
 from tof_gap.columns import ColumnStore, Design, build
@@ -106,7 +107,7 @@ MIXED_EVERY = 3
 def _mixes(views: Sequence[View], caster: Raycaster, chain: Chain, config: GapConfig) -> bool:
     """Whether edges show pixels that lie on neither surface."""
     some = range(0, len(views), MIXED_EVERY)
-    renderings = [render(caster, views[i].camera, chain.pose(i)) for i in some]
+    renderings = in_threads(lambda i: render(caster, views[i].camera, chain.pose(i)), some)
     return mixing(gather([views[i] for i in some], renderings, caster, config.evidence), config.missing) is not None
 
 
@@ -221,7 +222,7 @@ def observe(
     wider_px: int = 0,
 ) -> tuple[ViewEvidence, ...]:
     """Render every view where the chain has it, and gather what differs; `sky`: concavity too; `wider_px`: of still views' edges."""
-    renderings = [render(caster, v.camera, chain.pose(i), footprints=footprints) for i, v in enumerate(views)]
+    renderings = in_threads(lambda i, v: render(caster, v.camera, chain.pose(i), footprints=footprints), range(len(views)), views)
     return gather(views, renderings, caster, config.evidence, sky=sky, wider_px=wider_px)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from tof_core.config import param
 from tof_gap.candidates import HAND_EYE
 from tof_gap.observable import Unknown
-from tof_gap.system import arm_steps, cross_validate, fit
+from tof_gap.system import Folded, arm_steps, fit
 from tof_sensor.effects.cad_deviation import CadDeviation
 
 if TYPE_CHECKING:
@@ -74,6 +74,7 @@ class Selector:
         self.design, self.config = design, config
         self.folds = deal(design.system.station.tolist(), config.folds)
         self._empty: dict[float, float] = {}
+        self._folded: dict[float, Folded] = {}
         self._shapes = Counter(c.name for c in design.candidates)
 
     def gain(self, member: int) -> float:
@@ -98,7 +99,9 @@ class Selector:
     def score(self, members: Sequence[int], inflate: float) -> Hypothesis:
         """Fit on all folds but one, judge on that one, for every fold."""
         active, free = self.columns(members), self.frees_hand(members)
-        held_out = cross_validate(self.design.system, active, self.folds, inflate=inflate, free_hand=free)
+        if inflate not in self._folded:
+            self._folded = {inflate: Folded(self.design.system, self.folds, inflate)}  # One at a time: they are large.
+        held_out = self._folded[inflate].held_out(active, free_hand=free)
         return Hypothesis(tuple(members), held_out, inflate, self._price(members, held_out, inflate))
 
     def _price(self, members: Sequence[int], held_out: Float, inflate: float) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from tof_gap.judge import Hypothesis, Selector
 from tof_gap.observable import Unknown
 from tof_gap.system import map_energy
+from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -103,6 +104,7 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
             if gain < judge.gain(current.members[i])
             or v * v < judge.share(current.members[i]) * total
             or gain < judge.config.mends * _mendable(judge, current, i)
+            or gain < _rough(judge, current, i, lost)
         ]
         if not weak:
             break
@@ -125,6 +127,14 @@ def _mendable(judge: Selector, current: Hypothesis, place: int) -> float:
     maps, mine = judge.columns(rest), judge.columns([member])
     before, after = (map_energy(judge.design.system, maps, others, c, inflate=current.inflate) for c in (mine[:0], mine))
     return (before - after) / current.inflate
+
+
+def _rough(judge: Selector, current: Hypothesis, place: int, lost: Float) -> float:
+    """Chi-square that rough maps of the other members leave to whoever comes; all of it to hand-eye where motion shifts what edges show."""
+    effects = [judge.design.candidates[m].effect for m in current.members]
+    if judge.frees_hand([current.members[place]]):
+        return np.inf if any(isinstance(e, Motion) for e in effects) else 0.0
+    return max((e.ROUGH * lost[i] for i, e in enumerate(effects) if e is not None and i != place), default=0.0)
 
 
 def _worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:

@@ -103,22 +103,31 @@ def reduce(system: System, active: Ints, inflate: float = 1.0) -> Reduced:
 
     `inflate` divides the data's weight: discrepancy shared by neighbours counts once.
     """
-    k, S = len(active), system.stations
     take = np.concatenate([np.arange(POSE), POSE + active, [system.G.shape[-1] - 1]]).astype(np.int64)
-    N = system.G[:, take[:, None], take] / inflate
+    return _placed(system, _without_arms(system, system.G[:, take[:, None], take], inflate))
+
+
+def _without_arms(system: System, G: Float, inflate: float) -> Float:
+    """(V, 12 + K + 1, 12 + K + 1) of [b x | C | r] and of some columns C: Gram matrices with each view's A marginalised."""
     weight = system.arm_sd**-2
-    Naa = N[:, ARM, ARM] + np.diag(weight)
-    rest = np.concatenate([np.arange(12), POSE + np.arange(k + 1)])
-    Na = N[:, ARM][:, :, rest]
+    Na = np.delete(G[:, ARM], ARM, axis=2) / inflate
     Na[:, :, -1] -= weight * system.arm0
-    M = N[:, rest[:, None], rest] - np.swapaxes(Na, 1, 2) @ np.linalg.solve(Naa, Na)
+    M = np.delete(np.delete(G, ARM, axis=1), ARM, axis=2)
+    M /= inflate
+    M -= np.swapaxes(Na, 1, 2) @ np.linalg.solve(G[:, ARM, ARM] / inflate + np.diag(weight), Na)
     M[:, -1, -1] += (weight * system.arm0**2).sum(axis=1)
+    return M
+
+
+def _placed(system: System, M: Float) -> Reduced:
+    """What views say of their own station's b, at its place among all stations'."""
+    k, S = M.shape[1] - 13, system.stations
     m = 6 * S + 6 + k
-    H, y = np.zeros((len(N), m, m)), np.zeros((len(N), m))
-    for v, s in enumerate(system.station):
-        at = np.concatenate([6 * s + np.arange(6), 6 * S + np.arange(6 + k)])
-        H[v][np.ix_(at, at)] = M[v, :-1, :-1]
-        y[v, at] = M[v, :-1, -1]
+    H, y = np.zeros((len(M), m, m)), np.zeros((len(M), m))
+    for s in range(S):
+        mine, at = system.station == s, np.concatenate([6 * s + np.arange(6), 6 * S + np.arange(6 + k)])
+        H[np.ix_(mine, at, at)] = M[mine, :-1, :-1]
+        y[np.ix_(mine, at)] = M[mine, :-1, -1]
     return Reduced(H, y, M[:, -1, -1])
 
 
@@ -134,23 +143,39 @@ def fit(system: System, active: Ints, *, inflate: float = 1.0, free_hand: bool =
     return Fit(active, z, cov, energy, system.stations)
 
 
-def cross_validate(
-    system: System,
-    active: Ints,
-    folds: Ints,
-    *,
-    inflate: float = 1.0,
-    free_hand: bool = False,
-) -> Float:
-    """(V,) chi-square of each view under the fit to all views of the other folds, its A minimised."""
-    reduced = reduce(system, active, inflate)
-    info, mean = _priors(system, active, free_hand=free_hand)
-    names = np.unique(folds)
-    mine = (folds[None, :] == names[:, None]).astype(float)
-    H = reduced.H.sum(axis=0) - np.einsum("fv,vij->fij", mine, reduced.H) + np.diag(info)
-    y = reduced.y.sum(axis=0) - mine @ reduced.y + info * mean
-    z = np.linalg.solve(H, y[..., None])[np.searchsorted(names, folds), :, 0]
-    return np.asarray(reduced.energy - 2 * np.einsum("vi,vi->v", reduced.y, z) + np.einsum("vi,vij,vj->v", z, reduced.H, z))
+OFTEN = 20
+"""Choices of columns from which it pays to marginalise beside all columns at once: each choice is but one of rows then."""
+
+
+class Folded:
+    """A system dealt into folds, for held-out scores of many choices of columns."""
+
+    def __init__(self, system: System, folds: Ints, inflate: float = 1.0) -> None:
+        """`folds` (V,); `inflate` as in `reduce`."""
+        self._system = system
+        self._inflate, self._asked = inflate, 0
+        self._whole: Float | None = None
+        names, self._fold = np.unique(folds, return_inverse=True)
+        self._other = (self._fold[None, :] != np.arange(len(names))[:, None]).astype(float)
+
+    def held_out(self, active: Ints, *, free_hand: bool = False) -> Float:
+        """(V,) chi-square of each view under the fit to all views of the other folds, its A minimised."""
+        reduced = self._reduced(active)
+        info, mean = _priors(self._system, active, free_hand=free_hand)
+        views, m = reduced.y.shape
+        H = (self._other @ reduced.H.reshape(views, m * m)).reshape(-1, m, m) + np.diag(info)
+        y = self._other @ reduced.y + info * mean
+        z = np.linalg.solve(H, y[..., None])[self._fold]
+        return np.asarray(reduced.energy + (((reduced.H @ z)[..., 0] - 2 * reduced.y) * z[..., 0]).sum(axis=1))
+
+    def _reduced(self, active: Ints) -> Reduced:
+        self._asked += 1
+        if self._asked < OFTEN:
+            return reduce(self._system, active, self._inflate)
+        if self._whole is None:
+            self._whole = _without_arms(self._system, self._system.G, self._inflate)
+        local = np.concatenate([np.arange(12), 12 + active, [self._whole.shape[2] - 1]])
+        return _placed(self._system, self._whole[:, local[:, None], local])
 
 
 def _priors(system: System, active: Ints, *, free_hand: bool) -> tuple[Float, Float]:

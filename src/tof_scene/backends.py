@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from tof_core.cores import CORES, in_threads
 from tof_core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     Found = tuple[NDArray[np.int32], Float32]
 
 MISS = 0xFFFFFFFF
-CORES = len(os.sched_getaffinity(0))
 SHARED_FROM = 20_000
 """Rays from which threads pay for themselves."""
 ORDER = ("embree", "open3d")
@@ -56,8 +54,7 @@ class EmbreeBackend:
         """See Backend."""
         if CORES == 1 or len(origins) < SHARED_FROM:
             return self._run(origins, directions)
-        with ThreadPoolExecutor(CORES, "rays") as pool:
-            found = list(pool.map(self._run, np.array_split(origins, CORES), np.array_split(directions, CORES)))
+        found = in_threads(self._run, np.array_split(origins, CORES), np.array_split(directions, CORES))
         return np.concatenate([face for face, _ in found]), np.concatenate([near for _, near in found])
 
     def _run(self, origins: Float32, directions: Float32) -> Found:

@@ -12,11 +12,11 @@ Thinner wires come and go between the points.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.cores import CORES, in_threads
 from tof_scene.overlaps import overlaps
 from tof_scene.planes import points_to_camera
 from tof_scene.resolve import LATTICES, lattice, resolve
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 TOLERANCE_M = 6e-5
 """How far neighbours may lie from a pixel's plane before it is looked at closely; its mean is then off by a sixth at most."""
-THREADS = 2
 _lattices = tuple(lattice(*size) for size in LATTICES)
 
 
@@ -51,9 +50,8 @@ def fill_footprints(caster: Raycaster, camera: Camera, T_cell_camera: Float, cel
             canvas.depth, canvas.face, canvas.mixed, canvas.second,
         )  # fmt: skip
 
-    bounds = np.linspace(0, len(pixels), 4 * THREADS + 1).astype(int)
-    with ThreadPoolExecutor(THREADS, "footprint") as pool:  # made anew: one kept at module level would not survive a fork
-        list(pool.map(work, bounds[:-1], bounds[1:]))
+    bounds = np.linspace(0, len(pixels), 4 * CORES + 1).astype(int)
+    in_threads(work, bounds[:-1], bounds[1:])
     return pixels
 
 

@@ -43,6 +43,8 @@ class Effect(ABC):
     """Of `LINEAR`, those without which it would be another effect: an offset, or stamps that are late."""
     LOCAL: ClassVar[bool] = True
     """Whether a pixel's bias depends on that pixel alone, so that `Frame.take` may thin the view."""
+    ROUGH: ClassVar[float] = 0.0
+    """Share of its own size by which its map may be wrong, where no more than a coarse model of it can be reckoned (energy)."""
 
     @property
     def coefficients(self) -> Float:

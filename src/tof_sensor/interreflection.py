@@ -139,7 +139,7 @@ def _visibility(rendering: Rendering, patches: Patches, rows: Ints, columns: Int
     return seen
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def _gather(
     points: Float,
     normals: Float,

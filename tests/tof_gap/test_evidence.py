@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.tof_gap.quiet_views import CAMERA, SHAPE, rendering
+from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
 from tof_gap.evidence import edge_band, smear, spoiled, streaks
 from tof_sensor.frame import Context, Frame, ideal_frame
 
@@ -63,11 +63,22 @@ def test_a_hand_whose_pose_trembles_stands() -> None:
 
 def test_a_thin_mark_is_left_out_and_a_wide_one_stays() -> None:
     rng = np.random.default_rng(2)
-    f = frame(SLIDES)
     residual = rng.normal(0, 1e-3, SHAPE)
     residual[40:42, 20:80] += 0.02
     residual[60:, :] += 0.02
-    out = streaks(residual, f, np.ones(SHAPE, bool))
+    out = streaks(residual, np.full(SHAPE, 1e-3), np.ones(SHAPE, bool))
     assert out[40:42, 22:78].mean() > 0.95
     assert out[65:, :].mean() < 0.01
     assert out[:35, :].mean() < 0.01
+
+
+def test_what_scatters_far_is_not_gross_and_what_lost_a_turn_is() -> None:
+    rng = np.random.default_rng(4)
+    turned = np.zeros((VIEWS, *SHAPE))
+    turned[:, 30:60, 30:60] = 0.9
+    noisy = views(rng, 0.03 * rng.standard_normal(turned.shape) + turned)
+    beyond = np.stack([np.abs(v.residual) > 0.06 for v in noisy])
+    lost = np.stack([v.gross for v in noisy])
+    assert beyond[turned == 0].mean() > 0.03
+    assert lost[turned == 0].mean() < 1e-4
+    assert lost[turned > 0].mean() > 0.999

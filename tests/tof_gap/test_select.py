@@ -15,6 +15,7 @@ from tof_gap.observable import Unknown
 from tof_gap.select import select
 from tof_gap.system import System
 from tof_sensor.effects.depth_scale import DepthScale
+from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.subsurface import Subsurface
@@ -102,6 +103,14 @@ def test_who_wins_but_a_little_of_what_could_be_taken_from_others_mends_them_and
     assert names(d, taken.chosen.members) == ["subsurface", "wiggling"]
 
 
+def test_what_a_rough_map_leaves_is_nobodys() -> None:
+    trifle = 0.15  # 4800 pixels: about 110 of chi-square, of which a rough map of 0.65 may leave 120
+    beside = select(d := design(plain(Multipath(), DepthScale()), [0.65, trifle]), SelectConfig(share=0.0))
+    assert names(d, beside.chosen.members) == ["multipath"]
+    exact = select(d := design(plain(TemperatureDrift(), DepthScale()), [0.65, trifle]), SelectConfig(share=0.0))
+    assert names(d, exact.chosen.members) == ["depth_scale", "temperature_drift"]
+
+
 def test_of_two_that_explain_alike_the_one_tried_at_fewer_shapes_is_chosen() -> None:
     many = [Candidate("wiggling", Wiggling(modulation_mhz=f)) for f in (60.0, 70.0, 80.0, 90.0)]
     d = design([*plain(DepthScale()), *many], [0.4, 0, 0, 0, 0], copies=(0, 1))
@@ -131,6 +140,22 @@ def test_arms_that_all_err_alike_speak_of_their_mount() -> None:
     alike = [Selector(d, SelectConfig()).arms_alike(Selector(d, SelectConfig()).score([], 1.0)) for d in (quiet, off)]
     assert alike[0] < 6.0
     assert alike[1] == pytest.approx(VIEWS * 2.0**2, rel=0.1)
+
+
+@pytest.mark.parametrize(("effect", "expected"), [(Wiggling(), ["hand_eye", "wiggling"]), (Motion(), ["motion"])])
+def test_hand_eye_is_not_named_where_motion_shifts_what_poses_are_known_by(effect: Wiggling | Motion, expected: list[str]) -> None:
+    rng = np.random.default_rng(1)
+    G = []
+    for _ in range(VIEWS):
+        pose, C = rng.normal(size=(PIXELS, 18)), rng.normal(size=(PIXELS, 1))
+        r = 0.002 * pose[:, 6] + 0.02 * C[:, 0] + 0.01 * rng.normal(size=PIXELS)
+        X = np.concatenate([pose, C, r[:, None]], axis=1) / 0.01
+        G.append(X.T @ X)
+    quiet = design(plain(effect), [0.0])
+    both = (*quiet.candidates, Candidate(HAND_EYE, None))
+    system = replace(quiet.system, G=np.stack(G), hand_sd=np.full(6, 1e-6), arm_sd=np.full(6, 1e-4), base_sd=np.full(6, 1e-3))
+    d = replace(quiet, candidates=both, groups=(quiet.groups[0], np.zeros(0, int)), system=system)
+    assert names(d, select(d, SelectConfig()).chosen.members) == expected
 
 
 def test_every_fold_leaves_every_station_some_views() -> None:

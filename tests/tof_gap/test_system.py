@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tof_gap.system import System, arm_steps, cross_validate, fit, map_energy
+from tof_gap.posterior import subset
+from tof_gap.system import OFTEN, Folded, System, arm_steps, fit, map_energy, reduce
 
 RNG = np.random.default_rng(3)
 VIEWS, STATIONS, COLUMNS, PIXELS = 6, 2, 3, 200
@@ -78,7 +79,20 @@ def test_a_view_is_judged_by_the_others() -> None:
     spoilt[0][:, -1] += 5 * spoilt[0][:, 18]  # an effect in fold 0 alone
     there = system_of(spoilt)
     there = System(there.G, STATION, s.n, s.weight, BASE_SD, ARM_SD, HAND_SD, s.base0, s.arm0, s.hand0, THETA_SD)
-    assert cross_validate(there, active, folds)[0] > cross_validate(s, active, folds)[0] + 1000
+    assert Folded(there, folds).held_out(active)[0] > Folded(s, folds).held_out(active)[0] + 1000
+
+
+@pytest.mark.parametrize("free_hand", [False, True])
+def test_the_held_out_score_is_what_the_others_fit_leaves_however_often_it_is_asked(*, free_hand: bool) -> None:
+    s, folds, active = system_of(rows()), np.array([0, 1, 2, 0, 1, 2]), np.array([2, 0], np.int64)
+    expected = np.empty(VIEWS)
+    for v in range(VIEWS):
+        z = fit(subset(s, np.flatnonzero(folds != folds[v]).tolist()), active, inflate=2.0, free_hand=free_hand).z
+        alone = reduce(subset(s, [v]), active, 2.0)
+        expected[v] = alone.energy[0] - 2 * alone.y[0] @ z + z @ alone.H[0] @ z
+    folded = Folded(s, folds, 2.0)
+    for _ in range(OFTEN + 1):
+        np.testing.assert_allclose(folded.held_out(active, free_hand=free_hand), expected, rtol=1e-9)
 
 
 def test_nothing_is_left_of_a_map_beside_itself() -> None:

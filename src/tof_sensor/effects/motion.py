@@ -37,6 +37,7 @@ class Motion(Effect):
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("axial_s", "edge", "steady")
     OWN: ClassVar[tuple[str, ...]] = ("edge", "steady")
+    ROUGH: ClassVar[float] = 0.1  # What appears and vanishes along the flow is not in the picture of the mean time.
 
     axial_s: float = param(0.0, "time by which the depth is late", unit="s", low=-0.5, high=0.5)
     edge: float = param(0.0, "1: the taps' differences in full", low=-0.5, high=2.5)
