@@ -16,6 +16,7 @@ from tof_scene.render import render
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.hand_eye import HandEye
+from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -153,19 +154,31 @@ def shares(causes: Sequence[Named], views: Sequence[ViewEvidence], chain: Chain,
     for cause in causes:
         maps = []
         for v, view in enumerate(views):
-            total = np.sum(
-                [_moved(e, view, v, chain, caster) if isinstance(e, HandEye) else e.bias(view.frame) for e in cause.effects], axis=0
-            )
+            total = np.sum([_bias(e, view, v, chain, caster) for e in cause.effects], axis=0)
             maps.append(np.where(view.frame.valid, total, np.nan))
         out[cause.name] = maps
     return out
 
 
-def _moved(hand_eye: HandEye, view: ViewEvidence, v: int, chain: Chain, caster: Raycaster) -> Float:
-    """(H, W) metres that depth changes where the camera is off its mount: to first order only where another surface comes into view."""
-    X = se3.exp(np.asarray(hand_eye.coefficients))
-    there = render(caster, view.view.camera, replace(chain, hand_eye=X).pose(v), footprints=False)
-    linear = hand_eye.bias(view.frame)
+def without_pixels(causes: Sequence[Named]) -> list[Named]:
+    """A fixed pattern's lines and fields alone: taken off, its single pixels would leave the views that told them quieter than the others."""
+    patterns = [c for c in causes if c.name == FixedPattern.NAME]
+    return [replace(c, effects=tuple(replace(e, pixels="") for e in c.effects if isinstance(e, FixedPattern))) for c in patterns]
+
+
+def _bias(effect: Effect, view: ViewEvidence, v: int, chain: Chain, caster: Raycaster) -> Float:
+    """(H, W) metres that an effect adds to a view; where the camera is off its mount, or its lens another, rendered.
+
+    Where another surface comes into view by that, to first order only.
+    """
+    linear = effect.bias(view.frame)
+    if isinstance(effect, HandEye):
+        camera, chain = view.view.camera, replace(chain, hand_eye=se3.exp(np.asarray(effect.coefficients)))
+    elif isinstance(effect, Intrinsics):
+        camera = effect.camera(view.view.camera)
+    else:
+        return linear
+    there = render(caster, camera, chain.pose(v), footprints=False)
     exact = there.depth - view.frame.depth
     return np.where((there.part == view.rendering.part) & (np.abs(exact - linear) < OTHER_SURFACE_M), exact, linear)
 

@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.errors import RefusedError
 from tof_gap import missing, scatter
 from tof_gap.candidates import HAND_EYE, not_testable
-from tof_gap.causes import Named, named, nameless_share, shares
+from tof_gap.causes import Named, named, nameless_share, shares, without_pixels
 from tof_gap.figures import figures
 from tof_gap.flexible import explainable
 from tof_gap.joint import at_solution, delayed, solution, solve, start
@@ -122,7 +122,8 @@ def diagnose(
     causes = named(joint, fit_views, judge, rng)
     maps = shares(causes, evidence, final, caster)
     unnamed = [nameless_share(joint, v) for v in evidence]
-    found = (along_ray,) if few and along_ray is not None else _findings(evidence, {**maps, "": unnamed}, config, along_ray)
+    smooth = maps | shares(without_pixels(causes), evidence, final, caster)
+    found = (along_ray,) if few and along_ray is not None else _findings(evidence, {**smooth, "": unnamed}, config, along_ray)
     findings = tuple(f for f in found if f.name not in left_out)
     nameless = tuple(f for f in found if f.name in left_out)
     say("how far the gap shrinks on held-out views")

@@ -23,6 +23,7 @@ from tof_gap.observable import unknowns
 from tof_gap.select import Selection, select
 from tof_gap.system import arm_steps, fit
 from tof_scene.render import render
+from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.multipath import Multipath
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from tof_align.chain import Chain
     from tof_align.config import AlignConfig
     from tof_core.arrays import Float
+    from tof_core.camera import Camera
     from tof_core.capture import View
     from tof_gap.config import GapConfig
     from tof_gap.system import Fit
@@ -60,6 +62,8 @@ class Joint:
     selection: Selection
     late_s: float = 0.0
     """Seconds of stamps that the chain's robot poses make up for; the residuals still show it."""
+    lens: Intrinsics | None = None
+    """The lens that views are rendered through; the residuals still show what it is beside CameraInfo."""
 
     @property
     def hand_eye(self) -> Float:
@@ -83,11 +87,11 @@ def solve(
     check_fit(evidence := observe(views, caster, chain, config, footprints=False, wider_px=wider_px))
     joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
     for _ in range(ROUNDS - 1):
-        after, late_s = solution(joint)
-        evidence = _in_time(observe(views, caster, after, config, footprints=False, sky=True, wider_px=wider_px), late_s)
-        joint, store = _linearised(evidence, caster, after, config, left_out)
-        joint = replace(joint, late_s=late_s)
-        if farthest(after, solution(joint)[0], NEAR) <= 1.0:
+        (after, late_s), lens = solution(joint), lens_of(joint)
+        seen = observe(_through(lens, views), caster, after, config, footprints=False, sky=True, wider_px=wider_px)
+        joint, store = _linearised(_as_recorded(seen, late_s, lens), caster, after, config, left_out)
+        joint = replace(joint, late_s=late_s, lens=lens)
+        if farthest(after, solution(joint)[0], NEAR) <= 1.0 and _alike(lens, lens_of(joint), views[0].camera):
             break
     if not joint.design.candidates:
         return joint
@@ -129,11 +133,38 @@ def delayed(chain: Chain, views: Sequence[ViewEvidence], seconds: float) -> Chai
     return replace(chain, robot=np.array([T @ step for T, step in zip(chain.robot, steps, strict=True)]))
 
 
-def _in_time(evidence: Sequence[ViewEvidence], late_s: float) -> tuple[ViewEvidence, ...]:
-    """Evidence seen from where the cameras were, with the residual that robot poses of the stamps would leave, to first order there."""
-    if late_s == 0.0:
-        return tuple(evidence)
-    return tuple(replace(v, residual=v.residual + late_s * (pose_columns(v.frame) @ v.frame.context.twist)) for v in evidence)
+def lens_of(joint: Joint) -> Intrinsics | None:
+    """The intrinsics that the solution has chosen, None where CameraInfo's will do."""
+    for effect, group, at in joint.design.placed(joint.selection.chosen.members):
+        if isinstance(effect, Intrinsics):
+            return effect.with_coefficients(np.clip(joint.selection.fit.theta[at] / joint.design.scale[group], *effect.bounds))
+    return None
+
+
+def _through(lens: Intrinsics | None, views: Sequence[View]) -> Sequence[View]:
+    """The views as of a camera with that lens."""
+    return views if lens is None else [replace(v, camera=lens.camera(v.camera)) for v in views]
+
+
+LENS_PX = 0.3
+"""Pixels by which two lenses may differ that need not be told apart."""
+
+
+def _alike(one: Intrinsics | None, other: Intrinsics | None, stated: Camera) -> bool:
+    """Whether two lenses look along the same rays."""
+    rays = [(stated if lens is None else lens.camera(stated)).rays() for lens in (one, other)]
+    return one is other or bool(np.abs(rays[0] - rays[1]).max() < LENS_PX * stated.pixel_angle)
+
+
+def _as_recorded(evidence: Sequence[ViewEvidence], late_s: float, lens: Intrinsics | None) -> tuple[ViewEvidence, ...]:
+    """Evidence seen from where the cameras were, through the lens that they have.
+
+    Its residual is what robot poses of the stamps, and CameraInfo's lens, would leave, to first order there.
+    """
+    out = tuple(evidence)
+    if late_s != 0.0:
+        out = tuple(replace(v, residual=v.residual + late_s * (pose_columns(v.frame) @ v.frame.context.twist)) for v in out)
+    return out if lens is None else tuple(replace(v, residual=v.residual + lens.bias(v.frame)) for v in out)
 
 
 def _linearised(

@@ -41,16 +41,18 @@ def findings(views: Sequence[ViewEvidence], config: MissingConfig, *, smeared: b
     return [f for f in found if f is not None]
 
 
-def lost(view: ViewEvidence) -> Mask:
-    """(H, W) pixels away from edges where the CAD is and no light came back.
+def lost(view: ViewEvidence) -> Float:
+    """(H, W) share of a view's captures in which no light came back, away from edges where the CAD is.
 
     Saturation is too much light: it is told by its code, or by an amplitude above all measured ones.
     """
-    gone = view.frame.valid & ~view.edge & (view.view.reason == Reason.NO_RETURN)
-    if view.view.amplitude is None or not view.smooth.any():
-        return np.asarray(gone)
+    seen = view.view
+    some = np.where(seen.valid, 1.0 - seen.count / max(seen.captures, 1), seen.reason == Reason.NO_RETURN)
+    gone = np.where(view.frame.valid & ~view.edge, some, 0.0)
+    if seen.amplitude is None or not view.smooth.any():
+        return gone
     brightest = np.quantile(view.frame.amplitude[view.smooth], 0.999)
-    return np.asarray(gone & ~(np.nan_to_num(view.view.amplitude) > brightest))
+    return np.where(np.nan_to_num(seen.amplitude) > brightest, 0.0, gone)
 
 
 def _dropout(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | None:
@@ -69,18 +71,18 @@ def _dropout(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding | 
 NEAR_PX = 7
 
 
-def _rate(view: ViewEvidence, light: Float, gone: Mask) -> Float:
+def _rate(view: ViewEvidence, light: Float, gone: Float) -> Float:
     """(H, W) chance of loss: what pixels of this amplitude lose in the session, and what this neighbourhood loses."""
     edges = np.unique(np.quantile(light, np.linspace(0, 1, 41)))
     which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, len(edges) - 2)
     by_light = np.bincount(which, gone, len(edges) - 1) / np.maximum(np.bincount(which, minlength=len(edges) - 1), 1)
     own = by_light[np.clip(np.searchsorted(edges, lambert_amplitude(view.rendering), side="right") - 1, 0, len(edges) - 2)]
     inside = (view.frame.valid & ~view.edge).astype(float)
-    near = uniform_filter(lost(view).astype(float), NEAR_PX) / np.maximum(uniform_filter(inside, NEAR_PX), 0.1)
+    near = uniform_filter(lost(view), NEAR_PX) / np.maximum(uniform_filter(inside, NEAR_PX), 0.1)
     return np.asarray(0.5 * (own + near))
 
 
-def _half_lost(light: Float, gone: Mask) -> float:
+def _half_lost(light: Float, gone: Float) -> float:
     """Amplitude at which half of the pixels are gone; 0 where loss does not follow amplitude."""
     edges = np.quantile(light, np.linspace(0, 1, 21))
     which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, 19)

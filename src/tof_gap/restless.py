@@ -93,20 +93,22 @@ class Pixels:
 
 def restless_pixels(views: Sequence[ViewEvidence]) -> Pixels:
     """Pixels whose own variance over the views stands out; a constant error of theirs is a pattern and does not count."""
-    high = np.stack([_sharp(v) for v in views])
+    high, scatter = (np.stack(a) for a in zip(*(_sharp(v) for v in views), strict=True))
+    sigma = np.sqrt(np.maximum(scatter**2 - pixel_pattern(views) ** 2, 0.1 * scatter**2))  # What neighbours show has the pattern in it.
     seen = np.isfinite(high)
-    n = seen.sum(axis=0)
-    known = n >= PIXEL_SEEN
-    centred = np.where(seen, high - np.where(seen, high, 0.0).sum(axis=0) / np.maximum(n, 1), 0.0)
+    known = seen.sum(axis=0) >= PIXEL_SEEN
+    weight = np.where(seen, sigma**-2, 0.0)
+    constant = (weight * np.where(seen, high, 0.0)).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
+    centred = np.where(seen, (high - constant) / sigma, 0.0)
     # The median over the views: an edge that crosses a pixel once makes it no restless one.
     square = np.where(seen, centred**2, np.nan).reshape(len(views), -1)
-    variance = np.zeros(n.shape)
+    variance = np.zeros(known.shape)
     variance[known] = np.nanmedian(square[:, known.ravel()], axis=0) / CHI2_MEDIAN
     quiet = float(np.median(variance[known])) if known.any() else 1.0
     where = known & (variance > RESTLESS * max(quiet, 1e-12))
     share = float(where.sum() / max(known.sum(), 1))
-    sigma2 = float(np.mean([float(np.median(v.sigma[v.smooth] ** 2)) for v in views if v.smooth.any()] or [0.0]))
-    size2 = (float(variance[where].mean()) - quiet) * sigma2 if where.any() else 0.0
+    light2 = float(np.mean([float(np.median(v.sigma[v.smooth] ** 2)) for v in views if v.smooth.any()] or [0.0]))
+    size2 = (float(variance[where].mean()) - quiet) * light2 if where.any() else 0.0
     return Pixels(where, share, float(np.sqrt(max(size2, 0.0))))
 
 
@@ -121,9 +123,9 @@ def pixel_pattern(views: Sequence[ViewEvidence]) -> float:
     return float(np.sqrt(max(in_common(halves[0][known], halves[1][known])[0], 0.0)))
 
 
-def _sharp(view: ViewEvidence) -> Float:
-    """(H, W) each pixel against its row's neighbours, in units of its scatter."""
-    r = np.where(view.smooth, view.residual, np.nan)
+def _sharp(view: ViewEvidence) -> tuple[Float, Float]:
+    """(H, W) metres along the ray of each pixel against its row's neighbours, and of its scatter."""
+    r = np.where(view.smooth, view.residual * view.frame.length, np.nan)
     out = np.full(r.shape, np.nan)
     out[:, 1:-1] = -np.diff(r, n=2, axis=1) / np.sqrt(6.0)
-    return np.asarray(out / view.sigma)
+    return out, np.asarray(view.sigma * view.frame.length)

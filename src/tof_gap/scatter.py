@@ -188,8 +188,9 @@ def _noise(
             parts[name] = jumping.size_m
             common = np.stack([jumps(v, axis) for v in views]) + (0.0 if common is None else common)
     pixels = restless_pixels(views)
-    if pixels.share > config.restless_share:
-        parts[f"of {pixels.share:.1%} of the pixels"] = pixels.size_m * np.sqrt(pixels.share)
+    restless = float(pixels.size_m * np.sqrt(pixels.share))
+    if pixels.share > config.restless_share and restless > config.extra_mm * 1e-3:
+        parts[f"of {pixels.share:.1%} of the pixels"] = restless
     size = float(np.sqrt(sum(p * p for p in parts.values())))
     if size <= 0:
         return None

@@ -168,8 +168,8 @@ def _without_crowd(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tu
             break
         crowd.append(judge.design.candidates[current.members[least]].name)
         current = _rescored(judge, [m for i, m in enumerate(current.members) if i != least])
-    if not crowd:
-        return whole, ()
+    if not set(crowd) - {judge.design.candidates[m].name for m in current.members}:
+        return whole, ()  # One part more that deviates is no effect more.
     without = judge.score(current.members, whole.inflate).score - whole.score
     explained = judge.score((), whole.inflate).score - whole.score
     return current, tuple(crowd) if without > judge.config.crowd_least * explained else ()

@@ -100,6 +100,10 @@ def test_a_constant_row_is_a_pattern_and_no_noise() -> None:
     assert said(np.tile(np.repeat(RNG.normal(0, 0.003, (1, SHAPE[0], 1)), SHAPE[1], axis=2), (VIEWS, 1, 1))) == []
 
 
+def test_a_fixed_pattern_larger_than_the_light_s_scatter_is_no_noise() -> None:
+    assert said(np.broadcast_to(RNG.normal(0, 0.01, SHAPE), (VIEWS, *SHAPE))) == []
+
+
 def test_few_restless_pixels_are_noise() -> None:
     restless = RNG.uniform(size=SHAPE) < 0.05
     ((name, note),) = said(restless * RNG.choice([-0.013, 0.013], (VIEWS, *SHAPE)))

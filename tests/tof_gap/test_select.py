@@ -14,6 +14,7 @@ from tof_gap.judge import SelectConfig, Selector, deal
 from tof_gap.observable import Unknown
 from tof_gap.select import select
 from tof_gap.system import System
+from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.multipath import Multipath
@@ -89,6 +90,11 @@ def test_small_effects_beyond_the_second_are_a_crowd() -> None:
     three = select(d := design(effects, [0.5, 0.5, 0.5, 0.0, 0.0, 0.0]), SelectConfig())
     assert len(three.chosen.members) == 3
     assert three.crowd == ()
+    # A second part that deviates is no effect more.
+    parts = plain(RangeOffset(), CadDeviation(part=0), CadDeviation(part=1))
+    both = select(d := design(parts, [0.6, 0.5, 0.2]), SelectConfig())
+    assert len(both.chosen.members) == 3
+    assert both.crowd == ()
     trifle = select(design(effects, [1.5, 1.2, 0.12, 0.0, 0.0, 0.0]), SelectConfig(share=0.0))
     assert len(trifle.chosen.members) == 2
     assert trifle.crowd == ()

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.tof_sensor.plane import CAMERA, NORMAL, plane_frame
+from tests.tof_sensor.plane import CAMERA, NORMAL, plane_depth, plane_frame
 from tof_core.errors import ConfigError
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.cad_deviation import CadDeviation
@@ -17,6 +17,7 @@ from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.flying_pixels import Edge, FlyingPixels
 from tof_sensor.effects.interference import Interference
+from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.noise import Noise, PhotonLaw
@@ -141,6 +142,14 @@ def test_an_axial_motion_is_late_more_than_its_taps_disagree() -> None:
     late = Motion(axial_s=0.02).bias(frame)
     np.testing.assert_allclose(late[15, 20], TimeSync(delay_s=0.02).bias(frame)[15, 20])
     assert np.abs(Motion(edge=1.0, tap_s=0.02).bias(frame)).max() < 0.6 * np.abs(late).max()
+
+
+@pytest.mark.parametrize("name", Intrinsics.LINEAR)
+def test_a_lens_that_is_off_by_little_changes_depth_as_its_column_says(name: str) -> None:
+    little = Intrinsics(**{name: 1e-3})
+    exact = plane_depth(little.camera(CAMERA).rays()) - plane_depth(CAMERA.rays())
+    assert np.abs(exact).max() > 1e-6
+    np.testing.assert_allclose(little.bias(plane_frame()), exact, atol=1e-2 * np.abs(exact).max() + 1e-7)
 
 
 def test_deviation_moves_its_part_alone() -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -14,6 +14,7 @@ from tof_sensor.geometry import ray_columns
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
+    from tof_core.camera import Camera
     from tof_sensor.frame import Frame
 
 
@@ -32,6 +33,21 @@ class Intrinsics(Effect):
     k2: float = param(0.0, "radial distortion, 4th order", low=-0.5, high=0.5)
     p1: float = param(0.0, "tangential distortion", low=-0.05, high=0.05)
     p2: float = param(0.0, "tangential distortion", low=-0.05, high=0.05)
+
+    def camera(self, stated: Camera) -> Camera:
+        """The camera as it is where `stated` is what CameraInfo says."""
+        d = np.zeros(max(len(stated.distortion), 5))
+        d[: len(stated.distortion)] = stated.distortion
+        d[:4] += (self.k1, self.k2, self.p1, self.p2)
+        return replace(
+            stated,
+            fx=stated.fx * (1 + self.fx_rel),
+            fy=stated.fy * (1 + self.fy_rel),
+            cx=stated.cx + self.cx_px,
+            cy=stated.cy + self.cy_px,
+            distortion_model=stated.distortion_model or "plumb_bob",
+            distortion=tuple(d.tolist()),
+        )
 
     def columns(self, frame: Frame) -> Float:
         """z by each parameter: the ray turns against the change of the projection."""
