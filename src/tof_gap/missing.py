@@ -20,7 +20,7 @@ from tof_sensor.frame import LIGHT_M_PER_S, lambert_amplitude
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Mask
+    from tof_core.arrays import Float
     from tof_gap.evidence import ViewEvidence
 
 
