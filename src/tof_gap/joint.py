@@ -137,7 +137,7 @@ def lens_of(joint: Joint) -> Intrinsics | None:
     """The intrinsics that the solution has chosen, None where CameraInfo's will do."""
     for effect, group, at in joint.design.placed(joint.selection.chosen.members):
         if isinstance(effect, Intrinsics):
-            return effect.with_coefficients(np.clip(joint.selection.fit.theta[at] / joint.design.scale[group], *effect.bounds))
+            return Intrinsics(*np.clip(joint.selection.fit.theta[at] / joint.design.scale[group], *effect.bounds).tolist())
     return None
 
 
