@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,3 +88,20 @@ def copy(source: Path, target: Path, keep: Callable[[RawMessage], bool]) -> None
         for message in reader.messages():
             if keep(message):
                 writer.raw(message.topic, message.type, message.cdr, message.log_ns)
+
+
+@pytest.mark.parametrize(("flags", "told"), [(["--running"], True), (["--running", "--realtime"], False), ([], False)])
+def test_who_plays_faster_than_a_running_graph_can_take_is_told_what_to_do(
+    flags: list[str], *, told: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tof_ros.player import PlayReport
+    from toftwin.commands import replay as command
+    from toftwin.replay import ReplayResult
+
+    fates = Counter({"kept": 3, "no transform": 1})
+    monkeypatch.setattr(command, "play", lambda *_: ReplayResult(PlayReport(sent=5, fates=fates, lost=1), 0, nodes=("preproc",)))
+    assert cli.main(["replay", BAG, *flags]) == int("--realtime" not in flags)
+    said = capsys.readouterr()
+    assert "5 frames sent, 3 kept, 1 lost; skipped: no transform 1" in said.out
+    assert ("--realtime" in said.err) == told
+    assert ("MB" in said.out) == ("--running" not in flags)

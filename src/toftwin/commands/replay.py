@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--against", type=Path, metavar="OUT", help="compare with what an earlier run kept; 1 if it differs")
     parser.add_argument("--realtime", action="store_true", help="keep the bag's pace and wait for nobody; frames may be lost")
     parser.add_argument("--rate", type=float, default=1.0, help="pace of --realtime, as a multiple of the bag's")
-    parser.add_argument("--running", action="store_true", help="start no graph: play into the one that runs in this ROS_DOMAIN_ID")
+    parser.add_argument(
+        "--running",
+        action="store_true",
+        help="start no graph: play into the one that runs in this ROS_DOMAIN_ID (with --realtime, unless it waits for what is late)",
+    )
     parser.add_argument("--points", action="store_true", help="record point clouds too")
     parser.add_argument("--exact", action="store_true", help="compare without any tolerance")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
@@ -58,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps(_facts(result, comparison), indent=1))
     else:
-        _print(result, comparison, args.record)
+        _print(result, comparison, args)
     return int(result.report.lost > 0 and not args.realtime) or int(comparison is not None and not comparison.same)
 
 
@@ -99,16 +104,23 @@ def _facts(result: ReplayResult, comparison: Comparison | None) -> dict[str, Any
     return facts
 
 
-def _print(result: ReplayResult, comparison: Comparison | None, record: Path | None) -> None:
+HINT = (
+    "replay: a graph that listens as to a camera drops what comes faster than it can take it: "
+    "add --realtime, or start it with --param preproc.live.reliable=true --param preproc.live.patience_s=8"
+)
+
+
+def _print(result: ReplayResult, comparison: Comparison | None, args: argparse.Namespace) -> None:
     r = result.report
     skipped = ", ".join(f"{reason} {count}" for reason, count in sorted(r.fates.items()) if reason != "kept")
     print(f"{r.sent} frames sent, {r.fates['kept']} kept, {r.lost} lost" + (f"; skipped: {skipped}" if skipped else ""))
-    print(
-        f"{r.seconds:.1f} s, {r.sent / max(r.seconds, 1e-9):.1f} frames/s; graph ({', '.join(result.nodes)}) used {result.memory_bytes / 1e6:.0f} MB, "
-        f"{1e3 * result.cpu_s / max(r.sent, 1):.0f} ms of processor a frame"
-    )
-    if record is not None:
-        print(f"{result.recorded} messages kept in {record}")
+    took = f"{r.seconds:.1f} s, {r.sent / max(r.seconds, 1e-9):.1f} frames/s"
+    used = f"used {result.memory_bytes / 1e6:.0f} MB, {1e3 * result.cpu_s / max(r.sent, 1):.0f} ms of processor a frame"
+    print(took if args.running else f"{took}; graph ({', '.join(result.nodes)}) {used}")
+    if args.record is not None:
+        print(f"{result.recorded} messages kept in {args.record}")
+    if args.running and not args.realtime and r.fates["kept"] < r.sent:
+        print(HINT, file=sys.stderr)
     if comparison is not None:
         _print_comparison(comparison)
 
