@@ -183,12 +183,11 @@ def _cameras(joint: Joint, final: Chain) -> Float:
 
 def _untested(joint: Joint, maps: Mapping[str, Sequence[Float]]) -> dict[str, str]:
     """Effects that this session cannot test, with the reason."""
-    moved = {
+    beside_motion = {
         FlyingPixels.NAME: "motion mixes edges by itself: record at rest",
         HAND_EYE: "motion shifts what poses are known by: record at rest",
     }
-    smeared = moved if Motion.NAME in maps else {}
-    return not_testable(joint.views) | smeared
+    return not_testable(joint.views) | (beside_motion if Motion.NAME in maps else {})
 
 
 def _findings(

@@ -152,6 +152,15 @@ def test_a_lens_that_is_off_by_little_changes_depth_as_its_column_says(name: str
     np.testing.assert_allclose(little.bias(plane_frame()), exact, atol=1e-2 * np.abs(exact).max() + 1e-7)
 
 
+def test_a_lens_adds_to_the_one_that_is_stated() -> None:
+    rational = replace(CAMERA, distortion_model="rational_polynomial", distortion=(0.5, -0.1, 1e-3, 2e-3, 0.01, 0.4, 0.02, 0.003))
+    there = Intrinsics(fx_rel=0.01, cx_px=2.0, k1=0.03).camera(rational)
+    assert (there.fx, there.cx) == pytest.approx((1.01 * CAMERA.fx, CAMERA.cx + 2.0))
+    assert there.distortion == pytest.approx((0.53, *rational.distortion[1:]))
+    assert there.distortion_model == "rational_polynomial"
+    assert Intrinsics(k1=0.1).camera(replace(CAMERA, distortion_model="equidistant")).distortion_model == "plumb_bob"
+
+
 def test_deviation_moves_its_part_alone() -> None:
     push = CadDeviation(values=(0, 0, 0.002, 0, 0, 0, 0, 0, 0), part=0, centre=(0, 0, 0.9))
     frame = plane_frame()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from tof_core.camera import MODELS
 from tof_core.config import param
 from tof_sensor.effect import Effect
 from tof_sensor.geometry import ray_columns
@@ -45,7 +46,7 @@ class Intrinsics(Effect):
             fy=stated.fy * (1 + self.fy_rel),
             cx=stated.cx + self.cx_px,
             cy=stated.cy + self.cy_px,
-            distortion_model=stated.distortion_model or "plumb_bob",
+            distortion_model=stated.distortion_model if MODELS.get(stated.distortion_model) else "plumb_bob",
             distortion=tuple(d.tolist()),
         )
 
