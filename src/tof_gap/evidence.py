@@ -108,9 +108,9 @@ def _of_view(view: View, frame: Frame, config: EvidenceConfig, concavity: Image,
     edge = spoiled(frame, config.edge_px, wider_px, smeared)
     flat = frame.rendering.incidence > np.radians(config.grazing_deg)
     # Rounding to coarse steps hides scatter from neighbours that round alike.
-    white = scatter(residual, np.isfinite(residual) & ~edge & ~flat, frame.amplitude)
+    white = scatter(residual, (np.abs(residual) < LOST_M) & ~edge & ~flat, frame.amplitude)
     sigma = np.maximum(white, depth_step(view.depth.astype(np.float64)) / np.sqrt(12))
-    gross = np.abs(residual) > np.maximum(config.gross_mm * 1e-3, GROSS_SIGMA * sigma)
+    gross = np.abs(residual) > np.clip(GROSS_SIGMA * sigma, config.gross_mm * 1e-3, max(LOST_M, config.gross_mm * 1e-3))
     if smeared:
         edge |= streaks(residual, sigma, ~edge & ~gross)
     smooth = np.isfinite(residual) & ~edge & ~gross & ~flat
@@ -124,7 +124,9 @@ def _drawn(smooth: Mask, pixels: int, rng: np.random.Generator) -> Ints:
 
 
 GROSS_SIGMA = 5.0
-"""Scatters within which nothing is gross, however weak the light."""
+"""Scatters within which nothing is gross, however weak the light..."""
+LOST_M = 0.3
+"""... but for what is so far off that it is another surface, or a turn that was lost."""
 EXPOSURE_S = 0.2
 """How long a camera may look at most: four taps of some tens of milliseconds."""
 TREMBLE_PX = 0.25

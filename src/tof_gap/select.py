@@ -63,17 +63,17 @@ def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
         if judge.repeats(i, current.members):
             continue
         trial = judge.score((*current.members, i), current.inflate)
-        if current.score - trial.score < judge.gain(i) or not _steady(current, trial):
+        if current.score - trial.score < judge.gain(i) or not _steady(current, trial, judge.gain(i)):
             continue
         if (best is None or trial.score < best.score) and judge.plausible(trial):
             best = trial
     return None if best is None else _rescored(judge, best.members)
 
 
-def _steady(before: Hypothesis, after: Hypothesis) -> bool:
-    """Whether the win is no single view's: it stands with the best view taken away."""
+def _steady(before: Hypothesis, after: Hypothesis, gain: float) -> bool:
+    """Whether the win is no single view's: with the best view taken away it is a quarter of it still, or all that is asked."""
     won = before.held_out - after.held_out
-    return bool(won.sum() - won.max() > 0.25 * won.sum() or len(won) < 4)
+    return bool(won.sum() - won.max() > min(0.25 * won.sum(), gain) or len(won) < 4)
 
 
 def _exchange(judge: Selector, current: Hypothesis) -> Hypothesis:

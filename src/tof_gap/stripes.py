@@ -18,9 +18,11 @@ if TYPE_CHECKING:
 
 CELLS = 43
 """Rows of cells that are averaged before waves are looked for: two to the finest wave's turn."""
-TURNS = np.arange(3.5, 20.1, 0.5)
+TURNS = np.arange(2.5, 20.1, 0.5)
 TILTS = np.arange(-3.0, 3.1, 0.5)
 """Waves tried: turns over the height and over the width of the image."""
+LEAST_TURNS = 3.5
+"""A best wave of fewer is no wave but a slope: what other effects leave."""
 BAND = 1.5
 """Turns to either side that belong to one beat, whose envelope widens its line."""
 HIT = 25.0
@@ -48,6 +50,8 @@ def beat(views: Sequence[ViewEvidence]) -> Beat | None:
     total = energy.sum(axis=0)
     best = int(np.argmax(total))
     turns, tilt = (TURNS[best // len(TILTS)], TILTS[best % len(TILTS)])
+    if turns < LEAST_TURNS:
+        return None
     mine = energy[:, best]
     hit = mine > max(HIT, 0.03 * mine.max())
     # Rows that jump have every wave across them alike: a beat must stand out of those of its own tilt too.

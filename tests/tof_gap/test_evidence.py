@@ -82,3 +82,12 @@ def test_what_scatters_far_is_not_gross_and_what_lost_a_turn_is() -> None:
     assert beyond[turned == 0].mean() > 0.03
     assert lost[turned == 0].mean() < 1e-4
     assert lost[turned > 0].mean() > 0.999
+
+
+def test_where_every_other_pixel_lost_a_turn_that_is_no_scatter() -> None:
+    rng = np.random.default_rng(4)
+    turned = np.zeros((VIEWS, *SHAPE))
+    turned[:, 20:, :] = 0.9 * rng.integers(0, 2, turned[:, 20:, :].shape)
+    seen = views(rng, turned)
+    assert np.stack([v.gross for v in seen])[turned > 0].all()
+    assert max(float(v.sigma.max()) for v in seen) < 0.02

@@ -100,6 +100,18 @@ def test_a_constant_row_is_a_pattern_and_no_noise() -> None:
     assert said(np.tile(np.repeat(RNG.normal(0, 0.003, (1, SHAPE[0], 1)), SHAPE[1], axis=2), (VIEWS, 1, 1))) == []
 
 
+def test_stripes_of_a_beat_have_turns_and_a_slope_that_comes_and_goes_has_not() -> None:
+    row = np.linspace(0, 1, SHAPE[0])[None, :, None]
+    hit = (np.arange(VIEWS) % 2 == 0)[:, None, None]
+
+    def wave(turns: float) -> np.ndarray:
+        return hit * 0.004 * np.sin(2 * np.pi * turns * row + RNG.uniform(0, 6, (VIEWS, 1, 1))) * np.ones((VIEWS, *SHAPE))
+
+    ((name, _),) = said(wave(7.0))
+    assert name == "interference"
+    assert "interference" not in [n for n, _ in said(wave(2.5))]
+
+
 def test_a_fixed_pattern_larger_than_the_light_s_scatter_is_no_noise() -> None:
     assert said(np.broadcast_to(RNG.normal(0, 0.01, SHAPE), (VIEWS, *SHAPE))) == []
 

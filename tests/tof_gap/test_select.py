@@ -109,6 +109,15 @@ def test_who_wins_but_a_little_of_what_could_be_taken_from_others_mends_them_and
     assert names(d, taken.chosen.members) == ["subsurface", "wiggling"]
 
 
+@pytest.mark.parametrize(("strength", "expected"), [(0.6, ["cad_deviation"]), (0.1, [])])
+def test_what_nearly_one_view_alone_sees_is_believed_where_the_others_say_enough(strength: float, expected: list[str]) -> None:
+    nearer = 6.0  # times as much of it does the first view see
+    quiet, seen = (design(plain(CadDeviation(part=0)), [s]) for s in (strength, nearer * strength))
+    wider = np.diag([*np.ones(18), nearer, 1.0])
+    d = replace(quiet, system=replace(quiet.system, G=np.concatenate([wider @ seen.system.G[:1] @ wider, quiet.system.G[1:]])))
+    assert names(d, select(d, SelectConfig(share=0.0)).chosen.members) == expected
+
+
 def test_what_a_rough_map_leaves_is_nobodys() -> None:
     trifle = 0.15  # 4800 pixels: about 110 of chi-square, of which a rough map of 0.65 may leave 120
     beside = select(d := design(plain(Multipath(), DepthScale()), [0.65, trifle]), SelectConfig(share=0.0))
