@@ -105,7 +105,7 @@ def test_stripes_of_a_beat_have_turns_and_a_slope_that_comes_and_goes_has_not() 
     hit = (np.arange(VIEWS) % 2 == 0)[:, None, None]
 
     def wave(turns: float) -> np.ndarray:
-        return hit * 0.004 * np.sin(2 * np.pi * turns * row + RNG.uniform(0, 6, (VIEWS, 1, 1))) * np.ones((VIEWS, *SHAPE))
+        return np.asarray(hit * 0.004 * np.sin(2 * np.pi * turns * row + RNG.uniform(0, 6, (VIEWS, 1, 1))) * np.ones((VIEWS, *SHAPE)))
 
     ((name, _),) = said(wave(7.0))
     assert name == "interference"
