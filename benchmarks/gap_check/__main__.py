@@ -10,8 +10,8 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-FORMS = {"short": (40, "160x122"), "long": (500, "224x171")}
-"""Cases and pixels of the camera: the short form is the tests'."""
+FORMS = {"short": (40, "160x122"), "long": (500, "224x171"), "wide": (72, "")}
+"""Cases and pixels of the camera: the short form is the tests', the wide one has other cameras and parts in each."""
 
 
 def main() -> int:
@@ -38,7 +38,12 @@ def main() -> int:
 def _record(args: argparse.Namespace) -> int:
     from benchmarks.gap_check.cases import draw
     from benchmarks.gap_check.record import record_all
+    from benchmarks.gap_check.wide import draw_wide
     from tof_scene.builtin import builtin_names
+
+    if args.form == "wide":
+        record_all(draw_wide(args.count or FORMS["wide"][0], args.seed), args.out, (224, 171))
+        return 0
 
     scenes = tuple(args.scenes.split(",")) if args.scenes else tuple(builtin_names())
     cases = draw(args.count or FORMS[args.form][0], scenes, args.seed)
@@ -69,7 +74,11 @@ def _score(args: argparse.Namespace) -> int:
     (args.out / "scores.json").write_text(json.dumps([asdict(r) for r in rows], indent=1))
     print(summary(rows))
     if args.write:
-        drawn = f"--form {args.form}" if args.count is None else f"--count {args.count} --size {args.size or FORMS[args.form][1]}"
+        drawn = (
+            f"--form {args.form}"
+            if args.count is None or args.form == "wide"
+            else f"--count {args.count} --size {args.size or FORMS[args.form][1]}"
+        )
         Path("docs/gap_check.md").write_text(page(rows, f"make gap-check ARGS='{drawn} --seed {args.seed}'"))
     return 0
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,8 @@ class Case:
     left_out: str
     seed: int
     modulation_mhz: float
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Of the virtual robot, besides what all sessions have."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for the sealed answer."""

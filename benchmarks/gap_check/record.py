@@ -50,19 +50,23 @@ def config_of(case: Case, size: tuple[int, int]) -> VirtualConfig:
             "plan.stations": 2,
             "plan.pause_s": 30.0,
             "plan.capture_moving": moving,
-        },
+        }
+        | case.settings,
     )
 
 
 def _record(case: Case, bag: Path, sealed: Path, size: tuple[int, int]) -> None:
-    from tof_scene.builtin import write_builtin
+    from benchmarks.gap_check.wide import write_scene
+    from tof_scene.builtin import builtin_names, write_builtin
     from tof_scene.scene_file import load_scene
     from tof_virtual.record import record
     from toftwin.commands.simulate import bodies_of
 
     sealed.mkdir(parents=True, exist_ok=True)
     bag.mkdir(parents=True)
-    scene = load_scene(write_builtin(case.scene, bag / "scene"))
+    scene = load_scene(
+        write_builtin(case.scene, bag / "scene") if case.scene in builtin_names() else write_scene(case.scene, bag / "scene", case.seed)
+    )
     record(bodies_of(scene), bag / "bag", config_of(case, size), effects=case.effects, truth_path=sealed / "truth")
     (sealed / "case.json").write_text(json.dumps(case.to_dict()))
     # The list that the diagnosis may use is no secret; what is in the bag is.
