@@ -53,9 +53,14 @@ class ParamInfo:
     choices: tuple[str, ...]
 
 
-def table(cls: type[Any], prefix: str = "") -> Iterator[ParamInfo]:
-    """Every parameter of a configuration class, depth first, names joined by dots."""
-    yield from _rows(cls(), prefix)
+def table(cls: type[Any], prefix: str = "") -> tuple[ParamInfo, ...]:
+    """Every parameter of a configuration class, depth first, names joined by dots; made once."""
+    return _table(cast("Any", cls), prefix)
+
+
+@cache
+def _table(cls: Any, prefix: str) -> tuple[ParamInfo, ...]:
+    return tuple(_rows(cls(), prefix))
 
 
 def _rows(config: Any, prefix: str) -> Iterator[ParamInfo]:

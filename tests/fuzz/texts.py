@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core import config as core_config
 from tof_core.config import from_mapping
 from tof_core.errors import ToftwinError
 from tof_core.yamlio import parse_yaml
@@ -35,8 +34,6 @@ def config(folder: Path) -> Callable[[bytes], None]:
     """A configuration file, `--set`, `--initial-pose`, or a sensor.yaml, by the first byte."""
     sensor = folder / "sensor.yaml"
     difflib.get_close_matches = lambda *_, **__: []  # what to say of a misspelt key: ten times the work of all the rest
-    settings = tuple(core_config.table(PipelineConfig))  # the same whatever comes in
-    vars(core_config)["table"] = lambda _: settings
 
     def run(data: bytes) -> None:
         way, text = data[:1], data[1:].decode("utf-8", "replace")
