@@ -14,7 +14,6 @@ from pathlib import Path
 
 from benchmarks.figure import Figure, at_least, at_most
 from benchmarks.gap_check.cases import Case
-from benchmarks.gap_check.examine import examine_all
 from benchmarks.gap_check.record import record_all
 from benchmarks.gap_check.score import score_all
 
@@ -39,7 +38,9 @@ def handful() -> list[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         cases = [Case(f"case{i:04d}", kind, scene, e, "", 900 + i, 80.0) for i, (kind, e, scene) in enumerate(HANDFUL)]
         record_all(cases, Path(folder), (224, 171))
-        examine_all(Path(folder))
+        subprocess.run(
+            [sys.executable, "-m", "benchmarks.gap_check", "--step", "examine", "--out", folder], check=True, capture_output=True
+        )
         rows = score_all(Path(folder))
     missed = "; ".join(f"{'+'.join(r.truth) or 'null'} -> {', '.join(r.verdict)}" for r in rows if not r.hit)
     share = 100.0 * sum(r.hit for r in rows) / len(rows)

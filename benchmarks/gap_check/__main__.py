@@ -10,6 +10,8 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
+from toftwin.threads import one_thread
+
 FORMS = {"short": (40, "160x122"), "long": (500, "224x171"), "wide": (72, "")}
 """Cases and pixels of the camera: the short form is the tests', the wide one has other cameras and parts in each."""
 
@@ -27,6 +29,7 @@ def main() -> int:
     parser.add_argument("--baselines", action="store_true", help="run least squares after ICP, and boosted trees, on the same bags")
     parser.add_argument("--write", action="store_true", help="write docs/gap_check.md")
     args = parser.parse_args()
+    one_thread()  # as `toftwin gap` does it
     if args.step is None:
         for step in ("record", "examine", *(["baselines"] if args.baselines else []), "score"):
             if code := subprocess.call([sys.executable, "-m", "benchmarks.gap_check", "--step", step, *sys.argv[1:]]):
