@@ -77,11 +77,7 @@ def _score(args: argparse.Namespace) -> int:
     (args.out / "scores.json").write_text(json.dumps([asdict(r) for r in rows], indent=1))
     print(summary(rows))
     if args.write:
-        drawn = (
-            f"--form {args.form}"
-            if args.count is None or args.form == "wide"
-            else f"--count {args.count} --size {args.size or FORMS[args.form][1]}"
-        )
+        drawn = f"--form {args.form}" + (f" --count {args.count}" if args.count else "") + (f" --size {args.size}" if args.size else "")
         Path("docs/gap_check.md").write_text(page(rows, f"make gap-check ARGS='{drawn} --seed {args.seed}'"))
     return 0
 

@@ -140,11 +140,10 @@ def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generat
 
 def nameless_share(joint: Joint, view: ViewEvidence) -> Float:
     """(H, W) metres of what the solution gives to functions of observables: error that shows but has no name."""
-    design, solution = joint.design, joint.selection.fit
     out = np.zeros(view.residual.shape)
-    for effect, group, at in design.placed(joint.selection.chosen.members):
+    for effect, coefficients in joint.told():
         if isinstance(effect, Unknown):
-            out += unknown_share(effect, solution.theta[at] / design.scale[group], view)
+            out += unknown_share(effect, coefficients, view)
     return out
 
 

@@ -110,7 +110,7 @@ def _of_view(view: View, frame: Frame, config: EvidenceConfig, concavity: Image,
     # Rounding to coarse steps hides scatter from neighbours that round alike.
     white = scatter(residual, (np.abs(residual) < LOST_M) & ~edge & ~flat, frame.amplitude)
     sigma = np.maximum(white, depth_step(view.depth.astype(np.float64)) / np.sqrt(12))
-    gross = np.abs(residual) > np.clip(GROSS_SIGMA * sigma, config.gross_mm * 1e-3, max(LOST_M, config.gross_mm * 1e-3))
+    gross = np.abs(residual) > np.maximum(config.gross_mm * 1e-3, np.minimum(GROSS_SIGMA * sigma, LOST_M))
     if smeared:
         edge |= streaks(residual, sigma, ~edge & ~gross)
     smooth = np.isfinite(residual) & ~edge & ~gross & ~flat

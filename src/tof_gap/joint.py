@@ -30,7 +30,7 @@ from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from tof_align.chain import Chain
     from tof_align.config import AlignConfig
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from tof_gap.config import GapConfig
     from tof_gap.system import Fit
     from tof_scene.raycast import Raycaster
+    from tof_sensor.effect import Effect
 
 NEAR = (2e-3, 0.2)
 """Metres and degrees that a camera may move before its view is rendered, and its columns made, anew."""
@@ -57,13 +58,16 @@ class Joint:
     selection: Selection
     late_s: float = 0.0
     """Seconds of stamps that the chain's robot poses make up for; the residuals still show it."""
-    lens: Intrinsics | None = None
-    """The lens that views are rendered through; the residuals still show what it is beside CameraInfo."""
 
     @property
     def hand_eye(self) -> Float:
         """(4, 4) X of the solution."""
         return np.asarray(self.chain.hand_eye @ se3.exp(self.selection.fit.hand))
+
+    def told(self) -> Iterator[tuple[Effect | None, Float]]:
+        """Of each member of the solution its effect, and its coefficients in their own units."""
+        for effect, group, at in self.design.placed(self.selection.chosen.members):
+            yield effect, self.selection.fit.theta[at] / self.design.scale[group]
 
 
 def solve(
@@ -85,7 +89,7 @@ def solve(
         (after, late_s), lens = solution(joint), lens_of(joint)
         seen = observe(_through(lens, views), caster, after, config, footprints=False, sky=True, wider_px=wider_px)
         joint, store = _linearised(_as_recorded(seen, late_s, lens), caster, after, config, left_out)
-        joint = replace(joint, late_s=late_s, lens=lens)
+        joint = replace(joint, late_s=late_s)
         if farthest(after, solution(joint)[0], NEAR) <= 1.0 and _alike(lens, lens_of(joint), views[0].camera):
             break
     if not joint.design.candidates:
@@ -114,9 +118,9 @@ def solution(joint: Joint) -> tuple[Chain, float]:
     """The chain after the solution's steps, its robot poses at the time that the solution says, and that lateness in seconds."""
     after = moved(joint.chain, joint.design, joint.selection.fit, joint.selection.chosen.inflate)
     late_s = 0.0
-    for effect, group, at in joint.design.placed(joint.selection.chosen.members):
+    for effect, coefficients in joint.told():
         if isinstance(effect, TimeSync | Motion):
-            late_s = float((joint.selection.fit.theta[at] / joint.design.scale[group])[0])
+            late_s = float(coefficients[0])
     return delayed(after, joint.views, late_s - joint.late_s), late_s
 
 
@@ -130,9 +134,9 @@ def delayed(chain: Chain, views: Sequence[ViewEvidence], seconds: float) -> Chai
 
 def lens_of(joint: Joint) -> Intrinsics | None:
     """The intrinsics that the solution has chosen, None where CameraInfo's will do."""
-    for effect, group, at in joint.design.placed(joint.selection.chosen.members):
+    for effect, coefficients in joint.told():
         if isinstance(effect, Intrinsics):
-            return Intrinsics(*np.clip(joint.selection.fit.theta[at] / joint.design.scale[group], *effect.bounds).tolist())
+            return Intrinsics(*np.clip(coefficients, *effect.bounds).tolist())
     return None
 
 

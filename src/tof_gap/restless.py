@@ -91,10 +91,10 @@ class Pixels:
     size_m: float
 
 
-def restless_pixels(views: Sequence[ViewEvidence]) -> Pixels:
+def restless_pixels(views: Sequence[ViewEvidence], pattern_m: float) -> Pixels:
     """Pixels whose own variance over the views stands out; a constant error of theirs is a pattern and does not count."""
     high, scatter = (np.stack(a) for a in zip(*(_sharp(v) for v in views), strict=True))
-    sigma = np.sqrt(np.maximum(scatter**2 - pixel_pattern(views) ** 2, 0.1 * scatter**2))  # What neighbours show has the pattern in it.
+    sigma = np.sqrt(np.maximum(scatter**2 - pattern_m**2, 0.1 * scatter**2))  # What neighbours show has the pattern in it.
     seen = np.isfinite(high)
     known = seen.sum(axis=0) >= PIXEL_SEEN
     weight = np.where(seen, sigma**-2, 0.0)

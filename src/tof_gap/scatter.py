@@ -178,7 +178,8 @@ def _noise(
     least = max(config.extra_mm * 1e-3, config.extra_share * typical)
     excess = 0.0 if fitted is None else _constant_part(fitted, step) if expected is None else _beyond(b, expected)
     # What pixels err by in every view alike is a pattern, though neighbours show it as scatter.
-    excess = float(np.sqrt(max(excess**2 - pixel_pattern(views) ** 2, 0.0)))
+    pattern_m = pixel_pattern(views)
+    excess = float(np.sqrt(max(excess**2 - pattern_m**2, 0.0)))
     floor_std = 0.0 if fitted is None else fitted.floor_std
     parts = {"at every amplitude": excess if excess > max(least, 4 * floor_std) else 0.0}
     common = None
@@ -187,7 +188,7 @@ def _noise(
         if jumping.sure > SURE and jumping.size_m > max(config.line_mm * 1e-3, config.line_share * typical):
             parts[name] = jumping.size_m
             common = np.stack([jumps(v, axis) for v in views]) + (0.0 if common is None else common)
-    pixels = restless_pixels(views)
+    pixels = restless_pixels(views, pattern_m)
     restless = float(pixels.size_m * np.sqrt(pixels.share))
     if pixels.share > config.restless_share and restless > config.extra_mm * 1e-3:
         parts[f"of {pixels.share:.1%} of the pixels"] = restless
