@@ -3,13 +3,18 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import pytest
 
 from tof_core.errors import UsageError
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 
-from tof_ros.environment import named_domain, private_domain
+from tof_ros.environment import TRANSPORT_CHOICES, named_domain, private_domain, ros_context
+
+SHARED = Path("/dev/shm")  # noqa: S108 - where Linux has it
 
 
 def test_two_private_domains_at_a_time_differ(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -29,3 +34,15 @@ def test_a_domain_that_is_no_number_is_refused(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setenv("ROS_DOMAIN_ID", "spot")
     with pytest.raises(UsageError, match="ROS_DOMAIN_ID: 'spot' is no number"):
         named_domain()
+
+
+@pytest.mark.skipif(not SHARED.is_dir() or any(name in os.environ for name in TRANSPORT_CHOICES), reason="another transport was chosen")
+def test_what_a_process_shares_with_others_holds_several_images() -> None:
+    before = set(SHARED.glob("fastrtps_*"))
+    with private_domain(shared=False) as domain, ros_context(domain=domain) as context:
+        import rclpy
+
+        node = rclpy.create_node("sender", context=context)
+        largest = max(path.stat().st_size for path in set(SHARED.glob("fastrtps_*")) - before)
+        node.destroy_node()
+    assert largest >= 3 * 1280 * 960 * 2

@@ -92,18 +92,27 @@ def small_disk(spec: GraphSpec, domain: int) -> Iterator[Any]:
         process.wait(10)
 
 
+LARGE = Camera(640, 480, 600.0, 600.0, 319.5, 239.5, frame_id="hand_depth")
+"""An image of it is larger than the half megabyte that Fast DDS shares with other processes unless told otherwise."""
+
+
+def test_a_large_image_does_not_push_out_the_camera_info_before_it(ros_domain: int, robot: FaultyRobot, tmp_path: Path) -> None:
+    with graph_process(spec(tmp_path), ros_domain):
+        robot.connect()
+        assert robot.fates(robot.paced(range(8), camera=LARGE)) == {"kept": 8}
+
+
 def test_a_full_disk_ends_the_recording_and_not_the_node(ros_domain: int, robot: FaultyRobot, tmp_path: Path) -> None:
-    camera = Camera(640, 480, 600.0, 600.0, 319.5, 239.5, frame_id="hand_depth")
     with small_disk(spec(tmp_path), ros_domain) as process:
         robot.connect()
         bag = recording(robot)
-        sent = robot.paced(range(8), camera=camera)
+        sent = robot.paced(range(8), camera=LARGE)
         assert robot.fates(sent) == {"kept": 8}
         told = robot.observer.status("spot/preproc", lambda s: "recording stopped" in s.message)
         assert "cannot be written further" in told.message
         refused = robot.observer.trigger("/spot/preproc/stop_recording")
         assert (refused.success, "free some space" in refused.message) == (False, True)
-        after = robot.frames(range(10, 13), camera=camera)
+        after = robot.frames(range(10, 13), camera=LARGE)
         assert robot.fates(after) == {"kept": 3}
         assert process.poll() is None
     kept = recorded(bag)
