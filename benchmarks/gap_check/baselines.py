@@ -67,10 +67,8 @@ def least_squares(store: ColumnStore, residual: list[Float]) -> str:
     scene = store.views[0].frame.context.caster.scene  # type: ignore[union-attr]
     y = np.concatenate(residual)
     best, name = 0.0, "none"
-    for candidate in candidates(store.views, scene):
-        if candidate.effect is None:
-            continue
-        columns = store.of(candidate.effect)
+    tested = [c for c in candidates(store.views, scene) if c.effect is not None]
+    for candidate, columns in zip(tested, store.of([c.effect for c in tested]), strict=True):
         X = np.concatenate([c / v.sigma.ravel()[v.pixels][:, None] for c, v in zip(columns, store.views, strict=True)])
         left = y - X @ np.linalg.lstsq(X, y, rcond=1e-8)[0]
         share = 1 - float(left @ left) / float(y @ y)

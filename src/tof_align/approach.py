@@ -6,7 +6,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import qmc
 
 from tof_align.linearise import linearise
 from tof_align.robust import mad, tukey
@@ -198,6 +197,8 @@ def _starts(
     kept: int = 6,
 ) -> list[Float]:
     """The most promising of many motions inside the prior (a fixed low-discrepancy set), on few rays."""
+    from scipy.stats import qmc  # a second to import, and rarely needed
+
     sobol = qmc.Sobol(6, scramble=True, seed=1).random(tried)
     twists = np.clip(qmc.scale(sobol, -1.8 * np.ones(6), 1.8 * np.ones(6)), -1.8, 1.8) * prior_std
     few = [(p.depth.ravel()[::9], p.rays.reshape(-1, 3)[::9]) for p in pixels[:3]]

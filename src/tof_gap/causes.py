@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tof_core import se3
+from tof_core.cores import in_threads
 from tof_gap.observable import Unknown, unknown_share
 from tof_gap.pattern import lines, single_pixels
 from tof_gap.posterior import fit_to
@@ -149,14 +151,12 @@ def nameless_share(joint: Joint, view: ViewEvidence) -> Float:
 
 def shares(causes: Sequence[Named], views: Sequence[ViewEvidence], chain: Chain, caster: Raycaster) -> dict[str, list[Float]]:
     """Per named effect its (H, W) metres of z in every view; `chain` is where the views are seen from."""
-    out = {}
-    for cause in causes:
-        maps = []
-        for v, view in enumerate(views):
-            total = np.sum([_bias(e, view, v, chain, caster) for e in cause.effects], axis=0)
-            maps.append(np.where(view.frame.valid, total, np.nan))
-        out[cause.name] = maps
-    return out
+
+    def of_view(cause: Named, v: int, view: ViewEvidence) -> Float:
+        total = np.sum([_bias(e, view, v, chain, caster) for e in cause.effects], axis=0)
+        return np.where(view.frame.valid, total, np.nan)
+
+    return {c.name: in_threads(partial(of_view, c), range(len(views)), views) for c in causes}
 
 
 def without_pixels(causes: Sequence[Named]) -> list[Named]:

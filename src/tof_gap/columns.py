@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core import se3
+from tof_core.cores import in_threads
 from tof_gap.candidates import moving
 from tof_gap.observable import Unknown, unknown_columns
 from tof_gap.pattern import pattern_columns
@@ -63,18 +64,19 @@ class ColumnStore:
         self.views = views
         self._folds = folds
         self._thinned = [v.frame.take(v.pixels) for v in views]
-        self._kept: dict[Effect, list[Float]] = {}
+        self._kept: dict[Effect | None, list[Float]] = {}
 
-    def of(self, effect: Effect | None) -> list[Float]:
-        """(n, k) per view; none for hand-eye, whose columns the pose has."""
-        if effect is None:
-            return [np.zeros((len(v.pixels), 0)) for v in self.views]
-        if effect not in self._kept:
-            self._kept[effect] = [self._columns(effect, v) for v in range(len(self.views))]
-        return self._kept[effect]
+    def of(self, effects: Sequence[Effect | None]) -> list[list[Float]]:
+        """(n, k) per effect and view; no column for hand-eye (None), whose columns the pose has."""
+        missing = [e for e in dict.fromkeys(effects) if e not in self._kept]
+        by_view = in_threads(lambda v: [self._columns(e, v) for e in missing], range(len(self.views)))
+        self._kept |= dict(zip(missing, map(list, zip(*by_view, strict=True)), strict=True))
+        return [self._kept[e] for e in effects]
 
-    def _columns(self, effect: Effect, v: int) -> Float:
+    def _columns(self, effect: Effect | None, v: int) -> Float:
         view = self.views[v]
+        if effect is None:
+            return np.zeros((len(view.pixels), 0))
         if isinstance(effect, FixedPattern):
             return pattern_columns(self.views, v, self._folds, effect.order)
         if isinstance(effect, Unknown):
@@ -93,10 +95,9 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
 
     The bases of a moving session stay by the chain's, and not by the robot's word.
     """
-    by_candidate = [store.of(c.effect) for c in tested]
+    nothing, *by_candidate = store.of([None, *(c.effect for c in tested)])
     ends = np.cumsum([0, *(columns[0].shape[1] for columns in by_candidate)])
     groups = tuple(np.arange(a, b) for a, b in itertools.pairwise(ends))
-    nothing = store.of(None)
     C = [np.concatenate([nothing[v], *(columns[v] for columns in by_candidate)], axis=1) for v in range(len(store.views))]
     total = sum(len(c) for c in C)
     scale = np.sqrt(sum((np.einsum("nk,nk->k", c, c) for c in C), np.zeros(C[0].shape[1])) / total)
@@ -106,7 +107,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     if moving(store.views):
         base0, base_sd = np.zeros_like(base0), np.minimum(base_sd, PINNED_SD)
     system = System(
-        G=np.stack([_gram(v, c / safe, chain, i) for i, (v, c) in enumerate(zip(store.views, C, strict=True))]),
+        G=np.stack(in_threads(lambda i, view, c: _gram(view, c / safe, chain, i), range(len(C)), store.views, C)),
         station=np.asarray(chain.station),
         n=np.array([float(len(v.pixels)) for v in store.views]),
         weight=np.array([float((v.sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),

@@ -107,16 +107,16 @@ def diagnose(
     rng = np.random.default_rng(config.evidence.seed)
     say("depth or distance")
     if RadialDepth.NAME in left_out:
-        chain, along_ray = start(views, caster, config, align), None
+        begun, along_ray = start(views, caster, config, align), None
     else:
-        views, chain, along_ray = gate(views, caster, config, align, bends)
+        begun, along_ray = gate(views, caster, config, align, bends)
     if few and along_ray is None:
         msg = f"{len(views)} views are too few to diagnose"
         raise RefusedError(msg, where="session", todo=f"record at least {MIN_VIEWS} still views from different poses")
     say("poses and effects together")
-    joint = solve(views, caster, config, chain, frozenset(VOCABULARY) if few else left_out)
+    joint = solve(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
     say("what scatter, loss and edges say")
-    final, evidence = at_solution(joint, views, caster, config)
+    final, evidence = at_solution(joint, begun.views, caster, config)
     judge = Selector(joint.design, config.select)
     fit_views, held = split(joint.chain)
     causes = named(joint, fit_views, judge, rng)

@@ -44,14 +44,15 @@ def explainable(
     half = np.concatenate([np.full(len(cells[i][1]), place % 2 == 0) for place, i in enumerate(fit_views)])
     features = _Features(X)
     F = features(X)
+    halves = [(_normal(F[~test], y[~test], n[~test]), F[test], y[test], n[test]) for test in (half, ~half)]
     best, ridge = 0.0, None
     for trial in RIDGES:
-        won = sum(_won(F[test] @ _ridge(F[~test], y[~test], n[~test], trial), y[test], n[test]) for test in (half, ~half))
+        won = sum(_won(f @ _ridge(*normal, trial), its_y, its_n) for normal, f, its_y, its_n in halves)
         if won > best:
             best, ridge = won, trial
     more = 0.0
     if ridge is not None:
-        c = _ridge(F, y, n, ridge)
+        c = _ridge(*_normal(F, y, n), ridge)
         pixels = sum(int(np.isfinite(left[i]).sum()) for i in held)
         more = sum(_won(features(cells[i][0]) @ c, cells[i][1], cells[i][2]) for i in held) / max(pixels, 1)
     above = (gap.before.rmse**2 - gap.floor_mm**2) * 1e-6
@@ -73,9 +74,13 @@ class _Features:
         return np.concatenate([np.cos(Z @ self._W + self._b), Z, np.ones((len(Z), 1))], axis=1)
 
 
-def _ridge(F: Float, y: Float, n: Float, strength: float) -> Float:
-    A = (F * n[:, None]).T @ F
-    return np.asarray(np.linalg.solve(A + strength * n.sum() / F.shape[1] * np.eye(F.shape[1]), F.T @ (n * y)))
+def _normal(F: Float, y: Float, n: Float) -> tuple[Float, Float, float]:
+    """Normal equations A, b of a weighted fit, and the mean weight of a feature."""
+    return (F * n[:, None]).T @ F, F.T @ (n * y), n.sum() / F.shape[1]
+
+
+def _ridge(A: Float, b: Float, weight: float, strength: float) -> Float:
+    return np.asarray(np.linalg.solve(A + strength * weight * np.eye(len(A)), b))
 
 
 def _won(p: Float, y: Float, n: Float) -> float:

@@ -16,7 +16,7 @@ from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
 from tof_gap.candidates import Candidate, candidates, moving
 from tof_gap.columns import ColumnStore, Design, build
-from tof_gap.evidence import ViewEvidence, gather
+from tof_gap.evidence import ViewEvidence, gather, smear
 from tof_gap.judge import deal
 from tof_gap.missing import mixing
 from tof_gap.observable import unknowns
@@ -70,20 +70,17 @@ class Joint:
             yield effect, self.selection.fit.theta[at] / self.design.scale[group]
 
 
-def solve(
-    views: Sequence[View],
-    caster: Raycaster,
-    config: GapConfig,
-    chain: Chain,
-    left_out: frozenset[str] = frozenset(),
-) -> Joint:
-    """Poses and effects at once, from a `chain` that `start` brought near; linearised anew while cameras move.
+def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozenset[str] = frozenset()) -> Joint:
+    """Poses and effects at once, from where `start` brought the cameras; linearised anew while they move.
 
     The first round asks only effects that look at each pixel by itself: it is there to bring the cameras near. Of a moving session it
     asks all, as whatever stands in for motion takes the cameras away.
     """
-    wider_px = MIXED_PX if _mixes(views, caster, chain, config) else 0
-    check_fit(evidence := observe(views, caster, chain, config, footprints=False, wider_px=wider_px))
+    views, chain, evidence, wider_px = begun.views, begun.chain, begun.evidence, 0
+    check_fit(evidence)
+    if any(smear(v.frame) == 0 for v in evidence) and _mixes(views, caster, chain, config):
+        wider_px = MIXED_PX
+        evidence = observe(views, caster, chain, config, footprints=False, wider_px=wider_px)
     joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
     for _ in range(ROUNDS - 1):
         (after, late_s), lens = solution(joint), lens_of(joint)
@@ -181,19 +178,29 @@ def _linearised(
     return Joint(chain, evidence, design, select(design, config.select)), store
 
 
-def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> Chain:
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """Views at the poses that robot and CAD agree on before any effect is asked, and what they show there."""
+
+    views: Sequence[View]
+    chain: Chain
+    evidence: tuple[ViewEvidence, ...]
+
+
+def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> Start:
     """The robot's poses brought to the CAD: bases from afar, then all poses with no effect."""
     samples = [sample(v, align.weights) for v in views]
     chain = near(samples, chain_of(samples, align.priors), caster, align)
+    evidence = observe(views, caster, chain, config, footprints=False)
     for _ in range(2):
-        evidence = observe(views, caster, chain, config, footprints=False)
         if moving(evidence):
             break  # Edges, which these poses are found by, are given up from here on.
         design = build(ColumnStore(evidence, chain.station), [], chain, config.hand_sd)
         before, chain = chain, moved(chain, design, fit(design.system, np.zeros(0, np.int64), inflate=START_INFLATE), START_INFLATE)
+        evidence = observe(views, caster, chain, config, footprints=False)
         if farthest(before, chain, NEAR) <= 1.0:
             break
-    return chain
+    return Start(views, chain, evidence)
 
 
 def farthest(one: Chain, other: Chain, unit: tuple[float, float]) -> float:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -11,10 +11,13 @@ from tof_core.cores import CORES, in_threads
 from tof_core.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
 
+    T = TypeVar("T")
     Float32 = NDArray[np.float32]
     Found = tuple[NDArray[np.int32], Float32]
 
@@ -27,12 +30,16 @@ measures them side by side), and embreex adds 19 MB to a process where open3d ad
 
 
 class Backend(Protocol):
-    """Nearest hits of float32 rays."""
+    """What float32 rays meet."""
 
     name: str
 
     def nearest(self, origins: Float32, directions: Float32) -> Found:
         """Face (N,) int32, -1 for none, and its distance (N,) in lengths of the direction."""
+        ...
+
+    def blocked(self, origins: Float32, directions: Float32, reach: float) -> Mask:
+        """(N,) whether anything is met within `reach` lengths of the direction; which, and where, is not asked."""
         ...
 
 
@@ -52,14 +59,28 @@ class EmbreeBackend:
 
     def nearest(self, origins: Float32, directions: Float32) -> Found:
         """See Backend."""
-        if CORES == 1 or len(origins) < SHARED_FROM:
-            return self._run(origins, directions)
-        found = in_threads(self._run, np.array_split(origins, CORES), np.array_split(directions, CORES))
+        found = _shared(self._run, origins, directions)
         return np.concatenate([face for face, _ in found]), np.concatenate([near for _, near in found])
+
+    def blocked(self, origins: Float32, directions: Float32, reach: float) -> Mask:
+        """See Backend."""
+
+        def work(origins: Float32, directions: Float32) -> Mask:
+            end = np.full(len(origins), reach, np.float32)
+            return np.asarray(self._scene.run(origins, directions, end, "OCCLUDED") >= 0)
+
+        return np.concatenate(_shared(work, origins, directions))
 
     def _run(self, origins: Float32, directions: Float32) -> Found:
         found = self._scene.run(origins, directions, output=True)
         return found["primID"].astype(np.int32, copy=False), found["tfar"]
+
+
+def _shared(work: Callable[[Float32, Float32], T], origins: Float32, directions: Float32) -> list[T]:
+    """`work` of rays, in one piece or in one for each core."""
+    if CORES == 1 or len(origins) < SHARED_FROM:
+        return [work(origins, directions)]
+    return in_threads(work, np.array_split(origins, CORES), np.array_split(directions, CORES))
 
 
 class Open3dBackend:
@@ -81,6 +102,11 @@ class Open3dBackend:
         found = self._scene.cast_rays(self._tensor(rays))
         face = found["primitive_ids"].numpy()
         return np.where(face == MISS, -1, face.astype(np.int32)).astype(np.int32), found["t_hit"].numpy()
+
+    def blocked(self, origins: Float32, directions: Float32, reach: float) -> Mask:
+        """See Backend."""
+        rays = np.concatenate([origins, directions], axis=1)
+        return np.asarray(self._scene.test_occlusions(self._tensor(rays), tfar=reach).numpy())
 
 
 BACKENDS: dict[str, type[EmbreeBackend | Open3dBackend]] = {"embree": EmbreeBackend, "open3d": Open3dBackend}

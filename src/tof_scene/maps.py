@@ -51,8 +51,7 @@ def concavity(caster: Raycaster, points: Float, normals: Float, rays: int = 32, 
     """
     directions = np.einsum("nij,kj->nki", _bases(normals), _sky(rays))
     starts = np.repeat(points + CLEARANCE_M * normals, rays, axis=0)
-    t = caster.cast(starts, directions.reshape(-1, 3)).t.reshape(len(points), rays)
-    return np.asarray((t < reach_m).mean(axis=1))
+    return np.asarray(caster.blocked(starts, directions.reshape(-1, 3), reach_m).reshape(len(points), rays).mean(axis=1))
 
 
 def concavity_map(caster: Raycaster, rendering: Rendering, stride: int = 4, rays: int = 32, reach_m: float = REACH_M) -> Image:

@@ -82,6 +82,20 @@ def test_embree_and_open3d_agree_on_a_whole_scene() -> None:
     assert (one.part == other.part).mean() > 0.9995
 
 
+@pytest.mark.parametrize("backend", ["embree", "open3d"])
+@pytest.mark.parametrize("reach", [0.8, 0.9, 1.1])
+def test_a_ray_is_blocked_where_the_first_hit_lies_within_its_reach(backend: str, reach: float) -> None:
+    pytest.importorskip("embreex" if backend == "embree" else backend, reason="this ray caster is not installed")
+    caster = Raycaster(make_builtin("housing"), backend)
+    aims = np.random.default_rng(6).uniform((-0.3, -0.4, 0.5), (0.2, 0.4, 1.1), (20000, 3))
+    eye = np.array([1.0, 0.2, 0.9])
+    t = caster.cast(eye, aims - eye).t
+    sure = ~(np.abs(t - reach) < 1e-5)
+    blocked = caster.blocked(eye, aims - eye, reach)
+    assert 0.05 < blocked.mean() < 1.0
+    assert (blocked == (t < reach))[sure].mean() > 0.9995  # rays that graze an edge may take either side
+
+
 def test_an_unknown_backend_is_a_wrong_call() -> None:
     with pytest.raises(UsageError, match="there is no ray caster 'optix'"):
         Raycaster(scene(wall=wall()), "optix")

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from numba import njit
 
 from tof_core.config import param
 from tof_sensor.effect import Effect
@@ -52,44 +52,24 @@ class Motion(Effect):
 
     def columns_at(self, frame: Frame, pixels: Ints) -> Float:
         """(n, 3) of `columns` on chosen pixels."""
-        twist = frame.context.twist
-        if not twist.any():
+        if not frame.context.twist.any():
             return np.zeros((len(pixels), 3))
-        rate = (pose_columns(frame.take(pixels))[0] @ twist)[:, None]
-        errors = self._taps(frame, pixels) / frame.length.ravel()[pixels, None]
-        return np.asarray(np.nan_to_num(np.concatenate([rate, errors], axis=1)))
-
-    def _taps(self, frame: Frame, pixels: Ints) -> Float:
-        """(n, 2) metres along the ray: the taps' error without unmodulated light, and what as much of it as of modulated light adds."""
-        row, column = np.divmod(pixels, frame.depth.shape[1])
-        seen = _passing(frame)
-        along_u, along_v, recedes, own = (image.ravel()[pixels] for image in (seen.along_u, seen.along_v, seen.recedes, seen.radial))
-        wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
-        difference = np.zeros((2, len(pixels)), complex)
-        for place, quarter in enumerate(OPPOSITE_FIRST if self.opposite_first else IN_TURN):
-            t = (place - 1.5) * self.tap_s
-            there = np.stack([row - along_v * t, column - along_u * t])
-            A, G, R = (map_coordinates(image, there, order=1, mode="nearest") for image in (seen.light, seen.grows, seen.radial))
-            A += G * t
-            modulated = A * np.cos(wave * (R + recedes * t) - quarter * np.pi / 2)
-            difference += 1j**quarter * np.stack([modulated, A + modulated])
-        error = np.angle(difference * np.exp(-1j * wave * own)) / wave
-        return np.stack([error[0], error[1] - error[0]], axis=1)
+        seen, wave = _passing(frame), 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
+        order = OPPOSITE_FIRST if self.opposite_first else IN_TURN
+        errors = _taps(np.asarray(pixels, np.int64), *seen.images, wave, self.tap_s, order) / frame.length.ravel()[pixels, None]
+        return np.asarray(np.nan_to_num(np.concatenate([seen.deepens.ravel()[pixels, None], errors], axis=1)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Passing:
     """What a view's pixels see as the camera goes by, each (H, W).
 
-    Pixels a second along columns and rows; metres, and metres a second that the point recedes; light, and light a second.
+    Metres of z a second that the pixel's depth grows; and `images`: pixels a second along columns and rows; metres, and metres a
+    second that the point recedes; light, and light a second.
     """
 
-    along_u: Float
-    along_v: Float
-    radial: Float
-    recedes: Float
-    light: Float
-    grows: Float
+    deepens: Float
+    images: tuple[Float, Float, Float, Float, Float, Float]
 
 
 @lru_cache(maxsize=24)
@@ -105,4 +85,51 @@ def _passing(frame: Frame) -> Passing:
     facing = np.einsum("hwi,hwi->hw", normal, point)
     rate = np.divide(-(normal @ v), facing, out=np.zeros_like(facing), where=facing < 0) - 3 * recedes / radial
     light = lambert_amplitude(frame.rendering)
-    return Passing(*image_flow(frame), frame.radial, recedes, light, light * np.nan_to_num(rate))
+    deepens = pose_columns(frame) @ frame.context.twist
+    return Passing(deepens, (*image_flow(frame), frame.radial, recedes, light, light * np.nan_to_num(rate)))
+
+
+@njit(cache=True, nogil=True)
+def _taps(
+    pixels: Ints,
+    along_u: Float,
+    along_v: Float,
+    radial: Float,
+    recedes: Float,
+    light: Float,
+    grows: Float,
+    wave: float,
+    tap_s: float,
+    order: tuple[int, int, int, int],
+) -> Float:
+    """(n, 2) metres along the ray: the taps' error without unmodulated light, and what as much of it as of modulated light adds."""
+    out = np.empty((len(pixels), 2))
+    for i in range(len(pixels)):
+        row, column = pixels[i] // light.shape[1], pixels[i] % light.shape[1]
+        bare, lit = 0j, 0j
+        for place in range(4):
+            t, turn = (place - 1.5) * tap_s, order[place] * np.pi / 2
+            v, u = row - along_v[row, column] * t, column - along_u[row, column] * t
+            A = _at(light, v, u) + _at(grows, v, u) * t
+            modulated = A * np.cos(wave * (_at(radial, v, u) + recedes[row, column] * t) - turn)
+            quarter = complex(np.cos(turn), np.sin(turn))
+            bare += quarter * modulated
+            lit += quarter * (A + modulated)
+        own = wave * radial[row, column]
+        back = complex(np.cos(own), -np.sin(own))
+        error = np.angle(bare * back) / wave
+        out[i, 0] = error
+        out[i, 1] = np.angle(lit * back) / wave - error
+    return out
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _at(image: Float, v: float, u: float) -> Any:
+    """Between the four pixels around row `v`, column `u`; beyond the border, the border's."""
+    v, u = min(max(v, 0.0), image.shape[0] - 1.0), min(max(u, 0.0), image.shape[1] - 1.0)
+    top, left = int(v), int(u)
+    below, right = min(top + 1, image.shape[0] - 1), min(left + 1, image.shape[1] - 1)
+    y, x = v - top, u - left
+    upper = (1 - x) * image[top, left] + x * image[top, right]
+    lower = (1 - x) * image[below, left] + x * image[below, right]
+    return (1 - y) * upper + y * lower
