@@ -11,7 +11,7 @@ import numpy as np
 from tof_core import se3
 from tof_gap.columns import ColumnStore, build
 from tof_gap.evidence import edge_band
-from tof_gap.judge import SelectConfig, deal
+from tof_gap.judge import deal
 from tof_gap.system import map_energy
 from tof_scene.render import render
 from tof_sensor.frame import ideal_frame
@@ -117,7 +117,7 @@ def share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, actio
         extra = [_imagined(views[i], caster, action) for i in chosen]
         chain = _longer(chain, chosen, [v.rendering.T_cell_camera for v in extra])
         views += extra
-    store = ColumnStore(views, deal(chain.station.tolist(), SelectConfig().folds))
+    store = ColumnStore(views, deal(chain.station.tolist(), d.config.select.folds))
     design = build(store, [one, two], chain, d.joint.design.system.hand_sd)
     coefficients = np.ones(len(design.groups[0]))
     system = design.system

@@ -32,6 +32,8 @@ COLUMN_SD_M = 0.05
 """Weak prior of a coefficient: a column of unit RMS may reach 50 mm."""
 DEVIATION_SD_M = 0.008
 """The same for each of a part's nine ways to deviate: together they may not bend what one view saw."""
+DEVIATION_SD = np.repeat([0.02, 0.1, 0.02], 3)
+"""What each of the nine may reach by itself (m, rad, m of bow): a slide along its own plane moves no pixel, and would reach anything."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,14 +120,15 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
         arm0=np.array([se3.log(T) for T in chain.arm]),
         hand0=se3.log(chain.hand_eye),
         # A column that vanishes everywhere is pinned: it explains nothing.
-        theta_sd=np.where(live, _column_sd(tested, groups), 1e-9),
+        theta_sd=np.where(live, _column_sd(tested, groups, safe), 1e-9),
     )
     return Design(tuple(tested), groups, safe, system)
 
 
-def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints]) -> Float:
+def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints], scale: Float) -> Float:
     sd = [
-        np.full(len(g), DEVIATION_SD_M if isinstance(c.effect, CadDeviation) else COLUMN_SD_M) for c, g in zip(tested, groups, strict=True)
+        np.minimum(DEVIATION_SD_M, DEVIATION_SD * scale[g]) if isinstance(c.effect, CadDeviation) else np.full(len(g), COLUMN_SD_M)
+        for c, g in zip(tested, groups, strict=True)
     ]
     return np.concatenate([np.zeros(0), *sd])
 

@@ -4,17 +4,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tof_core.errors import RefusedError
-from tof_gap import missing, scatter
+from tof_gap.account import account
 from tof_gap.candidates import HAND_EYE, not_testable
-from tof_gap.causes import Named, named, nameless_share, shares, without_pixels
-from tof_gap.figures import figures
 from tof_gap.flexible import explainable
-from tof_gap.joint import at_solution, delayed, solution, solve, start
+from tof_gap.joint import delayed, solution, solve, start, without
 from tof_gap.judge import Selector, deal
 from tof_gap.radial import gate
 from tof_gap.unexplained import Unexplained, look, misfit
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from tof_align.config import AlignConfig
     from tof_core.arrays import Float
     from tof_core.capture import View
+    from tof_gap.account import Cause
     from tof_gap.config import GapConfig
     from tof_gap.evidence import ViewEvidence
     from tof_gap.joint import Joint
@@ -40,15 +40,6 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 MIN_VIEWS = 4
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Cause:
-    """One effect of the verdict with what it does on held-out views."""
-
-    named: Named
-    alone: Shrink
-    left_out: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +67,7 @@ class Diagnosis:
     joint: Joint
     fit_views: tuple[int, ...]
     held_out_views: tuple[int, ...]
+    config: GapConfig
 
 
 def diagnose(
@@ -115,63 +107,52 @@ def diagnose(
         raise RefusedError(msg, where="session", todo=f"record at least {MIN_VIEWS} still views from different poses")
     say("poses and effects together")
     joint = solve(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
-    say("what scatter, loss and edges say")
-    final, evidence = at_solution(joint, begun.views, caster, config)
-    judge = Selector(joint.design, config.select)
+    say("what scatter, loss and edges say, and how far the gap shrinks on held-out views")
     fit_views, held = split(joint.chain)
-    causes = named(joint, fit_views, judge, rng)
-    maps = shares(causes, evidence, final, caster)
-    unnamed = [nameless_share(joint, v) for v in evidence]
-    smooth = maps | shares(without_pixels(causes), evidence, final, caster)
-    found = (along_ray,) if few and along_ray is not None else _findings(evidence, {**smooth, "": unnamed}, config, along_ray)
-    findings = tuple(f for f in found if f.name not in left_out)
-    nameless = tuple(f for f in found if f.name in left_out)
-    say("how far the gap shrinks on held-out views")
-    told = figures(evidence, joint, maps, findings, (fit_views, held), rng)
-    if along_ray is not None and along_ray.share is not None:
-        told = replace(told, residual=[r + share for r, share in zip(told.residual, along_ray.share, strict=True)])
-    gap = told.shrink(list(told.maps))
-    if findings and not told.maps:
-        gap = replace(gap, shrink=None, ci95=None)  # Scatter and loss alone: nothing is there to be taken off.
-    left = told.left()
-    scattered = [f + s + told.unsure2 for f, s in zip(told.floors, _scatter2(findings, evidence), strict=True)]
+    read = partial(account, split=(fit_views, held), rng=rng, along_ray=along_ray, alone=few, left_out=left_out)
+    found = read(joint, begun.views, caster, config)
+    while (name := found.worsens) is not None:
+        joint = without(joint, name, config)
+        found = read(joint, begun.views, caster, config)
+    evidence, told, left = found.evidence, found.told, found.told.left()
+    scattered = [f + s + told.unsure2 for f, s in zip(told.floors, _scatter2(found.findings, evidence), strict=True)]
+    moved = any(c.named.name == Motion.NAME for c in found.causes)
     unexplained = look(
         evidence,
         left,
         told.floors,
-        gap,
+        found.gap,
         caster.scene,
         at_solution=joint.views,
-        gross_named=any(f.name == PhaseWrap.NAME for f in findings),
+        gross_named=any(f.name == PhaseWrap.NAME for f in found.findings),
         alike_m=told.alike_m,
-        nameless=nameless,
+        nameless=found.nameless,
         depends_on=joint.selection.unknown,
         crowd=joint.selection.crowd,
         misfit=misfit(evidence, told.residual, left, scattered),
-        arms_alike=0.0 if Motion.NAME in maps else judge.arms_alike(joint.selection.chosen),
+        arms_alike=0.0 if moved else Selector(joint.design, config.select).arms_alike(joint.selection.chosen),
     )
-    judged = tuple(Cause(c, told.shrink([c.name]), told.shrink([m for m in told.maps if m != c.name]).shrink) for c in causes)
-    share = explainable(evidence, left, fit_views, held, gap)
-    verdict = sorted({*(c.verdict for c in causes), *(f.name for f in findings)})
+    verdict = sorted({*(c.named.verdict for c in found.causes), *(f.name for f in found.findings)})
     if unexplained.structured:
         verdict.append("unknown")
     return Diagnosis(
         tuple(sorted(verdict)) or ("none",),
-        judged,
-        findings,
-        gap,
-        share,
+        found.causes,
+        found.findings,
+        found.gap,
+        explainable(evidence, left, fit_views, held, found.gap),
         unexplained,
-        {n: f"{len(views)} views are too few" for n in VOCABULARY if n != RadialDepth.NAME} if few else _untested(joint, maps),
+        {n: f"{len(views)} views are too few" for n in VOCABULARY if n != RadialDepth.NAME} if few else _untested(joint, moved=moved),
         evidence,
         tuple(told.residual),
         tuple(told.floors),
         told.maps,
-        final,
-        _cameras(joint, final),
+        found.chain,
+        _cameras(joint, found.chain),
         joint,
         fit_views,
         held,
+        config,
     )
 
 
@@ -181,27 +162,13 @@ def _cameras(joint: Joint, final: Chain) -> Float:
     return np.stack([there.pose(v) for v in range(len(there.station))])
 
 
-def _untested(joint: Joint, maps: Mapping[str, Sequence[Float]]) -> dict[str, str]:
+def _untested(joint: Joint, *, moved: bool) -> dict[str, str]:
     """Effects that this session cannot test, with the reason."""
     beside_motion = {
         FlyingPixels.NAME: "motion mixes edges by itself: record at rest",
         HAND_EYE: "motion shifts what poses are known by: record at rest",
     }
-    return not_testable(joint.views) | (beside_motion if Motion.NAME in maps else {})
-
-
-def _findings(
-    views: Sequence[ViewEvidence], maps: Mapping[str, Sequence[Float]], config: GapConfig, along_ray: Finding | None
-) -> tuple[Finding, ...]:
-    """What speaks otherwise than by smooth bias, once that is taken off."""
-    zero = np.zeros(views[0].residual.shape)
-    biased = [np.sum([zero, *(np.nan_to_num(m[v]) for m in maps.values())], axis=0) for v in range(len(views))]
-    left = [replace(v, residual=v.residual - b) for v, b in zip(views, biased, strict=True)]
-    return (
-        *([] if along_ray is None else [along_ray]),
-        *scatter.findings(left, config.scatter),
-        *missing.findings(left, config.missing, smeared=Motion.NAME in maps),
-    )
+    return not_testable(joint.views) | (beside_motion if moved else {})
 
 
 def _scatter2(findings: Sequence[Finding], views: Sequence[ViewEvidence]) -> Float:

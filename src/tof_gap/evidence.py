@@ -13,7 +13,7 @@ from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
 from tof_core.config import param
 from tof_core.cores import in_threads
 from tof_scene.maps import concavity_map
-from tof_sensor.frame import Context, Frame, ideal_frame, lambert_amplitude
+from tof_sensor.frame import Context, Frame, amplitude_gain, ideal_frame, lambert_amplitude
 from tof_sensor.geometry import image_flow
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def gather(
     wider_px: int = 0,
 ) -> tuple[ViewEvidence, ...]:
     """Residuals of all views against the CAD rendered at their reference poses; `sky`: concavity too; `wider_px`: of still views' edges."""
-    start = min(v.stamp_ns for v in views)
+    start, gain = min(v.stamp_ns for v in views), _gain(views, renderings)
 
     def one(view: View, rendering: Rendering) -> ViewEvidence:
         context = Context(
@@ -84,10 +84,20 @@ def gather(
         )
         amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
         hollow = concavity_map(caster, rendering, CONCAVITY_STRIDE) if sky else np.full(rendering.depth.shape, np.nan, np.float32)
-        return _of_view(view, ideal_frame(rendering, context, amplitude), config, hollow, wider_px)
+        return _of_view(view, ideal_frame(rendering, context, amplitude, gain), config, hollow, wider_px)
 
     rng = np.random.default_rng(config.seed)  # One draw after the other: the same pixels whichever view is ready first.
     return tuple(replace(v, pixels=_drawn(v.smooth, config.pixels, rng)) for v in in_threads(one, views, renderings))
+
+
+def _gain(views: Sequence[View], renderings: Sequence[Rendering]) -> float:
+    """The camera's unit of amplitude, by which views that have none are to be compared with those that have."""
+    lit = [v.amplitude is not None and bool(np.isfinite(v.amplitude).any()) for v in views]
+    if all(lit) or not any(lit):
+        return 1.0
+    seen = [(v.amplitude, r) for v, r, has in zip(views, renderings, lit, strict=True) if has]
+    gains = [amplitude_gain(a.astype(np.float64), lambert_amplitude(r)) for a, r in seen if a is not None]
+    return float(np.median([g for g in gains if g is not None] or [1.0]))
 
 
 CONCAVITY_STRIDE = 6

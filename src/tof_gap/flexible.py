@@ -42,6 +42,8 @@ def explainable(
     cells = [_cells(v, e) for v, e in zip(views, left, strict=True)]
     X, y, n = (np.concatenate([cells[i][k] for i in fit_views]) for k in range(3))
     half = np.concatenate([np.full(len(cells[i][1]), place % 2 == 0) for place, i in enumerate(fit_views)])
+    if half.all() or not half.any():
+        return gap.shrink  # Views that see nothing of the CAD judge nothing.
     features = _Features(X)
     F = features(X)
     halves = [(_normal(F[~test], y[~test], n[~test]), F[test], y[test], n[test]) for test in (half, ~half)]

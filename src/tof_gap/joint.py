@@ -20,7 +20,7 @@ from tof_gap.evidence import ViewEvidence, gather, smear
 from tof_gap.judge import deal
 from tof_gap.missing import mixing
 from tof_gap.observable import unknowns
-from tof_gap.select import Selection, select
+from tof_gap.select import Selection, narrowed, select
 from tof_gap.shapes import refined
 from tof_gap.system import arm_steps, fit
 from tof_scene.render import render
@@ -96,6 +96,12 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     nameless = [Candidate(u.NAME, u, u.quantity) for u in unknowns(joint.views)]
     design = build(store, [*joint.design.candidates, *finer, *nameless], joint.chain, config.hand_sd)
     return replace(joint, design=design, selection=select(design, config.select))
+
+
+def without(joint: Joint, name: str, config: GapConfig) -> Joint:
+    """The same solution with no effect of that name, everything else fitted anew."""
+    rest = [m for m in joint.selection.chosen.members if joint.design.candidates[m].name != name]
+    return replace(joint, selection=narrowed(joint.design, config.select, joint.selection, rest))
 
 
 MIXED_PX = 1

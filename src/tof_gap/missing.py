@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 class MissingConfig:
     """When missing, wrapped or mixed pixels are an effect."""
 
-    lost_share: float = param(0.01, "share of CAD pixels missing, away from edges", low=0.0, high=1.0)
-    turn_share: float = param(0.002, "share of pixels off by one common turn", low=0.0, high=1.0)
+    lost_share: float = param(0.01, "share of CAD pixels missing, away from edges", low=1e-6, high=1.0)
+    turn_share: float = param(0.002, "share of pixels off by one common turn", low=1e-6, high=1.0)
     turn_spread_mm: float = param(60.0, "spread within which turns are common", unit="mm", low=1.0)
-    flying_share: float = param(0.25, "share of the mixture below which edges are clean", low=0.0, high=1.0)
+    flying_share: float = param(0.25, "share of the mixture below which edges are clean", low=1e-6, high=1.0)
     step_mm: float = param(30.0, "depth step from which an edge can show mixing", unit="mm", low=1.0)
 
 
@@ -100,6 +100,8 @@ def _phase_wrap(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding
     if len(jump) < config.turn_share * max(total, 1):
         return None
     size = _common_size(np.abs(jump), config.turn_spread_mm * 1e-3)
+    if size < LEAST_TURN_M:
+        return None
     near = np.abs(np.abs(jump) - size) < config.turn_spread_mm * 1e-3
     if near.sum() < config.turn_share * total or near.mean() < 0.5:
         return None
@@ -110,6 +112,8 @@ def _phase_wrap(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding
     return Finding(effect, 0.95, share=maps, corrects=True)
 
 
+LEAST_TURN_M = LIGHT_M_PER_S / (2e6 * 400.0)
+"""A turn at the highest frequency that an effect may have: what jumps by less lost none."""
 EDGE_REACH_PX = 4
 """Pixels beyond the edge band that an edge may still spoil."""
 

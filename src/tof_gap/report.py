@@ -10,15 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core import se3
+from tof_gap.scatter import own_law
 from tof_gap.where import by_quantity, regions
 from tof_scene.regions import surface_regions
+from tof_sensor.effect import Evidence
 from tof_sensor.model import SensorModel, save_model
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_core.arrays import Float, Ints
-    from tof_gap.diagnose import Cause, Diagnosis
+    from tof_gap.account import Cause
+    from tof_gap.diagnose import Diagnosis
     from tof_gap.kinds import Finding
     from tof_gap.shrink import Shrink
     from tof_scene.raycast import Raycaster
@@ -116,18 +119,23 @@ def _floor_from(d: Diagnosis) -> str:
 
 
 def _dispersion(d: Diagnosis) -> dict[str, float]:
-    """Scatter against the photon law's: before, and after taking off what a scatter effect adds."""
-    sigma2 = float(np.mean([np.mean(v.sigma[v.smooth] ** 2) for v in d.evidence]))
-    extra2 = sum(float(np.nanmean(np.square(f.share))) for f in d.findings if f.share is not None and f.effect.EVIDENCE.value == "scatter")
-    expected2 = max(sigma2 - extra2, 1e-12)
-    return {"before": float(np.sqrt(sigma2 / expected2)), "after": 1.0}
+    """Scatter against the photon law that the session has beside what was named of it: before, and with that taken off."""
+    law = own_law(d.evidence, [f.effect for f in d.findings], d.config.scatter.bins)
+    seen = [v for v in d.evidence if v.smooth.any()]
+    if law is None or not seen:
+        return {"before": np.nan, "after": np.nan}
+    expected2 = float(np.mean([law.variance(v.frame.amplitude[v.smooth], v.frame.radial[v.smooth] ** 2).mean() for v in seen]))
+    sigma2 = float(np.mean([np.mean((v.sigma * v.frame.length)[v.smooth] ** 2) for v in seen]))
+    extra2 = sum(float(np.nanmean(np.square(f.share))) for f in d.findings if f.share is not None and f.effect.EVIDENCE is Evidence.SCATTER)
+    before, after = (float(np.sqrt(max(x, 0.0) / max(expected2, 1e-12))) for x in (sigma2, sigma2 - extra2))
+    return {"before": before, "after": after}
 
 
 def _missing(d: Diagnosis) -> dict[str, float]:
     """Share of CAD pixels without depth that is not foreseen: before, and after the named loss."""
-    gone = float(np.mean([np.mean(~np.isfinite(v.view.depth[v.frame.valid])) for v in d.evidence]))
-    named = any(f.name == "dropout" for f in d.findings)
-    return {"before": gone, "after": 0.0 if named else gone}
+    gone = float(np.mean([np.mean(~np.isfinite(v.view.depth[v.frame.valid])) for v in d.evidence if v.frame.valid.any()]))
+    foreseen = sum(float(np.nanmean(f.share)) for f in d.findings if f.share is not None and f.effect.EVIDENCE is Evidence.MISSING)
+    return {"before": gone, "after": max(gone - foreseen, 0.0)}
 
 
 def _pose(d: Diagnosis) -> dict[str, Any]:
@@ -160,15 +168,10 @@ def _finite(value: Any) -> Any:
 
 
 def sensor_model(d: Diagnosis) -> SensorModel:
-    """The fitted sensor: every named effect, and the photon law that the session's scatter obeys."""
-    from tof_gap.evidence import depth_step
-    from tof_gap.scatter import ScatterConfig, binned, fit_law
-
+    """The fitted sensor: every named effect, and the photon law that the rest of the session's scatter obeys."""
     effects = [e for c in d.causes for e in c.named.effects] + [f.effect for f in d.findings]
-    b = binned(d.evidence, ScatterConfig().bins)
-    if len(b.view) >= 6:
-        effects.append(fit_law(b, depth_step(d.evidence[0].view.depth.astype(np.float64))).law)
-    return SensorModel(tuple(effects))
+    law = own_law(d.evidence, effects, d.config.scatter.bins)
+    return SensorModel((*effects, *([] if law is None else [law])))
 
 
 def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_gap.evidence import ViewEvidence
     from tof_gap.stripes import Beat
+    from tof_sensor.effect import Effect
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,15 +142,13 @@ def like_stereo(views: Sequence[ViewEvidence], bins: int = 8) -> bool:
     return bool(p > -0.3 and q > 1.2)
 
 
-def findings(views: Sequence[ViewEvidence], config: ScatterConfig, expected: PhotonLaw | None = None) -> list[Finding]:
+def findings(views: Sequence[ViewEvidence], config: ScatterConfig) -> list[Finding]:
     """`quantization`, `noise` and `interference`, each where the scatter says so."""
-    steps = [depth_step(v.view.depth.astype(np.float64)) for v in views if v.view.captures == 1]
-    step = float(np.median(steps)) if steps else 0.0
-    out = []
+    step, out = code_step(views), []
     if step > config.step_mm * 1e-3:
         out.append(Finding(Quantization(step_m=step), 1.0, share=_constant(views, step / np.sqrt(12))))
     b = binned(views, config.bins)
-    if len(b.view) < 6 or step > np.sqrt(np.median(b.variance)):
+    if len(b.view) < LEAST_BINS or step > np.sqrt(np.median(b.variance)):
         return out  # Between steps wider than the scatter nothing can be told of it.
     if out:
         return out  # Coarse steps leave contours and uneven scatter of their own.
@@ -159,24 +158,44 @@ def findings(views: Sequence[ViewEvidence], config: ScatterConfig, expected: Pho
     fitted = fit_law(b, step)
     if all(v.view.amplitude is None for v in views):
         # Without light there is no law to be beyond: only what light cannot make is told.
-        found = _noise(views, b, None, step, config, None)
+        found = _noise(views, b, None, step, config)
         return [] if found is None else [found]
     quiet = quiet_law(b, step, len(views))
     ratio = _view_ratio(b, quiet, len(views))
     hit = ratio > config.burst**2 * np.median(np.sort(ratio)[: max(len(views) // 2, 2)])
     if hit.sum() <= (1 - QUIET) * len(views) and (hit.sum() > 1 or ratio.max() > ALONE):
         return [_burst(views, b, quiet, ratio, hit)]
-    found = _noise(views, b, fitted, step, config, expected)
+    found = _noise(views, b, fitted, step, config)
     return [] if found is None else [found]
 
 
-def _noise(
-    views: Sequence[ViewEvidence], b: Bins, fitted: LawFit | None, step: float, config: ScatterConfig, expected: PhotonLaw | None
-) -> Finding | None:
+def code_step(views: Sequence[ViewEvidence]) -> float:
+    """Metres between the codes of single captures, 0 where depth is continuous or averaged."""
+    steps = [depth_step(v.view.depth.astype(np.float64)) for v in views if v.view.captures == 1]
+    return float(np.median(steps)) if steps else 0.0
+
+
+def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], bins: int) -> PhotonLaw | None:
+    """The photon law of the session's scatter beside what was named of it, None where too little is seen."""
+    b, step = binned(views, bins), code_step(views)
+    if len(b.view) < LEAST_BINS:
+        return None
+    bursts = any(isinstance(e, Interference) or (isinstance(e, Noise) and e.duty < 1.0) for e in named)
+    law = (quiet_law(b, step, len(views)) if bursts else fit_law(b, step)).law
+    apart2 = sum(e.extra_m**2 for e in named if isinstance(e, Noise) and e.duty == 1.0)
+    apart2 += sum(e.step_m**2 / 12 for e in named if isinstance(e, Quantization))
+    return replace(law, floor_m=float(np.sqrt(max(law.floor_m**2 - apart2, 0.0))))
+
+
+LEAST_BINS = 6
+"""Bins of amplitude below which there is no law to be fitted."""
+
+
+def _noise(views: Sequence[ViewEvidence], b: Bins, fitted: LawFit | None, step: float, config: ScatterConfig) -> Finding | None:
     """Scatter that no photon law has: constant, of whole rows or columns, of restless pixels."""
     typical = float(np.sqrt(np.median(b.variance)))
     least = max(config.extra_mm * 1e-3, config.extra_share * typical)
-    excess = 0.0 if fitted is None else _constant_part(fitted, step) if expected is None else _beyond(b, expected)
+    excess = 0.0 if fitted is None else _constant_part(fitted, step)
     # What pixels err by in every view alike is a pattern, though neighbours show it as scatter.
     pattern_m = pixel_pattern(views)
     excess = float(np.sqrt(max(excess**2 - pattern_m**2, 0.0)))
@@ -211,11 +230,6 @@ def _constant_part(fitted: LawFit, step: float) -> float:
     return float(np.sqrt(max(fitted.law.floor_m**2 - step**2 / 12, 0.0)))
 
 
-def _beyond(b: Bins, expected: PhotonLaw) -> float:
-    above = b.variance - expected.variance(b.amplitude, b.range2)
-    return float(np.sqrt(max(np.average(above, weights=b.samples), 0.0)))
-
-
 def quiet_law(b: Bins, step_m: float, views: int) -> LawFit:
     """The law of the quieter views: fitted to all, then to those that scatter least against it, until the rest may be hit."""
     fitted = fit_law(b, step_m)
@@ -223,7 +237,7 @@ def quiet_law(b: Bins, step_m: float, views: int) -> LawFit:
         ratio = _view_ratio(b, fitted, views)
         quiet = ratio <= np.quantile(ratio, QUIET) * 1.3
         keep = quiet[b.view.astype(int)]
-        if keep.sum() < 6:
+        if keep.sum() < LEAST_BINS:
             break
         fitted = fit_law(b.of(keep), step_m)
     return fitted
@@ -254,7 +268,7 @@ def _burst(views: Sequence[ViewEvidence], b: Bins, fitted: LawFit, ratio: Float,
     relative = [np.log(np.maximum(excess, 1e-12) / x) for x in (np.ones_like(weak), weak)]
     constant, foreign = (float(np.median(np.abs(x - np.median(x)))) for x in relative)
     if constant < foreign:
-        return Finding(Noise(extra_m=min(size, 0.1)), 0.95, share=share, note=f"in bursts: {note}")
+        return Finding(Noise(extra_m=min(size, 0.1), duty=float(hit.mean())), 0.95, share=share, note=f"in bursts: {note}")
     effect = Interference(burst_m=min(size, 0.2), duty=float(hit.mean()), reference=fitted.law.reference)
     return Finding(effect, 0.95, share=share, note=note)
 

@@ -53,6 +53,12 @@ def select(design: Design, config: SelectConfig) -> Selection:
     return _described(judge, current, crowd)
 
 
+def narrowed(design: Design, config: SelectConfig, selection: Selection, members: Sequence[int]) -> Selection:
+    """The selection with these of its members alone, fitted anew."""
+    judge = Selector(design, config)
+    return _described(judge, _rescored(judge, members), selection.crowd)
+
+
 def _rescored(judge: Selector, members: Sequence[int]) -> Hypothesis:
     return judge.score(members, judge.inflation(members))
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Rendering:
     """One rendered view, all (H, W).
 

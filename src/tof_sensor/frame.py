@@ -36,7 +36,7 @@ class Context:
     caster: Raycaster | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Frame:
     """One view: its geometry, and the depth, amplitude, scatter and loss so far.
 
@@ -103,17 +103,18 @@ class Frame:
         return self.rays * self.depth[..., None]
 
 
-def ideal_frame(rendering: Rendering, context: Context | None = None, amplitude: Float | None = None) -> Frame:
+def ideal_frame(rendering: Rendering, context: Context | None = None, amplitude: Float | None = None, gain: float = 1.0) -> Frame:
     """What a perfect sensor would give for a rendering.
 
-    Without a measured `amplitude` (H, W) the Lambertian one is used: albedo cos(incidence) / r^2.
+    Without a measured `amplitude` (H, W) the Lambertian one is used: albedo cos(incidence) / r^2, times the camera's `gain`.
     """
     depth = rendering.depth.astype(np.float64)
     lambert = lambert_amplitude(rendering)
     if amplitude is None:
-        amplitude = lambert
+        amplitude = gain * lambert
     else:
-        amplitude = np.where(np.isfinite(amplitude) & (amplitude > 0), amplitude, lambert * _gain(amplitude, lambert))
+        own = amplitude_gain(amplitude, lambert)
+        amplitude = np.where(np.isfinite(amplitude) & (amplitude > 0), amplitude, lambert * (gain if own is None else own))
     return Frame(rendering, rendering.camera.rays(), depth, amplitude, np.zeros_like(depth), np.zeros_like(depth), context or Context())
 
 
@@ -124,6 +125,7 @@ def lambert_amplitude(rendering: Rendering) -> Float:
     return np.where(np.isfinite(amplitude), amplitude, 0.0)
 
 
-def _gain(measured: Float, lambert: Float) -> float:
+def amplitude_gain(measured: Float, lambert: Float) -> float | None:
+    """Camera's unit per 1/m^2 of the Lambertian amplitude, None where no pixel was measured."""
     both = np.isfinite(measured) & (measured > 0) & (lambert > 0)
-    return float(np.median(measured[both] / lambert[both])) if both.any() else 1.0
+    return float(np.median(measured[both] / lambert[both])) if both.any() else None

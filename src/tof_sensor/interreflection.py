@@ -10,8 +10,8 @@ finite.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import njit
@@ -78,18 +78,25 @@ def lit_patches(camera: Camera, T_cell_camera: Float, caster: Raycaster) -> Patc
 class Bounce:
     """All of a view's interreflection that no frequency changes: patches, and which receivers see them."""
 
+    caster: Raycaster
     patches: Patches
     rows: Ints
     columns: Ints
     seen: Mask
 
 
-@lru_cache(maxsize=24)
+_traced: WeakKeyDictionary[Rendering, Bounce] = WeakKeyDictionary()
+
+
 def bounce_of(rendering: Rendering, caster: Raycaster) -> Bounce:
-    """Trace a view once; kept for the renderings in use."""
-    patches = lit_patches(rendering.camera, rendering.T_cell_camera, caster)
-    rows, columns = _receiver_raster(rendering)
-    return Bounce(patches, rows, columns, _visibility(rendering, patches, rows, columns, caster))
+    """Trace a view once; kept as long as its rendering is."""
+    bounce = _traced.get(rendering)
+    if bounce is None or bounce.caster is not caster:
+        patches = lit_patches(rendering.camera, rendering.T_cell_camera, caster)
+        rows, columns = _receiver_raster(rendering)
+        bounce = Bounce(caster, patches, rows, columns, _visibility(rendering, patches, rows, columns, caster))
+        _traced[rendering] = bounce
+    return bounce
 
 
 def indirect_phasor(frame: Frame, waves_per_m: float, pixels: Ints | None = None) -> ComplexImage:

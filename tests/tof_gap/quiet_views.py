@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tests.tof_sensor.plane import NORMAL, plane_depth
+from tof_align.chain import Chain
+from tof_align.config import Priors
 from tof_core.camera import Camera
 from tof_core.capture import Capture, View
 from tof_gap.evidence import EvidenceConfig, ViewEvidence, gather
@@ -54,3 +56,10 @@ def views(rng: np.random.Generator, extra: Float | None = None, *, photons: bool
         capture = Capture(k, CAMERA, depth, np.zeros(SHAPE, np.uint8), amplitude=light.astype(np.float32))
         made.append(replace(View.of_capture(capture), station=0))
     return gather(made, renderings, None, EvidenceConfig(edge_px=0))  # type: ignore[arg-type]
+
+
+def chain() -> Chain:
+    """All cameras where the robot says, at one station, arms held firmly."""
+    one = np.eye(4)
+    many = np.broadcast_to(one, (VIEWS, 4, 4)).copy()
+    return Chain(np.zeros(VIEWS, int), (0,), one[None].copy(), many, one[None].copy(), many.copy(), one, Priors(arm_mm=0.05, arm_deg=0.005))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tests.tof_gap.quiet_views import SHAPE, views
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.reasons import Reason
 from tof_gap.missing import MissingConfig, findings
 
@@ -40,3 +40,10 @@ def test_what_every_third_capture_loses_is_lost_though_the_dwell_has_it() -> Non
 
 def test_a_dwell_that_lost_nothing_says_nothing() -> None:
     assert findings(dwelled(0.0), MissingConfig()) == []
+
+
+@pytest.mark.parametrize(("turn_m", "names"), [(0.25, []), (0.6, ["phase_wrap"])])
+def test_a_jump_shorter_than_any_turn_is_no_lost_turn(turn_m: float, names: list[str]) -> None:
+    jump = np.zeros((VIEWS, *SHAPE))
+    jump[:, 20:40, 30:60] = -turn_m
+    assert [f.name for f in findings(views(np.random.default_rng(5), jump), MissingConfig())] == names

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
-from tof_align.chain import Chain
-from tof_align.config import Priors
+from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, chain, rendering, views
 from tof_gap.candidates import Candidate
 from tof_gap.columns import ColumnStore, build
 from tof_gap.judge import SelectConfig, deal
@@ -27,12 +25,6 @@ if TYPE_CHECKING:
 
 HAND_SD = np.full(6, 1e-5)
 NAMED = (RangeOffset(), DepthScale(), FixedPattern(), *(Wiggling(modulation_mhz=f) for f in (60.0, 80.0, 100.0)))
-
-
-def chain() -> Chain:
-    one = np.eye(4)
-    many = np.broadcast_to(one, (VIEWS, 4, 4)).copy()
-    return Chain(np.zeros(VIEWS, int), (0,), one[None].copy(), many, one[None].copy(), many.copy(), one, Priors(arm_mm=0.05, arm_deg=0.005))
 
 
 def selection(extra: Float) -> tuple[Selection, list[Candidate]]:

@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
+from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, rendering, views
 from tof_gap.candidates import not_testable
-from tof_gap.evidence import depth_step, robust_std, scatter
-from tof_gap.scatter import Bins, ScatterConfig, findings, fit_law, like_stereo
+from tof_gap.evidence import EvidenceConfig, depth_step, gather, robust_std, scatter
+from tof_gap.scatter import Bins, ScatterConfig, findings, fit_law, like_stereo, own_law
+from tof_sensor.effects.noise import Noise
 
 RNG = np.random.default_rng(2)
 
@@ -88,6 +91,39 @@ def test_scatter_at_every_amplitude_is_noise() -> None:
     ((name, note),) = said(RNG.normal(0, 0.004, (VIEWS, *SHAPE)))
     assert name == "noise"
     assert "at every amplitude" in note
+
+
+def test_named_noise_and_the_law_beside_it_are_the_scatter_that_was_measured() -> None:
+    session = views(np.random.default_rng(3), RNG.normal(0, 0.004, (VIEWS, *SHAPE)))
+    (found,) = findings(session, ScatterConfig())
+    law = own_law(session, [found.effect], ScatterConfig().bins)
+    assert isinstance(found.effect, Noise)
+    assert law is not None
+    both = law.variance(np.array([2000.0]), np.array([1.0])) + found.effect.extra_m**2
+    assert np.sqrt(both) == pytest.approx(np.hypot(SIGMA_M, 0.004), rel=0.04)
+    assert found.effect.duty == 1.0
+
+
+def test_noise_in_bursts_has_its_share_of_frames_and_the_law_is_of_the_others() -> None:
+    hit = np.isin(np.arange(VIEWS), (1, 4, 9))[:, None, None]
+    session = views(np.random.default_rng(3), hit * RNG.normal(0, 0.006, (VIEWS, *SHAPE)))
+    (found,) = findings(session, ScatterConfig())
+    law = own_law(session, [found.effect], ScatterConfig().bins)
+    assert isinstance(found.effect, Noise)
+    assert law is not None
+    assert (found.effect.duty, found.effect.extra_m) == pytest.approx((3 / VIEWS, 0.006), rel=0.1)
+    assert np.sqrt(law.variance(np.array([2000.0]), np.array([1.0]))) == pytest.approx(SIGMA_M, rel=0.05)
+
+
+@pytest.mark.parametrize("lost", [None, np.full(SHAPE, np.nan, np.float32)])
+def test_a_view_without_amplitude_among_others_is_no_other_camera(lost: np.ndarray | None) -> None:
+    session = list(views(np.random.default_rng(3)))
+    seen = [v.view for v in session]
+    seen[4] = replace(seen[4], amplitude=lost)
+    again = gather(seen, [v.rendering for v in session], None, EvidenceConfig(edge_px=0))  # type: ignore[arg-type]
+    assert findings(again, ScatterConfig()) == []
+    assert not like_stereo(again)
+    assert np.median(again[4].frame.amplitude / again[3].frame.amplitude) == pytest.approx(1.0, abs=0.2)
 
 
 def test_rows_that_jump_are_noise() -> None:

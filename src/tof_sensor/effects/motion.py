@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import njit
@@ -72,9 +72,18 @@ class Passing:
     images: tuple[Float, Float, Float, Float, Float, Float]
 
 
-@lru_cache(maxsize=24)
+_seen: WeakKeyDictionary[Frame, Passing] = WeakKeyDictionary()
+
+
 def _passing(frame: Frame) -> Passing:
-    """Worked out once for the views in use: no shape changes it.
+    """Worked out once, and kept as long as the view is: no shape changes it."""
+    if frame not in _seen:
+        _seen[frame] = _passing_by(frame)
+    return _seen[frame]
+
+
+def _passing_by(frame: Frame) -> Passing:
+    """What the pixels see under the camera's twist.
 
     Light is Lambert's n.p / r^3 with the point p and its normal n in the camera's frame; both turn alike, and the lamp goes with the
     camera.

@@ -53,9 +53,12 @@ class Noise(Effect):
 
     extra_m: float = param(0.0, "scatter added at every amplitude", unit="m", low=0.0, high=0.1)
     factor: float = param(1.0, "the photon law's scatter times this", low=0.0, high=20.0)
+    duty: float = param(1.0, "share of frames that have it", low=0.0, high=1.0)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Add what is missing to the scatter so far."""
+        if self.duty < 1.0 and rng.random() >= self.duty:
+            return frame
         grown = (max(self.factor, 1.0) ** 2 - 1) * frame.sigma**2
         return scattered(frame, np.sqrt(self.extra_m**2 + grown), rng)
 

@@ -29,7 +29,7 @@ class Wiggling(Effect):
 
     sine_m: float = param(0.0, "amplitude of sin(k phi)", unit="m", low=-0.1, high=0.1)
     cosine_m: float = param(0.0, "amplitude of cos(k phi)", unit="m", low=-0.1, high=0.1)
-    modulation_mhz: float = param(100.0, "modulation frequency", unit="MHz", low=5.0, high=400.0)
+    modulation_mhz: float = param(100.0, "modulation frequency", unit="MHz", low=1.0, high=1000.0)
     harmonic: int = param(4, "aliased harmonic, = number of taps", low=1, high=16)
 
     @property
