@@ -136,11 +136,6 @@ class SessionSystem(Generic[R]):
             return np.asarray(smooth)
         return np.asarray(smooth + columns[v] @ answer.x[self.rig.globals_ + sum(self.basis.shared) :])
 
-    def remaining(self, answer: Mixed, columns: Sequence[Float] | None = None) -> list[Float]:
-        """Per view (n,) metres: residual minus pose, discrepancy and columns."""
-        steps = self.camera_steps(answer)
-        return [view.residual - view.jacobian @ steps[v] - self.explained(answer, v, columns) for v, view in enumerate(self.views)]
-
 
 def camera_step(rig: Rig, answer: Mixed, v: int) -> Float:
     """(6,) right perturbation of a camera that an answer means."""

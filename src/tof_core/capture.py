@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -111,10 +111,6 @@ class View:
             colour=capture.colour,
             temperature=capture.temperature,
         )
-
-    def with_station(self, station: int) -> View:
-        """The same view, said to belong to `station`."""
-        return replace(self, station=station)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

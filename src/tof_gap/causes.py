@@ -53,21 +53,21 @@ class Named:
         return "|".join(sorted({self.name, *self.ties}))
 
 
-def named(joint: Joint, fit_views: Sequence[int], config: Selector, rng: np.random.Generator) -> list[Named]:
+def named(joint: Joint, fit_views: Sequence[int], judge: Selector, rng: np.random.Generator) -> list[Named]:
     """The chosen effects with coefficients fitted to `fit_views` alone, instances of one name joined."""
     selection, design = joint.selection, joint.design
     chosen = selection.chosen
     whole = selection.fit
-    solution = fit_to(design.system, fit_views, whole, inflate=chosen.inflate, free_hand=config.frees_hand(chosen.members))
+    solution = fit_to(design.system, fit_views, whole, inflate=chosen.inflate, free_hand=judge.frees_hand(chosen.members))
     # What is not known of the bases is not known of the coefficients either.
     solution = replace(solution, cov=whole.cov)
     out: dict[str, Named] = {}
     for place, (member, (_, _, columns)) in enumerate(zip(chosen.members, design.placed(chosen.members), strict=True)):
-        if config.nameless(member):
+        if judge.nameless(member):
             continue
         effect, std = _in_units(joint, member, solution, columns, fit_views)
         ties = tuple(design.candidates[i].name for i in selection.ties[place])
-        one = Named(effect.NAME, (effect,), (std,), ties, confidence(joint, config, place, rng))
+        one = Named(effect.NAME, (effect,), (std,), ties, confidence(joint, judge, place, rng))
         if one.name in out:
             both = out[one.name]
             one = replace(

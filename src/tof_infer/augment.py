@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from tof_sensor.effects.noise import PhotonLaw
 from tof_sensor.frame import Context, Frame
 
 if TYPE_CHECKING:
@@ -48,7 +49,9 @@ class Redraw:
         """The same view as the modelled sensor would see it."""
         seen = np.isfinite(sample.label) & np.isfinite(sample.depth)
         depth = np.where(seen, sample.label, np.nan)
-        amplitude = np.where(np.isfinite(sample.amplitude) & (sample.amplitude > 0), sample.amplitude, 1.0).astype(np.float64)
+        lit = np.isfinite(sample.amplitude) & (sample.amplitude > 0)
+        usual = np.median(sample.amplitude[lit]) if lit.any() else self._reference
+        amplitude = np.where(lit, sample.amplitude, usual).astype(np.float64)
         zero = np.zeros(depth.shape)
         frame = Frame(
             cast("Any", self._labelled(sample, depth)),
@@ -64,6 +67,11 @@ class Redraw:
         # pixels at edges keep what was measured: there the label alone does not say what the sensor saw
         kept = ~(_smooth(sample.label) & sample.mask)
         return replace(sample, depth=np.where(kept, sample.depth, np.where(lost, np.nan, drawn.depth)).astype(np.float32))
+
+    @property
+    def _reference(self) -> float:
+        """The amplitude that the model's scatter is stated at: what a sample without any is taken to have."""
+        return next((e.reference for e in self.model.effects if isinstance(e, PhotonLaw)), 1.0)
 
     def _labelled(self, sample: Sample, depth: Float) -> Labelled:
         none = np.full(depth.shape, np.nan, np.float32)

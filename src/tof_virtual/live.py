@@ -99,10 +99,6 @@ class VirtualRobot:
         self._robot.goto(T_body_hand)
         self._moved()
 
-    def goto_camera(self, T_body_camera: Float) -> None:
-        """Move the hand so that the camera is believed at a pose in the body."""
-        self.goto(T_body_camera @ se3.inverse(HAND_OF_CAMERA))
-
     def capture(self, *, colour: bool = False) -> Capture:
         """Take one capture at rest, as it would come out of a bag."""
         taken = expose(self._moment(), self._session.effects, self._photons)

@@ -152,4 +152,3 @@ def test_a_capture_is_a_view_of_one() -> None:
     np.testing.assert_array_equal(view.count, np.isfinite(capture.depth))
     np.testing.assert_array_equal(view.valid, np.isfinite(capture.depth))
     assert np.isnan(view.sigma).all()
-    assert view.with_station(4).station == 4

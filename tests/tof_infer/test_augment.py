@@ -49,6 +49,15 @@ def test_scatter_is_new_each_time_and_as_large_as_the_law_says() -> None:
     assert np.nanstd((one.depth - one.label)[INSIDE]) == pytest.approx(0.003, rel=0.1)
 
 
+@pytest.mark.parametrize("lost", [slice(None), INSIDE])
+def test_where_no_amplitude_was_measured_scatter_is_the_usual(lost: slice) -> None:
+    dark = sample()
+    dark.amplitude[lost] = np.nan
+    reference = float(np.nanmedian(sample().amplitude))
+    drawn = Redraw(SensorModel((PhotonLaw(floor_m=0.0, shot_m=0.003, reference=reference),)), CAMERA)(dark, RNG)
+    assert np.nanstd((drawn.depth - drawn.label)[INSIDE]) == pytest.approx(0.003, rel=0.2)
+
+
 def test_label_amplitude_and_lost_pixels_stay() -> None:
     before = sample()
     drawn = Redraw(SensorModel((RangeOffset(offset_m=0.01),)), CAMERA)(before, RNG)

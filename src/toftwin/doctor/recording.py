@@ -14,7 +14,6 @@ from tof_core.bag_index import BagIndex
 from tof_core.tf import TransformBuffer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from tof_core.bag_files import BagFiles
@@ -75,10 +74,6 @@ class Recording:
             stream.logged.append(m.log_ns)
             stream.content.append(crc32(m.cdr[STAMP_END:]))
         return streams
-
-    def tf_messages(self) -> Iterator[str]:
-        """The TF topics that are there."""
-        yield from (name for name, kind in self.types.items() if kind == "tf2_msgs/msg/TFMessage")
 
     def close(self) -> None:
         """Let go of the files."""
