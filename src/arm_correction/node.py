@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from arm_correction.correction import Correction
     from arm_correction.frames import Frames
+    from tof_core.arrays import Float
     from tof_core.capture import RobotPose, View
 
 NAME = "correct"
@@ -70,10 +71,10 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         self._arm = self.create_publisher(PoseStamped, live.connect, qos.OUTPUT) if live.connect else None
 
     def stop(self) -> None:
-        """Hear no more, command no more."""
-        self._feed.close()
-        if self._arm is not None:
-            self.destroy_publisher(self._arm)
+        """Command no more."""
+        arm, self._arm = self._arm, None
+        if arm is not None:
+            self.destroy_publisher(arm)
 
     def unload(self) -> None:
         """Let go of scene and first picture."""
@@ -100,7 +101,7 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         views, live = self._dwells.all(), self.config.live
         view = views[-1]
         frames = frames_of(self._chain, view.camera.frame_id, view.stamp_ns, live.hand_frame, live.frame)
-        target = driver_frame(frames) if self._arm is not None else ""
+        target = driver_frame(frames) if live.connect else ""
         made = self._corrector.propose(views, frames, lambda: self._moment(view))
         chosen = next(iter(made.values()))
         self._publish(view, made, frames)
@@ -108,11 +109,16 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         mm, deg = chosen.step
         if not chosen.accepted:
             raise RefusedError(chosen.reason, where=chosen.by)
-        if self._arm is not None:
-            self._arm.publish(messages.pose_stamped(chosen.T_frame_hand, messages.header(self.get_clock().now().nanoseconds, target)))
-        return f"{chosen.verdict}: {mm:.1f} mm and {deg:.2f} deg by {chosen.by}: {chosen.reason}" + (
-            f"; sent to {self._arm.topic_name}" if self._arm is not None else ""
-        )
+        sent = f"; sent to {self._command(chosen.T_frame_hand, target)}" if live.connect else ""
+        return f"{chosen.verdict}: {mm:.1f} mm and {deg:.2f} deg by {chosen.by}: {chosen.reason}{sent}"
+
+    def _command(self, T_frame_hand: Float, target: str) -> str:
+        """Send the hand there; gives the arm's topic."""
+        arm = self._arm  # the node's other thread may stop it meanwhile
+        if arm is None:
+            raise RefusedError("stopped meanwhile, nothing was sent", where="correction", todo="activate the node and ask again")
+        arm.publish(messages.pose_stamped(T_frame_hand, messages.header(self.get_clock().now().nanoseconds, target)))
+        return str(arm.topic_name)
 
     def _moment(self, view: View) -> Moment:
         age_s = (self.get_clock().now().nanoseconds - view.stamp_ns) * 1e-9

@@ -70,8 +70,9 @@ class Dwells:
     def add(self, view: View) -> None:
         """A running view: it takes the place of an earlier one of its dwell."""
         if self._views and self._views[-1].dwell_ns == view.dwell_ns:
-            self._views.pop()
-        self._views.append(view)
+            self._views[-1] = view  # in one step: another thread may be reading
+        else:
+            self._views.append(view)
 
     def all(self) -> tuple[View, ...]:
         """In order of time, at least one.
@@ -79,9 +80,10 @@ class Dwells:
         Raises:
             RefusedError: no view has come.
         """
-        if not self._views:
+        views = tuple(self._views)
+        if not views:
             raise RefusedError("no view has come yet", where="preproc", todo="is preproc running, and does TF reach the camera?")
-        return tuple(self._views)
+        return views
 
     def at(self, stamp_ns: int) -> View | None:
         """The view of a stamp, if it is kept."""

@@ -46,8 +46,7 @@ class GapNode(ManagedNode[GapNodeConfig]):
         """Nothing loaded yet."""
         super().__init__(NAME, NAME, GapNodeConfig, fixed=("live.", "watch."), **options)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
-        self._said: Watched | None = None
-        self._refused = ""
+        self._forget()
 
     def load(self) -> None:
         """Read the scene."""
@@ -59,14 +58,11 @@ class GapNode(ManagedNode[GapNodeConfig]):
     def start(self) -> None:
         """Hear `preproc`, TF and the poses of the labels; what is usual is learned anew."""
         live, scene = self.config.live, self._caster.scene
+        self._forget()
         self._watch = GapWatch(self._caster, self.config.watch)
         self._dwells, self._poses = Dwells(KEPT), deque[PoseWithCovarianceStamped](maxlen=KEPT)
         self._feed = ViewFeed(self, live.chain(scene.frame, scene.placed_in), live.patience_s, self._take)
         self.input("label/pose", PoseWithCovarianceStamped, self._posed, qos.OUTPUT)
-
-    def stop(self) -> None:
-        """Hear no more."""
-        self._feed.close()
 
     def unload(self) -> None:
         """Let go of the scene."""
@@ -78,8 +74,13 @@ class GapNode(ManagedNode[GapNodeConfig]):
         self._dwells.clear()
         self._poses.clear()
         self._feed.reset()
-        self._said = None
+        self._forget()
         return "what is usual is forgotten"
+
+    def _forget(self) -> None:
+        """What was said of views is of another baseline."""
+        self._said: Watched | None = None
+        self._refused = ""
 
     def _take(self, view: View) -> None:
         self._dwells.add(view)

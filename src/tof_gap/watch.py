@@ -157,7 +157,7 @@ class GapWatch:
             RefusedError: another camera than before, or too little of the CAD in view.
         """
         if self._camera not in (None, view.camera):
-            raise RefusedError("the camera's calibration changed", where="gap", todo="restart the watch: its baseline is of another camera")
+            raise RefusedError("the camera's calibration changed", where="gap", todo="its baseline is of another camera: call ~/reset")
         (evidence,) = gather([view], [render(self.caster, view.camera, T_cell_camera)], self.caster, self.config.evidence)
         gap2, floor2 = unowed(evidence, np.diag(POSE_SD**2) if pose_cov is None else np.asarray(pose_cov, float))
         self._camera = view.camera

@@ -67,10 +67,6 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         colour = ColourFeed(self, chain, live)
         self._feed = ViewFeed(self, chain, live.patience_s, lambda view: self._dwells.add(colour.beside(view)))
 
-    def stop(self) -> None:
-        """Hear no more."""
-        self._feed.close()
-
     def unload(self) -> None:
         """Let go of the scene."""
         del self._inspector

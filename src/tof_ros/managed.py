@@ -38,8 +38,9 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
     """Loads what is heavy when it is configured, and hears its topics while it is active.
 
     A node writes four methods, each the inverse of another: `load` (files to memory, `unload`), `start` (`stop`); subscriptions and
-    timers that `start` makes end by themselves. What `load` raises is the answer to the transition: the node stays unconfigured,
-    says why in its diagnostics (`trouble`), and can be configured again once its parameters are set right.
+    timers that `start` makes end by themselves, as does what it puts on `at_stop`, also where it fails half-way. What `load` raises is
+    the answer to the transition: the node stays unconfigured, says why in its diagnostics (`trouble`), and can be configured again
+    once its parameters are set right.
     """
 
     def __init__(self, name: str, room: str, config: type[M], *, fixed: tuple[str, ...] = (), **options: Any) -> None:
@@ -47,6 +48,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         self.loaded = self.active = self._starting = False
         self._subscribed: list[Subscription] = []
         self._ticking: list[Timer] = []
+        self.at_stop: list[Callable[[], None]] = []
         RoomNode.__init__(self, name, room, config, fixed=fixed, locked=lambda: self.loaded, **options)
         LifecycleNodeMixin.__init__(self)
         self._answer_impossible_transitions()
@@ -61,7 +63,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         """Subscribe."""
 
     def stop(self) -> None:
-        """End what `start` began, subscriptions and timers aside."""
+        """End what `start` began, where that does not end by itself."""
 
     def unload(self) -> None:
         """Let go of what `load` made."""
@@ -74,9 +76,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         try:
             self.load()
         except Exception as error:  # noqa: BLE001  (rclpy would swallow it and tell nobody)
-            known = isinstance(error, ToftwinError | OSError)
-            self._fail("configured", str(error) if known else f"{type(error).__name__}: {error}")
-            return FAILURE
+            return self._fail("configured", error)
         self.loaded, self.trouble = True, ""
         return super().on_configure(state)
 
@@ -84,11 +84,10 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         """Hear."""
         try:
             self.start()
-        except (ToftwinError, OSError) as error:
+        except Exception as error:  # noqa: BLE001  (as above)
             self._end()
-            self._fail("activated", str(error))
-            return FAILURE
-        self.active = True
+            return self._fail("activated", error)
+        self.active, self.trouble = True, ""
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -162,9 +161,11 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         if self.trigger_configure() == SUCCESS:
             self.trigger_activate()
 
-    def _fail(self, what: str, why: str) -> None:
-        self.trouble = f"not {what}: {why}"
+    def _fail(self, what: str, error: Exception) -> TransitionCallbackReturn:
+        known = isinstance(error, ToftwinError | OSError)
+        self.trouble = f"not {what}: {error if known else f'{type(error).__name__}: {error}'}"
         self.get_logger().error(self.trouble)
+        return FAILURE
 
     def _end(self) -> None:
         """Inverse of `start`."""
@@ -177,6 +178,8 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         if self.active:
             self.active = False
             self.stop()
+        while self.at_stop:
+            self.at_stop.pop()()
 
     def _let_go(self) -> None:
         self._end()

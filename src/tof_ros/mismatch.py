@@ -42,9 +42,10 @@ class Mismatches:
         policy = self._events[topic, heard]
         peers = ", ".join(self._peers(topic, heard=heard)) or "a peer"
         if heard:
+            ours = policy == "reliability" and self._node.has_parameter("live.reliable")
             return (
                 f"QoS of {topic}: {peers} offers another {policy} than is asked for here, so nothing of it is heard; "
-                f"set qos_overrides.{topic}.subscription.{policy} (or live.reliable:=false)"
+                f"set qos_overrides.{topic}.subscription.{policy}{' (or live.reliable:=false)' if ours else ''}"
             )
         return (
             f"QoS of {topic}: {peers} asks for another {policy} than is offered here, so it hears nothing; "

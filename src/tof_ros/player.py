@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 DISCOVERY_S = 1.0
 """The nodes among themselves have found each other so long after they found us."""
+LOSS_S = 10.0
+"""In real time, where frames are lost, a silent graph is given up so soon: after the 8 s for which a frame may wait for its transform."""
 MERGED = 200
 """So many transforms' messages travel as one."""
 LEAD_NS = 1_000_000_000
@@ -51,13 +53,18 @@ class PlayOptions:
         realtime: keep the bag's pace and wait for nobody; frames may be lost.
         rate: speed in real time, as a multiple of the bag's.
         in_flight: frames sent ahead of the graph's answers; below the depth of every queue between nodes.
-        give_up_s: how long the graph may be silent; frames then open are lost.
+        give_up_s: how long the graph may be silent; frames then open are lost. Less in real time, where some are.
     """
 
     realtime: bool = False
     rate: float = 1.0
     in_flight: int = 8
     give_up_s: float = 60.0
+
+    @property
+    def silence_s(self) -> float:
+        """Frames that are open after so long a silence are lost."""
+        return min(self.give_up_s, LOSS_S) if self.realtime else self.give_up_s
 
 
 @dataclass(slots=True)
@@ -106,12 +113,19 @@ class Player(Node):
                 self._open.pop(stamp, None)
             self._changed.notify_all()
 
-    def wait_for_graph(self, heard: Mapping[str, int], alive: Callable[[], bool], timeout_s: float = 60.0) -> None:
-        """Until so many listen to each topic of `heard` (`advertise` comes first), and all answers can be heard."""
+    def wait_for_graph(
+        self,
+        heard: Mapping[str, int],
+        alive: Callable[[], bool],
+        unpublished: Callable[[], Sequence[str]] = tuple,
+        *,
+        timeout_s: float = 60.0,
+    ) -> None:
+        """Until so many listen to each topic of `heard` (`advertise` comes first), all answers can be heard, and `unpublished` is empty."""
         deadline = time.monotonic() + timeout_s
         while True:
             deaf = [t for t, n in heard.items() if self._out[t].get_subscription_count() < n]
-            mute = [s.topic_name for s in self._answers if not s.get_publisher_count()]
+            mute = [*(s.topic_name for s in self._answers if not s.get_publisher_count()), *unpublished()]
             if not deaf and not mute:
                 time.sleep(DISCOVERY_S)
                 return
@@ -187,7 +201,7 @@ class Player(Node):
             self._changed.wait(0.05)
             if not self._alive():
                 raise ReplayError("the graph stopped during the replay", todo="its messages are above")
-            if time.monotonic() - max(self._heard, began) > self._options.give_up_s:
+            if time.monotonic() - max(self._heard, began) > self._options.silence_s:
                 return False
         return True
 

@@ -80,9 +80,9 @@ class Recorder:
         return self.counts.total()
 
     @property
-    def matched(self) -> bool:
-        """Whether every topic has found a publisher."""
-        return all(s.get_publisher_count() for s in self._subscriptions)
+    def mute(self) -> list[str]:
+        """Topics that nobody publishes."""
+        return [s.topic_name for s in self._subscriptions if not s.get_publisher_count()]
 
     @property
     def even(self) -> bool:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from tof_core.capture import View
     from tof_core.robot import RobotChain
-    from tof_ros.base import RoomNode
+    from tof_ros.managed import ManagedNode
 
 REQUIRED = ("depth", "sigma", "count", "reason", "camera_info", "dwell")
 KINDS = {**dict.fromkeys((*REQUIRED, "amplitude"), Image), "camera_info": CameraInfo, "dwell": TimeReference}
@@ -36,9 +36,10 @@ class ViewFeed:
     """Hears `preproc/*` and TF for a node, and hands it each view in the order of stamps.
 
     A view waits for its transform; one that never gets it is skipped and counted. The node's tally and its `done` topic are served here.
+    It ends with what else the node's `start` began.
     """
 
-    def __init__(self, node: RoomNode[Any], chain: RobotChain, patience_s: float, take: Callable[[View], None]) -> None:
+    def __init__(self, node: ManagedNode[Any], chain: RobotChain, patience_s: float, take: Callable[[View], None]) -> None:
         """Subscribe; `take` runs in the node's thread."""
         self._node, self._chain, self._take = node, chain, take
         # Patience is counted in this node's own turns: one that was held up finds the missing parts in its queues.
@@ -49,6 +50,7 @@ class ViewFeed:
         self._arrivals: dict[int, float] = {}
         self._patience, self._overdue = Patience(patience_s), NEVER
         self._transforms = TransformListener(node, chain.transforms, self.advance, lambda: self._patience.oldest)
+        node.at_stop.append(self.close)
         for part, kind in KINDS.items():
             node.input(f"preproc/{part}", kind, partial(self._part, part), qos.OUTPUT)
         node.timer(PERIOD_S, self._tick)

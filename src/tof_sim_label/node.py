@@ -74,10 +74,6 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._feed = ViewFeed(self, self._chain, live.patience_s, self._take)
         self.timer(PERIOD_S, self._settle)
 
-    def stop(self) -> None:
-        """Hear no more."""
-        self._feed.close()
-
     def unload(self) -> None:
         """Let go of the scene."""
         del self._caster, self._scene

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,6 +17,32 @@ if TYPE_CHECKING:
     from tof_core.placement import Placement
 
 C = TypeVar("C")
+
+
+def at_least(low: int) -> Callable[[str], int]:
+    """The `type` of a flag that counts."""
+
+    def count(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = low - 1
+        if value < low:
+            raise argparse.ArgumentTypeError(f"'{text}' is not a whole number, {low} or more")
+        return value
+
+    return count
+
+
+def positive(text: str) -> float:
+    """The `type` of a flag that measures."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
+    return value
 
 
 class _ShowSettings(argparse.Action):

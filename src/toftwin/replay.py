@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -158,9 +157,8 @@ def _play(reader: BagReader, player: Player, recorder: Recorder | None, spec: Gr
     played = _played(reader, spec)
     player.advertise({**played, "/tf": TF, "/tf_static": TF}.items())
     shared = ("/tf", "/tf_static") if isinstance(graph, RunningGraph) else ("/tf", "/tf_static", "/clock")
-    player.wait_for_graph({**dict.fromkeys(_heard(reader), 1), **dict.fromkeys(shared, len(spec.nodes))}, graph.alive)
-    while recorder is not None and not recorder.matched:
-        time.sleep(0.05)
+    heard = {**dict.fromkeys(_heard(reader), 1), **dict.fromkeys(shared, len(spec.nodes))}
+    player.wait_for_graph(heard, graph.alive, lambda: recorder.mute if recorder is not None else [])
     if (placed := reader.chain.placed) is not None:
         player.place(placed.frame, reader.chain.cell or "cell", placed.T_frame_cell)
     rest = tuple(t for t in played if t != "/tf")

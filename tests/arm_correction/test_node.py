@@ -176,6 +176,24 @@ def test_connected_it_commands_the_hand_in_the_drivers_own_frame(bench: Bench) -
     assert proposal[-1].header.frame_id == "spot/body"
 
 
+def test_a_node_that_is_stopped_while_it_proposes_commands_nothing(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    corrector = bench.node._corrector
+    propose = corrector.propose
+
+    def stopped(*how: Any) -> Any:
+        made = propose(*how)
+        bench.node.trigger_deactivate()
+        return made
+
+    bench.look("back")
+    bench.look("back")
+    before = len(bench.heard["arm"])
+    monkeypatch.setattr(corrector, "propose", stopped)
+    assert bench.ask("propose") == (False, "correction: stopped meanwhile, nothing was sent; activate the node and ask again")
+    assert len(bench.heard["arm"]) == before
+    bench.node.trigger_activate()
+
+
 @pytest.mark.parametrize(("frame", "hand", "why"), [("cell", "spot/hand", "takes targets in"), ("spot/odom", "camera", "moves 'hand'")])
 def test_a_target_that_the_driver_would_read_otherwise_is_refused(frame: str, hand: str, why: str) -> None:
     from arm_correction.frames import Frames

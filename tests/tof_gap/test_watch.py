@@ -109,7 +109,7 @@ def test_another_camera_is_refused_until_restarted(caster: Raycaster) -> None:
     view = seen(caster, T, rng)
     watch.add(view, T)
     other = replace(view, camera=replace(CAMERA, fx=110.0))
-    with pytest.raises(RefusedError, match="calibration changed"):
+    with pytest.raises(RefusedError, match="calibration changed; its baseline is of another camera: call ~/reset"):
         watch.add(other, T)
     watch.restart()
     assert watch.add(other, T).views == 1
@@ -120,3 +120,31 @@ def test_a_view_beside_the_scene_is_refused(caster: Raycaster) -> None:
     (T,) = poses(1, rng)
     with pytest.raises(RefusedError, match="see the CAD"):
         GapWatch(caster).add(seen(caster, T, rng), T @ np.diag([-1.0, 1.0, -1.0, 1.0]))
+
+
+@pytest.mark.dds
+def test_what_a_node_said_is_forgotten_with_its_baseline(caster: Raycaster, ros_domain: int) -> None:
+    from tof_gap.node import make_node
+    from tof_ros import messages
+    from tof_ros.environment import parameter_overrides, ros_context
+
+    rng = np.random.default_rng(8)
+    (T,) = poses(1, rng)
+    view, pose = seen(caster, T, rng), messages.pose(T, POSE_COV, messages.header(0, "cell"))
+    other = replace(view, camera=replace(CAMERA, fx=110.0))
+    with ros_context(domain=ros_domain) as context:
+        node = make_node(context=context, parameter_overrides=parameter_overrides({"live.scene": "body_section"}))
+        node.trigger_configure()
+
+        def restart() -> None:
+            node.trigger_deactivate()
+            node.trigger_activate()
+
+        node.trigger_activate()
+        for forget in (node.reset, restart):
+            node._judge(view, pose)
+            node._judge(other, pose)
+            assert (node.figures()["views"], "calibration changed" in node.warnings()[0]) == ("1", True)
+            forget()
+            assert ("views" in node.figures(), node.warnings()) == (False, [])
+        node.destroy_node()

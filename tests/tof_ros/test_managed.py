@@ -106,3 +106,29 @@ def test_without_autostart_it_waits_and_an_impossible_transition_is_answered(sta
     assert not change(observer, "activate")
     assert "unconfigured: nothing is heard" in observer.status("infer").message
     assert change(observer, "configure")
+
+
+def test_an_activation_that_fails_half_way_says_so_and_leaves_nothing_behind(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    from arm_correction.node import make_node
+    from tof_ros.environment import parameter_overrides, ros_context
+    from tof_ros.managed import FAILURE, SUCCESS
+
+    with ros_context(domain=ros_domain) as context:
+        node = make_node(context=context, parameter_overrides=parameter_overrides({"live.connect": "arm pose"}))
+        idle = set(node.subscriptions)
+        assert node.trigger_configure() == SUCCESS
+        assert node.trigger_activate() == FAILURE
+        assert node.trouble.startswith("not activated: InvalidTopicNameException: ")
+        assert (node.state, set(node.subscriptions), tf_threads()) == ("inactive", idle, [])
+        monkeypatch.setattr(node, "start", lambda: None)
+        assert node.trigger_activate() == SUCCESS
+        assert (node.state, node.trouble) == ("active", "")
+        monkeypatch.undo()
+        node.active = False
+        node.destroy_node()
+
+
+def tf_threads() -> list[str]:
+    import threading
+
+    return [t.name for t in threading.enumerate() if t.name.endswith("_tf")]

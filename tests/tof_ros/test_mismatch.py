@@ -55,3 +55,24 @@ def test_a_listener_that_wants_latched_results_is_named(observer: Observer) -> N
     assert "QoS of /spot/preproc/depth: /observer asks for another durability" in message
     observer.node.destroy_subscription(ears)
     observer.status("spot/preproc", lambda s: "QoS of" not in s.message)
+
+
+@pytest.mark.parametrize(("policy", "parameter"), [("reliability", False), ("durability", True)])
+def test_the_parameter_is_named_only_where_there_is_one_that_helps(observer: Observer, policy: str, *, parameter: bool) -> None:
+    import rclpy
+    from sensor_msgs.msg import Image
+
+    from tof_ros import qos
+    from tof_ros.mismatch import Mismatches
+    from tof_ros.spin import spinning
+
+    node, topic = rclpy.create_node("ears", context=observer.node.context), f"/{policy}"
+    if parameter:
+        node.declare_parameter("live.reliable", value=True)
+    mismatches = Mismatches(node)
+    observer.node.create_publisher(Image, topic, qos.sensor(reliable=policy == "durability"))
+    asked = qos.OUTPUT if policy == "reliability" else qos.LATCHED
+    node.create_subscription(Image, topic, lambda _: None, asked, event_callbacks=mismatches.of_subscription(topic))
+    with spinning([node]):
+        (line,) = wait_for(mismatches.current)
+        assert line.endswith(f"nothing of it is heard; set qos_overrides.{topic}.subscription.{policy}")

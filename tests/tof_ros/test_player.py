@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from itertools import permutations
 from typing import TYPE_CHECKING
 
@@ -55,3 +56,34 @@ def test_an_answer_to_a_frame_that_was_never_sent_changes_nothing(player: Player
     player._open_frame(100)
     answer(player, "label", 99)
     assert list(player._open) == [100]
+
+
+def test_in_real_time_a_lost_frame_is_soon_given_up(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tof_ros import player as module
+    from tof_ros.environment import ros_context
+
+    monkeypatch.setattr(module, "LOSS_S", 0.2)
+    with ros_context(domain=ros_domain) as context:
+        player = module.Player(context, ["/depth"], ["preproc/done"], module.PlayOptions(realtime=True, give_up_s=5.0))
+        player._open_frame(100)
+        player._open_frame(200)
+        answer(player, "preproc", 100)
+        began = time.monotonic()
+        player.finish([])
+        assert (player.report.lost, time.monotonic() - began < 2.0) == (1, True)
+        player.destroy_node()
+
+
+def test_what_nobody_publishes_is_waited_for_as_long_as_the_graph_lives(player: Player) -> None:
+    from sensor_msgs.msg import TimeReference
+
+    from tof_ros import qos
+    from tof_ros.player import ReplayError
+
+    for room in ("preproc", "label"):
+        player.create_publisher(TimeReference, f"{room}/done", qos.OUTPUT)
+    with pytest.raises(ReplayError, match="nobody publishes /label/part after 1 s"):
+        player.wait_for_graph({}, lambda: True, lambda: ["/label/part"], timeout_s=1.0)
+    with pytest.raises(ReplayError, match="the graph stopped while it started"):
+        player.wait_for_graph({}, lambda: False, lambda: ["/label/part"])
+    player.wait_for_graph({}, lambda: True)

@@ -11,7 +11,7 @@ import pytest
 
 from tof_core.config import param, section
 from tof_core.errors import ConfigError, UsageError
-from toftwin import options
+from toftwin import cli, options
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -69,6 +69,42 @@ def test_bad_settings_are_refused_with_a_hint(pair: str, says: str) -> None:
 def test_a_setting_without_a_value_is_a_wrong_call() -> None:
     with pytest.raises(UsageError, match="KEY=VALUE"):
         load("--set", "far")
+
+
+@pytest.mark.parametrize("text", ["-1", "0", "1.5", "many"])
+def test_a_flag_that_counts_says_what_it_takes(text: str) -> None:
+    count = options.at_least(1)
+    assert (count("1"), count("12")) == (1, 12)
+    with pytest.raises(argparse.ArgumentTypeError, match=f"'{text}' is not a whole number, 1 or more"):
+        count(text)
+
+
+@pytest.mark.parametrize("text", ["-1", "0", "nan", "inf", "fast"])
+def test_a_flag_that_measures_says_what_it_takes(text: str) -> None:
+    assert options.positive("0.5") == 0.5
+    with pytest.raises(argparse.ArgumentTypeError, match=f"'{text}' is not a number above 0"):
+        options.positive(text)
+
+
+@pytest.mark.parametrize(
+    ("command", "flag"),
+    [
+        ("label a b --scene s --out o", "--workers -1"),
+        ("replay a --realtime", "--rate 0"),
+        ("doctor --live", "--seconds -1"),
+        ("view a", "--every 0"),
+        ("evaluate a --scene s", "--frames 0"),
+    ],
+)
+def test_a_flag_out_of_bounds_is_a_wrong_call_and_no_fault(command: str, flag: str, capsys: pytest.CaptureFixture[str]) -> None:
+    name, value = flag.split()
+    assert cli.main([*command.split(), name, value]) == 2
+    assert f"error: argument {name}: '{value}' is not a" in capsys.readouterr().err
+
+
+def test_a_pace_without_realtime_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["replay", "bag", "--rate", "2"]) == 2
+    assert capsys.readouterr().err == "toftwin: --rate: only --realtime has a pace; add --realtime\n"
 
 
 def test_settings_text_tells_default_unit_bounds_and_meaning() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from functools import partialmethod
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -88,6 +89,29 @@ def copy(source: Path, target: Path, keep: Callable[[RawMessage], bool]) -> None
         for message in reader.messages():
             if keep(message):
                 writer.raw(message.topic, message.type, message.cdr, message.log_ns)
+
+
+def test_a_running_graph_that_lacks_an_output_is_told_and_not_waited_for_without_end(
+    ros_domain: int, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It hears all and answers frames, and publishes nothing else."""
+    import rclpy
+    from sensor_msgs.msg import TimeReference
+
+    from tof_ros import qos
+    from tof_ros.environment import ros_context
+    from tof_ros.player import Player
+    from tof_ros.recorder import message_class
+
+    monkeypatch.setattr(Player, "wait_for_graph", partialmethod(Player.wait_for_graph, timeout_s=2.0))
+    with ros_context(domain=ros_domain) as context, open_bag(Path(BAG)) as reader:
+        node = rclpy.create_node("half", context=context)
+        node.create_publisher(TimeReference, "preproc/done", qos.OUTPUT)
+        for topic, kind in reader.types.items():
+            node.create_subscription(message_class(kind), topic, lambda _: None, qos.sensor())
+        assert cli.main(["replay", BAG, "--running", "--record", str(tmp_path / "run")]) == 1
+        node.destroy_node()
+    assert "nobody publishes /preproc/depth after 2 s; is the graph running in this ROS_DOMAIN_ID?" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("flags", "told"), [(["--running"], True), (["--running", "--realtime"], False), ([], False)])

@@ -21,11 +21,11 @@ EXAMPLE = "toftwin doctor session/bag --scene cell/scene.yaml"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments
+    from toftwin.options import add_bag_arguments, positive
 
     parser.add_argument("bag", nargs="?", metavar="BAG", help="the bag's folder, .mcap or .db3 file; without it this host alone")
     parser.add_argument("--live", action="store_true", help="examine what is published now in this ROS_DOMAIN_ID, QoS included")
-    parser.add_argument("--seconds", type=float, default=5.0, help="how long --live listens (default: 5)")
+    parser.add_argument("--seconds", type=positive, default=5.0, help="how long --live listens (default: 5)")
     parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene.yaml of the cell, its folder, or a built-in scene's name")
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
     add_bag_arguments(parser)

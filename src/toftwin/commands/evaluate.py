@@ -16,7 +16,7 @@ EXAMPLE = "toftwin evaluate out/sweep --scene cell/scene.yaml --methods raw,rule
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments
+    from toftwin.options import add_bag_arguments, add_config_arguments, at_least
 
     parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
     parser.add_argument("--scene", type=Path, required=True, metavar="FILE", help="scene.yaml of the cell")
@@ -28,7 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--model", default="default", metavar="FILE", help="an .onnx file of `toftwin train` (default: the one in the package)"
     )
     parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml for the method 'corrected'")
-    parser.add_argument("--frames", type=int, default=1, metavar="N", help="show the rules with N captures of a dwell besides (default: 1)")
+    parser.add_argument(
+        "--frames", type=at_least(1), default=1, metavar="N", help="show the rules with N captures of a dwell besides (default: 1)"
+    )
     parser.add_argument("--force", action="store_true", help="run a model made for another camera or range")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for evaluation.json and report.html")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")

@@ -18,7 +18,7 @@ EXAMPLE = "toftwin label session/bag --scene cell/scene.yaml --out out/session\n
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments
+    from toftwin.options import add_bag_arguments, add_config_arguments, at_least
 
     parser.add_argument(
         "bag", nargs="+", metavar="BAG", help="the bag's folder, .mcap or .db3 file; several, or a quoted pattern, make a batch"
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--engine", choices=("local", "ray"), help="where a batch runs: processes of this host (default), or a Ray cluster")
     parser.add_argument(
-        "--workers", type=int, default=0, metavar="N", help="of a batch, one core each (default: as many as there are cores)"
+        "--workers", type=at_least(1), default=0, metavar="N", help="of a batch, one core each (default: as many as there are cores)"
     )
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_bag_arguments(parser)

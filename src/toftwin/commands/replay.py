@@ -21,7 +21,7 @@ EXAMPLE = "toftwin replay session/bag --scene cell/scene.yaml --record out/run\n
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments
+    from toftwin.options import add_bag_arguments, add_config_arguments, positive
 
     parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
     parser.add_argument(
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--record", type=Path, metavar="OUT", help="keep what the graph publishes in a new bag")
     parser.add_argument("--against", type=Path, metavar="OUT", help="compare with what an earlier run kept; 1 if it differs")
     parser.add_argument("--realtime", action="store_true", help="keep the bag's pace and wait for nobody; frames may be lost")
-    parser.add_argument("--rate", type=float, default=1.0, help="pace of --realtime, as a multiple of the bag's")
+    parser.add_argument("--rate", type=positive, help="pace of --realtime, as a multiple of the bag's (default: 1)")
     parser.add_argument(
         "--running",
         action="store_true",
@@ -53,8 +53,11 @@ def run(args: argparse.Namespace) -> int:
     """Play, then compare."""
     from tempfile import TemporaryDirectory
 
+    from tof_core.errors import UsageError
     from toftwin.compare import EXACT, TOLERANCES, compare_runs
 
+    if args.rate and not args.realtime:
+        raise UsageError("only --realtime has a pace", where="--rate", todo="add --realtime")
     with TemporaryDirectory(prefix="toftwin-") as scratch:
         record = args.record or (Path(scratch) / "run" if args.against else None)
         result = play(args, record)
@@ -77,7 +80,7 @@ def play(args: argparse.Namespace, record: Path | None) -> ReplayResult:
 
     config = load_config(PipelineConfig, args)
     with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
-        options = PlayOptions(realtime=args.realtime, rate=args.rate)
+        options = PlayOptions(realtime=args.realtime, rate=args.rate or 1.0)
         return replay(
             reader, config, scene=args.scene if scene else None, options=options, record=record, points=args.points, running=args.running
         )

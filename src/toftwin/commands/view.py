@@ -21,12 +21,12 @@ EXAMPLE = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments
+    from toftwin.options import add_bag_arguments, add_config_arguments, at_least
 
     parser.add_argument("what", type=Path, metavar="WHAT", help="a bag, a dataset, or the folder that `label` or `gap` wrote")
     parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene.yaml of the cell, its folder, or a built-in scene's name")
     parser.add_argument("--gap", type=Path, metavar="DIR", help="colour the parts by the gap report in this folder")
-    parser.add_argument("--every", type=int, default=1, metavar="N", help="draw each Nth capture or view (default: all)")
+    parser.add_argument("--every", type=at_least(1), default=1, metavar="N", help="draw each Nth capture or view (default: all)")
     parser.add_argument("--save", type=Path, metavar="FILE.rrd", help="write a recording for the rerun viewer and open none")
     add_bag_arguments(parser)
     add_config_arguments(parser, _settings)
@@ -42,12 +42,9 @@ def run(args: argparse.Namespace) -> int:
     """Draw into a file; open it unless only the file was asked for."""
     from tempfile import TemporaryDirectory
 
-    from tof_core.errors import UsageError
     from toftwin.viewing import rerun
 
     rerun()
-    if args.every < 1:
-        raise UsageError(f"{args.every} is not 1 or more", where="--every")
     if args.save:
         draw(args, args.save)
         print(f"{args.save}: {args.save.stat().st_size / 1e6:.1f} MB; open it with: rerun {args.save}")
