@@ -177,7 +177,8 @@ def commands_page() -> str:
     """Every command with its flags, from the parsers."""
     about = (
         "Exit codes: 0 done, 1 the data says no (with its reason), 2 the call was wrong. An error is one line: what, where, what to do; "
-        "`--debug` shows its traceback. `--settings` prints every number that a command uses; `--config` and `--set` change them."
+        "`--debug` shows its traceback. `--settings` prints every number that a command uses; `--config` and `--set` change them. `doctor` has no such numbers; "
+        "those of `node` are ROS parameters: `--list-params` prints them, `--params-file` and `--param` change them."
     )
     return "\n\n".join(["# Commands", MADE, about, *(part for name in command_names() for part in command_parts(name))]) + "\n"
 

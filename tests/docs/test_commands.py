@@ -113,6 +113,23 @@ def test_most_kinds_of_command_run() -> None:
     assert {shlex.split(line)[1] for line in RUN} >= {"doctor", "label", "replay", "simulate", "view"}
 
 
+WITHOUT_SETTINGS = re.findall(r"`(\w+)`", re.findall(r"all but (.*?) have", (REPOSITORY / "README.md").read_text(), re.DOTALL)[0])
+"""Commands that README.md excepts."""
+
+
+@pytest.mark.parametrize("name", cli.command_names())
+def test_a_command_has_the_settings_that_the_readme_says(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main([name, "--help"]) == 0
+    shown = capsys.readouterr().out
+    flags = ["--settings", "--config FILE", "--set KEY=VALUE"]
+    assert [flag for flag in flags if flag in shown] == ([] if name in WITHOUT_SETTINGS else flags)
+    if name == "node":
+        assert all(flag in shown for flag in ("--list-params", "--params-file", "--param "))
+    if name not in WITHOUT_SETTINGS:
+        assert cli.main([name, "--settings"]) == 0
+        assert re.match(r"[\w.]+ = ", capsys.readouterr().out)
+
+
 @pytest.mark.parametrize("line", [line for line in COMMANDS if line not in OURS])
 def test_lines_of_other_tools_name_what_exists(line: str) -> None:
     if any(re.match(p, line) for p in ELSEWHERE):

@@ -16,8 +16,10 @@ from tof_core.config import from_mapping
 from tof_core.errors import RefusedError
 from tof_gap.candidates import not_testable
 from tof_gap.diagnose import check
+from tof_gap.unexplained import Unexplained
 from tof_scene.builtin import write_builtin
 from toftwin.cli import main
+from toftwin.commands.gap import unexplained_line
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -71,6 +73,29 @@ def test_a_bag_of_another_scene_is_refused(bare: tuple[str, str], tmp_path: Path
     other = write_builtin("housing", tmp_path / "other")
     assert main(["gap", bare[0], "--scene", str(other), "--out", str(tmp_path / "gap")]) == 1
     assert "fits this scene nowhere" in capsys.readouterr().err
+
+
+def test_an_effect_that_there_is_not_cannot_be_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Said before the bag is looked for, let alone diagnosed for minutes as if nothing were forbidden."""
+    call = ["gap", str(tmp_path / "no_bag"), "--scene", str(tmp_path / "no_scene"), "--out", str(tmp_path / "gap")]
+    assert main([*call, "--leave-out", "wiggling", "--leave-out", "wigling"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("toftwin: --leave-out: there is no effect 'wigling'; effects: amplitude_bias, ")
+    assert "wiggling" in said.partition("effects:")[2]
+    assert main([*call, "--leave-out", "wiggling"]) == 1
+    assert "no_scene: cannot be read" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("where", "depends_on", "line"),
+    [
+        ((), (), "unexplained: 0.32 mm are left, above all on no part in particular"),
+        (("door", "sill"), (), "unexplained: 0.32 mm are left, above all on door, sill"),
+        (("door",), ("range_m",), "unexplained: 0.32 mm are left, above all on door; what is left varies with range_m"),
+    ],
+)
+def test_what_is_left_is_said_as_far_as_it_is_known(where: tuple[str, ...], depends_on: tuple[str, ...], line: str) -> None:
+    assert unexplained_line(Unexplained(0.324, structured=True, depends_on=depends_on, where=where)) == line
 
 
 def test_mixed_cameras_are_refused() -> None:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from tof_gap.diagnose import Diagnosis
+    from tof_gap.unexplained import Unexplained
     from tof_scene.raycast import Raycaster
     from toftwin.diagnosis import GapPipelineConfig
     from toftwin.retraining import Retrained
@@ -83,11 +84,12 @@ def run(args: argparse.Namespace) -> int:
     from toftwin.options import load_config
 
     config = load_config(GapPipelineConfig, args)
+    left_out = _effects(args.leave_out)
     known = load_model(args.sensor) if args.sensor else None
     say = _Said(args.json)
     with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
         assert scene is not None
-        diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=frozenset(args.leave_out), say=say)
+        diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=left_out, say=say)
     say("advice and report")
     content = write(diagnosis, caster, args.out, advise(diagnosis, caster))
     page = write_page(diagnosis, content, args.out, Path(args.bag).name)
@@ -97,6 +99,17 @@ def run(args: argparse.Namespace) -> int:
     else:
         print("\n".join([summary(diagnosis), *([] if learned is None else [worth(learned)]), f"report: {page}"]))
     return 0
+
+
+def _effects(names: Sequence[str]) -> frozenset[str]:
+    """The names as a set; one that no effect has would forbid nothing."""
+    from tof_core.errors import UsageError
+    from tof_sensor.registry import VOCABULARY
+
+    for name in names:
+        if name not in VOCABULARY:
+            raise UsageError(f"there is no effect '{name}'", where="--leave-out", todo=f"effects: {', '.join(VOCABULARY)}")
+    return frozenset(names)
 
 
 def _retrained(diagnosis: Diagnosis, caster: Raycaster, out: Path, config: GapPipelineConfig, say: Callable[[str], None]) -> Retrained:
@@ -129,8 +142,13 @@ def summary(d: Diagnosis) -> str:
         lines.append(f"  {c.named.verdict}: confidence {c.named.confidence:.2f}{alone}")
     lines += [f"  {f.name}: confidence {f.confidence:.2f} {f.note}".rstrip() for f in d.findings]
     if d.unexplained.structured:
-        lines.append(
-            f"unexplained: {d.unexplained.rmse_mm:.2f} mm at {', '.join(d.unexplained.where)}; varies with {', '.join(d.unexplained.depends_on)}"
-        )
+        lines.append(unexplained_line(d.unexplained))
     lines += [f"not testable: {name} ({why})" for name, why in d.not_testable.items()]
     return "\n".join(lines)
+
+
+def unexplained_line(u: Unexplained) -> str:
+    """What is left, where, and with what it varies, as far as that is known; in the report's words."""
+    where = ", ".join(u.where) or "no part in particular"
+    varies = f"; what is left varies with {', '.join(u.depends_on)}" if u.depends_on else ""
+    return f"unexplained: {u.rmse_mm:.2f} mm are left, above all on {where}{varies}"
