@@ -73,7 +73,7 @@ def gather(
     wider_px: int = 0,
 ) -> tuple[ViewEvidence, ...]:
     """Residuals of all views against the CAD rendered at their reference poses; `sky`: concavity too; `wider_px`: of still views' edges."""
-    start, gain = min(v.stamp_ns for v in views), _gain(views, renderings)
+    start, gain = min(v.stamp_ns for v in views), session_gain(views, renderings)
 
     def one(view: View, rendering: Rendering) -> ViewEvidence:
         context = Context(
@@ -90,7 +90,7 @@ def gather(
     return tuple(replace(v, pixels=_drawn(v.smooth, config.pixels, rng)) for v in in_threads(one, views, renderings))
 
 
-def _gain(views: Sequence[View], renderings: Sequence[Rendering]) -> float:
+def session_gain(views: Sequence[View], renderings: Sequence[Rendering]) -> float:
     """The camera's unit of amplitude, by which views that have none are to be compared with those that have."""
     lit = [v.amplitude is not None and bool(np.isfinite(v.amplitude).any()) for v in views]
     if all(lit) or not any(lit):

@@ -12,6 +12,7 @@ from tof_align.chain import chain_of
 from tof_align.pixels import sample
 from tof_align.session import near, solve_session
 from tof_core.cores import in_threads
+from tof_gap.evidence import session_gain
 from tof_scene.render import render
 from tof_sensor.frame import Context, ideal_frame
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
+    from tof_scene.rendering import Rendering
     from tof_sensor.model import SensorModel
 
 ROUNDS = 2
@@ -44,12 +46,14 @@ def known_removed(views: Sequence[View], caster: Raycaster, model: SensorModel, 
 def _less(views: Sequence[View], cameras: Sequence[Float], caster: Raycaster, model: SensorModel) -> list[View]:
     """The views less the model's bias as cameras there have it."""
     start = min(v.stamp_ns for v in views)
+    renderings = in_threads(lambda v, T: render(caster, v.camera, T), views, cameras)
+    gain = session_gain(views, renderings)
 
-    def one(view: View, T_cell_camera: Float) -> View:
+    def one(view: View, rendering: Rendering) -> View:
         twist = np.zeros(6) if view.robot is None or view.robot.twist is None else view.robot.twist
         context = Context(view.temperature, (view.stamp_ns - start) * 1e-9, twist, caster)
         amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
-        bias = model.bias(ideal_frame(render(caster, view.camera, T_cell_camera), context, amplitude))
+        bias = model.bias(ideal_frame(rendering, context, amplitude, gain))
         return replace(view, depth=(view.depth - np.nan_to_num(bias)).astype(np.float32))
 
-    return list(in_threads(one, views, cameras))
+    return in_threads(one, views, renderings)
