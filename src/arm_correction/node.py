@@ -69,8 +69,9 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         colour = ColourFeed(self, self._chain, live)
         self._feed = ViewFeed(self, self._chain, live.patience_s, lambda view: self._dwells.add(colour.beside(view)))
         self._arm = self.create_publisher(PoseStamped, live.connect, qos.OUTPUT) if live.connect else None
+        self.at_stop.append(self._disarm)
 
-    def stop(self) -> None:
+    def _disarm(self) -> None:
         """Command no more."""
         arm, self._arm = self._arm, None
         if arm is not None:

@@ -16,6 +16,7 @@ from tof_gap.flexible import explainable
 from tof_gap.joint import delayed, solution, solve, start, without
 from tof_gap.judge import Selector, deal
 from tof_gap.radial import gate
+from tof_gap.scatter import own_law
 from tof_gap.unexplained import Unexplained, look, misfit
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.flying_pixels import FlyingPixels
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from tof_gap.kinds import Finding
     from tof_gap.shrink import Shrink
     from tof_scene.raycast import Raycaster
+    from tof_sensor.effects.noise import PhotonLaw
 
 MIN_VIEWS = 4
 
@@ -47,7 +49,7 @@ class Diagnosis:
     """All that the report says; arrays are per view in bag order.
 
     residual: (H, W) metres measured minus rendered at the final joint poses, before any effect;
-    floor2: (H, W) m^2; shares: metres per named effect;
+    floor2: (H, W) m^2; shares: metres per named effect; law: of the scatter beside what was named of it, None where too little is seen;
     cameras: (V, 4, 4) T_cell_camera, X and all.
     """
 
@@ -68,6 +70,7 @@ class Diagnosis:
     fit_views: tuple[int, ...]
     held_out_views: tuple[int, ...]
     config: GapConfig
+    law: PhotonLaw | None
 
 
 def diagnose(
@@ -153,6 +156,7 @@ def diagnose(
         fit_views,
         held,
         config,
+        own_law(evidence, [f.effect for f in found.findings], config.scatter.bins),
     )
 
 

@@ -73,9 +73,22 @@ def gather(
     wider_px: int = 0,
 ) -> tuple[ViewEvidence, ...]:
     """Residuals of all views against the CAD rendered at their reference poses; `sky`: concavity too; `wider_px`: of still views' edges."""
-    start, gain = min(v.stamp_ns for v in views), session_gain(views, renderings)
 
-    def one(view: View, rendering: Rendering) -> ViewEvidence:
+    def one(view: View, frame: Frame) -> ViewEvidence:
+        hollow = concavity_map(caster, frame.rendering, CONCAVITY_STRIDE) if sky else np.full(frame.depth.shape, np.nan, np.float32)
+        return _of_view(view, frame, config, hollow, wider_px)
+
+    rng = np.random.default_rng(config.seed)  # One draw after the other: the same pixels whichever view is ready first.
+    return tuple(
+        replace(v, pixels=_drawn(v.smooth, config.pixels, rng)) for v in in_threads(one, views, ideal_frames(views, renderings, caster))
+    )
+
+
+def ideal_frames(views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster) -> list[Frame]:
+    """What a perfect sensor would give for each view of a session, with the amplitude that was measured."""
+    start, gain = min(v.stamp_ns for v in views), _gain(views, renderings)
+
+    def one(view: View, rendering: Rendering) -> Frame:
         context = Context(
             temperature=view.temperature,
             time_s=(view.stamp_ns - start) * 1e-9,
@@ -83,14 +96,12 @@ def gather(
             caster=caster,
         )
         amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
-        hollow = concavity_map(caster, rendering, CONCAVITY_STRIDE) if sky else np.full(rendering.depth.shape, np.nan, np.float32)
-        return _of_view(view, ideal_frame(rendering, context, amplitude, gain), config, hollow, wider_px)
+        return ideal_frame(rendering, context, amplitude, gain)
 
-    rng = np.random.default_rng(config.seed)  # One draw after the other: the same pixels whichever view is ready first.
-    return tuple(replace(v, pixels=_drawn(v.smooth, config.pixels, rng)) for v in in_threads(one, views, renderings))
+    return in_threads(one, views, renderings)
 
 
-def session_gain(views: Sequence[View], renderings: Sequence[Rendering]) -> float:
+def _gain(views: Sequence[View], renderings: Sequence[Rendering]) -> float:
     """The camera's unit of amplitude, by which views that have none are to be compared with those that have."""
     lit = [v.amplitude is not None and bool(np.isfinite(v.amplitude).any()) for v in views]
     if all(lit) or not any(lit):

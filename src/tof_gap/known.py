@@ -12,9 +12,8 @@ from tof_align.chain import chain_of
 from tof_align.pixels import sample
 from tof_align.session import near, solve_session
 from tof_core.cores import in_threads
-from tof_gap.evidence import session_gain
+from tof_gap.evidence import ideal_frames
 from tof_scene.render import render
-from tof_sensor.frame import Context, ideal_frame
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
-    from tof_scene.rendering import Rendering
+    from tof_sensor.frame import Frame
     from tof_sensor.model import SensorModel
 
 ROUNDS = 2
@@ -45,15 +44,9 @@ def known_removed(views: Sequence[View], caster: Raycaster, model: SensorModel, 
 
 def _less(views: Sequence[View], cameras: Sequence[Float], caster: Raycaster, model: SensorModel) -> list[View]:
     """The views less the model's bias as cameras there have it."""
-    start = min(v.stamp_ns for v in views)
     renderings = in_threads(lambda v, T: render(caster, v.camera, T), views, cameras)
-    gain = session_gain(views, renderings)
 
-    def one(view: View, rendering: Rendering) -> View:
-        twist = np.zeros(6) if view.robot is None or view.robot.twist is None else view.robot.twist
-        context = Context(view.temperature, (view.stamp_ns - start) * 1e-9, twist, caster)
-        amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
-        bias = model.bias(ideal_frame(rendering, context, amplitude, gain))
-        return replace(view, depth=(view.depth - np.nan_to_num(bias)).astype(np.float32))
+    def one(view: View, frame: Frame) -> View:
+        return replace(view, depth=(view.depth - np.nan_to_num(model.bias(frame))).astype(np.float32))
 
-    return in_threads(one, views, renderings)
+    return in_threads(one, views, ideal_frames(views, renderings, caster))

@@ -112,7 +112,7 @@ def _phase_wrap(views: Sequence[ViewEvidence], config: MissingConfig) -> Finding
     return Finding(effect, 0.95, share=maps, corrects=True)
 
 
-LEAST_TURN_M = LIGHT_M_PER_S / (2e6 * 400.0)
+LEAST_TURN_M = LIGHT_M_PER_S / (2e6 * PhaseWrap.__dataclass_fields__["modulation_mhz"].metadata["high"])
 """A turn at the highest frequency that an effect may have: what jumps by less lost none."""
 EDGE_REACH_PX = 4
 """Pixels beyond the edge band that an edge may still spoil."""

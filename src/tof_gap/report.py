@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core import se3
-from tof_gap.scatter import own_law
 from tof_gap.where import by_quantity, regions
 from tof_scene.regions import surface_regions
 from tof_sensor.effect import Evidence
@@ -120,8 +119,7 @@ def _floor_from(d: Diagnosis) -> str:
 
 def _dispersion(d: Diagnosis) -> dict[str, float]:
     """Scatter against the photon law that the session has beside what was named of it: before, and with that taken off."""
-    law = own_law(d.evidence, [f.effect for f in d.findings], d.config.scatter.bins)
-    seen = [v for v in d.evidence if v.smooth.any()]
+    law, seen = d.law, [v for v in d.evidence if v.smooth.any()]
     if law is None or not seen:
         return {"before": np.nan, "after": np.nan}
     expected2 = float(np.mean([law.variance(v.frame.amplitude[v.smooth], v.frame.radial[v.smooth] ** 2).mean() for v in seen]))
@@ -170,8 +168,7 @@ def _finite(value: Any) -> Any:
 def sensor_model(d: Diagnosis) -> SensorModel:
     """The fitted sensor: every named effect, and the photon law that the rest of the session's scatter obeys."""
     effects = [e for c in d.causes for e in c.named.effects] + [f.effect for f in d.findings]
-    law = own_law(d.evidence, effects, d.config.scatter.bins)
-    return SensorModel((*effects, *([] if law is None else [law])))
+    return SensorModel((*effects, *([] if d.law is None else [d.law])))
 
 
 def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str]) -> dict[str, Any]:

@@ -37,10 +37,10 @@ M = TypeVar("M", bound=Managed)
 class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
     """Loads what is heavy when it is configured, and hears its topics while it is active.
 
-    A node writes four methods, each the inverse of another: `load` (files to memory, `unload`), `start` (`stop`); subscriptions and
-    timers that `start` makes end by themselves, as does what it puts on `at_stop`, also where it fails half-way. What `load` raises is
-    the answer to the transition: the node stays unconfigured, says why in its diagnostics (`trouble`), and can be configured again
-    once its parameters are set right.
+    A node writes `load` (files to memory), its inverse `unload`, and `start`. Subscriptions and timers that `start` makes end by
+    themselves; what else it begins it puts on `at_stop`, which is run, last first, where the node ends or where `start` fails half-way.
+    What `load` raises is the answer to the transition: the node stays unconfigured, says why in its diagnostics (`trouble`), and can be
+    configured again once its parameters are set right.
     """
 
     def __init__(self, name: str, room: str, config: type[M], *, fixed: tuple[str, ...] = (), **options: Any) -> None:
@@ -61,9 +61,6 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
 
     def start(self) -> None:
         """Subscribe."""
-
-    def stop(self) -> None:
-        """End what `start` began, where that does not end by itself."""
 
     def unload(self) -> None:
         """Let go of what `load` made."""
@@ -175,9 +172,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
             self.destroy_timer(timer)
         self._subscribed.clear()
         self._ticking.clear()
-        if self.active:
-            self.active = False
-            self.stop()
+        self.active = False
         while self.at_stop:
             self.at_stop.pop()()
 

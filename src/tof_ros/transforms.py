@@ -51,7 +51,7 @@ class TransformListener:
         return time.monotonic() - self._heard
 
     def close(self) -> None:
-        """Listen no more; said twice it does no harm."""
+        """Listen no more."""
         self._spinner.stop()
         self._node.destroy_guard_condition(self._wake)
 

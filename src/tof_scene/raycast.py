@@ -74,16 +74,11 @@ class Raycaster:
 
     def blocked(self, origins: ArrayLike, directions: ArrayLike, reach: float) -> Mask:
         """(N,) whether anything lies on rays within `reach` lengths of their directions: half the work of `cast`."""
-        along = np.ascontiguousarray(directions, np.float32).reshape(-1, 3)
-        start = np.empty_like(along)
-        start[:] = np.asarray(origins, np.float64) - self._middle
-        return self._backend.blocked(start, along, reach)
+        return self._backend.blocked(*self._rays(origins, directions), reach)
 
     def first_faces(self, origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """Only the face each ray meets first (-1 for none), and how far in float32; lost rays are cast again."""
-        along = np.ascontiguousarray(directions, np.float32)
-        start = np.empty_like(along)
-        start[:] = np.asarray(origins, np.float64) - self._middle
+        start, along = self._rays(origins, directions)
         face, near = self._backend.nearest(start, along)
         lost = np.flatnonzero(face < 0)
         for turn in (JITTER, -JITTER):
@@ -93,6 +88,13 @@ class Raycaster:
             face[lost], near[lost] = found, distance
             lost = lost[found < 0]
         return face, near
+
+    def _rays(self, origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Origins, from the scene's middle, and directions (N, 3) as the library takes them."""
+        along = np.ascontiguousarray(directions, np.float32)
+        start = np.empty_like(along)
+        start[:] = np.asarray(origins, np.float64) - self._middle
+        return start, along
 
     @cached_property
     def outline(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Mask]:
