@@ -41,7 +41,7 @@ def compare_all(folder: Path) -> None:
 
 def examine(case: Path, out: Path) -> None:
     """One bag to one report; a refusal is an answer too."""
-    from tof_gap.report import write
+    from tof_gap.tell.report import write
     from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
     from toftwin.inputs import opened
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
-    from tof_gap.columns import ColumnStore
+    from tof_gap.solve.columns import ColumnStore
 
 LEFT = 0.25
 """Share of a map's energy that must stand after pose and the other effect for the two to be separable."""
@@ -116,10 +116,10 @@ VISIBLE = 60.0
 
 def _left(truth: Truth, effect: str, others: tuple[str, ...]) -> dict[str, float] | None:
     """Chi-square of the true map: whole (`all`), after pose (an empty name), and after pose and each other effect's best shape."""
-    from tof_gap.candidates import Candidate, candidates
-    from tof_gap.columns import build
     from tof_gap.config import GapConfig
-    from tof_gap.system import fit
+    from tof_gap.solve.candidates import Candidate, candidates
+    from tof_gap.solve.columns import build
+    from tof_gap.solve.system import fit
 
     true = truth.map(effect)
     if true is None:
@@ -163,10 +163,10 @@ def _session(truth: Truth) -> tuple[ColumnStore, Chain]:
 
     from tof_align.chain import chain_of
     from tof_core.se3 import inverse
-    from tof_gap.columns import ColumnStore
     from tof_gap.config import GapConfig
-    from tof_gap.joint import observe
-    from tof_gap.judge import SelectConfig, deal
+    from tof_gap.solve.columns import ColumnStore
+    from tof_gap.solve.joint import observe
+    from tof_gap.solve.judge import SelectConfig, deal
     from tof_scene.raycast import Raycaster
     from toftwin.diagnosis import GapPipelineConfig
     from toftwin.inputs import opened

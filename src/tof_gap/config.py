@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.config import param, section
-from tof_gap.evidence import EvidenceConfig
-from tof_gap.judge import SelectConfig
-from tof_gap.missing import MissingConfig
-from tof_gap.scatter import ScatterConfig
+from tof_gap.seen.missing import MissingConfig
+from tof_gap.seen.noise import ScatterConfig
+from tof_gap.seen.residual import EvidenceConfig
+from tof_gap.solve.judge import SelectConfig
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.errors import RefusedError
-from tof_gap.account import account
-from tof_gap.candidates import HAND_EYE, not_testable
-from tof_gap.flexible import explainable
-from tof_gap.joint import delayed, solution, solve, start, without
-from tof_gap.judge import Selector, deal
-from tof_gap.radial import gate
-from tof_gap.scatter import own_law
-from tof_gap.unexplained import Unexplained, look, misfit
+from tof_gap.seen.noise import own_law
+from tof_gap.solve.candidates import HAND_EYE, not_testable
+from tof_gap.solve.joint import delayed, solution, solve, start, without
+from tof_gap.solve.judge import Selector, deal
+from tof_gap.solve.radial import gate
+from tof_gap.tell.account import account
+from tof_gap.tell.explainable import explainable
+from tof_gap.tell.unexplained import Unexplained, look, misfit
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.motion import Motion
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
     from tof_align.config import AlignConfig
     from tof_core.arrays import Float
     from tof_core.capture import View
-    from tof_gap.account import Cause
     from tof_gap.config import GapConfig
-    from tof_gap.evidence import ViewEvidence
-    from tof_gap.joint import Joint
-    from tof_gap.kinds import Finding
-    from tof_gap.shrink import Shrink
+    from tof_gap.seen.finding import Finding
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.solve.joint import Joint
+    from tof_gap.tell.account import Cause
+    from tof_gap.tell.shrink import Shrink
     from tof_scene.raycast import Raycaster
     from tof_sensor.effects.noise import PhotonLaw
 

@@ -23,15 +23,15 @@ import numpy as np
 
 from tof_core.config import param, section
 from tof_core.errors import RefusedError
-from tof_gap.evidence import EvidenceConfig, gather
-from tof_gap.shrink import BLOCK_PX
+from tof_gap.seen.residual import EvidenceConfig, gather
+from tof_gap.tell.shrink import BLOCK_PX
 from tof_scene.render import render
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_core.capture import View
-    from tof_gap.evidence import ViewEvidence
+    from tof_gap.seen.residual import ViewEvidence
     from tof_scene.raycast import Raycaster
 
 POSE_SD = np.repeat([0.001, np.radians(0.1)], 3)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tof_core.config import section
 from tof_gap.config import GapConfig
 from tof_gap.diagnose import diagnose
-from tof_gap.known import known_removed
+from tof_gap.solve.known import known_removed
 from tof_scene.raycast import Raycaster
 from tof_sim_label.wide_plane import wide_bend
 from toftwin.pipeline import PipelineConfig, raw_views

@@ -14,9 +14,9 @@ from tests.tof_gap.quiet_views import CAMERA, views
 from tof_core.capture import RobotPose
 from tof_core.config import from_mapping
 from tof_core.errors import RefusedError
-from tof_gap.candidates import not_testable
 from tof_gap.diagnose import check
-from tof_gap.unexplained import Unexplained
+from tof_gap.solve.candidates import not_testable
+from tof_gap.tell.unexplained import Unexplained
 from tof_scene.builtin import write_builtin
 from toftwin.cli import main
 from toftwin.commands.gap import unexplained_line

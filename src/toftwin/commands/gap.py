@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tof_gap.diagnose import Diagnosis
-    from tof_gap.unexplained import Unexplained
+    from tof_gap.tell.unexplained import Unexplained
     from tof_scene.raycast import Raycaster
     from toftwin.diagnosis import GapPipelineConfig
     from toftwin.retraining import Retrained
@@ -75,9 +75,9 @@ def run(args: argparse.Namespace) -> int:
     import json
     from dataclasses import asdict
 
-    from tof_gap.advice import advise
-    from tof_gap.page import write_page
-    from tof_gap.report import write
+    from tof_gap.tell.advice import advise
+    from tof_gap.tell.page import write_page
+    from tof_gap.tell.report import write
     from tof_sensor.model import load_model
     from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
     from toftwin.inputs import opened
@@ -114,7 +114,7 @@ def _effects(names: Sequence[str]) -> frozenset[str]:
 
 def _retrained(diagnosis: Diagnosis, caster: Raycaster, out: Path, config: GapPipelineConfig, say: Callable[[str], None]) -> Retrained:
     """Two networks, with and without the fitted effects, judged on the session."""
-    from tof_gap.report import sensor_model
+    from tof_gap.tell.report import sensor_model
     from toftwin.retraining import retrain
 
     return retrain(diagnosis, sensor_model(diagnosis), caster, out / "retrain", config.retrain, say)

@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The joint solution: poses and named effects together, linearised anew until they agree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align.chain import chain_of
+from tof_align.pixels import sample
+from tof_align.session import near
+from tof_core import se3
+from tof_core.cores import in_threads
+from tof_core.errors import RefusedError
+from tof_gap.seen.missing import mixing
+from tof_gap.seen.residual import ViewEvidence, gather, smear
+from tof_gap.solve.candidates import Candidate, candidates, moving
+from tof_gap.solve.columns import ColumnStore, Design, build
+from tof_gap.solve.free import unknowns
+from tof_gap.solve.judge import deal
+from tof_gap.solve.select import Selection, narrowed, select
+from tof_gap.solve.shapes import refined
+from tof_gap.solve.system import arm_steps, fit
+from tof_scene.render import render
+from tof_sensor.effects.intrinsics import Intrinsics
+from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.time_sync import TimeSync
+from tof_sensor.geometry import pose_columns
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from tof_align.chain import Chain
+    from tof_align.config import AlignConfig
+    from tof_core.arrays import Float
+    from tof_core.camera import Camera
+    from tof_core.capture import View
+    from tof_gap.config import GapConfig
+    from tof_gap.solve.system import Fit
+    from tof_scene.raycast import Raycaster
+    from tof_sensor.effect import Effect
+
+NEAR = (2e-3, 0.2)
+"""Metres and degrees that a camera may move before its view is rendered, and its columns made, anew."""
+ROUNDS = 3
+"""Linearisations at most."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joint:
+    """Evidence at the joint solution's poses, and the selection made there."""
+
+    chain: Chain
+    views: tuple[ViewEvidence, ...]
+    design: Design
+    selection: Selection
+    late_s: float = 0.0
+    """Seconds of stamps that the chain's robot poses make up for; the residuals still show it."""
+
+    @property
+    def hand_eye(self) -> Float:
+        """(4, 4) X of the solution."""
+        return np.asarray(self.chain.hand_eye @ se3.exp(self.selection.fit.hand))
+
+    def told(self) -> Iterator[tuple[Effect | None, Float]]:
+        """Of each member of the solution its effect, and its coefficients in their own units."""
+        for effect, group, at in self.design.placed(self.selection.chosen.members):
+            yield effect, self.selection.fit.theta[at] / self.design.scale[group]
+
+
+def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozenset[str] = frozenset()) -> Joint:
+    """Poses and effects at once, from where `start` brought the cameras; linearised anew while they move.
+
+    The first round asks only effects that look at each pixel by itself: it is there to bring the cameras near. Of a moving session it
+    asks all, as whatever stands in for motion takes the cameras away.
+    """
+    views, chain, evidence, wider_px = begun.views, begun.chain, begun.evidence, 0
+    check_fit(evidence)
+    if any(smear(v.frame) == 0 for v in evidence) and _mixes(views, caster, chain, config):
+        wider_px = MIXED_PX
+        evidence = observe(views, caster, chain, config, footprints=False, wider_px=wider_px)
+    joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
+    for _ in range(ROUNDS - 1):
+        (after, late_s), lens = solution(joint), lens_of(joint)
+        seen = observe(_through(lens, views), caster, after, config, footprints=False, sky=True, wider_px=wider_px)
+        joint, store = _linearised(_as_recorded(seen, late_s, lens), caster, after, config, left_out)
+        joint = replace(joint, late_s=late_s)
+        if farthest(after, solution(joint)[0], NEAR) <= 1.0 and _alike(lens, lens_of(joint), views[0].camera):
+            break
+    if not joint.design.candidates:
+        return joint
+    # Named effects had the first word, each in its best shape; now what nobody named may contend.
+    finer = refined(store, joint.design, joint.selection, joint.chain, config)
+    nameless = [Candidate(u.NAME, u, u.quantity) for u in unknowns(joint.views)]
+    design = build(store, [*joint.design.candidates, *finer, *nameless], joint.chain, config.hand_sd)
+    return replace(joint, design=design, selection=select(design, config.select))
+
+
+def without(joint: Joint, name: str, config: GapConfig) -> Joint:
+    """The same solution with no effect of that name, everything else fitted anew."""
+    rest = [m for m in joint.selection.chosen.members if joint.design.candidates[m].name != name]
+    return replace(joint, selection=narrowed(joint.design, config.select, joint.selection, rest))
+
+
+MIXED_PX = 1
+"""Pixels by which edges reach farther where pixels mix: footprints that are not traced do not tell which."""
+MIXED_EVERY = 3
+"""Of so many views one is looked at to see whether pixels mix."""
+
+
+def _mixes(views: Sequence[View], caster: Raycaster, chain: Chain, config: GapConfig) -> bool:
+    """Whether edges show pixels that lie on neither surface."""
+    some = range(0, len(views), MIXED_EVERY)
+    renderings = in_threads(lambda i: render(caster, views[i].camera, chain.pose(i)), some)
+    return mixing(gather([views[i] for i in some], renderings, caster, config.evidence), config.missing) is not None
+
+
+def solution(joint: Joint) -> tuple[Chain, float]:
+    """The chain after the solution's steps, its robot poses at the time that the solution says, and that lateness in seconds."""
+    after = moved(joint.chain, joint.design, joint.selection.fit, joint.selection.chosen.inflate)
+    late_s = 0.0
+    for effect, coefficients in joint.told():
+        if isinstance(effect, TimeSync | Motion):
+            late_s = float(coefficients[0])
+    return delayed(after, joint.views, late_s - joint.late_s), late_s
+
+
+def delayed(chain: Chain, views: Sequence[ViewEvidence], seconds: float) -> Chain:
+    """The chain with the robot's poses as they were `seconds` later, by each camera's own velocity."""
+    if seconds == 0.0:
+        return chain
+    steps = [se3.exp(seconds * v.frame.context.twist) for v in views]
+    return replace(chain, robot=np.array([T @ step for T, step in zip(chain.robot, steps, strict=True)]))
+
+
+def lens_of(joint: Joint) -> Intrinsics | None:
+    """The intrinsics that the solution has chosen, None where CameraInfo's will do."""
+    for effect, coefficients in joint.told():
+        if isinstance(effect, Intrinsics):
+            return Intrinsics(*np.clip(coefficients, *effect.bounds).tolist())
+    return None
+
+
+def _through(lens: Intrinsics | None, views: Sequence[View]) -> Sequence[View]:
+    """The views as of a camera with that lens."""
+    return views if lens is None else [replace(v, camera=lens.camera(v.camera)) for v in views]
+
+
+LENS_PX = 0.3
+"""Pixels by which two lenses may differ that need not be told apart."""
+
+
+def _alike(one: Intrinsics | None, other: Intrinsics | None, stated: Camera) -> bool:
+    """Whether two lenses look along the same rays."""
+    rays = [(stated if lens is None else lens.camera(stated)).rays() for lens in (one, other)]
+    return one is other or bool(np.abs(rays[0] - rays[1]).max() < LENS_PX * stated.pixel_angle)
+
+
+def _as_recorded(evidence: Sequence[ViewEvidence], late_s: float, lens: Intrinsics | None) -> tuple[ViewEvidence, ...]:
+    """Evidence seen from where the cameras were, through the lens that they have.
+
+    Its residual is what robot poses of the stamps, and CameraInfo's lens, would leave, to first order there.
+    """
+    out = tuple(evidence)
+    if late_s != 0.0:
+        out = tuple(replace(v, residual=v.residual + late_s * (pose_columns(v.frame) @ v.frame.context.twist)) for v in out)
+    return out if lens is None else tuple(replace(v, residual=v.residual + lens.bias(v.frame)) for v in out)
+
+
+def _linearised(
+    evidence: tuple[ViewEvidence, ...],
+    caster: Raycaster,
+    chain: Chain,
+    config: GapConfig,
+    left_out: frozenset[str],
+    *,
+    quick: bool = False,
+) -> tuple[Joint, ColumnStore]:
+    """A selection among all hypotheses at one chain, and the columns it was made of."""
+    store = ColumnStore(evidence, deal(chain.station.tolist(), config.select.folds))
+    design = build(store, candidates(evidence, caster.scene, left_out, quick=quick), chain, config.hand_sd)
+    return Joint(chain, evidence, design, select(design, config.select)), store
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """Views at the poses that robot and CAD agree on before any effect is asked, and what they show there."""
+
+    views: Sequence[View]
+    chain: Chain
+    evidence: tuple[ViewEvidence, ...]
+
+
+def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> Start:
+    """The robot's poses brought to the CAD: bases from afar, then all poses with no effect."""
+    samples = [sample(v, align.weights) for v in views]
+    chain = near(samples, chain_of(samples, align.priors), caster, align)
+    evidence = observe(views, caster, chain, config, footprints=False)
+    for _ in range(2):
+        if moving(evidence):
+            break  # Edges, which these poses are found by, are given up from here on.
+        design = build(ColumnStore(evidence, chain.station), [], chain, config.hand_sd)
+        before, chain = chain, moved(chain, design, fit(design.system, np.zeros(0, np.int64), inflate=START_INFLATE), START_INFLATE)
+        evidence = observe(views, caster, chain, config, footprints=False)
+        if farthest(before, chain, NEAR) <= 1.0:
+            break
+    return Start(views, chain, evidence)
+
+
+def farthest(one: Chain, other: Chain, unit: tuple[float, float]) -> float:
+    """The largest step of any camera between two chains, in units of (metres, degrees)."""
+    steps = [se3.distance(one.pose(v), other.pose(v)) for v in range(len(one.station))]
+    return max(max(metres / unit[0], degrees / unit[1]) for metres, degrees in steps)
+
+
+def at_solution(joint: Joint, views: Sequence[View], caster: Raycaster, config: GapConfig) -> tuple[Chain, tuple[ViewEvidence, ...]]:
+    """The final chain, hand-eye and lateness undone (they are effects), and the evidence there: mixed pixels ask for exact poses and footprints."""
+    after, late_s = solution(joint)
+    final = replace(delayed(after, joint.views, -late_s), hand_eye=np.eye(4))
+    return final, observe(views, caster, final, config, sky=True)
+
+
+def check_fit(views: Sequence[ViewEvidence]) -> None:
+    """Refuse a session that fits the scene nowhere, naming a wrong unit where that is the cause.
+
+    Raises:
+        RefusedError: fewer than half of the pixels that see the CAD lie within the gross bound of it.
+    """
+    both = [np.isfinite(v.residual) & ~v.edge for v in views]
+    total = sum(int(b.sum()) for b in both)
+    near = sum(int((b & ~v.gross).sum()) for v, b in zip(views, both, strict=True))
+    enough = min(MIN_PIXELS, VIEW_PIXELS * len(views))
+    if total >= enough and near >= 0.5 * total:
+        return
+    ratio = float(
+        np.median(np.concatenate([(1 + v.residual / v.frame.depth)[b] for v, b in zip(views, both, strict=True)] or [np.ones(1)]))
+    )
+    if total >= enough and not 0.8 < ratio < 1.25:
+        msg = f"depth is {ratio:.3g} times what the scene expects"
+        raise RefusedError(msg, where="session", todo="check the unit of the depth image (--depth-scale) and the scene's scale")
+    msg = f"only {near} of {total} pixels that see the CAD lie near it: the session fits this scene nowhere"
+    raise RefusedError(msg, where="session", todo="check the scene, its placement (--initial-pose) and the robot's TF")
+
+
+MIN_PIXELS = 2000
+"""Pixels on the CAD over the session below which nothing can be said."""
+
+VIEW_PIXELS = 500
+"""The same for each of a few views."""
+
+START_INFLATE = 100.0
+"""Weight of pixels while effects are unknown: neighbours share errors, the arm's prior must hold."""
+
+
+def observe(
+    views: Sequence[View],
+    caster: Raycaster,
+    chain: Chain,
+    config: GapConfig,
+    *,
+    footprints: bool = True,
+    sky: bool = False,
+    wider_px: int = 0,
+) -> tuple[ViewEvidence, ...]:
+    """Render every view where the chain has it, and gather what differs; `sky`: concavity too; `wider_px`: of still views' edges."""
+    renderings = in_threads(lambda i, v: render(caster, v.camera, chain.pose(i), footprints=footprints), range(len(views)), views)
+    return gather(views, renderings, caster, config.evidence, sky=sky, wider_px=wider_px)
+
+
+def moved(chain: Chain, design: Design, solution: Fit, inflate: float) -> Chain:
+    """The chain after the solution's steps of B, X and every A."""
+    x = np.concatenate([solution.base.ravel(), solution.hand])
+    return chain.moved(x, arm_steps(design.system, solution, inflate=inflate))

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a hypothesis is worth: its held-out score, what it pays, and whether it is possible."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.config import param
+from tof_gap.solve.candidates import HAND_EYE
+from tof_gap.solve.free import Unknown
+from tof_gap.solve.system import Folded, arm_steps, fit
+from tof_sensor.effects.cad_deviation import CadDeviation
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from tof_core.arrays import Float, Ints
+    from tof_gap.solve.columns import Design
+    from tof_gap.solve.system import Fit
+
+
+@dataclass(frozen=True, slots=True)
+class SelectConfig:
+    """When an effect is believed."""
+
+    gain: float = param(
+        30.0, "held-out chi-square an effect must win (discrepancy taken out); one that is tried at n shapes pays 2 ln n besides", low=1.0
+    )
+    hand_gain: float = param(14.0, "the same for hand-eye: the arms' own spread, which is known, speaks for it, and not pixels", low=1.0)
+    share: float = param(0.015, "of the visible gap's energy that an effect must explain, left out of all", low=0.0, high=1.0)
+    mends: float = param(
+        0.1, "of what a member could take over of the others' maps, what it must win to be no mending of theirs", low=0.0, high=1.0
+    )
+    tie_left: float = param(0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0)
+    tie_gain: float = param(20.0, "held-out chi-square by which tied effects may differ at most", low=0.0)
+    most: int = param(5, "effects named at most", low=1, high=12)
+    unknown: float = param(25.0, "held-out chi-square that a function of an observable pays for not being a named effect", low=0.0)
+    crowd_share: float = param(0.15, "of the visible gap's energy that an effect beyond the second must explain", low=0.0, high=1.0)
+    crowd_least: float = param(
+        0.06, "of the explained chi-square, what such effects must explain together to be unknown", low=0.0, high=1.0
+    )
+    unknown_share: float = param(0.03, "of the explained chi-square that it pays besides, and must win to stay", low=0.0, high=1.0)
+    folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """A set of candidates with its held-out chi-square per view (V,), and what its members pay for being of many forms."""
+
+    members: tuple[int, ...]
+    held_out: Float
+    inflate: float
+    price: float = 0.0
+
+    @property
+    def score(self) -> float:
+        """Held-out chi-square of all views, price included; smaller explains more."""
+        return float(self.held_out.sum()) + self.price
+
+
+MANIFOLD = (CadDeviation.NAME, Unknown.NAME)
+"""What may be there more than once: every part deviates by itself."""
+
+
+class Selector:
+    """Held-out scores of hypotheses over one design."""
+
+    def __init__(self, design: Design, config: SelectConfig) -> None:
+        """Deal the views into folds, every station in every fold as evenly as it goes."""
+        self.design, self.config = design, config
+        self.folds = deal(design.system.station.tolist(), config.folds)
+        self._empty: dict[float, float] = {}
+        self._folded: dict[float, Folded] = {}
+        self._shapes = Counter(c.name for c in design.candidates)
+
+    def gain(self, member: int) -> float:
+        """What a candidate's score must win."""
+        return self.config.hand_gain if self.frees_hand([member]) else self.config.gain
+
+    def share(self, member: int) -> float:
+        """Of the visible gap's energy that a candidate must explain; hand-eye hardly shows in it, the arms take it up."""
+        if self.frees_hand([member]):
+            return 0.0
+        return self.config.unknown_share if self.nameless(member) else self.config.share
+
+    def columns(self, members: Iterable[int]) -> Ints:
+        """Columns of a set of candidates."""
+        groups = [self.design.groups[m] for m in members]
+        return np.concatenate([np.zeros(0, np.int64), *groups]).astype(np.int64)
+
+    def frees_hand(self, members: Iterable[int]) -> bool:
+        """Whether hand-eye is among them."""
+        return any(self.design.candidates[m].name == HAND_EYE for m in members)
+
+    def score(self, members: Sequence[int], inflate: float) -> Hypothesis:
+        """Fit on all folds but one, judge on that one, for every fold."""
+        active, free = self.columns(members), self.frees_hand(members)
+        if inflate not in self._folded:
+            self._folded = {inflate: Folded(self.design.system, self.folds, inflate)}  # One at a time: they are large.
+        held_out = self._folded[inflate].held_out(active, free_hand=free)
+        return Hypothesis(tuple(members), held_out, inflate, self._price(members, held_out, inflate))
+
+    def _price(self, members: Sequence[int], held_out: Float, inflate: float) -> float:
+        """What members pay that could have come in many forms.
+
+        What is tried at many shapes finds one that fits by chance; a form that physics foretells is never exact, one that is drawn freely always is.
+        """
+        shapes = sum(2.0 * float(np.log(self._shapes[self.design.candidates[m].name])) for m in members if not self.nameless(m))
+        free = sum(self.nameless(m) for m in members)
+        if not free:
+            return shapes
+        if inflate not in self._empty:
+            self._empty[inflate] = self.score((), inflate).score
+        explained = self._empty[inflate] - float(held_out.sum())
+        return shapes + free * (self.config.unknown + self.config.unknown_share * max(explained, 0.0))
+
+    def nameless(self, member: int) -> bool:
+        """Whether a candidate is a function of an observable and no effect."""
+        return isinstance(self.design.candidates[member].effect, Unknown)
+
+    def repeats(self, member: int, members: Iterable[int]) -> bool:
+        """Whether one of the members is this candidate, or another shape of an effect that cannot be there twice."""
+        name = self.design.candidates[member].name
+        return member in members or (name not in MANIFOLD and any(self.design.candidates[m].name == name for m in members))
+
+    def fit(self, hypothesis: Hypothesis) -> Fit:
+        """The hypothesis fitted to all views."""
+        members = hypothesis.members
+        return fit(self.design.system, self.columns(members), inflate=hypothesis.inflate, free_hand=self.frees_hand(members))
+
+    def plausible(self, hypothesis: Hypothesis) -> bool:
+        """Whether every coefficient lies within its parameter's bounds, give or take two of its errors, and what makes the effect shows."""
+        solution = self.fit(hypothesis)
+        sd = np.sqrt(np.diag(solution.theta_cov))
+        for effect, group, at in self.design.placed(hypothesis.members):
+            if effect is None or len(effect.LINEAR) != len(group):
+                continue
+            own = at.start + np.array([effect.LINEAR.index(name) for name in effect.OWN], np.int64)
+            if (
+                len(own)
+                and solution.theta[own] @ np.linalg.solve(solution.theta_cov[np.ix_(own, own)], solution.theta[own]) < self.config.gain
+            ):
+                return False
+            low, high = effect.bounds
+            value, error = solution.theta[at] / self.design.scale[group], 2 * sd[at] / self.design.scale[group]
+            if ((value + error < low) | (value - error > high)).any():
+                return False
+        return True
+
+    def arms_alike(self, hypothesis: Hypothesis) -> float:
+        """Chi-square of 6 of what all arms' poses err by alike, under the robot's prior: a mount that is off and was not named."""
+        system = self.design.system
+        steps = system.arm0 + arm_steps(system, self.fit(hypothesis), inflate=hypothesis.inflate)
+        return float(len(steps) * ((steps / system.arm_sd).mean(axis=0) ** 2).sum())
+
+    def inflation(self, members: Sequence[int]) -> float:
+        """How much less than white noise's a pixel's weight is, from what the members leave.
+
+        With E the chi-square of all n pixels after the fit, white noise leaves E = n. What is left
+        above is shared by neighbours and must not count once per pixel.
+        """
+        system = self.design.system
+        left = fit(system, self.columns(members), free_hand=self.frees_hand(members)).energy
+        return 1.0 + max(left / float(system.n.sum()) - 1.0, 0.0) * NEIGHBOURS
+
+
+NEIGHBOURS = 30.0
+"""Drawn pixels that share one error where the residual is structured."""
+
+
+def deal(stations: Sequence[int], folds: int) -> Ints:
+    """(V,) fold of each view: dealt in turn within each station; every fold leaves every station some views."""
+    out = np.zeros(len(stations), np.int64)
+    offset = 0
+    for s in sorted(set(stations)):
+        index = np.flatnonzero(np.asarray(stations) == s)
+        out[index] = (np.arange(len(index)) + offset) % min(folds, len(stations))
+        offset += len(index)
+    return out

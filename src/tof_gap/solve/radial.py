@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first gate: a camera that gives distance along the ray where z was declared."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.camera import radial_to_z
+from tof_gap.seen.finding import Finding
+from tof_gap.solve.joint import start
+from tof_sensor.effects.radial_depth import RadialDepth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tof_align.config import AlignConfig
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+    from tof_gap.config import GapConfig
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.solve.joint import Start
+    from tof_scene.raycast import Raycaster
+
+BETTER = 0.6
+"""Read as radial, the session must miss the CAD by less than this share of what it misses read as z."""
+LEAST_M = 0.004
+"""Below this median miss nothing is that wrong (radial for z is tens of millimetres at the corners)."""
+
+
+def gate(
+    views: Sequence[View],
+    caster: Raycaster,
+    config: GapConfig,
+    align: AlignConfig,
+    bends: Callable[[View], bool] = lambda _: False,
+) -> tuple[Start, Finding | None]:
+    """The views as z, brought to the CAD, and `radial_depth` where they were not z.
+
+    Both readings are brought to the CAD with the robot's priors; the one that misses it by less is believed. Few views leave poses
+    that bend with them: there `bends` decides, which says whether a wide plane in a view bends as distances taken for z do.
+    """
+    begun = start(views, caster, config, align)
+    as_z = median_miss(begun.evidence)
+    if as_z < LEAST_M:
+        return begun, None
+    converted = [replace(v, depth=radial_to_z(v.camera, v.depth)) for v in views]
+    other = start(converted, caster, config, align)
+    if median_miss(other.evidence) > BETTER * as_z and not all(bends(v) for v in views):
+        return begun, None
+    share = np.stack([(v.depth - c.depth).astype(np.float64) for v, c in zip(views, converted, strict=True)])
+    note = "the depth image holds distance along the ray"
+    return other, Finding(RadialDepth(share=1.0), 1.0, share=share, corrects=True, note=note)
+
+
+def median_miss(evidence: Sequence[ViewEvidence]) -> float:
+    """Metres: median over the session of |measured - rendered|."""
+    miss: list[Float] = [np.abs(v.residual[np.isfinite(v.residual) & ~v.edge]) for v in evidence]
+    every = np.concatenate(miss)
+    return float(np.median(every)) if len(every) else 0.0

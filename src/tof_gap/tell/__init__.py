@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a solution says: causes, figures, places, report."""

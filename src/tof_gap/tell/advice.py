@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which captures would tell tied effects apart: tried on the design matrix, not looked up in a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core import se3
+from tof_gap.seen.residual import edge_band
+from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.solve.judge import deal
+from tof_gap.solve.system import map_energy
+from tof_scene.render import render
+from tof_sensor.frame import ideal_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tof_align.chain import Chain
+    from tof_core.arrays import Float
+    from tof_gap.diagnose import Diagnosis
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.solve.candidates import Candidate
+    from tof_scene.raycast import Raycaster
+    from tof_sensor.frame import Frame
+
+EXTRA = 4
+"""Views that a piece of advice may cost."""
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """One way to capture more: what to say, where the camera goes, what else changes."""
+
+    text: str
+    pose: Callable[[Float, float], Float]
+    change: Callable[[Frame], Frame]
+
+
+def _same_pose(T: Float, _: float) -> Float:
+    return T
+
+
+def _along(factor: float) -> Callable[[Float, float], Float]:
+    def pose(T: Float, range_m: float) -> Float:
+        step = np.eye(4)
+        step[2, 3] = (1 - factor) * range_m
+        return np.asarray(T @ step)
+
+    return pose
+
+
+def _around(angle_deg: float) -> Callable[[Float, float], Float]:
+    def pose(T: Float, range_m: float) -> Float:
+        out, back = np.eye(4), np.eye(4)
+        out[2, 3], back[2, 3] = range_m, -range_m
+        return np.asarray(T @ out @ se3.exp([0, 0, 0, 0, np.radians(angle_deg), 0]) @ back)
+
+    return pose
+
+
+def _unchanged(frame: Frame) -> Frame:
+    return frame
+
+
+def _brighter(frame: Frame) -> Frame:
+    return replace(frame, amplitude=4.0 * frame.amplitude)
+
+
+def _warmer(frame: Frame) -> Frame:
+    return replace(
+        frame, context=replace(frame.context, temperature=frame.context.temperature + 15.0, time_s=frame.context.time_s + 1800.0)
+    )
+
+
+ACTIONS = (
+    Action("capture the same poses again with four times the exposure", _same_pose, _brighter),
+    Action("capture from 0.6 times the distance", _along(0.6), _unchanged),
+    Action("capture from 1.6 times the distance", _along(1.6), _unchanged),
+    Action("capture from 35 degrees to the side", _around(35.0), _unchanged),
+    Action("capture the same poses again half an hour later, warm", _same_pose, _warmer),
+)
+
+
+def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
+    """A line per tie: the action that leaves most of one effect after pose and the other.
+
+    Each action is tried with a few views of the session; what the wider system would leave is
+    computed from its Gram matrices.
+    """
+    selection = d.joint.selection
+    tied = [(m, other) for m, others in zip(selection.chosen.members, selection.ties, strict=True) for other in others]
+    return sorted({_for_tie(d, caster, member, other) for member, other in tied})
+
+
+def _for_tie(d: Diagnosis, caster: Raycaster, member: int, other: int) -> str:
+    one, two = d.joint.design.candidates[member], d.joint.design.candidates[other]
+    names = "|".join(sorted((one.name, two.name)))
+    if one.effect is None:
+        one, two = two, one
+    tried = [(share(d, caster, one, two, action), action.text) for action in ACTIONS]
+    best, text = max(tried)
+    now = share(d, caster, one, two, None)
+    if best < 1.2 * now + 0.02:
+        return f"no capture of {EXTRA} more views tried here separates {names}: a reference of known distance would"
+    return f"{text}: separates {names} ({now:.0%} of the one stands beside the other now, {best:.0%} then)"
+
+
+def share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, action: Action | None) -> float:
+    """Of the energy of `one` after pose, the share that `two` leaves, with the action's views added."""
+    views, chain = list(d.joint.views), d.joint.chain
+    if action is not None:
+        chosen = np.linspace(0, len(views) - 1, EXTRA).round().astype(int)
+        extra = [_imagined(views[i], caster, action) for i in chosen]
+        chain = _longer(chain, chosen, [v.rendering.T_cell_camera for v in extra])
+        views += extra
+    store = ColumnStore(views, deal(chain.station.tolist(), d.config.select.folds))
+    design = build(store, [one, two], chain, d.joint.design.system.hand_sd)
+    coefficients = np.ones(len(design.groups[0]))
+    system = design.system
+    if two.effect is None:
+        system = replace(system, hand_sd=np.full(6, 0.05))
+    alone = map_energy(design.system, design.groups[0], coefficients, np.zeros(0, np.int64))
+    return map_energy(system, design.groups[0], coefficients, design.groups[1]) / max(alone, 1e-12)
+
+
+def _imagined(view: ViewEvidence, caster: Raycaster, action: Action) -> ViewEvidence:
+    """What a view would be after the action: noise-free, its scatter as before."""
+    range_m = float(np.nanmedian(view.frame.depth))
+    rendering = render(caster, view.frame.camera, action.pose(view.rendering.T_cell_camera, range_m), footprints=False)
+    frame = action.change(ideal_frame(rendering, view.frame.context))
+    frame = replace(frame, amplitude=frame.amplitude * _gain(view))
+    smooth = frame.valid & ~edge_band(frame, 2)
+    index = np.flatnonzero(smooth)
+    pixels = index[:: max(1, len(index) // max(len(view.pixels), 1))]
+    sigma = np.full(frame.depth.shape, float(np.median(view.sigma[view.smooth])))
+    return replace(view, frame=frame, residual=np.where(smooth, 0.0, np.nan), sigma=sigma, smooth=smooth, pixels=pixels)
+
+
+def _gain(view: ViewEvidence) -> float:
+    from tof_sensor.frame import lambert_amplitude
+
+    lambert = lambert_amplitude(view.rendering)
+    both = view.smooth & (lambert > 0)
+    return float(np.median(view.frame.amplitude[both] / lambert[both])) if both.any() else 1.0
+
+
+def _longer(chain: Chain, chosen: Sequence[int] | Float, poses: Sequence[Float]) -> Chain:
+    """The chain with views at `poses` from the stations of `chosen`, their arms at the prior's mean."""
+    at = np.asarray(chosen, int)
+    robot = [np.asarray(se3.inverse(chain.B[chain.station[i]]) @ T @ se3.inverse(chain.hand_eye)) for i, T in zip(at, poses, strict=True)]
+    return replace(
+        chain,
+        station=np.concatenate([chain.station, chain.station[at]]),
+        robot=np.concatenate([chain.robot, np.array(robot)]),
+        arm=np.concatenate([chain.arm, np.tile(np.eye(4), (len(at), 1, 1))]),
+    )

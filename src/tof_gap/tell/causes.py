@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a selection to effects in physical units, with their errors, their ties and their maps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core import se3
+from tof_core.cores import in_threads
+from tof_gap.seen.pattern import lines, single_pixels
+from tof_gap.solve.free import Unknown, unknown_share
+from tof_gap.solve.posterior import fit_to
+from tof_scene.render import render
+from tof_sensor.effects.cad_deviation import CadDeviation
+from tof_sensor.effects.fixed_pattern import FixedPattern, packed
+from tof_sensor.effects.hand_eye import HandEye
+from tof_sensor.effects.intrinsics import Intrinsics
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.chain import Chain
+    from tof_core.arrays import Float
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.solve.joint import Joint
+    from tof_gap.solve.judge import Selector
+    from tof_gap.solve.system import Fit
+    from tof_scene.raycast import Raycaster
+    from tof_sensor.effect import Effect
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Named:
+    """One named effect.
+
+    Its instances (one per part where parts differ), errors of their parameters in the same order, what could stand
+    in for it, and how sure the naming is (0..1).
+    """
+
+    name: str
+    effects: tuple[Effect, ...]
+    std: tuple[dict[str, float], ...]
+    ties: tuple[str, ...]
+    confidence: float
+
+    @property
+    def verdict(self) -> str:
+        """`a` or `a|b`: these the session cannot tell apart."""
+        return "|".join(sorted({self.name, *self.ties}))
+
+
+def named(joint: Joint, fit_views: Sequence[int], judge: Selector, rng: np.random.Generator) -> list[Named]:
+    """The chosen effects with coefficients fitted to `fit_views` alone, instances of one name joined."""
+    selection, design = joint.selection, joint.design
+    chosen = selection.chosen
+    whole = selection.fit
+    solution = fit_to(design.system, fit_views, whole, inflate=chosen.inflate, free_hand=judge.frees_hand(chosen.members))
+    # What is not known of the bases is not known of the coefficients either.
+    solution = replace(solution, cov=whole.cov)
+    out: dict[str, Named] = {}
+    for place, (member, (_, _, columns)) in enumerate(zip(chosen.members, design.placed(chosen.members), strict=True)):
+        if judge.nameless(member):
+            continue
+        effect, std = _in_units(joint, member, solution, columns, fit_views)
+        ties = tuple(design.candidates[i].name for i in selection.ties[place])
+        one = Named(effect.NAME, (effect,), (std,), ties, confidence(joint, judge, place, rng))
+        if one.name in out:
+            both = out[one.name]
+            one = replace(
+                both,
+                effects=(*both.effects, effect),
+                std=(*both.std, std),
+                ties=tuple(sorted({*both.ties, *ties})),
+                confidence=max(both.confidence, one.confidence),
+            )
+        out[one.name] = one
+    return sorted(out.values(), key=lambda n: n.name)
+
+
+def _in_units(
+    joint: Joint,
+    member: int,
+    solution: Fit,
+    columns: slice,
+    fit_views: Sequence[int],
+) -> tuple[Effect, dict[str, float]]:
+    design = joint.design
+    candidate, group = design.candidates[member], design.groups[member]
+    if candidate.effect is None:
+        # X as the chain and its last step have it: the arms, which trade with it, are of that solution too.
+        x = se3.log(joint.hand_eye)
+        at = slice(6 * solution.stations, 6 * solution.stations + 6)
+        sd = np.sqrt(np.diag(solution.cov)[at])
+        return HandEye(*(float(v) for v in x)), dict(zip(HandEye.LINEAR, sd.tolist(), strict=True))
+    values = solution.theta[columns] / design.scale[group]
+    sd = np.sqrt(np.diag(solution.theta_cov)[columns]) / design.scale[group]
+    if isinstance(candidate.effect, FixedPattern):
+        return _pattern(joint, candidate.effect, values, fit_views), {"smooth": float(sd[:-1].max()), "lines": float(sd[-1])}
+    effect = candidate.effect.with_coefficients(_plausible(candidate.effect, values))
+    return effect, dict(zip(_names(effect), sd.tolist(), strict=True))
+
+
+def _names(effect: Effect) -> list[str]:
+    if isinstance(effect, CadDeviation):
+        return ["x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad", "bow_uu_m", "bow_vv_m", "bow_uv_m"]
+    return list(effect.LINEAR)
+
+
+def _plausible(effect: Effect, values: Float) -> Float:
+    """Coefficients within the bounds that the effect's parameters state."""
+    if len(effect.LINEAR) != len(values):
+        return values
+    return np.clip(values, *effect.bounds)
+
+
+def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Sequence[int]) -> FixedPattern:
+    views = [joint.views[i] for i in fit_views]
+    by_column, by_row = lines(views)
+    line, single = values[-1], single_pixels(views)
+    return replace(
+        effect,
+        values=tuple(float(v) for v in (*(line * by_column), *(line * by_row), *values[:-1])),
+        pixels=packed(single.image) if single.size_m > 0 else "",
+    )
+
+
+def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generator, rounds: int = 300) -> float:
+    """Share of resampled sets of views in which the member still wins its place.
+
+    Views are drawn with replacement; a win is held-out chi-square above the selection's threshold.
+    """
+    chosen = joint.selection.chosen
+    rest = [m for i, m in enumerate(chosen.members) if i != place]
+    won = judge.score(rest, chosen.inflate).held_out - chosen.held_out
+    draws = rng.integers(0, len(won), size=(rounds, len(won)))
+    return float((won[draws].sum(axis=1) > judge.gain(chosen.members[place])).mean())
+
+
+def nameless_share(joint: Joint, view: ViewEvidence) -> Float:
+    """(H, W) metres of what the solution gives to functions of observables: error that shows but has no name."""
+    out = np.zeros(view.residual.shape)
+    for effect, coefficients in joint.told():
+        if isinstance(effect, Unknown):
+            out += unknown_share(effect, coefficients, view)
+    return out
+
+
+def shares(causes: Sequence[Named], views: Sequence[ViewEvidence], chain: Chain, caster: Raycaster) -> dict[str, list[Float]]:
+    """Per named effect its (H, W) metres of z in every view; `chain` is where the views are seen from."""
+
+    def of_view(cause: Named, v: int, view: ViewEvidence) -> Float:
+        total = np.sum([_bias(e, view, v, chain, caster) for e in cause.effects], axis=0)
+        return np.where(view.frame.valid, total, np.nan)
+
+    return {c.name: in_threads(partial(of_view, c), range(len(views)), views) for c in causes}
+
+
+def without_pixels(causes: Sequence[Named]) -> list[Named]:
+    """A fixed pattern's lines and fields alone: taken off, its single pixels would leave the views that told them quieter than the others."""
+    patterns = [c for c in causes if c.name == FixedPattern.NAME]
+    return [replace(c, effects=tuple(replace(e, pixels="") for e in c.effects if isinstance(e, FixedPattern))) for c in patterns]
+
+
+def _bias(effect: Effect, view: ViewEvidence, v: int, chain: Chain, caster: Raycaster) -> Float:
+    """(H, W) metres that an effect adds to a view; where the camera is off its mount, or its lens another, rendered.
+
+    Where another surface comes into view by that, to first order only.
+    """
+    linear = effect.bias(view.frame)
+    if isinstance(effect, HandEye):
+        camera, chain = view.view.camera, replace(chain, hand_eye=se3.exp(np.asarray(effect.coefficients)))
+    elif isinstance(effect, Intrinsics):
+        camera = effect.camera(view.view.camera)
+    else:
+        return linear
+    there = render(caster, camera, chain.pose(v), footprints=False)
+    exact = there.depth - view.frame.depth
+    return np.where((there.part == view.rendering.part) & (np.abs(exact - linear) < OTHER_SURFACE_M), exact, linear)
+
+
+OTHER_SURFACE_M = 0.02
+"""Metres between a step and its first order beyond which another surface has come into view."""

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The figures of a session: residual and floor on the pixels that count, and how far any set of effects shrinks the gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_gap.seen import missing
+from tof_gap.seen.pattern import single_pixels, without_pattern
+from tof_gap.solve.posterior import camera_covs, floor2
+from tof_gap.tell.shrink import Shrink, blocks, measure
+from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.quantization import Quantization
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tof_core.arrays import Float, Mask
+    from tof_gap.seen.finding import Finding
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.solve.joint import Joint
+
+COMMON_LEFT = 0.5
+"""Of scatter that neighbours have in common (rows, beats), what its description may leave."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Figures:
+    """What every figure of a session is made of; lists are per view, images (H, W).
+
+    residual: metres before any effect, NaN where a pixel does not count; floors: m^2; maps: metres per effect; common: metres of
+    scatter that neighbours share (part of the floors); edge: pixels that count only where mixing claims them; held: held-out views;
+    unsure2: m^2 along the ray by which the map of a fixed pattern may be wrong; step_m: of the depth code, where that was named.
+    """
+
+    residual: Sequence[Float]
+    floors: Sequence[Float]
+    maps: Mapping[str, Sequence[Float]]
+    common: Sequence[Float]
+    edge: Sequence[Mask]
+    held: Sequence[int]
+    unsure2: Float
+    step_m: float
+    rng: np.random.Generator
+
+    def total(self, names: Sequence[str], view: int) -> Float:
+        """(H, W) metres that the named effects add in a view."""
+        zero = np.zeros(self.residual[view].shape)
+        return np.asarray(np.sum([zero, *(np.nan_to_num(self.maps[n][view]) for n in names)], axis=0))
+
+    def left(self) -> list[Float]:
+        """(H, W) metres per view that no named effect explains."""
+        return [r - self.total(list(self.maps), v) - c for v, (r, c) in enumerate(zip(self.residual, self.common, strict=True))]
+
+    @property
+    def alike_m(self) -> float:
+        """Metres by which neighbours err alike though that was named: a step of the depth code, what rows or beats leave."""
+        return float(np.hypot(self.step_m / np.sqrt(12), COMMON_LEFT * np.sqrt(np.mean(np.square(np.nan_to_num(self.common))))))
+
+    def shrink(self, names: Sequence[str]) -> Shrink:
+        """Before and after taking the named effects off, on the held-out views."""
+        before = [self.residual[v] for v in self.held]
+        after = [b - self.total(names, v) for b, v in zip(before, self.held, strict=True)]
+        unsure2 = float(self.unsure2.mean()) if FixedPattern.NAME in names else 0.0
+        if FlyingPixels.NAME in names:
+            unsure2 += self._mixed_left(after)
+        return measure(blocks(before, after, [self.floors[v] for v in self.held]), self.rng, unsure2=unsure2)
+
+    def _mixed_left(self, after: Sequence[Float]) -> float:
+        """m^2, over all pixels, that is left of mixing: half a pixel of pose decides it, and no other effect is there to have it."""
+        left = [np.where(np.isfinite(a), a * a - self.floors[v], 0.0) for a, v in zip(after, self.held, strict=True)]
+        pixels = sum(int(np.isfinite(a).sum()) for a in after)
+        return max(float(sum(e[self.edge[v]].sum() for e, v in zip(left, self.held, strict=True))), 0.0) / max(pixels, 1)
+
+
+def figures(
+    views: Sequence[ViewEvidence],
+    joint: Joint,
+    maps: Mapping[str, Sequence[Float]],
+    findings: Sequence[Finding],
+    split: tuple[Sequence[int], Sequence[int]],
+    rng: np.random.Generator,
+) -> Figures:
+    """The figures of views at the solution's poses; `split`: those fitted to and those held out."""
+    unsure2, quiet = np.zeros(views[0].residual.shape), views
+    if FixedPattern.NAME in maps:
+        unsure2 = single_pixels([joint.views[i] for i in split[0]]).unsure2
+        quiet = without_pattern(views, maps[FixedPattern.NAME], unsure2, split[0])
+    covs = camera_covs(joint.design.system, joint.selection.fit, joint.chain, inflate=joint.selection.chosen.inflate)
+    nothing = np.zeros((len(views), *views[0].residual.shape))
+    common = np.sum([nothing, *(f.common for f in findings if f.common is not None)], axis=0)
+    return Figures(
+        residual=[used(v, findings) for v in views],
+        # Scatter that is named is no bias to be taken off: it belongs to the floor.
+        floors=[f + np.nan_to_num(c) ** 2 for f, c in zip(floor2(quiet, covs), common, strict=True)],
+        maps={**maps, **{f.name: list(f.share) for f in findings if f.corrects and f.share is not None}},
+        common=list(common),
+        edge=[v.edge for v in views],
+        held=split[1],
+        unsure2=unsure2,
+        step_m=max((f.effect.step_m for f in findings if isinstance(f.effect, Quantization)), default=0.0),
+        rng=rng,
+    )
+
+
+def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
+    """(H, W) the residual on the pixels that count: edges and gross errors only where an effect claims them."""
+    names = {f.name for f in findings}
+    keep = view.smooth.copy()
+    if "phase_wrap" in names:
+        keep |= view.gross & ~view.edge
+    if "flying_pixels" in names:
+        keep |= view.edge & (view.rendering.mixed > 0) & (view.rendering.mixed < missing.OWN_SURE) & np.isfinite(view.residual)
+    return np.where(keep, view.residual, np.nan)

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`report.html`: one page that a plant engineer understands; no network, everything escaped."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_gap.tell import pictures
+from tof_gap.tell.where import by_quantity
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from tof_gap.diagnose import Diagnosis
+
+MEANING = {
+    "multipath": "light bounces between surfaces before it returns; inner corners are measured too far",
+    "wiggling": "range error that swings with distance: harmonics of the modulation",
+    "flying_pixels": "pixels at edges see two surfaces at once and lie between them",
+    "lens_scatter": "light of bright surfaces spreads in the lens over dark ones",
+    "temperature_drift": "range drifts while the camera warms up",
+    "amplitude_bias": "dark and bright surfaces are measured at different distances",
+    "fixed_pattern": "each pixel, column, row or corner of the sensor has its own offset",
+    "noise": "more scatter than light explains",
+    "motion": "the hand moved while the frame was taken",
+    "intrinsics": "the lens is not what camera_info says",
+    "hand_eye": "the camera sits in the hand otherwise than TF says",
+    "time_sync": "image stamps and arm stamps disagree",
+    "phase_wrap": "range beyond the camera's unambiguous distance comes back short by whole turns",
+    "dropout": "pixels without a return",
+    "cad_deviation": "a part stands or bends otherwise than drawn",
+    "radial_depth": "the camera gives distance along the ray, not depth",
+    "depth_scale": "a wrong unit stretches depth",
+    "range_offset": "one constant added to every range",
+    "quantization": "depth comes in coarse steps",
+    "specular": "highlights of shiny surfaces are measured wrongly",
+    "subsurface": "light enters a translucent part and returns late",
+    "interference": "another light source beats with this camera",
+}
+
+
+def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str) -> Path:
+    """Write `report.html` beside `gap.json`, whose `content` it shows."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    left = [r - np.sum([np.zeros_like(r), *(np.nan_to_num(m[v]) for m in d.shares.values())], axis=0) for v, r in enumerate(d.residual)]
+    gap = content["gap"]
+    environment = Environment(loader=PackageLoader("tof_gap.tell"), autoescape=True, undefined=StrictUndefined)
+    text = environment.get_template("report.html.j2").render(
+        title=title,
+        sentence=sentence(content),
+        gap=gap,
+        shrink=_percent(gap["shrink"]),
+        interval=_interval(gap["shrink_ci95"]),
+        picture={
+            "cad": pictures.on_the_cad(d, left),
+            "how_far": pictures.how_far(d),
+            "views": pictures.views(d, left),
+            "by": pictures.by_quantity(by_quantity(d.evidence, d.residual, d.floor2)),
+        },
+        regions=content["where"]["regions"],
+        causes=[c | {"fitted": _fitted(c)} for c in content["causes"]],
+        meaning=MEANING,
+        unexplained=content["unexplained"],
+        advice=content["advice"],
+        not_testable=content["not_testable"],
+        split=content["split"],
+        pose=content["pose"],
+    )
+    path = folder / "report.html"
+    path.write_text(text)
+    return path
+
+
+def sentence(content: dict[str, Any]) -> str:
+    """The verdict in words."""
+    names = [v.replace("_", " ").replace("|", " or ") for v in content["verdict"] if v not in ("none", "unknown")]
+    gap = content["gap"]
+    if content["verdict"] == ["none"]:
+        return "Camera and simulation agree to within the noise: nothing needs to be added."
+    if not names:
+        return f"Camera and simulation differ, and no effect known here explains how.{_clue(content['unexplained'])}"
+    said = _listed(names)
+    verb = "explain" if len(names) > 1 else "explains"
+    how = "" if gap["shrink"] is None else f" and {verb} {_percent(gap['shrink'])} of the gap"
+    more = ""
+    if "unknown" in content["verdict"]:
+        more = f" Something else is left that no effect known here explains.{_clue(content['unexplained'])}"
+    return f"Camera and simulation differ by {said}{', which together' if len(names) > 1 and how else ', which' if how else ''}{how[4:] if how else ''}.{more}"
+
+
+PLACE = "place in the cell"
+GOES_WITH = {"x_m": PLACE, "y_m": PLACE, "z_m": PLACE, "temperature_c": "temperature", "hand": "the camera's place on the hand"}
+"""Observables whose names say less than these words."""
+
+
+def _clue(unexplained: dict[str, Any]) -> str:
+    """What the unexplained part goes with and where it is, as a sentence."""
+    names = [GOES_WITH.get(q, q.split("_")[0]) for q in unexplained["depends_on"]]
+    goes = f"goes with {_listed(list(dict.fromkeys(names)))}" if names else ""
+    where = f"shows most on {_listed(unexplained['where'][:3])}" if unexplained["where"] else ""
+    said = "; it ".join(x for x in (goes, where) if x)
+    return f" It {said}." if said else ""
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{round(share, 2) + 0.0:.0%}"
+
+
+def _interval(ci: list[float] | None) -> str:
+    return "" if ci is None else f" (95 %: {_percent(ci[0])} to {_percent(ci[1])})"
+
+
+def _fitted(cause: dict[str, Any]) -> str:
+    """Parameters in a line, with errors where they are known."""
+    params, std = cause["params"], cause["params_std"]
+    if params and all(isinstance(p, dict) for p in params.values()):
+        return f"{len(params)} parts"
+    shown = []
+    for name, value in params.items():
+        if isinstance(value, float | int):
+            error = f" ± {std[name]:.2g}" if isinstance(std.get(name), float) else ""
+            shown.append(f"{name} {value:.4g}{error}")
+    return ", ".join(shown[:6])

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report's files: `gap.json`, `gap_maps.npz` and `sensor.yaml` (DESIGN section 4)."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core import se3
+from tof_gap.tell.where import by_quantity, regions
+from tof_scene.regions import surface_regions
+from tof_sensor.effect import Evidence
+from tof_sensor.model import SensorModel, save_model
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tof_core.arrays import Float, Ints
+    from tof_gap.diagnose import Diagnosis
+    from tof_gap.seen.finding import Finding
+    from tof_gap.tell.account import Cause
+    from tof_gap.tell.shrink import Shrink
+    from tof_scene.raycast import Raycaster
+    from tof_sensor.effect import Effect
+
+SCHEMA = "toftwin.gap/1"
+
+
+def region_maps(diagnosis: Diagnosis, caster: Raycaster) -> list[Ints]:
+    """(H, W) region of each pixel per view, -1 off the CAD."""
+    of_face = surface_regions(caster.scene)
+    return [np.where(v.rendering.face >= 0, of_face[v.rendering.face], -1).astype(np.int32) for v in diagnosis.evidence]
+
+
+def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str]) -> dict[str, Any]:
+    """The whole of `gap.json`."""
+    found = regions(d.evidence, d.residual, d.floor2, maps, caster.scene)
+    content: dict[str, Any] = _finite(
+        {
+            "schema": SCHEMA,
+            "verdict": list(d.verdict),
+            "gap": _shrink(d.gap)
+            | {"explainable": d.explainable, "dispersion": _dispersion(d), "missing": _missing(d), "floor_from": _floor_from(d)},
+            "causes": [_cause(c) for c in d.causes] + [_finding(f) for f in d.findings],
+            "where": {
+                "regions": [asdict(r) for r in found[:40]],
+                "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2).items()},
+            },
+            "unexplained": asdict(d.unexplained),
+            "not_testable": d.not_testable,
+            "pose": _pose(d),
+            "advice": advice,
+            "split": {"fit_views": list(d.fit_views), "held_out_views": list(d.held_out_views)},
+        }
+    )
+    return content
+
+
+def _shrink(s: Shrink) -> dict[str, Any]:
+    return {
+        "before_mm": asdict(s.before),
+        "after_mm": asdict(s.after),
+        "floor_mm": s.floor_mm,
+        "shrink": s.shrink,
+        "shrink_ci95": None if s.ci95 is None else list(s.ci95),
+    }
+
+
+def _cause(c: Cause) -> dict[str, Any]:
+    params = [_params(e) for e in c.named.effects]
+    alone = _shrink(c.alone)
+    return {
+        "effect": c.named.name,
+        "tied_with": list(c.named.ties),
+        "confidence": c.named.confidence,
+        "params": params[0] if len(params) == 1 else {str(i): p for i, p in enumerate(params)},
+        "params_std": c.named.std[0] if len(params) == 1 else {str(i): s for i, s in enumerate(c.named.std)},
+        "alone": {k: alone[k] for k in ("after_mm", "shrink", "shrink_ci95")},
+        "left_out": {"shrink": c.left_out},
+    }
+
+
+def _finding(f: Finding) -> dict[str, Any]:
+    return {
+        "effect": f.name,
+        "tied_with": [],
+        "confidence": f.confidence,
+        "params": _params(f.effect),
+        "params_std": f.std,
+        "alone": {"after_mm": None, "shrink": None, "shrink_ci95": None},
+        "left_out": {"shrink": None},
+        "note": f.note,
+    }
+
+
+def _params(effect: Effect) -> dict[str, Any]:
+    """Parameters by name; an image in text form stays in `sensor.yaml`."""
+    values = {k: _plain(getattr(effect, k)) for k in type(effect).__dataclass_fields__ if k.islower()}  # type: ignore[attr-defined]
+    return {k: v for k, v in values.items() if not (isinstance(v, str) and len(v) > LONGEST_TEXT)}
+
+
+LONGEST_TEXT = 200
+"""Characters of a parameter that a reader may want to see."""
+
+
+def _plain(value: Any) -> Any:
+    return [float(v) for v in value] if isinstance(value, tuple) else value.item() if isinstance(value, np.generic) else value
+
+
+def _floor_from(d: Diagnosis) -> str:
+    """What the floor's scatter was taken from, in words."""
+    single = sum(v.view.captures == 1 for v in d.evidence)
+    how = f"{single} of {len(d.evidence)} views are of one capture: " if single else ""
+    return f"{how}scatter among neighbours of like amplitude, and what the poses leave open"
+
+
+def _dispersion(d: Diagnosis) -> dict[str, float]:
+    """Scatter against the photon law that the session has beside what was named of it: before, and with that taken off."""
+    law, seen = d.law, [v for v in d.evidence if v.smooth.any()]
+    if law is None or not seen:
+        return {"before": np.nan, "after": np.nan}
+    expected2 = float(np.mean([law.variance(v.frame.amplitude[v.smooth], v.frame.radial[v.smooth] ** 2).mean() for v in seen]))
+    sigma2 = float(np.mean([np.mean((v.sigma * v.frame.length)[v.smooth] ** 2) for v in seen]))
+    extra2 = sum(float(np.nanmean(np.square(f.share))) for f in d.findings if f.share is not None and f.effect.EVIDENCE is Evidence.SCATTER)
+    before, after = (float(np.sqrt(max(x, 0.0) / max(expected2, 1e-12))) for x in (sigma2, sigma2 - extra2))
+    return {"before": before, "after": after}
+
+
+def _missing(d: Diagnosis) -> dict[str, float]:
+    """Share of CAD pixels without depth that is not foreseen: before, and after the named loss."""
+    gone = float(np.mean([np.mean(~np.isfinite(v.view.depth[v.frame.valid])) for v in d.evidence if v.frame.valid.any()]))
+    foreseen = sum(float(np.nanmean(f.share)) for f in d.findings if f.share is not None and f.effect.EVIDENCE is Evidence.MISSING)
+    return {"before": gone, "after": max(gone - foreseen, 0.0)}
+
+
+def _pose(d: Diagnosis) -> dict[str, Any]:
+    chain = d.chain
+    X = se3.log(d.joint.hand_eye) if any(c.named.name == "hand_eye" for c in d.causes) else np.zeros(6)
+    arm = np.array([se3.log(A) for A in chain.arm])
+    return {
+        "stations": [
+            {"station": int(s), "B_xyz_m": chain.B[i][:3, 3].tolist(), "B_rotvec_deg": np.degrees(se3.so3_log(chain.B[i][:3, :3])).tolist()}
+            for i, s in enumerate(chain.names)
+        ],
+        "hand_eye": {"xyz_m": X[:3].tolist(), "rotvec_deg": np.degrees(X[3:]).tolist()},
+        "arm_rms": {"mm": 1e3 * _rms(arm[:, :3]), "deg": float(np.degrees(_rms(arm[:, 3:])))},
+    }
+
+
+def _rms(v: Float) -> float:
+    return float(np.sqrt((v * v).sum(axis=1).mean()))
+
+
+def _finite(value: Any) -> Any:
+    """The same with numbers that JSON cannot hold as null."""
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return int(value) if isinstance(value, np.integer) else value
+
+
+def sensor_model(d: Diagnosis) -> SensorModel:
+    """The fitted sensor: every named effect, and the photon law that the rest of the session's scatter obeys."""
+    effects = [e for c in d.causes for e in c.named.effects] + [f.effect for f in d.findings]
+    return SensorModel((*effects, *([] if d.law is None else [d.law])))
+
+
+def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str]) -> dict[str, Any]:
+    """Write the three files into `folder` and return the report."""
+    folder.mkdir(parents=True, exist_ok=True)
+    maps = region_maps(d, caster)
+    content = report(d, caster, maps, advice)
+    (folder / "gap.json").write_text(json.dumps(content, indent=1, allow_nan=False))
+    shares = {
+        name: np.stack([np.where(np.isfinite(r), m, np.nan) for r, m in zip(d.residual, share, strict=True)]).astype(np.float32)
+        for name, share in d.shares.items()
+    }
+    shares |= {f.name: np.asarray(f.share, np.float32) for f in d.findings if f.share is not None and f.name not in shares}
+    np.savez_compressed(
+        folder / "gap_maps.npz",
+        view_stamp_ns=np.array([v.view.stamp_ns for v in d.evidence], np.int64),
+        station=np.array([v.view.station for v in d.evidence], np.int32),
+        residual_m=np.stack(d.residual).astype(np.float32),
+        region=np.stack(maps),
+        T_cell_camera=d.cameras,
+        **shares,  # type: ignore[arg-type]
+    )
+    save_model(sensor_model(d), folder / "sensor.yaml")
+    return content

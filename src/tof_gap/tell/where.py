@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the gap lies: regions of the CAD with their share of it, and what it varies with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+from scipy.special import ndtr
+
+from tof_gap.tell.shrink import BLOCK_PX
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Ints
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_scene.scene import Scene
+
+FALSE_DISCOVERY = 0.05
+"""Share of named regions that may be there by chance (Benjamini and Hochberg)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A stretch of one part's surface: its share of the whole gap's energy above the floor."""
+
+    id: int
+    name: str
+    part: str
+    share: float
+    rmse_mm: float
+    bias_mm: float
+    pixels: int
+
+
+@dataclass(frozen=True, slots=True)
+class Bin:
+    """The gap over one stretch of a quantity: edges, mean and RMS in mm, floor in mm, pixels."""
+
+    low: float
+    high: float
+    bias_mm: float
+    rmse_mm: float
+    floor_mm: float
+    pixels: int
+
+
+def regions(
+    views: Sequence[ViewEvidence],
+    gap: Sequence[Float],
+    floor2: Sequence[Float],
+    region: Sequence[Ints],
+    scene: Scene,
+) -> list[Region]:
+    """Regions whose gap is more than chance, largest share first; `gap` (H, W) metres per view.
+
+    A region's evidence are the means of its blocks (BLOCK_PX a side): their chi-square against the
+    floor is turned into a p-value, and the false discovery rate over all regions is held.
+    """
+    ids = np.unique(np.concatenate([r[r >= 0] for r in region]))
+    rows = [_region_sums(int(i), views, gap, floor2, region) for i in ids]
+    excess = np.array([max(r[1] - r[2], 0.0) for r in rows])
+    whole = max(float(excess.sum()), 1e-18)
+    named = _discoveries(np.array([r[4] for r in rows]), FALSE_DISCOVERY)
+    out = []
+    for i, (n, e2, _, mean, _, part), share, seen in zip(ids, rows, excess / whole, named, strict=True):
+        if seen and share > 0:
+            name = scene.parts[part].name
+            out.append(Region(int(i), f"{name}, face {int(i)}", name, float(share), 1e3 * float(np.sqrt(e2 / n)), 1e3 * mean, int(n)))
+    return sorted(out, key=lambda r: -r.share)
+
+
+def _region_sums(
+    i: int,
+    views: Sequence[ViewEvidence],
+    gap: Sequence[Float],
+    floor2: Sequence[Float],
+    region: Sequence[Ints],
+) -> tuple[float, float, float, float, float, int]:
+    """(pixels, sum e^2, sum floor^2, mean e, p-value, part) of one region."""
+    e, f2, block, part = [], [], [], 0
+    for k, (v, g, f, r) in enumerate(zip(views, gap, floor2, region, strict=True)):
+        here = (r == i) & np.isfinite(g)
+        if not here.any():
+            continue
+        rows, columns = np.nonzero(here)
+        e.append(g[here])
+        f2.append(f[here])
+        block.append((k * 1000 + rows // BLOCK_PX) * 1000 + columns // BLOCK_PX)
+        part = int(np.bincount(v.rendering.part[here].astype(np.int64)).argmax())
+    if not e:
+        return 1.0, 0.0, 0.0, 0.0, 1.0, part
+    all_e, all_f2 = np.concatenate(e), np.concatenate(f2)
+    _, which = np.unique(np.concatenate(block), return_inverse=True)
+    n = np.bincount(which)
+    mean2 = (np.bincount(which, all_e) / n) ** 2
+    z = mean2 / (np.bincount(which, all_f2) / n**2)
+    # Sum of chi-squares by Wilson and Hilferty's cube root.
+    m = len(n)
+    cube = (z.sum() / m) ** (1 / 3)
+    p = float(ndtr((1 - 2 / (9 * m) - cube) / np.sqrt(2 / (9 * m))))
+    return float(len(all_e)), float((all_e**2).sum()), float(all_f2.sum()), float(all_e.mean()), p, part
+
+
+def _discoveries(p: Float, rate: float) -> Float:
+    """(n,) bool: which hypotheses stand at a false discovery rate (Benjamini and Hochberg 1995)."""
+    order = np.argsort(p)
+    below = p[order] <= rate * np.arange(1, len(p) + 1) / max(len(p), 1)
+    last = np.flatnonzero(below).max() + 1 if below.any() else 0
+    out = np.zeros(len(p), bool)
+    out[order[:last]] = True
+    return out
+
+
+def by_quantity(
+    views: Sequence[ViewEvidence],
+    gap: Sequence[Float],
+    floor2: Sequence[Float],
+    bins: int = 12,
+) -> dict[str, list[Bin]]:
+    """The gap against each quantity of DESIGN section 4, in bins of equal pixel numbers."""
+    e, f = np.concatenate([g.ravel() for g in gap]), np.concatenate([x.ravel() for x in floor2])
+    return {name: _bins(np.concatenate([q.ravel() for q in maps]), e, f, bins) for name, maps in _quantities(views).items()}
+
+
+def _quantities(views: Sequence[ViewEvidence]) -> dict[str, list[Float]]:
+    shape = views[0].residual.shape
+    rows, columns = np.mgrid[: shape[0], : shape[1]].astype(float)
+    return {
+        "range_m": [v.frame.radial for v in views],
+        "incidence_deg": [np.degrees(v.rendering.incidence.astype(np.float64)) for v in views],
+        "amplitude": [v.frame.amplitude for v in views],
+        "edge_px": [np.asarray(distance_transform_edt(~v.edge)) for v in views],
+        "time_s": [np.full(shape, v.frame.context.time_s) for v in views],
+        "temperature_c": [np.full(shape, v.frame.context.temperature) for v in views],
+        "speed_m_s": [np.full(shape, np.linalg.norm(v.frame.context.twist[:3])) for v in views],
+        "column": [columns] * len(views),
+        "row": [rows] * len(views),
+        "concavity": [v.concavity.astype(np.float64) for v in views],
+    }
+
+
+def _bins(quantity: Float, e: Float, floor2: Float, bins: int) -> list[Bin]:
+    seen = np.isfinite(quantity) & np.isfinite(e)
+    q, x, f = quantity[seen], e[seen], floor2[seen]
+    if len(q) == 0 or np.ptp(q) == 0:
+        return []
+    edges = np.unique(np.quantile(q, np.linspace(0, 1, bins + 1)))
+    which = np.clip(np.searchsorted(edges, q, side="right") - 1, 0, len(edges) - 2)
+    n = np.maximum(np.bincount(which, minlength=len(edges) - 1), 1)
+    mean, square, floor = (np.bincount(which, w, len(edges) - 1) / n for w in (x, x * x, f))
+    return [
+        Bin(float(a), float(b), 1e3 * float(m), 1e3 * float(np.sqrt(s)), 1e3 * float(np.sqrt(fl)), int(k))
+        for a, b, m, s, fl, k in zip(edges[:-1], edges[1:], mean, square, floor, n, strict=True)
+    ]

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Loss as evidence: of whole views, and of some captures of a dwell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_core.reasons import Reason
+from tof_gap.seen.missing import MissingConfig, findings
+
+if TYPE_CHECKING:
+    from tof_gap.seen.residual import ViewEvidence
+
+CAPTURES = 3
+RNG = np.random.default_rng(6)
+
+
+def dwelled(share: float) -> list[ViewEvidence]:
+    """Views of three captures, of each of which `share` of the pixels is lost at random."""
+    out = []
+    for v in views(np.random.default_rng(5)):
+        count = RNG.binomial(CAPTURES, 1 - share, SHAPE).astype(np.uint16)
+        gone = count == 0
+        depth, reason = np.where(gone, np.nan, v.view.depth), np.where(gone, Reason.NO_RETURN, Reason.VALID)
+        seen = replace(v.view, captures=CAPTURES, count=count, depth=depth.astype(np.float32), reason=reason.astype(np.uint8))
+        out.append(replace(v, view=seen, residual=np.where(gone, np.nan, v.residual), smooth=v.smooth & ~gone))
+    return out
+
+
+def test_what_every_third_capture_loses_is_lost_though_the_dwell_has_it() -> None:
+    (found,) = findings(dwelled(0.1), MissingConfig())
+    assert found.name == "dropout"
+    assert found.effect.random == pytest.approx(0.1, abs=0.01)  # type: ignore[attr-defined]
+
+
+def test_a_dwell_that_lost_nothing_says_nothing() -> None:
+    assert findings(dwelled(0.0), MissingConfig()) == []
+
+
+@pytest.mark.parametrize(("turn_m", "names"), [(0.25, []), (0.6, ["phase_wrap"])])
+def test_a_jump_shorter_than_any_turn_is_no_lost_turn(turn_m: float, names: list[str]) -> None:
+    jump = np.zeros((VIEWS, *SHAPE))
+    jump[:, 20:40, 30:60] = -turn_m
+    assert [f.name for f in findings(views(np.random.default_rng(5), jump), MissingConfig())] == names

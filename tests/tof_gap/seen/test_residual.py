@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which pixels count: what lies near edges, what a moving camera smears, and what stands out in thin marks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
+from tof_gap.seen.residual import edge_band, smear, spoiled, streaks
+from tof_sensor.frame import Context, Frame, ideal_frame
+
+SLIDES = np.array([0.15, 0, 0, 0, 0, 0])
+"""0.15 m/s along the image's rows: 17 pixels a second at 0.9 m."""
+
+
+def frame(twist: np.ndarray | None = None, *, step_m: float = 0.0, fold: bool = False) -> Frame:
+    """A tilted plane; its right half `step_m` farther, or as dark as if it were folded away."""
+    r = rendering(0.0)
+    depth, incidence = r.depth.copy(), r.incidence.copy()
+    depth[:, SHAPE[1] // 2 :] += np.float32(step_m)
+    if fold:
+        incidence[:, SHAPE[1] // 2 :] = np.float32(1.2)
+    made = replace(r, depth=depth, incidence=incidence)
+    return ideal_frame(made, Context(twist=np.zeros(6) if twist is None else twist))
+
+
+def columns(mask: np.ndarray) -> tuple[int, int]:
+    """First and last column that a mask holds in the middle row."""
+    where = np.flatnonzero(mask[SHAPE[0] // 2])
+    return (int(where[0]), int(where[-1])) if len(where) else (-1, -1)
+
+
+def given_up(f: Frame, wider: int = 0) -> np.ndarray:
+    """What a band of two pixels, grown by the view's own smear, takes."""
+    return spoiled(f, 2, wider, smear(f))
+
+
+def test_a_still_view_gives_up_the_band_around_a_step_and_no_more() -> None:
+    middle = SHAPE[1] // 2
+    assert smear(frame(step_m=0.3)) == 0
+    assert columns(given_up(frame(step_m=0.3))) == (middle - 3, middle + 2)
+    assert columns(given_up(frame(step_m=0.3), wider=1)) == (middle - 4, middle + 3)
+    assert not given_up(frame(fold=True)).any()
+
+
+def test_a_moving_view_gives_up_what_the_image_flows_and_folds_too() -> None:
+    moved = frame(SLIDES, step_m=0.3)
+    flow = 0.15 * CAMERA.fx / 0.9
+    assert smear(moved) == pytest.approx(min(0.2 * flow, 0.04 * SHAPE[1]), abs=1)
+    still, moving = (columns(given_up(f)) for f in (frame(step_m=0.3), moved))
+    assert still[0] - moving[0] == moving[1] - still[1] == smear(moved)
+    assert columns(given_up(frame(SLIDES, fold=True))) == moving
+    assert not edge_band(frame(fold=True), 2).any()
+
+
+def test_a_hand_whose_pose_trembles_stands() -> None:
+    assert smear(frame(SLIDES / 100)) == 0
+    assert smear(frame(SLIDES / 10)) == 1
+
+
+def test_a_thin_mark_is_left_out_and_a_wide_one_stays() -> None:
+    rng = np.random.default_rng(2)
+    residual = rng.normal(0, 1e-3, SHAPE)
+    residual[40:42, 20:80] += 0.02
+    residual[60:, :] += 0.02
+    out = streaks(residual, np.full(SHAPE, 1e-3), np.ones(SHAPE, bool))
+    assert out[40:42, 22:78].mean() > 0.95
+    assert out[65:, :].mean() < 0.01
+    assert out[:35, :].mean() < 0.01
+
+
+def test_what_scatters_far_is_not_gross_and_what_lost_a_turn_is() -> None:
+    rng = np.random.default_rng(4)
+    turned = np.zeros((VIEWS, *SHAPE))
+    turned[:, 30:60, 30:60] = 0.9
+    noisy = views(rng, 0.03 * rng.standard_normal(turned.shape) + turned)
+    beyond = np.stack([np.abs(v.residual) > 0.06 for v in noisy])
+    lost = np.stack([v.gross for v in noisy])
+    assert beyond[turned == 0].mean() > 0.03
+    assert lost[turned == 0].mean() < 1e-4
+    assert lost[turned > 0].mean() > 0.999
+
+
+def test_where_every_other_pixel_lost_a_turn_that_is_no_scatter() -> None:
+    rng = np.random.default_rng(4)
+    turned = np.zeros((VIEWS, *SHAPE))
+    turned[:, 20:, :] = 0.9 * rng.integers(0, 2, turned[:, 20:, :].shape)
+    seen = views(rng, turned)
+    assert np.stack([v.gross for v in seen])[turned > 0].all()
+    assert max(float(v.sigma.max()) for v in seen) < 0.02

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The hypotheses of a session: whatever may be named can be written to sensor.yaml and read again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import views
+from tests.tof_scene.solids import scene, wall
+from tof_gap.solve.candidates import candidates, periods
+from tof_sensor.effects.wiggling import Wiggling
+from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.model import SensorModel, load_model, save_model
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.mark.parametrize("span_m", [0.05, 0.5, 4.0, 12.0])
+def test_every_period_that_is_tried_can_be_saved(span_m: float, tmp_path: Path) -> None:
+    tried = [Wiggling(modulation_mhz=float(LIGHT_M_PER_S / (8e6 * p))) for p in periods(span_m)]
+    save_model(SensorModel(tuple(tried)), tmp_path / "sensor.yaml")
+    assert [e.period_m for e in load_model(tmp_path / "sensor.yaml").effects] == pytest.approx([e.period_m for e in tried])  # type: ignore[attr-defined]
+    assert tried[-1].period_m == pytest.approx(0.06, rel=0.5) or len(tried) == 40
+
+
+def test_every_candidate_of_a_session_can_be_saved(tmp_path: Path) -> None:
+    made = candidates(views(np.random.default_rng(0)), scene(wall=wall()))
+    effects = [c.effect for c in made if c.effect is not None]
+    assert {"wiggling", "lens_scatter", "specular", "cad_deviation", "subsurface"} <= {e.NAME for e in effects}
+    save_model(SensorModel(tuple(effects)), tmp_path / "sensor.yaml")
+    assert len(load_model(tmp_path / "sensor.yaml").effects) == len(effects)

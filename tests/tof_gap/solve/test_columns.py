@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Columns as one system: what no pixel shows is held, and stays within what a part can do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tests.tof_gap.quiet_views import VIEWS, chain, views
+from tests.tof_sensor.plane import NORMAL
+from tof_gap.solve.candidates import Candidate, deviation
+from tof_gap.solve.columns import DEVIATION_SD, ColumnStore, build
+from tof_gap.solve.judge import deal
+from tof_gap.solve.system import fit
+
+
+def test_a_part_does_not_slide_along_its_own_plane() -> None:
+    facing = np.eye(4)
+    facing[:3, :3] = Rotation.align_vectors([[1.0, 0.0, 0.0]], [NORMAL])[0].as_matrix()  # y and z of the cell lie in the plane
+    seen = [
+        replace(v, frame=replace(v.frame, rendering=replace(v.rendering, T_cell_camera=facing)))
+        for v in views(np.random.default_rng(4), np.full((VIEWS, 1, 1), 0.002))
+    ]
+    effect = deviation(seen, 0)
+    design = build(ColumnStore(seen, deal([0] * VIEWS, 6)), [Candidate(effect.NAME, effect)], chain(), np.full(6, 1e-5))
+    values = fit(design.system, design.groups[0]).theta / design.scale
+    assert (np.abs(values) < 2 * DEVIATION_SD).all()

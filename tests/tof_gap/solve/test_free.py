@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An error that nobody named is a function of what it depends on, and stays out of the way of effects that have a name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, chain, rendering, views
+from tof_gap.solve.candidates import Candidate
+from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.solve.free import observed, unknown_columns, unknown_share, unknowns
+from tof_gap.solve.judge import SelectConfig, deal
+from tof_gap.solve.select import select
+from tof_sensor.effects.depth_scale import DepthScale
+from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.effects.range_offset import RangeOffset
+from tof_sensor.effects.wiggling import Wiggling
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_gap.solve.select import Selection
+
+HAND_SD = np.full(6, 1e-5)
+NAMED = (RangeOffset(), DepthScale(), FixedPattern(), *(Wiggling(modulation_mhz=f) for f in (60.0, 80.0, 100.0)))
+
+
+def selection(extra: Float) -> tuple[Selection, list[Candidate]]:
+    """What is chosen where `extra` (V, H, W) metres along the ray are added to photon noise."""
+    seen = views(np.random.default_rng(5), extra)
+    tested = [Candidate(e.NAME, e) for e in NAMED] + [Candidate(u.NAME, u, u.quantity) for u in unknowns(seen)]
+    store = ColumnStore(seen, deal([0] * VIEWS, SelectConfig().folds))
+    return select(build(store, tested, chain(), HAND_SD), SelectConfig()), tested
+
+
+def radial() -> Float:
+    return np.stack([rendering(0.05 * k).depth * CAMERA.ray_length() for k in range(VIEWS)])
+
+
+def test_observables_that_do_not_vary_are_no_hypotheses() -> None:
+    names = {u.quantity for u in unknowns(views(np.random.default_rng(0)))}
+    assert {"range_m", "amplitude", "incidence_deg", "row", "column"} <= names
+    assert "concavity" not in names  # Nobody looked at the sky of a lone plane.
+
+
+def test_columns_share_a_metre_along_the_ray_among_the_knots() -> None:
+    view = views(np.random.default_rng(0))[3]
+    effect = next(u for u in unknowns([view]) if u.quantity == "range_m")
+    columns = unknown_columns(effect, view)
+    length = CAMERA.ray_length().ravel()[view.pixels]
+    np.testing.assert_allclose(columns.sum(axis=1) * length, 1.0)
+    values = np.linspace(-1.0, 1.0, len(effect.knots))
+    np.testing.assert_allclose(columns @ values, unknown_share(effect, values, view).ravel()[view.pixels])
+    at = observed(view, "range_m", view.pixels)
+    middle = np.argmin(np.abs(at - effect.knots[4]))
+    assert columns[middle] @ values * length[middle] == pytest.approx(values[4], abs=0.01)
+
+
+def test_an_error_that_has_a_name_is_named() -> None:
+    found, tested = selection(0.003 * np.cos(4 * np.pi * radial() * 80e6 / 299_792_458.0 * 4))
+    assert [tested[m].name for m in found.chosen.members] == ["wiggling"]
+    assert found.unknown == ()
+
+
+def test_an_error_without_a_name_is_told_by_what_it_depends_on() -> None:
+    seen = views(np.random.default_rng(5))
+    light = np.stack([observed(v, "amplitude", np.arange(SHAPE[0] * SHAPE[1])).reshape(SHAPE) for v in seen])
+    steps = np.sign(np.sin(3 * np.pi * (light - light.min()) / np.ptp(light)))
+    found, tested = selection(0.003 * steps)
+    assert [tested[m].name for m in found.chosen.members] == ["unknown"]
+    assert found.unknown == ("amplitude",)
+
+
+def test_photon_noise_is_neither_named_nor_unknown() -> None:
+    found, _ = selection(np.zeros((VIEWS, *SHAPE)))
+    assert found.chosen.members == ()
+    assert found.unknown == ()

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of the sensor comes off: what is left is what a camera without it would have measured, from the same poses."""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tests.tof_align.made import CONFIG, panel, pose_error, section, session, wiggling
+from tof_align.session import solve_session
+from tof_core.config import from_mapping
+from tof_gap.solve.known import known_removed
+from tof_scene.builtin import write_builtin
+from tof_scene.scene_file import load_scene
+from tof_sensor.effects.depth_scale import DepthScale
+from tof_sensor.effects.range_offset import RangeOffset
+from tof_sensor.effects.wiggling import Wiggling
+from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.model import SensorModel
+from tof_virtual.config import VirtualConfig
+from tof_virtual.record import record
+from toftwin.cli import main
+from toftwin.commands.simulate import bodies_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from tests.tof_align.made import Seen, Truth
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+
+AMPLITUDE = 3e-3 * np.sqrt(2.0)
+WIGGLING = Wiggling(
+    sine_m=float(AMPLITUDE * np.cos(0.7)), cosine_m=float(AMPLITUDE * np.sin(0.7)), modulation_mhz=LIGHT_M_PER_S / (8e6 * 0.375)
+)
+"""What `wiggling` adds along the ray."""
+
+
+def wiggle(seen: Seen) -> Float:
+    return wiggling(seen) * seen.depth / seen.range_m
+
+
+def offset(seen: Seen) -> Float:
+    return 0.05 * seen.depth / seen.range_m
+
+
+def stretch(seen: Seen) -> Float:
+    return 0.05 * seen.depth
+
+
+KNOWN: dict[str, tuple[SensorModel, Callable[[Seen], Float]]] = {
+    "wiggling": (SensorModel((WIGGLING,)), wiggle),
+    "offset of 50 mm": (SensorModel((RangeOffset(offset_m=0.05),)), offset),
+    "scale of 5 %": (SensorModel((DepthScale(scale=0.05),)), stretch),
+    "offset and wiggling": (SensorModel((RangeOffset(offset_m=0.05), WIGGLING)), lambda seen: offset(seen) + wiggle(seen)),
+}
+
+
+def left_mm(less: Sequence[View], clean: Sequence[View]) -> Float:
+    """(n,) mm by which views differ, where both have depth."""
+    off = 1e3 * np.concatenate([(a.depth - b.depth).ravel() for a, b in zip(less, clean, strict=True)])
+    return np.asarray(off[np.isfinite(off)])
+
+
+@lru_cache(maxsize=1)
+def clean() -> tuple[list[View], Float]:
+    """The session of a camera without any bias, and what its poses err by."""
+    views, truth = session(section(), views=4)
+    return views, camera_errors(views, truth)
+
+
+def camera_errors(views: Sequence[View], truth: Sequence[Truth]) -> Float:
+    """(V, 2) mm and degrees of the poses that the views are solved to."""
+    posed = solve_session(views, section(), CONFIG).posed
+    return np.array([pose_error(p.T_cell_camera, t) for p, t in zip(posed, truth, strict=True)])
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_what_is_left_is_what_the_camera_would_have_measured_without_it(name: str) -> None:
+    model, effect = KNOWN[name]
+    views, truth = session(section(), views=4, effect=effect)
+    less = known_removed(views, section(), model, CONFIG)
+    without, errors = clean()
+    off = left_mm(less, without)
+    assert np.quantile(np.abs(off), 0.98) < 0.2  # edges apart, where the neighbouring pixel's range may have been bent instead
+    assert abs(np.median(off)) < 0.01
+    np.testing.assert_allclose(camera_errors(less, truth), errors, atol=0.05)
+
+
+def test_a_known_bias_that_poses_could_absorb_comes_off_whole() -> None:
+    """Two views of a panel from about one distance: a stretch is seen there as a base that stands off."""
+    views, _ = session(panel(), views=2, stations=1, effect=stretch)
+    without, _ = session(panel(), views=2, stations=1)
+    less = known_removed(views, panel(), SensorModel((DepthScale(scale=0.05),)), CONFIG)
+    assert np.abs(left_mm(less, without)).max() < 0.1
+
+
+def test_an_empty_model_changes_nothing() -> None:
+    views, _ = session(section(), views=2)
+    assert not left_mm(known_removed(views, section(), SensorModel(), CONFIG), views).any()
+
+
+def test_what_one_diagnosis_fitted_the_next_knows_and_finds_nothing(tmp_path: Path) -> None:
+    scene, first, second = write_builtin("body_section", tmp_path / "scene"), tmp_path / "first", tmp_path / "second"
+    small = {"seed": 5, "camera.width": 112, "camera.height": 86, "plan.views": 6}
+    record(bodies_of(load_scene(scene)), tmp_path / "bag", from_mapping(VirtualConfig, small), effects={"wiggling": 1.0})
+    call = ["gap", str(tmp_path / "bag"), "--scene", str(scene), "--out"]
+    assert main([*call, str(first)]) == 0
+    assert main([*call, str(second), "--sensor", str(first / "sensor.yaml")]) == 0
+    before, after = (json.loads((out / "gap.json").read_text()) for out in (first, second))
+    assert (before["verdict"], after["verdict"]) == (["wiggling"], ["none"])
+    assert after["gap"]["before_mm"]["rmse"] < 1.1 * after["gap"]["floor_mm"]

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which effects are believed: on columns that are drawn, so that the right answer is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tof_gap.solve.candidates import HAND_EYE, Candidate
+from tof_gap.solve.columns import Design
+from tof_gap.solve.free import Unknown
+from tof_gap.solve.judge import SelectConfig, Selector, deal
+from tof_gap.solve.select import select
+from tof_gap.solve.system import System
+from tof_sensor.effects.cad_deviation import CadDeviation
+from tof_sensor.effects.depth_scale import DepthScale
+from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.multipath import Multipath
+from tof_sensor.effects.range_offset import RangeOffset
+from tof_sensor.effects.subsurface import Subsurface
+from tof_sensor.effects.temperature_drift import TemperatureDrift
+from tof_sensor.effects.wiggling import Wiggling
+
+VIEWS, PIXELS = 12, 400
+FREE = Unknown("range_m", (0.0, 1.0, 2.0))
+"""A candidate that is no effect."""
+
+
+def design(candidates: list[Candidate], strengths: list[float], *, copies: tuple[int, int] | None = None, seed: int = 0) -> Design:
+    """One column per candidate, independent unless `copies` (of, by); the residual is their sum at `strengths` and noise of 1."""
+    rng = np.random.default_rng(seed)
+    k = len(candidates)
+    G = []
+    for _ in range(VIEWS):
+        pose, C = rng.normal(size=(PIXELS, 18)) * 1e-3, rng.normal(size=(PIXELS, k))
+        if copies is not None:
+            C[:, copies[1]] = 0.99 * C[:, copies[0]] + 0.14 * C[:, copies[1]]
+        r = C @ np.array(strengths) + rng.normal(size=PIXELS)
+        X = np.concatenate([pose, C, r[:, None]], axis=1)
+        G.append(X.T @ X)
+    six = np.full(6, 0.01)
+    system = System(
+        np.stack(G),
+        np.zeros(VIEWS, int),
+        np.full(VIEWS, float(PIXELS)),
+        np.full(VIEWS, float(PIXELS)),
+        six,
+        six,
+        six,
+        np.zeros((1, 6)),
+        np.zeros((VIEWS, 6)),
+        np.zeros(6),
+        np.full(k, 10.0),
+    )
+    return Design(tuple(candidates), tuple(np.array([i]) for i in range(k)), np.full(k, 1e3), system)
+
+
+def plain(*effects: object) -> list[Candidate]:
+    return [Candidate(e.NAME, e) for e in effects]  # type: ignore[attr-defined, arg-type]
+
+
+def names(d: Design, members: tuple[int, ...]) -> list[str]:
+    return sorted(d.candidates[m].name for m in members)
+
+
+def test_what_was_added_is_chosen_and_nothing_else() -> None:
+    d = design(plain(RangeOffset(), DepthScale(), TemperatureDrift()), [0.3, 0.0, 0.5])
+    found = select(d, SelectConfig())
+    assert names(d, found.chosen.members) == ["range_offset", "temperature_drift"]
+    assert found.crowd == ()
+
+
+def test_a_named_effect_goes_before_a_free_form_that_does_as_well() -> None:
+    d = design([*plain(RangeOffset()), Candidate("unknown", FREE)], [0.0, 0.4], copies=(1, 0))
+    # The free form is the truth here, but the named one is nearly it: what it misses is less than the price.
+    assert names(d, select(d, SelectConfig()).chosen.members) == ["range_offset"]
+    far = design([*plain(RangeOffset()), Candidate("unknown", FREE)], [0.0, 0.4])
+    assert names(far, select(far, SelectConfig()).chosen.members) == ["unknown"]
+    assert select(far, SelectConfig()).unknown == ("range_m",)
+
+
+def test_small_effects_beyond_the_second_are_a_crowd() -> None:
+    effects = plain(RangeOffset(), DepthScale(), TemperatureDrift(), Wiggling(), Multipath(), Subsurface(part=0))
+    found = select(d := design(effects, [0.6, 0.5, 0.2, 0.2, 0.2, 0.0]), SelectConfig())
+    assert names(d, found.chosen.members) == ["depth_scale", "range_offset"]
+    assert set(found.crowd) == {"temperature_drift", "wiggling", "multipath"}
+    # Three of a size are three effects, and one that hardly shows makes up for a map that is not exact.
+    three = select(d := design(effects, [0.5, 0.5, 0.5, 0.0, 0.0, 0.0]), SelectConfig())
+    assert len(three.chosen.members) == 3
+    assert three.crowd == ()
+    # A second part that deviates is no effect more.
+    parts = plain(RangeOffset(), CadDeviation(part=0), CadDeviation(part=1))
+    both = select(d := design(parts, [0.6, 0.5, 0.2]), SelectConfig())
+    assert len(both.chosen.members) == 3
+    assert both.crowd == ()
+    trifle = select(design(effects, [1.5, 1.2, 0.12, 0.0, 0.0, 0.0]), SelectConfig(share=0.0))
+    assert len(trifle.chosen.members) == 2
+    assert trifle.crowd == ()
+
+
+def test_who_wins_but_a_little_of_what_could_be_taken_from_others_mends_them_and_is_not_there() -> None:
+    near = plain(Wiggling(), Subsurface(part=0), DepthScale())
+    # The second is nearly the first: what is missing of it in the residual speaks for it, though little beside all that both could be.
+    mended = select(d := design(near, [6.0, 0.9, 0.0], copies=(0, 1)), SelectConfig(share=0.0))
+    assert names(d, mended.chosen.members) == ["wiggling"]
+    taken = select(d, SelectConfig(share=0.0, mends=0.0))
+    assert names(d, taken.chosen.members) == ["subsurface", "wiggling"]
+
+
+@pytest.mark.parametrize(("strength", "expected"), [(0.6, ["cad_deviation"]), (0.1, [])])
+def test_what_nearly_one_view_alone_sees_is_believed_where_the_others_say_enough(strength: float, expected: list[str]) -> None:
+    nearer = 6.0  # times as much of it does the first view see
+    quiet, seen = (design(plain(CadDeviation(part=0)), [s]) for s in (strength, nearer * strength))
+    wider = np.diag([*np.ones(18), nearer, 1.0])
+    d = replace(quiet, system=replace(quiet.system, G=np.concatenate([wider @ seen.system.G[:1] @ wider, quiet.system.G[1:]])))
+    assert names(d, select(d, SelectConfig(share=0.0)).chosen.members) == expected
+
+
+def test_what_a_rough_map_leaves_is_nobodys() -> None:
+    trifle = 0.15  # 4800 pixels: about 110 of chi-square, of which a rough map of 0.65 may leave 120
+    beside = select(d := design(plain(Multipath(), DepthScale()), [0.65, trifle]), SelectConfig(share=0.0))
+    assert names(d, beside.chosen.members) == ["multipath"]
+    exact = select(d := design(plain(TemperatureDrift(), DepthScale()), [0.65, trifle]), SelectConfig(share=0.0))
+    assert names(d, exact.chosen.members) == ["depth_scale", "temperature_drift"]
+
+
+def test_of_two_that_explain_alike_the_one_tried_at_fewer_shapes_is_chosen() -> None:
+    many = [Candidate("wiggling", Wiggling(modulation_mhz=f)) for f in (60.0, 70.0, 80.0, 90.0)]
+    d = design([*plain(DepthScale()), *many], [0.4, 0, 0, 0, 0], copies=(0, 1))
+    judge = Selector(d, SelectConfig())
+    assert judge.score([1], 1.0).price == pytest.approx(2 * np.log(4))
+    assert judge.score([0], 1.0).price == 0.0
+
+
+def test_hand_eye_needs_less_than_what_pixels_speak_for() -> None:
+    d = design([Candidate(HAND_EYE, None), *plain(RangeOffset())], [0.0, 0.0])
+    judge = Selector(d, SelectConfig())
+    assert judge.gain(0) == SelectConfig().hand_gain < judge.gain(1)
+    assert judge.share(0) == 0.0
+
+
+def test_arms_that_all_err_alike_speak_of_their_mount() -> None:
+    rng = np.random.default_rng(1)
+    quiet = design(plain(RangeOffset()), [0.0])
+    G = []
+    for _ in range(VIEWS):
+        pose, C = rng.normal(size=(PIXELS, 18)), rng.normal(size=(PIXELS, 1))
+        # Of base, hand and arm the arm's columns alone carry it: the same step of two prior deviations in every view.
+        r = pose[:, 12:] @ np.array([0.02, 0, 0, 0, 0, 0]) + 0.01 * rng.normal(size=PIXELS)
+        X = np.concatenate([pose, C, r[:, None]], axis=1) / 0.01
+        G.append(X.T @ X)
+    off = replace(quiet, system=replace(quiet.system, G=np.stack(G)))
+    alike = [Selector(d, SelectConfig()).arms_alike(Selector(d, SelectConfig()).score([], 1.0)) for d in (quiet, off)]
+    assert alike[0] < 6.0
+    assert alike[1] == pytest.approx(VIEWS * 2.0**2, rel=0.1)
+
+
+@pytest.mark.parametrize(("effect", "expected"), [(Wiggling(), ["hand_eye", "wiggling"]), (Motion(), ["motion"])])
+def test_hand_eye_is_not_named_where_motion_shifts_what_poses_are_known_by(effect: Wiggling | Motion, expected: list[str]) -> None:
+    rng = np.random.default_rng(1)
+    G = []
+    for _ in range(VIEWS):
+        pose, C = rng.normal(size=(PIXELS, 18)), rng.normal(size=(PIXELS, 1))
+        r = 0.002 * pose[:, 6] + 0.02 * C[:, 0] + 0.01 * rng.normal(size=PIXELS)
+        X = np.concatenate([pose, C, r[:, None]], axis=1) / 0.01
+        G.append(X.T @ X)
+    quiet = design(plain(effect), [0.0])
+    both = (*quiet.candidates, Candidate(HAND_EYE, None))
+    system = replace(quiet.system, G=np.stack(G), hand_sd=np.full(6, 1e-6), arm_sd=np.full(6, 1e-4), base_sd=np.full(6, 1e-3))
+    d = replace(quiet, candidates=both, groups=(quiet.groups[0], np.zeros(0, int)), system=system)
+    assert names(d, select(d, SelectConfig()).chosen.members) == expected
+
+
+def test_every_fold_leaves_every_station_some_views() -> None:
+    stations = [0] * 5 + [1] * 7
+    fold = deal(stations, 6)
+    assert len(np.unique(fold)) == 6
+    for f in range(6):
+        assert {s for s, x in zip(stations, fold, strict=True) if x != f} == {0, 1}

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a solution says: an effect without which held-out views come out better is not there."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import pytest
+
+from tof_gap.tell.account import Account, Cause
+from tof_gap.tell.causes import Named
+from tof_gap.tell.shrink import Errors, Shrink
+
+NOTHING = Errors(0.0, 0.0, 0.0)
+
+
+def account(shrink: float | None, **left_out: float | None) -> Account:
+    """A solution that shrinks the held-out gap by `shrink`, and by so much without each cause."""
+    gap = Shrink(NOTHING, NOTHING, 0.0, shrink, None)
+    causes = tuple(Cause(Named(name, (), (), (), 1.0), gap, without) for name, without in left_out.items())
+    unused = cast("Any", None)
+    return Account(unused, (), causes, (), (), unused, gap)
+
+
+@pytest.mark.parametrize(
+    ("shrink", "left_out", "worsens"),
+    [
+        (0.9, {"wiggling": 0.0}, None),
+        (0.5, {"wiggling": 0.1, "subsurface": 0.53}, None),  # a tie between noise and noise
+        (0.5, {"wiggling": 0.1, "subsurface": 0.6}, "subsurface"),
+        (-2.9, {"motion": -3.8, "cad_deviation": 0.85, "specular": 0.1}, "cad_deviation"),
+        (-0.2, {"specular": 0.0}, "specular"),
+        (None, {"noise": None}, None),
+    ],
+)
+def test_the_cause_that_makes_held_out_views_worst_is_found(
+    shrink: float | None, left_out: dict[str, float | None], worsens: str | None
+) -> None:
+    assert account(shrink, **left_out).worsens == worsens
