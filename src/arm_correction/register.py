@@ -11,8 +11,9 @@ import numpy as np
 from arm_correction.kernels import associate, misfits
 from arm_correction.starts import spread_starts
 from arm_correction.unknown import SCALE, Unknown, smallest_motion, unknown_directions
-from tof_align.robust import mad, tukey
+from tof_align.robust import tukey
 from tof_core import se3
+from tof_core.stats import robust_std
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -129,7 +130,7 @@ class Matcher:
             step *= min(1.0, 0.15 / max(float(np.linalg.norm(step[:3])), 3 * float(np.linalg.norm(step[3:])), 1e-12))
             T = T @ se3.exp(step)
             near = e[np.abs(e) < kernel]
-            wanted = max(self.config.register.kernel * mad(near), floor)
+            wanted = max(self.config.register.kernel * robust_std(near), floor)
             kernel = max(min(kernel, wanted), 0.6 * kernel)
             if np.linalg.norm(step[:3]) < 3e-5 and np.linalg.norm(step[3:]) < 3e-5 and kernel < 2.0 * wanted:
                 break
@@ -225,7 +226,7 @@ def judge(matcher: Matcher, T: Float, misfit: float, *, far: bool, rivalry: floa
     trust, limits = matcher.config.trust, matcher.config.register
     e, J, sigma, tilt, points = matcher.linearise(T)
     unknown, cov = Unknown.all_(), np.diag(np.repeat([1.0, 1.0], 3))
-    width = max(limits.kernel * mad(e), 4e-3) if len(e) else 4e-3
+    width = max(limits.kernel * robust_std(e), 4e-3) if len(e) else 4e-3
     weight = tukey(e, width) / sigma**2
     if int((weight > 0).sum()) >= 30:
         unknown, cov = unknown_directions(e, J, weight, tilt, points, trust)

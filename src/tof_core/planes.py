@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.stats import robust_std, second_differences
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -122,6 +124,5 @@ def _smoothed(w: Float, size: int = 5) -> Float:
 
 def _noise(w: Float) -> float:
     """Relative noise of a pixel, from second differences five pixels apart along rows."""
-    bend = np.abs((w[:, 10:] - 2 * w[:, 5:-5] + w[:, :-10]) / w[:, 5:-5])
-    bend = bend[np.isfinite(bend)]
-    return 1.4826 / np.sqrt(6) * float(np.median(bend)) if len(bend) else 0.0
+    bend = second_differences(w, axis=1, step=5) / w[:, 5:-5]
+    return robust_std(bend[np.isfinite(bend)], 0.0)

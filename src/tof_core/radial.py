@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.planes import LEAST, PlaneGrower, thinned
+from tof_core.stats import blocks, robust_std
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -157,7 +158,7 @@ def _robust(A: Float, w: Float, rounds: int = 8) -> tuple[Float, Mask]:
     solution = np.asarray(np.linalg.lstsq(A, w, rcond=None)[0], float)
     for _ in range(rounds):
         residual = np.abs(w - A @ solution)
-        good = residual < 3.0 * max(1.4826 * float(np.median(residual[good])), 1e-9)
+        good = residual < 3.0 * max(robust_std(residual[good], 0.0), 1e-9)
         solution = np.asarray(np.linalg.lstsq(A[good], w[good], rcond=None)[0], float)
     return solution, np.asarray(good, bool)
 
@@ -168,13 +169,15 @@ def _scatter(residual: Float) -> tuple[float, float]:
     The second does not shrink with the number of pixels: a surface that waves by as much may bend by as much.
     """
     h, w = (n // BLOCK * BLOCK for n in residual.shape)
-    blocks = residual[:h, :w].reshape(h // BLOCK, BLOCK, w // BLOCK, BLOCK).transpose(0, 2, 1, 3).reshape(-1, BLOCK * BLOCK)
-    filled = blocks[np.isfinite(blocks).sum(axis=1) >= BLOCK * BLOCK // 2]
-    variance, n = float(np.nanvar(residual)), int(np.isfinite(residual).sum())
-    if len(filled) < 4:
+    known = np.isfinite(residual)
+    variance, n = float(residual[known].var()), int(known.sum())
+    known[h:], known[:, w:] = False, False
+    block = blocks(known, BLOCK)
+    filled = block.count >= BLOCK * BLOCK // 2
+    if filled.sum() < 4:
         return float(np.sqrt(variance / n)), float(np.sqrt(variance))
-    counts = np.isfinite(filled).sum(axis=1)
-    common = float(np.average(np.nanmean(filled, axis=1) ** 2 - variance / counts, weights=counts))
+    count, mean = block.count[filled], block.mean(residual[known])[filled]
+    common = float(np.average(mean**2 - variance / count, weights=count))
     return float(np.sqrt(variance / n)), float(np.sqrt(max(common, 0.0)))
 
 

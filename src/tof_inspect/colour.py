@@ -10,6 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from tof_core import se3
+from tof_core.stats import robust_stds
 from tof_inspect.light import fit_light
 
 if TYPE_CHECKING:
@@ -134,7 +135,7 @@ class Colours:
         if int(ring.sum()) < self._config.min_pixels:
             return -float(FLAT)
         middle = np.median(tones[ring], axis=0)
-        spread = 1.4826 * np.median(np.abs(tones[ring] - middle), axis=0)
+        spread = robust_stds(tones[ring], middle)
         return _density(np.median(tones[mine], axis=0) - middle, np.hypot(light.sigma, spread), self._config)
 
     def _box(self, now: Picture, part: int) -> tuple[Ints, Ints]:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.stats import robust_stds
+
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_inspect.colour import Picture
@@ -44,8 +46,7 @@ def fit_light(caster: Raycaster, then: Picture, now: Picture, fixed: Mask, confi
     terms = np.zeros((4, 3))
     for k in range(3):
         terms[:, k] = _least_absolute(X, y[:, k])
-    left = np.abs(y - X @ terms)
-    return Light(terms, np.maximum(1.4826 * np.median(left, axis=0), config.floors))
+    return Light(terms, np.maximum(robust_stds(y - X @ terms, 0.0), config.floors))
 
 
 def _basis(normals: Float) -> Float:

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from tof_core.reasons import Reason
+from tof_core.stats import MAD_TO_STD
 from tof_preproc.quantum import mean_error2
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ IQR_TUKEY, IQR_BAND, SIGMA_ROBUST, SIGMA_PLAIN = 0, 1, 2, 3
 IQR_REASON, SIGMA_REASON = int(Reason.IQR), int(Reason.THREE_SIGMA)
 REASONS = 16
 """Room for the codes of `Reason`."""
-MAD_TO_SIGMA = 1.4826
 PRIOR_DOF = 8.0
 """Weight of the noise law against a pixel's own scatter, in captures: few captures say little about a variance."""
 BAND_WITHIN, BAND_BETWEEN = 0.2145, 0.4725
@@ -151,7 +151,7 @@ def _bounds(code, s, p, lo, hi, numbers, law, quantum):  # type: ignore[no-untyp
         reach = numbers[3] * np.sqrt(squares / (hi - lo - 1))
         return mean - reach, mean + reach
     centre = _quantile(s, p, lo, hi, 0.5)
-    reach = max(numbers[3] * max(MAD_TO_SIGMA * _mad(s, p, lo, hi, centre), law), 1.01 * quantum)
+    reach = max(numbers[3] * max(MAD_TO_STD * _mad(s, p, lo, hi, centre), law), 1.01 * quantum)
     return centre - reach, centre + reach
 
 

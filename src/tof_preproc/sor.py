@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.reasons import Reason
+from tof_core.stats import robust_std
 from tof_preproc.neighbours import mean_distance
 from tof_preproc.surface import cos_incidence
 
@@ -52,8 +53,7 @@ def threshold(distance: Image, ratio: float) -> float:
 def scaled_threshold(distance: Image, ratio: float) -> float:
     """Median plus `ratio` robust standard deviations, so that outliers do not hide each other; no surface's corner."""
     median = np.median(distance)
-    deviation = 1.4826 * np.median(np.abs(distance - median))
-    return float(max(median + ratio * deviation, CORNER * median))
+    return float(max(median + ratio * robust_std(distance, float(median)), CORNER * median))
 
 
 def spacing(depth: Image, camera: Camera) -> Image:

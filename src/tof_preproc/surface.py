@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from tof_core.reasons import Reason
+from tof_core.stats import SECOND_DIFFERENCE_STD
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Image
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from tof_preproc.config import PreprocConfig
     from tof_preproc.frame import Frame
 
-PAIR, FAN = float(np.sqrt(2.0)), float(np.sqrt(6.0))
+PAIR, FAN = float(np.sqrt(2.0)), SECOND_DIFFERENCE_STD
 """Standard deviations of a difference, and of a second difference or the step to a line through two, in one pixel's."""
 AXES = np.array([[0, 1], [1, 0]])
 """Every edge crosses the rows or the columns; along a diagonal a clean corner would seem to belong to nothing."""

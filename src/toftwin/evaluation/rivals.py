@@ -13,6 +13,7 @@ from tof_core.capture import Capture
 from tof_core.config import from_mapping
 from tof_core.progress import progress
 from tof_core.reasons import Reason
+from tof_core.stats import robust_std
 from tof_preproc.config import PreprocConfig
 from toftwin.scores import PooledError
 
@@ -132,7 +133,7 @@ def _trimmed(A: Float, b: Float) -> Float:
     for _ in range(6):
         x = np.asarray(np.linalg.lstsq(A[keep], b[keep], rcond=None)[0], float)
         r = b - A @ x
-        keep = np.abs(r) <= TRIM * 1.4826 * np.median(np.abs(r[keep]))
+        keep = np.abs(r) <= TRIM * robust_std(r[keep], 0.0)
     return x
 
 

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Robust spread, second differences, and samples grouped by several integer keys."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from tof_core.arrays import Float, Ints, Mask
+
+MAD_TO_STD = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation: 1 / Phi^-1(3/4)."""
+SECOND_DIFFERENCE_STD = float(np.sqrt(6.0))
+"""Standard deviation of a - 2 b + c over that of one sample, where a, b and c are independent and equally noisy."""
+CORE = 5.0
+"""Robust standard deviations from the median beyond which `trimmed_std` takes a sample for an outlier."""
+
+
+def robust_std(values: ArrayLike, centre: float | None = None) -> float:
+    """Standard deviation of samples (n,), estimated by the median absolute deviation; 0 for no samples.
+
+    Args:
+        values: (n,) finite samples, at most half of them outliers.
+        centre: what deviations are measured from; the median of the samples if not given.
+    """
+    x = np.asarray(values)
+    if not x.size:
+        return 0.0
+    return float(MAD_TO_STD * np.median(np.abs(x - (np.median(x) if centre is None else centre))))
+
+
+def robust_stds(values: Float, centre: Float | float | None = None) -> Float:
+    """(k,) `robust_std` of each column of samples (n, k), n at least 1."""
+    around = values - (np.median(values, axis=0) if centre is None else centre)
+    return np.asarray(MAD_TO_STD * np.median(np.abs(around), axis=0))
+
+
+def trimmed_std(values: Float) -> float:
+    """Standard deviation about the median of the samples (n,) within `CORE` robust standard deviations of it.
+
+    Outliers do not count, the tails of a mixture do. Where more than half of the samples are equal, all of them count.
+    """
+    around = values - np.median(values)
+    scale = robust_std(around, 0.0)
+    if scale <= 0:
+        return float(values.std())
+    core = around[np.abs(around) < CORE * scale]
+    return float(np.sqrt((core * core).mean()))
+
+
+def second_differences(values: Float, axis: int = -1, step: int = 1) -> Float:
+    """(a - 2 b + c) / sqrt(6) of samples `step` apart along an axis, which gets 2 `step` shorter.
+
+    What is linear along the axis is removed; independent noise keeps its standard deviation.
+    """
+    v = np.moveaxis(np.asarray(values), axis, -1)
+    first = v[..., step:] - v[..., :-step]
+    second = (first[..., step:] - first[..., :-step]) / SECOND_DIFFERENCE_STD
+    return np.asarray(np.moveaxis(second, -1, axis))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Groups:
+    """Samples (n,) of which those with equal keys form a group; groups (g,) are in lexicographic order of their keys.
+
+    which (n,): the group of each sample; count (g,): samples of each group; keys: (g,) per key, its value in each group.
+    """
+
+    which: Ints
+    count: Ints
+    keys: tuple[Ints, ...]
+
+    def sum(self, values: NDArray[np.number] | Mask) -> Float:
+        """(g,) sums of values (n,)."""
+        return np.bincount(self.which, values, len(self.count)).astype(np.float64, copy=False)
+
+    def mean(self, values: NDArray[np.number] | Mask) -> Float:
+        """(g,) means of values (n,)."""
+        return np.asarray(self.sum(values) / self.count)
+
+
+def grouped(*keys: Ints) -> Groups:
+    """Group samples by one or more keys (n,), each a non-negative integer per sample.
+
+    Raises:
+        ValueError: a key is negative, or the product of the keys' ranges exceeds 63 bits.
+    """
+    dims = tuple(int(key.max(initial=0)) + 1 for key in keys)
+    unique, which, count = np.unique(np.ravel_multi_index(keys, dims), return_inverse=True, return_counts=True)
+    return Groups(which, count, tuple(np.unravel_index(unique, dims)))
+
+
+def blocks(where: Mask, side: int, *further: Ints) -> Groups:
+    """Group the pixels of a mask (H, W), in the order of `image[where]`, by squares of `side` pixels and further keys (n,).
+
+    The keys of a group are its row of blocks, its column of blocks, and then those given.
+    """
+    rows, columns = np.nonzero(where)
+    return grouped(rows // side, columns // side, *further)
