@@ -44,7 +44,7 @@ def open_bag(
 
     Args:
         path: a bag's folder, or its .mcap or .db3 file.
-        options: what the user said of topics, frames and units.
+        options: the user's choice of topics, frames and units.
         cell_frame: TF frame of the cell (the scene's), unless the options name another.
         placed: where the cell is, for a robot whose TF does not know it.
 
@@ -88,7 +88,7 @@ class BagReader:
 
     @property
     def note(self) -> str:
-        """What a user should know of the bag's state; empty for a finished and whole one."""
+        """Warning about the bag's state, such as an unfinished recording; empty for a complete bag."""
         left_out = [f"{n} messages left out: {why}" for why, n in self._index.left_out.items()]
         return "; ".join(filter(None, [self._files.note, *left_out]))
 
@@ -116,7 +116,7 @@ class BagReader:
         """Captures by header stamp; frozen frames are one, frames without TF are counted in `skipped`.
 
         Args:
-            need_tf: False yields frames that TF has no answer for with `robot=None`.
+            need_tf: False also yields frames without a transform, with `robot=None`.
 
         Raises:
             TransformError: TF lacks the cell or the camera frame altogether.

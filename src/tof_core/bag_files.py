@@ -51,7 +51,7 @@ class BagFiles(Protocol):
         """(topic, log time in ns, CDR bytes) in the order of the recording; all topics where none is named."""
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
 
 
 class WholeBag:
@@ -84,7 +84,7 @@ class WholeBag:
                 yield connection.topic, log_ns, raw
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         self._stack.close()
 
 
@@ -176,7 +176,7 @@ def _by_another_name(path: Path, stack: ExitStack) -> Path:
 
 
 def _sqlite(path: Path, files: list[Path]) -> WholeBag:
-    """sqlite3 files; those with a journal are copied, so that SQLite may mend the copy."""
+    """sqlite3 files; those with a journal are copied, so that SQLite can repair the copy."""
     stack = ExitStack()
     if any(f.with_name(f.name + end).exists() for f in files for end in ("-wal", "-journal")):
         folder = Path(stack.enter_context(TemporaryDirectory()))

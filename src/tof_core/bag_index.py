@@ -101,7 +101,7 @@ class BagIndex:
         return table[:, 0], stamp
 
     def _look_into(self, name: str, raw: bytes, transforms: TransformBuffer) -> None:
-        """Keep what TF says, and of an image topic's first message its encoding and frame."""
+        """Store transforms, and the encoding and frame of the first message of each image topic."""
         kind = self._files.topics[name].type
         if kind == TF:
             transforms.add_message(deserialize(self._files, name, raw), static=is_latched(name))

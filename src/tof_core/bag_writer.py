@@ -173,7 +173,7 @@ class BagWriter:
         return self._writer
 
     def _guarded(self, call: Any) -> Any:
-        """Run a call that writes; a full disk closes the bag with what it holds and says so."""
+        """Run a call that writes. If the disk is full, close the bag with the messages written so far and raise BagError."""
         import sqlite3
 
         try:

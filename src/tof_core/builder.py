@@ -80,7 +80,7 @@ class CaptureBuilder:
     """Takes the messages of one camera, gives captures in the order of their stamps.
 
     Args:
-        options: units, tolerances; its topic names only tell which joins are wanted.
+        options: units and tolerances; the names of optional topics only decide which messages are joined.
         chain: frames and transforms; None yields captures without a robot pose.
         topics: which topics there are: amplitude and colour are waited for only where named.
         need_tf: skip (and count) frames that TF has no answer for, instead of `robot=None`.
@@ -155,7 +155,7 @@ class CaptureBuilder:
         del self._temperatures[:-256]
 
     def ready(self, *, final: bool = False) -> Iterator[Capture]:
-        """Captures that nothing still to come can change, oldest first; `final` waits for nothing."""
+        """Captures that no later message can change, oldest first; `final` gives out all that are waiting."""
         while self._frames and (final or self._complete(self._frames[0])):
             frame = self._frames.popleft()
             if (capture := self._capture(frame)) is not None:

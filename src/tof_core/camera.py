@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The camera model: what CameraInfo says, and nothing from constants.
+"""The camera model. All of it comes from CameraInfo, nothing from constants.
 
 Pixel (0, 0)'s centre has the coordinates (0, 0) (OpenCV, ROS). Depth is z along the optical
 axis (REP 118); *radial* is the distance along the pixel's ray.

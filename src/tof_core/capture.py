@@ -48,7 +48,7 @@ class Colour:
 class Capture:
     """One frame as the camera gave it, in metres along z.
 
-    depth (H, W) float32, NaN invalid; reason (H, W) uint8 says why; amplitude (H, W) float32 in
+    depth (H, W) float32, NaN invalid; reason (H, W) uint8, why a pixel is invalid; amplitude (H, W) float32 in
     the camera's own unit or None; temperature in degrees Celsius, NaN where the bag has none.
     `robot` is None where TF has no answer at this stamp.
     """
@@ -67,8 +67,8 @@ class Capture:
 class View:
     """What a dwell accumulates to; a capture without a dwell is a view of one.
 
-    depth (H, W) metres; sigma (H, W) standard error of `depth` in metres, as far as the captures
-    tell (NaN where fewer than two); count (H, W) uint16 captures used; reason (H, W).
+    depth (H, W) metres; sigma (H, W) standard error of `depth` in metres, estimated from the captures
+    (NaN where there are fewer than two); count (H, W) uint16 captures used; reason (H, W).
     `stamp_ns` is the last capture's stamp, `dwell_ns` the first one's: it names the dwell.
     """
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 C = TypeVar("C")
 LARGEST = 1e300
-"""Numbers beyond are none (and an int of more digits is no float)."""
+"""Largest magnitude of a number in a configuration; a larger int cannot become a float."""
 
 
 def param(

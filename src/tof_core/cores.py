@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work shared out between the cores by threads: NumPy, the ray casters and our kernels let go of the interpreter."""
+"""Work distributed over the cores by threads: NumPy, the ray casters and the compiled kernels release the interpreter lock."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CORES = len(os.sched_getaffinity(0))
 
 
 def in_threads(work: Callable[..., T], *each: Iterable[object]) -> list[T]:
-    """`work` of each item, as `map` has it, in order; what it raises is raised here."""
+    """Apply `work` to each item in threads; results in order, like `map`. An exception of `work` is raised here."""
     if CORES == 1:
         return list(map(work, *each))
     with ThreadPoolExecutor(CORES) as pool:  # made anew: one kept at module level would not survive a fork

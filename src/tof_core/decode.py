@@ -69,8 +69,8 @@ def decode_depth(msg: Any, where: str = "", *, scale: float = 0.001) -> tuple[Im
 
     Integer images: `scale` metres a count (REP 118: 1 mm); 0 is no return, 65535 saturated.
     32FC1: NaN and +inf are no return (REP 117: nothing seen), -inf is out of range (too close).
-    REP 118 lets a float 0.0 stand for a depth of nought; nothing can be seen there, and publishers
-    write it for "none", so it is no return too. A negative depth is out of range.
+    REP 118 allows 0.0 as a depth of zero. No camera measures that, and publishers write 0.0 for
+    "no depth", so it counts as no return. A negative depth is out of range.
     """
     raster = pixels(msg, where)
     if msg.encoding not in DEPTH_ENCODINGS:

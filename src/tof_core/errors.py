@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one tree of errors: each says in one line what is wrong, where, and what to do."""
+"""The tree of errors. Each message is one line: what is wrong, where, and what to do."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import reprlib
 
 
 class ToftwinError(Exception):
-    """Something a user can mend. Exit code 1: the data says no.
+    """An error that the user can resolve. Exit code 1: the data do not support a result.
 
     Args:
         what: what is wrong.
@@ -55,7 +55,7 @@ class NoTopicError(TopicError, UsageError):
 
 
 class DecodeError(ToftwinError):
-    """A message's bytes do not mean what its header says."""
+    """A message's bytes contradict its header."""
 
 
 class CameraError(ToftwinError):
@@ -83,7 +83,7 @@ class ModelError(ToftwinError):
 
 
 def brief(value: object) -> str:
-    """A foreign value as one line says it, however large it is."""
+    """A foreign value as one short line, however large it is."""
     try:
         return reprlib.repr(value)
     except ValueError:  # Python writes no integer of more than 4300 digits

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Digests that say which CAD, which configuration and which arrays a result was made from."""
+"""Digests that identify the CAD, configuration and arrays from which a result was made."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DIGITS = 16
-"""Hexadecimal digits of every digest: 64 bits tell apart all that one person will make."""
+"""Hexadecimal digits of every digest: 64 bits distinguish all results that one user will make."""
 
 
 def digest_bytes(*parts: bytes | memoryview) -> str:
-    """Digest of byte strings; where one ends and the next begins counts."""
+    """Digest of byte strings; the boundaries between them count."""
     h = hashlib.blake2b(digest_size=DIGITS // 2)
     for part in parts:
         h.update(len(part).to_bytes(8, "little"))

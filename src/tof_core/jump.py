@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A clock that was set back, told by the stamps alone."""
+"""Detection of a clock that was set back, from header stamps alone."""
 
 from __future__ import annotations
 
 JUMP_NS = 1_000_000_000
 JUMP_FRAMES = 3
-"""So many frames in a row, rising, all older than what was given out by more than a second: the clock was set back."""
+"""The clock was set back if this many frames in a row have ascending stamps and are all older than the newest output by more than `JUMP_NS`."""
 
 
 class BackwardJump:
-    """Watches frames that come too late: one is late, several that rise among themselves belong to another time."""
+    """Counts frames that arrive too late. One such frame is late; several with ascending stamps mean that the clock was set back."""
 
     def __init__(self) -> None:
         """Nothing late yet."""

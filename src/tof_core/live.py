@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What running nodes share without ROS: their options, and a view put together from the messages of `preproc`."""
+"""Options that the running nodes share, and views assembled from the messages of `preproc`. No ROS in it."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class ViewOptions(ManagedOptions):
     scene: str = param("", "scene.yaml of the cell, its folder, or a built-in scene's name")
     cell_frame: str = param("", "TF frame of the cell; empty: the scene's")
     body_frame: str = param("", "TF frame of the robot's base; empty: 'body' or 'base_link' on the way")
-    max_gap_s: float = param(0.2, "longest pause of TF that is interpolated", unit="s", low=0.001, high=10.0)
-    patience_s: float = param(1.0, "a view waits so long for its transform", unit="s", low=0.2, high=60.0)
-    keep_tf_s: float = param(30.0, "history of TF", unit="s", low=1.0, high=3600.0)
+    max_gap_s: float = param(0.2, "longest gap in TF that is interpolated", unit="s", low=0.001, high=10.0)
+    patience_s: float = param(1.0, "longest wait of a view for its transform", unit="s", low=0.2, high=60.0)
+    keep_tf_s: float = param(30.0, "length of the TF history that is kept", unit="s", low=1.0, high=3600.0)
 
     @property
     def scene_name(self) -> str:

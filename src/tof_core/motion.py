@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Does it stand still: the base (stations) and the camera (the motion gate), both from TF."""
+"""Whether the base stands still (stations) and whether the camera does (motion gate), both from TF."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class StationConfig:
-    """How far the base may seem to move and still stand in one station."""
+    """Apparent motion of the base within one station."""
 
     tolerance_mm: float = param(8.0, "the base has moved when its origin went further than this", unit="mm", low=0.1, high=1000.0)
     tolerance_deg: float = param(0.5, "the base has moved when it turned further than this", unit="deg", low=0.01, high=90.0)
@@ -71,7 +71,7 @@ class Twist:
 
 
 def camera_velocity(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, window_s: float) -> Float | None:
-    """(6,) mean velocity of the camera over stamp ± window in its own axes (m/s, rad/s), or None where TF does not tell.
+    """(6,) mean velocity of the camera over stamp ± window in its own axes (m/s, rad/s), or None where TF has no data.
 
     Where TF covers only one side of the stamp (live, the future is not here yet), that side counts.
     """
@@ -83,7 +83,7 @@ def camera_velocity(transforms: TransformBuffer, cell: str, camera: str, stamp_n
 
 
 def camera_twist(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, window_s: float) -> Twist | None:
-    """Mean speed of the camera in the cell over stamp ± window, or None where TF does not tell."""
+    """Mean speed of the camera in the cell over stamp ± window, or None where TF has no data."""
     velocity = camera_velocity(transforms, cell, camera, stamp_ns, window_s)
     if velocity is None:
         return None
@@ -104,7 +104,7 @@ def is_still(
     stamp_ns: int,
     config: MotionConfig | None = None,
 ) -> bool:
-    """Whether the camera stands still in the cell around a stamp; False where TF does not tell."""
+    """Whether the camera stands still in the cell around a stamp; False where TF has no data."""
     config = config or MotionConfig()
     twist = camera_twist(transforms, cell, camera, stamp_ns, config.window_s)
     return twist is not None and twist.speed * 1e3 <= config.speed_mm_s and twist.turn <= config.turn_deg_s

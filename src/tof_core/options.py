@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a user may say about a bag or a robot's topics: names, frames, and what depth means."""
+"""Options of a bag or of a robot's topics: names, frames, and the meaning of depth."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class BagOptions:
     depth_scale: float = param(0.001, "metres of one count of an integer depth image", unit="m", low=1e-6, high=1.0)
     cell_frame: str = param("", "TF frame of the cell; empty: the scene's frame")
     body_frame: str = param("", "TF frame of the robot's base; empty: 'body' or 'base_link' on the way from cell to camera")
-    max_gap_s: float = param(0.2, "longest pause of TF that is interpolated", unit="s", low=0.001, high=10.0)
+    max_gap_s: float = param(0.2, "longest gap in TF that is interpolated", unit="s", low=0.001, high=10.0)
     join_s: float = param(0.016, "amplitude joins a depth image when their stamps differ by at most this", unit="s", low=0.0, high=1.0)
     colour_join_s: float = param(0.5, "colour joins a depth image when their stamps differ by at most this", unit="s", low=0.0, high=60.0)
     recover: bool = param(False, "read a damaged bag as far as it is whole")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
 
 COLUMNS = 120
-"""About how many columns of a picture are looked at; finer ones tell nothing more of large planes."""
+"""Columns of the subsampled image, about; more of them add nothing about large planes."""
 PLANES = 8
 SAMPLES = 250
 """Local patches tried for each plane."""
@@ -34,7 +34,7 @@ FLAT = 0.002
 
 
 def thinned(shape: tuple[int, ...]) -> int:
-    """Take every so many-th pixel."""
+    """Step of the subsampling, in pixels."""
     return max(round(shape[1] / COLUMNS), 1)
 
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is this depth z, or the distance along the ray? Flat surfaces tell: the wrong reading bends them.
+"""Whether an image holds z or the distance along the ray: under the wrong assumption flat surfaces appear bent.
 
-A plane's inverse z is linear in the normalised image coordinates (x, y). If what is stored is
-d = z L^a, with L the ray's length per metre of z, then a = 0 where it is z and a = 1 where it is
-radial, and L^a / d is what is linear. Planes are grown under both readings, so that neither is
-favoured; on each the exponent `a` is fitted beside the plane. A surface that is no plane gives an
-exponent far from both, and then says nothing.
+A plane's inverse z is linear in the normalised image coordinates (x, y). Let the stored value be
+d = z L^a, with L the ray's length per metre of z: a = 0 for z, a = 1 for radial distance. Then
+L^a / d is linear. Planes are grown under both assumptions, so that neither is favoured; on each,
+the exponent `a` is fitted together with the plane. A curved surface gives an exponent far from
+both and is ignored.
 """
 
 from __future__ import annotations
@@ -25,29 +25,29 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
 
 Z, RADIAL = 0.0, 1.0
-"""The two exponents that are asked about."""
+"""The two exponents that are compared."""
 FAULT = 0.001
-"""Relative error (1 mm at 1 m) that a flat surface may show without being measured wrongly."""
+"""Relative deviation from a plane (1 mm at 1 m) that real flat surfaces have."""
 OUTLIER = 0.2
-"""Share of surfaces that are no planes: their exponents lie anywhere within ten of nought."""
+"""Share of surfaces that are not planes: their exponents are spread evenly from -10 to 10."""
 BLOCK = 6
-"""Pixels across the blocks whose means tell how far residuals hang together."""
+"""Side of the blocks, in pixels, whose means measure the correlation of neighbouring residuals."""
 SURFACE_CAP = 5.0
-"""The most one surface can say: a ball as large as it is far away is a plane read along the ray, exactly."""
+"""Largest log odds of one surface: a sphere around the camera is exactly a plane under the wrong assumption."""
 COPIES = 2.0
-"""Each surface is found under both readings: so many copies count once."""
+"""Each surface is found under both assumptions, so its evidence is divided by this."""
 
 
 @dataclass(frozen=True, slots=True)
 class RadialEvidence:
-    """What the flat parts of a depth image say about its unit.
+    """Evidence from the flat surfaces of a depth image: z or radial distance.
 
     exponent: power of the ray length that fits them best: 0 is z, 1 is radial (-1: converted once too often).
-    std: its standard error; infinite where nothing flat and wide was seen.
+    std: its standard error; infinite where no wide flat surface was found.
     planes: surfaces used.
-    bend_z_mm, bend_radial_mm: how far the flat surfaces bend (RMS along z) when the values are
-    read as z, and as radial.
-    log_odds: natural logarithm of how much likelier radial is than z.
+    bend_z_mm, bend_radial_mm: deviation of the flat surfaces from planes (RMS along z) if the values
+    are z, and if they are radial.
+    log_odds: natural logarithm of the odds of radial against z.
     """
 
     exponent: float
@@ -59,13 +59,13 @@ class RadialEvidence:
 
     @property
     def suspicion(self) -> float:
-        """Probability (0..1) that the values are radial rather than z; 0.5 says nothing."""
+        """Probability (0..1) that the values are radial rather than z; 0.5 where there is no evidence."""
         return float(1.0 / (1.0 + np.exp(-np.clip(self.log_odds, -50.0, 50.0))))
 
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """One surface: its exponent, the standard error, and its bend in metres read both ways."""
+    """One surface: its exponent, the standard error, and its deviation from a plane in metres, read as z and as radial."""
 
     exponent: float
     std: float
@@ -74,7 +74,7 @@ class _Fit:
 
     @property
     def is_plane(self) -> bool:
-        """Whether either reading can be true of it; else it is curved, and its exponent means nothing."""
+        """Whether the exponent is near that of z or of radial; otherwise the surface is curved."""
         return min(abs(self.exponent - Z), abs(self.exponent - RADIAL)) < 1.0
 
     @property
@@ -93,11 +93,11 @@ def radial_suspicion(depth: Image, camera: Camera) -> float:
 
 
 def radial_evidence(depth: Image, camera: Camera, surfaces: Ints | None = None) -> RadialEvidence:
-    """What the flat surfaces in depth (H, W), metres, say of the exponent.
+    """Exponent of the flat surfaces in depth (H, W), metres.
 
     Args:
         depth: as stored, not converted; NaN invalid.
-        camera: its intrinsics; a narrow field tells little.
+        camera: its intrinsics; a narrow field of view gives little evidence.
         surfaces: (H, W) numbers of surfaces known to be flat (from CAD), 0 none; found here if not given.
     """
     step = thinned(depth.shape)
@@ -108,7 +108,7 @@ def radial_evidence(depth: Image, camera: Camera, surfaces: Ints | None = None) 
 
 
 def _combined(fits: list[_Fit], copies: float) -> RadialEvidence:
-    """All surfaces, each by what it can tell."""
+    """Mean over all surfaces, weighted by the inverse variance of their exponents."""
     if not fits:
         return RadialEvidence(float("nan"), float("inf"), 0, float("nan"), float("nan"), 0.0)
     w = np.array([f.std**-2 for f in fits])
@@ -134,12 +134,12 @@ def _found(d: Float, rays: Float, length: Float) -> Iterator[Mask]:
 
 
 def _fit(on: Mask, d: Float, rays: Float, length: Float) -> _Fit | None:
-    """Fit a plane and the exponent to one surface, robustly; None where it is too small to tell."""
+    """Fit a plane and the exponent to one surface, robustly; None where it is too small."""
     on = on & np.isfinite(d) & np.isfinite(length)
     if on.sum() < LEAST:
         return None
     w, x, y, log_length = np.sqrt(length[on]) / d[on], rays[on][:, 0], rays[on][:, 1], np.log(length[on])
-    # First order about the exponent in the middle, from which both readings are equally far.
+    # First order about an exponent of one half, equally far from z and radial.
     A = np.stack([np.ones_like(x), x, y, -w * log_length], axis=1)
     solution, good = _robust(A, w)
     plane, column = A[good, :3], A[good, 3]
@@ -147,7 +147,7 @@ def _fit(on: Mask, d: Float, rays: Float, length: Float) -> _Fit | None:
     lever = float(np.sqrt(np.mean(_off_plane(plane, column) ** 2))) / level
     residual = np.full(d.shape, np.nan)
     residual[tuple(np.argwhere(on)[good].T)] = (w - A @ solution)[good] / level
-    std = float(np.linalg.norm([*_scatter(residual), FAULT])) / max(lever, 1e-9)
+    std = float(np.linalg.norm([*_residual_std(residual), FAULT])) / max(lever, 1e-9)
     z, r = 1.0 / d[on][good], length[on][good] / d[on][good]
     return _Fit(0.5 + float(solution[3]), std, _bend(plane, z, z), _bend(plane, r, z))
 
@@ -163,10 +163,10 @@ def _robust(A: Float, w: Float, rounds: int = 8) -> tuple[Float, Mask]:
     return solution, np.asarray(good, bool)
 
 
-def _scatter(residual: Float) -> tuple[float, float]:
-    """Of residuals (H, W; NaN elsewhere): the standard error of their mean, and what they have in common over blocks.
+def _residual_std(residual: Float) -> tuple[float, float]:
+    """Of residuals (H, W; NaN elsewhere): the standard error of their mean, and the standard deviation that blocks share.
 
-    The second does not shrink with the number of pixels: a surface that waves by as much may bend by as much.
+    The second does not shrink with the number of pixels: a surface with such waves may also be bent by as much.
     """
     h, w = (n // BLOCK * BLOCK for n in residual.shape)
     known = np.isfinite(residual)
@@ -186,5 +186,5 @@ def _off_plane(plane: Float, values: Float) -> Float:
 
 
 def _bend(plane: Float, w: Float, inverse_depth: Float) -> float:
-    """RMS in metres of what no plane explains of the inverse depth w."""
+    """RMS distance in metres from the best plane through the inverse depths w."""
     return float(np.sqrt(np.mean((_off_plane(plane, w) / w / inverse_depth) ** 2)))

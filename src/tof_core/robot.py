@@ -25,7 +25,7 @@ class RobotChain:
     """Names of the frames that a camera's pose is made of.
 
     Args:
-        transforms: what TF said; a placement is entered there once the cell is needed.
+        transforms: all transforms received; the placement is added to them once the cell is needed.
         cell: TF frame of the cell; empty takes the root above the camera.
         body: TF frame of the base; empty finds `body` or `base_link` on the chain.
         placed: where the cell is, for a robot whose TF does not know it.

@@ -160,7 +160,7 @@ def quat_from_matrix(R: ArrayLike) -> Float:
 
 
 def interpolate(T0: ArrayLike, T1: ArrayLike, share: float) -> Float:
-    """Motion between T0 (share 0) and T1 (share 1): straight in translation, slerp in rotation."""
+    """Motion between T0 (share 0) and T1 (share 1): linear in translation, slerp in rotation."""
     T0, T1 = np.asarray(T0, float), np.asarray(T1, float)
     out = np.eye(4)
     out[:3, :3] = T0[:3, :3] @ so3_exp(share * so3_log(T0[:3, :3].T @ T1[:3, :3]))

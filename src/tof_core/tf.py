@@ -49,7 +49,7 @@ class _Edge:
 
     @property
     def reached(self) -> int:
-        """How far time has come on this edge: its newest stamp but one, since a single stray from the future says nothing."""
+        """Time up to which this edge is known: its newest stamp but one, since a single stamp may lie in the future by mistake."""
         return self.stamps[-2 if len(self.stamps) > 1 else -1]
 
     def forget_before(self, stamp_ns: int) -> None:
@@ -60,7 +60,7 @@ class _Edge:
             del self.motions[: 7 * old]
 
     def at(self, stamp_ns: int, max_gap_ns: int) -> Motion:
-        """The motion at a stamp, or a TransformError that says what is lacking."""
+        """The motion at a stamp, or a TransformError with the reason why there is none."""
         if self.static:
             return _sample(self.motions, 0)
         i = bisect_left(self.stamps, stamp_ns)
@@ -261,7 +261,7 @@ def _inverse(p: Motion) -> Motion:
 
 
 def _interpolate(p: Motion, q: Motion, share: float) -> Motion:
-    """Straight in translation, slerp in rotation along the shorter arc."""
+    """Linear in translation, slerp in rotation along the shorter arc."""
     dot = p[3] * q[3] + p[4] * q[4] + p[5] * q[5] + p[6] * q[6]
     sign = -1.0 if dot < 0 else 1.0
     angle = math.acos(min(abs(dot), 1.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compressed pieces of foreign files, unpacked no further than they say that they go."""
+"""Decompression of foreign files, bounded by the size that their header states."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML in and out: safe, with file and line in each error; duplicate keys and texts that swell are refused."""
+"""YAML in and out: safe loader, file and line in each error; duplicate keys and oversized alias expansions are refused."""
 
 from __future__ import annotations
 

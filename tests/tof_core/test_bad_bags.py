@@ -46,7 +46,7 @@ def storage_file(path: Path) -> Path:
     return next(p for p in path.iterdir() if p.suffix in (".mcap", ".db3"))
 
 
-def test_no_bag_no_folder_and_no_storage_are_told_apart(tmp_path: Path) -> None:
+def test_no_bag_no_folder_and_no_storage_are_distinguished(tmp_path: Path) -> None:
     assert "does not exist" in refusal(tmp_path / "nothing")
     with pytest.raises(UsageError):
         open_bag(tmp_path / "nothing")

@@ -117,7 +117,7 @@ def test_what_is_still_in_sqlite_s_journal_is_read_too(tmp_path: Path) -> None:
     assert (killed / "bag.db3-wal").stat().st_size > 1000
     before = (killed / "bag.db3").read_bytes()
     check(killed)
-    assert (killed / "bag.db3").read_bytes() == before  # a copy was mended, not the evidence
+    assert (killed / "bag.db3").read_bytes() == before  # SQLite repaired a copy, not the original
     with open_bag(killed, cell_frame="cell") as reader:
         first = next(m for m in reader.messages() if m.topic.endswith("image"))
         assert (first.log_ns - first.stamp_ns) == 1

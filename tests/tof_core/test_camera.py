@@ -50,7 +50,7 @@ def test_rays_agree_with_opencv(camera: Camera) -> None:
 
 
 @given(st.floats(-0.3, 0.3), st.floats(-0.1, 0.1), st.floats(-3e-3, 3e-3), st.floats(-3e-3, 3e-3), st.floats(-0.05, 0.05))
-def test_undistortion_undoes_distortion_or_says_nan(k1: float, k2: float, p1: float, p2: float, k3: float) -> None:
+def test_undistortion_undoes_distortion_or_gives_nan(k1: float, k2: float, p1: float, p2: float, k3: float) -> None:
     camera = replace(PINHOLE, distortion=(k1, k2, p1, p2, k3))
     uv = np.stack(np.meshgrid([0.0, 20.0, 63.0], [0.0, 24.0, 47.0]), -1)
     rays = camera.rays_at(uv)
@@ -85,7 +85,7 @@ def test_a_finer_raster_sees_the_same() -> None:
     np.testing.assert_allclose(fine.rays_at(4 * centres + 1.5), PINHOLE.rays(), atol=1e-12)
 
 
-def test_rays_are_computed_once_and_cannot_be_spoilt() -> None:
+def test_rays_are_computed_once_and_are_read_only() -> None:
     assert PINHOLE.rays() is replace(PINHOLE).rays()
     with pytest.raises(ValueError, match="read-only"):
         PINHOLE.rays()[0, 0, 0] = 1.0

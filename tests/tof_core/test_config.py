@@ -28,7 +28,7 @@ class Whole:
     method: str = param("mean", "how", choices=("mean", "median"))
 
 
-def test_the_table_has_a_row_for_every_value_with_what_stands_beside_it() -> None:
+def test_the_table_has_a_row_with_all_facts_for_every_value() -> None:
     rows = {r.name: r for r in table(Whole)}
     assert list(rows) == ["gate.enable", "gate.speed", "strict.enable", "strict.speed", "count", "method"]
     assert rows["gate.speed"] == ParamInfo("gate.speed", float, 10.0, "faster than this is moving", "mm/s", 0.0, 100.0, ())

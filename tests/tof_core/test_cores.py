@@ -16,7 +16,7 @@ def _cores(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.usefixtures("_cores")
-def test_answers_come_in_the_order_of_their_questions() -> None:
+def test_results_come_in_the_order_of_the_items() -> None:
     def late(n: int, more: int) -> int:
         time.sleep(0.02 * (n == 0))
         return n + more
@@ -25,6 +25,6 @@ def test_answers_come_in_the_order_of_their_questions() -> None:
 
 
 @pytest.mark.usefixtures("_cores")
-def test_what_one_of_them_raises_is_raised() -> None:
+def test_an_exception_of_a_thread_is_raised() -> None:
     with pytest.raises(ZeroDivisionError):
         cores.in_threads(lambda n: 1 / n, [1, 0, 2])

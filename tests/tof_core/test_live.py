@@ -27,7 +27,7 @@ def test_a_running_view_takes_the_place_of_an_earlier_one_of_its_dwell() -> None
     assert (dwells.at(4), dwells.at(1)) == (views[-1], None)
 
 
-def test_who_reads_while_another_thread_adds_always_sees_a_view() -> None:
+def test_a_reader_always_sees_a_view_while_another_thread_adds() -> None:
     dwells, view = Dwells(2), made.view(0)
     dwells.add(view)
 

@@ -83,6 +83,6 @@ def test_at_the_end_of_tf_the_side_that_is_there_counts() -> None:
     assert is_still(moving(0.0, 0.0), "cell", "camera", 1000 * MS)
 
 
-def test_where_tf_does_not_tell_nothing_is_still() -> None:
+def test_without_tf_nothing_counts_as_standing_still() -> None:
     assert not is_still(moving(0.0, 0.0), "cell", "camera", 5000 * MS)
     assert not is_still(TransformBuffer(), "cell", "camera", 0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""z or distance along the ray: flat surfaces tell, wherever in the picture they lie, and nothing else does."""
+"""z or distance along the ray: flat surfaces decide it wherever they lie in the image, and nothing else does."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def room() -> Float:
     return np.asarray(np.minimum(np.minimum(wall, table), box))
 
 
-def test_z_and_radial_are_told_apart_and_the_bend_is_named() -> None:
+def test_z_and_radial_are_distinguished_and_the_bend_is_reported() -> None:
     depth = noisy(room())
     assert radial_suspicion(depth, CAMERA) < 0.01
     assert radial_suspicion(z_to_radial(CAMERA, depth), CAMERA) > 0.99
@@ -50,7 +50,7 @@ def test_a_surface_in_two_pieces_is_one_plane() -> None:
     assert radial_suspicion(z_to_radial(CAMERA, depth), CAMERA) > 0.99
 
 
-def test_a_ball_alone_says_nothing_strong() -> None:
+def test_a_sphere_alone_is_weak_evidence() -> None:
     rays = CAMERA.rays()
     a, b, c = (rays**2).sum(-1), rays[..., 2] * 1.0, 1.0 - 0.3**2
     root = b * b - a * c
@@ -58,7 +58,7 @@ def test_a_ball_alone_says_nothing_strong() -> None:
     assert 0.005 < radial_suspicion(noisy(ball), CAMERA) < 0.995
 
 
-def test_few_pixels_or_none_say_nothing() -> None:
+def test_few_pixels_or_none_are_no_evidence() -> None:
     none = np.full(CAMERA.shape, np.nan, np.float32)
     assert radial_suspicion(none, CAMERA) == 0.5
     none[10:14, 10:14] = 1.0
@@ -67,7 +67,7 @@ def test_few_pixels_or_none_say_nothing() -> None:
 
 @pytest.mark.shared
 @pytest.mark.parametrize("bag", BAGS)
-def test_real_and_foreign_cameras_are_told_apart(shared_data: Path, bag: str) -> None:
+def test_real_and_foreign_cameras_are_classified(shared_data: Path, bag: str) -> None:
     with open_bag(shared_data / bag, BagOptions()) as reader:
         for capture in list(reader.captures(need_tf=False))[:2]:
             assert radial_suspicion(capture.depth, capture.camera) < 0.01

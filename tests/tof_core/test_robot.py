@@ -72,7 +72,7 @@ def test_a_camera_without_any_tf_is_placed_itself() -> None:
     np.testing.assert_allclose(pose.T_cell_camera, se3.inverse(T_camera_cell), atol=1e-12)
 
 
-def test_tf_that_knows_the_cell_stands_above_a_placement() -> None:
+def test_tf_that_knows_the_cell_overrides_a_placement() -> None:
     chain = RobotChain(buffer(), "cell", placed=Placement("spot/body", np.eye(4)))
     np.testing.assert_allclose(chain.pose("spot/camera", 0).T_cell_camera, CELL_BODY @ BODY_CAMERA, atol=1e-12)
 

@@ -68,7 +68,7 @@ def test_quaternions_agree_with_scipy(xi: Float) -> None:
 
 
 @given(twists(), twists(most=2.9), st.floats(0, 1))
-def test_interpolation_is_straight_and_slerp(a: Float, b: Float, share: float) -> None:
+def test_interpolation_is_linear_and_slerp(a: Float, b: Float, share: float) -> None:
     A, B = se3.exp(a), se3.exp(a) @ se3.exp(b)
     T = se3.interpolate(A, B, share)
     np.testing.assert_allclose(T[:3, 3], (1 - share) * A[:3, 3] + share * B[:3, 3], atol=1e-12)
@@ -112,11 +112,11 @@ def test_what_is_no_rigid_motion_is_refused_by_name(T: Float) -> None:
         se3.as_se3("initial pose", T)
 
 
-def test_a_rounded_rotation_is_mended() -> None:
+def test_a_rounded_rotation_is_made_orthogonal() -> None:
     T = np.round(se3.exp([1, 2, 3, 0.3, 0.4, 0.5]), 5)
-    mended = se3.as_se3("T", T)
-    np.testing.assert_allclose(mended[:3, :3] @ mended[:3, :3].T, np.eye(3), atol=1e-14)
-    np.testing.assert_allclose(mended, T, atol=1e-5)
+    projected = se3.as_se3("T", T)
+    np.testing.assert_allclose(projected[:3, :3] @ projected[:3, :3].T, np.eye(3), atol=1e-14)
+    np.testing.assert_allclose(projected, T, atol=1e-5)
 
 
 def test_a_quaternion_without_direction_is_refused() -> None:

@@ -74,13 +74,13 @@ def test_an_empty_file_is_an_empty_mapping(tmp_path: Path) -> None:
 
 
 @given(hnp.arrays(np.float32, (2, 3), elements=st.floats(0, 9, width=32)))
-def test_digests_of_arrays_hang_on_type_shape_and_content_alone(a: np.ndarray[Any, Any]) -> None:
+def test_digests_of_arrays_depend_on_type_shape_and_content_alone(a: np.ndarray[Any, Any]) -> None:
     assert hashing.digest_arrays(a) == hashing.digest_arrays(np.asfortranarray(a.copy()))
     different = [a.reshape(3, 2), a.astype(np.float64), a + 1, a[:1]]
     assert len({hashing.digest_arrays(a), *(hashing.digest_arrays(d) for d in different)}) == 5
 
 
-def test_where_one_part_ends_counts() -> None:
+def test_boundaries_between_parts_count() -> None:
     assert hashing.digest_bytes(b"ab", b"c") != hashing.digest_bytes(b"a", b"bc")
 
 
@@ -92,7 +92,7 @@ def test_digests_of_files_are_those_of_their_content(tmp_path: Path) -> None:
     assert hashing.digest_files([tmp_path / "a", tmp_path / "c"]) != hashing.digest_files([tmp_path / "c", tmp_path / "a"])
 
 
-def test_digests_of_configurations_do_not_hang_on_the_order_of_keys() -> None:
+def test_digests_of_configurations_do_not_depend_on_the_order_of_keys() -> None:
     config = MotionConfig()
     assert hashing.digest_config(config) == hashing.digest_config(dict(reversed([(f, getattr(config, f)) for f in config.__slots__])))
     assert hashing.digest_config(config) != hashing.digest_config(replace(config, window_s=0.05))
@@ -136,9 +136,9 @@ def every_error() -> Iterator[type[ToftwinError]]:
 
 @pytest.mark.parametrize("kind", list(every_error()))
 def test_every_error_is_one_line_of_what_where_and_what_to_do(kind: type[ToftwinError]) -> None:
-    error = kind("is\nbroken", where=Path("a/b"), todo="mend  it")
-    assert str(error) == "a/b: is broken; mend it"
-    assert (error.what, error.where, error.todo) == ("is\nbroken", "a/b", "mend  it")
+    error = kind("is\nbroken", where=Path("a/b"), todo="repair  it")
+    assert str(error) == "a/b: is broken; repair it"
+    assert (error.what, error.where, error.todo) == ("is\nbroken", "a/b", "repair  it")
     assert error.exit_code in (1, 2)
 
 

@@ -64,7 +64,7 @@ def test_realsense_names_are_found_by_word() -> None:
     assert found.colour == "/camera/color/image_raw"
 
 
-def test_the_encoding_tells_where_the_name_does_not() -> None:
+def test_the_encoding_decides_where_the_name_does_not() -> None:
     types = {"/tof/image": IMAGE, "/tof/camera_info": INFO, "/webcam/image": IMAGE, "/webcam/camera_info": INFO}
     assert find_topics(types, BagOptions(), encodings={"/tof/image": "16UC1", "/webcam/image": "rgb8"}).depth == "/tof/image"
 
@@ -125,7 +125,7 @@ def test_points_that_the_user_names_win_over_the_image() -> None:
         (SPOT, BagOptions(depth_topic="/tf"), "is a tf2_msgs/msg/TFMessage, not a sensor_msgs/msg/Image"),
     ],
 )
-def test_what_is_missing_is_said_with_what_to_do(types: dict[str, str], options: BagOptions, message: str) -> None:
+def test_a_missing_topic_is_named_with_what_to_do(types: dict[str, str], options: BagOptions, message: str) -> None:
     with pytest.raises(TopicError, match=message):
         find_topics(types, options)
 
