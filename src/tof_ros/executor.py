@@ -3,139 +3,188 @@
 
 from __future__ import annotations
 
-from itertools import chain
+import inspect
+import time
+from collections import deque
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, TimeoutObject
+from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_c
-from rclpy.utilities import timeout_sec_to_nsec
+from rclpy.signals import SignalHandlerGuardCondition
+from rclpy.task import Future
+from rclpy.utilities import get_default_context, timeout_sec_to_nsec
+
+from tof_ros.wait_set import Waiting, alive
+from tof_ros.work import Work, called
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Coroutine
 
+    from rclpy.context import Context
     from rclpy.node import Node
 
-KINDS = ("subscription", "guard_condition", "timer", "client", "service")
-"""What a node waits for, as a wait set calls it."""
+POLL_NS = 10_000_000
+"""How long a turn waits at most while a coroutine waits for a future that cannot wake the executor (rclpy up to 7.1.8)."""
 
 
-class DirectExecutor(SingleThreadedExecutor):
-    """Executor of callbacks that are plain functions.
+class DirectExecutor(Executor):
+    """A single-threaded executor with a wait set per turn, not three per callback.
 
     rclpy's own makes a task of each callback and wakes itself twice for it, and each waking builds a wait set of all that
-    the node has, in Python. This one builds one, runs all that is ready, and is not woken by its own work.
+    the node has, in Python. This one builds one, runs all that is ready, and is not woken by its own work. A callback that is a
+    coroutine and waits holds its callback group until it ends, as with rclpy's.
+
+    Of rclpy's `Executor` it uses what is public and the five `_take_*` methods, which take one message, request, answer, event or
+    timer call; tasks, guards and the state of shutdown are its own. `tof_ros.trial` tries it on the rclpy that is installed.
     """
 
-    def _spin_once_impl(self, timeout_sec: Any = None, wait_condition: Callable[[], bool] = lambda: False) -> None:
-        """One turn; other threads may make and destroy entities meanwhile, or shut the executor down."""
-        del wait_condition
-        self._run_tasks()
-        guards = [g for g in (self._guard, self._sigint_gc) if g is not None]
-        if self._is_shutdown or len(guards) < 2:
-            return
-        for take, entity in self._wait(self.get_nodes(), guards, timeout_sec_to_nsec(timeout_sec)):
-            if self._is_shutdown:
-                return
-            if (call := take(entity)) is not None:
-                _finish(call())
+    def __init__(self, *, context: Context | None = None) -> None:
+        """No node yet."""
+        context = get_default_context() if context is None else context
+        self._alarm = GuardCondition(None, None, context=context)
+        self._interrupt = SignalHandlerGuardCondition(context)
+        self._ended = False
+        self._begun: deque[Work] = deque()
+        self._suspended: list[Work] = []
+        super().__init__(context=context)
+        self._takers: dict[str, Callable[[Any], Any]] = {
+            "subscription": self._take_subscription,
+            "guard_condition": _take_guard,
+            "timer": self._take_due_timer,
+            "client": self._take_client,
+            "service": self._take_service,
+            "waitable": self._take_waitable,
+        }
 
-    def _take_guard_condition(self, gc: Any) -> Any:
-        """As of the other kinds: one that another callback of this turn destroyed is called no more."""
-        return super()._take_guard_condition(gc) if _alive(gc) else None
-
-    def _take_timer(self, tmr: Any) -> Any:
-        """A timer that another callback of this turn cancelled is called no more."""
-        return super()._take_timer(tmr) if _alive(tmr) and tmr.handle.is_timer_ready() else None
-
-    def _run_tasks(self) -> None:
-        """What a future has to tell once it is done."""
-        with self._tasks_lock:
-            tasks = list(self._tasks)
-            self._tasks.clear()
-        for task, _, _ in tasks:
-            task()
-
-    def _wait(self, nodes: list[Node], guards: list[Any], timeout_ns: int) -> list[tuple[Callable[[Any], Any], Any]]:
-        """Entities that are ready, each behind the method that takes from it."""
-        found = (
-            chain.from_iterable(n.subscriptions for n in nodes),
-            chain(guards, *(n.guards for n in nodes)),
-            chain.from_iterable(n.timers for n in nodes),
-            chain.from_iterable(n.clients for n in nodes),
-            chain.from_iterable(n.services for n in nodes),
-        )
-        held: list[Any] = []
+    def wake(self) -> None:
+        """End the wait: entities came or went, or there is a task."""
         try:
-            entities = [[e for e in kind if _hold(e.handle, held)] for kind in found]
-            waitables = [w for n in nodes for w in n.waitables if _hold(w, held)]
-            _hold(self._context.handle, held)
-            if self._is_shutdown:  # looked at once all is held: before, the guard that would end the wait may be gone
-                raise ShutdownException
-            wait_set = _wait_set(entities, waitables, self._context.handle)
-            wait_set.wait(timeout_ns)
-            if self._is_shutdown:
-                raise ShutdownException
-            if not self._context.ok():
+            self._alarm.trigger()
+        except rclpy_c.InvalidHandle:
+            return  # shut down
+
+    def add_node(self, node: Node) -> bool:
+        """Run a node's callbacks too; false where it was there."""
+        added = super().add_node(node)
+        self.wake()
+        return bool(added)
+
+    def remove_node(self, node: Node) -> None:
+        """Run a node's callbacks no more."""
+        super().remove_node(node)
+        self.wake()
+
+    def create_task(self, callback: Callable[..., Any] | Coroutine[Any, None, Any], *args: Any, **kwargs: Any) -> Future:
+        """Run a function or a coroutine in the next turn; any thread may ask."""
+        future = Future(executor=self)
+        coroutine = callback if inspect.iscoroutine(callback) else called(callback, *args, **kwargs)
+        self._begun.append(Work(coroutine, future=future))
+        self.wake()
+        return future
+
+    def shutdown(self, timeout_sec: float | None = None) -> bool:
+        """End the wait and every later turn."""
+        if not self._ended:
+            self._ended = True
+            self.wake()
+            self._alarm.destroy()
+            self._interrupt.destroy()
+        return bool(super().shutdown(timeout_sec))
+
+    def spin(self) -> None:
+        """Turn until shutdown."""
+        while self.context.ok() and not self._ended:
+            self._turn(-1)
+
+    def spin_once(self, timeout_sec: float | None = None) -> None:
+        """One turn: wait, then run everything that is ready."""
+        self._turn(timeout_sec_to_nsec(timeout_sec))
+
+    def spin_once_until_future_complete(self, future: Future, timeout_sec: float | TimeoutObject | None = None) -> None:
+        """One turn, which the future ends too."""
+        future.add_done_callback(lambda _: self.wake())
+        self.spin_once(timeout_sec.timeout if isinstance(timeout_sec, TimeoutObject) else timeout_sec)
+
+    def spin_until_future_complete(self, future: Future, timeout_sec: float | None = None) -> None:
+        """Turn until a future is done, the time is over, or shutdown."""
+        future.add_done_callback(lambda _: self.wake())
+        end = float("inf") if timeout_sec is None or timeout_sec < 0 else time.monotonic() + timeout_sec
+        while self.context.ok() and not (self._ended or future.done() or future.cancelled()):
+            left = end - time.monotonic()
+            if left <= 0:
+                return
+            self.spin_once(None if left == float("inf") else left)
+
+    def _turn(self, timeout_ns: int) -> None:
+        """One turn; other threads may make and destroy entities meanwhile, or shut the executor down."""
+        self._go_on()
+        for kind, entity in self._ready(timeout_ns):
+            if self._ended:
+                return
+            if self._suspended and not _may_run(entity):  # its group was taken in this very turn
+                if kind == "guard_condition":
+                    entity.trigger()  # the wait took what had triggered it
+            elif (call := self._takers[kind](entity)) is not None:
+                self._begin(call(), entity)
+
+    def _begin(self, coroutine: Any, entity: Any) -> None:
+        """Run a callback; most end here."""
+        try:
+            awaited = coroutine.send(None)
+        except StopIteration:
+            return
+        entity.callback_group.beginning_execution(entity)
+        self._suspend(Work(coroutine, awaited=awaited, entity=entity))
+
+    def _suspend(self, work: Work) -> None:
+        self._suspended.append(work)
+        if work.awaited is not None:
+            work.awaited.add_done_callback(lambda _: self.wake())
+
+    def _go_on(self) -> None:
+        """Tasks that were asked for (a future's done callbacks are such), and coroutines whose wait is over."""
+        going = [self._begun.popleft() for _ in range(len(self._begun))]
+        going += [work for work in self._suspended if work.can_go_on]
+        for work in going:
+            waited = work in self._suspended
+            if waited:
+                self._suspended.remove(work)
+            ended = True
+            try:
+                ended = work.step()
+            finally:
+                if ended and work.entity is not None:
+                    work.entity.callback_group.ending_execution(work.entity)
+            if not ended:
+                self._suspend(work)
+
+    def _ready(self, timeout_ns: int) -> list[tuple[str, Any]]:
+        """Wait; what is ready, with its kind."""
+        if any(work.awaited is None for work in self._suspended):
+            timeout_ns = POLL_NS if timeout_ns < 0 else min(timeout_ns, POLL_NS)
+        waiting = Waiting(self.get_nodes(), [self._alarm, self._interrupt], self.context, _may_run if self._suspended else None)
+        try:
+            if self._ended:  # looked at once all is held: before, the guard that would end the wait may be gone
+                return []
+            ready = waiting.wait(timeout_ns)
+            if not self.context.ok() and not self._ended:
                 raise ExternalShutdownException
-            return self._ready(wait_set, entities, waitables, guards)
+            return ready
         finally:
-            for handle in held:
-                handle.__exit__(None, None, None)
+            waiting.let_go()
 
-    def _ready(self, wait_set: Any, entities: list[list[Any]], waitables: list[Any], own: list[Any]) -> list[Any]:
-        takers = (self._take_subscription, self._take_guard_condition, self._take_timer, self._take_client, self._take_service)
-        ready: list[Any] = [(self._take_waitable, w) for w in waitables if w.is_ready(wait_set)]
-        for kind, take, some in zip(KINDS, takers, entities, strict=True):
-            pointers = wait_set.get_ready_entities(kind)
-            ready += [(take, e) for e in some if e.handle.pointer in pointers and e not in own] if pointers else []
-        return ready
+    def _take_due_timer(self, timer: Any) -> Any:
+        """A timer that another callback of this turn cancelled is called no more."""
+        return self._take_timer(timer) if alive(timer) and timer.handle.is_timer_ready() else None
 
 
-def _alive(entity: Any) -> bool:
-    try:
-        with entity.handle:
-            return True
-    except rclpy_c.InvalidHandle:
-        return False
+def _may_run(entity: Any) -> bool:
+    """Whether no suspended callback of its group stands in the way."""
+    return bool(entity.callback_group.can_execute(entity))
 
 
-def _hold(handle: Any, held: list[Any]) -> bool:
-    """Keep what is not destroyed yet from being so while it is waited for."""
-    try:
-        handle.__enter__()
-    except rclpy_c.InvalidHandle:
-        return False
-    held.append(handle)
-    return True
-
-
-def _wait_set(entities: list[list[Any]], waitables: Iterable[Any], context: Any) -> Any:
-    subscriptions, guards, timers, clients, services = entities
-    more = [w.get_num_entities() for w in waitables]
-    wait_set = rclpy_c.WaitSet(
-        len(subscriptions) + sum(m.num_subscriptions for m in more),
-        len(guards) + sum(m.num_guard_conditions for m in more),
-        len(timers) + sum(m.num_timers for m in more),
-        len(clients) + sum(m.num_clients for m in more),
-        len(services) + sum(m.num_services for m in more),
-        sum(m.num_events for m in more),
-        context,
-    )
-    wait_set.clear_entities()
-    adders = (wait_set.add_subscription, wait_set.add_guard_condition, wait_set.add_timer, wait_set.add_client, wait_set.add_service)
-    for add, some in zip(adders, entities, strict=True):
-        for entity in some:
-            add(entity.handle)
-    for waitable in waitables:
-        waitable.add_to_wait_set(wait_set)
-    return wait_set
-
-
-def _finish(coroutine: Any) -> None:
-    """Run a coroutine that waits for nothing."""
-    try:
-        coroutine.send(None)
-    except StopIteration:
-        return
-    coroutine.close()
-    raise RuntimeError("a callback that waits needs another executor")
+def _take_guard(guard: Any) -> Any:
+    """One that another callback of this turn destroyed is called no more."""
+    return partial(called, guard.callback) if alive(guard) else None

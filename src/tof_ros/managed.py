@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+from lifecycle_msgs.srv import ChangeState
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 
@@ -184,8 +185,11 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
 
     def _answer_impossible_transitions(self) -> None:
         """Rclpy lets a transition that the state does not have (activate before configure) end the executor; answer it instead."""
-        change = self._service_change_state.callback
+        for service in self.services:
+            if service.srv_type is ChangeState:
+                service.callback = self._answered(service.callback)
 
+    def _answered(self, change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
         def answer(request: Any, response: Any) -> Any:
             try:
                 return change(request, response)
@@ -194,4 +198,4 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
                 response.success = False
                 return response
 
-        self._service_change_state.callback = answer
+        return answer

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, ShutdownException
 
-from tof_ros.executor import DirectExecutor
+from tof_ros.trial import CHOICE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,7 +25,7 @@ class Spinner:
         self.node = node
         self.error: BaseException | None = None
         threads = getattr(node, "threads", 1)
-        self._executor = MultiThreadedExecutor(threads, context=node.context) if threads > 1 else DirectExecutor(context=node.context)
+        self._executor = MultiThreadedExecutor(threads, context=node.context) if threads > 1 else CHOICE.executor(node.context)
         self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, name=node.get_name(), daemon=True)
         self._thread.start()

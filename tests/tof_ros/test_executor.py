@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One wait, then everything that is ready; other threads may meddle."""
+"""One wait, then everything that is ready; other threads may meddle. With the installed rclpy, and with the layout of newer ones."""
 
 from __future__ import annotations
 
@@ -20,8 +20,19 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.dds
 
 
+@pytest.fixture(scope="module", params=["as installed", "as from 7.1.9 on"], autouse=True)
+def layout(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Every test of this file runs with both."""
+    from tests.tof_ros import newer_rclpy
+
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param != "as installed":
+            newer_rclpy.emulate(patch)
+        yield
+
+
 @pytest.fixture(scope="module")
-def context(ros_domain: int) -> Iterator[Any]:
+def context(layout: None, ros_domain: int) -> Iterator[Any]:
     from tof_ros.environment import ros_context
 
     with ros_context(domain=ros_domain) as context:
@@ -173,3 +184,116 @@ def test_what_a_callback_raises_stops_the_node_and_is_kept(context: Any) -> None
         node.create_guard_condition(fail).trigger()
         assert wait_for(lambda: not spinner.alive)
         assert isinstance(spinner.error, ZeroDivisionError)
+
+
+def test_a_coroutine_that_waits_goes_on_once_its_future_is_done(context: Any) -> None:
+    from rclpy.task import Future
+
+    said: list[str] = []
+    with spun(context, "waiting") as (node, spinner):
+        awaited: Future = Future()
+
+        async def wait() -> None:
+            said.append(str(await awaited))
+
+        node.create_guard_condition(wait).trigger()
+        time.sleep(0.05)
+        assert said == []
+        awaited.set_result("done")
+        assert wait_for(lambda: said == ["done"])
+        assert spinner.alive
+
+
+def test_a_callback_that_waits_holds_its_group_and_no_other(context: Any) -> None:
+    from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+    from rclpy.task import Future
+
+    order: list[str] = []
+    with spun(context, "grouped") as (node, _):
+        awaited: Future = Future()
+
+        async def wait() -> None:
+            order.append("begins")
+            await awaited
+            order.append("ends")
+
+        group = MutuallyExclusiveCallbackGroup()
+        first = node.create_guard_condition(wait, callback_group=group)
+        same = node.create_guard_condition(lambda: order.append("same group"), callback_group=group)
+        other = node.create_guard_condition(lambda: order.append("other group"), callback_group=MutuallyExclusiveCallbackGroup())
+        first.trigger()
+        assert wait_for(lambda: order == ["begins"])
+        same.trigger()
+        other.trigger()
+        assert wait_for(lambda: order == ["begins", "other group"])
+        time.sleep(0.05)
+        assert order == ["begins", "other group"]
+        awaited.set_result(None)
+        assert wait_for(lambda: len(order) == 4)
+    assert order == ["begins", "other group", "ends", "same group"]
+
+
+def test_a_task_gives_its_result_and_one_that_is_cancelled_ends(context: Any) -> None:
+    from rclpy.task import Future
+
+    with spun(context, "tasks") as (node, spinner):
+        never: Future = Future()
+        closed: list[str] = []
+
+        async def wait() -> None:
+            try:
+                await never
+            finally:
+                closed.append("closed")
+
+        async def add(a: int, *, b: int) -> int:
+            return a + b
+
+        executor = node.executor
+        total, product, waiting = executor.create_task(add, 1, b=2), executor.create_task(lambda: 6), executor.create_task(wait)
+        assert wait_for(lambda: total.done() and product.done())
+        assert (total.result(), product.result()) == (3, 6)
+        waiting.cancel()
+        executor.wake()
+        assert wait_for(lambda: closed == ["closed"])
+        assert spinner.alive
+
+
+def test_what_a_coroutine_raises_after_its_wait_stops_the_node(context: Any) -> None:
+    from rclpy.task import Future
+
+    with spun(context, "failing_late") as (node, spinner):
+        awaited: Future = Future()
+
+        async def fail() -> None:
+            await awaited
+            raise ZeroDivisionError("on purpose")
+
+        node.create_guard_condition(fail).trigger()
+        time.sleep(0.05)
+        awaited.set_result(None)
+        assert wait_for(lambda: not spinner.alive)
+        assert isinstance(spinner.error, ZeroDivisionError)
+
+
+def test_spin_until_a_future_is_done_ends_then_and_at_its_deadline(context: Any) -> None:
+    import rclpy
+    from rclpy.task import Future
+
+    from tof_ros.executor import DirectExecutor
+
+    node = rclpy.create_node("until", context=context)
+    executor = DirectExecutor(context=context)
+    executor.add_node(node)
+    try:
+        done, never = Future(), Future()
+        node.create_guard_condition(lambda: done.set_result(7)).trigger()
+        executor.spin_until_future_complete(done, timeout_sec=10.0)
+        assert done.result() == 7
+        begun = time.monotonic()
+        executor.spin_until_future_complete(never, timeout_sec=0.1)
+        assert 0.1 <= time.monotonic() - begun < 2.0
+        assert not never.done()
+    finally:
+        executor.shutdown()
+        node.destroy_node()

@@ -267,3 +267,28 @@ def test_publishers_that_we_cannot_hear_are_named_with_the_policy() -> None:
     assert [f.level for f in said] == [Level.MEND, Level.MEND]
     assert "RELIABILITY" in said[0].todo
     assert "DURABILITY" in said[1].todo
+
+
+EXECUTORS = {
+    "": ({"Own": "", "Rclpy": ""}, Level.OK, "Own runs"),
+    "ours does not work": ({"Own": "no attribute '_tasks'", "Rclpy": ""}, Level.NOTE, "rclpy's Rclpy runs the nodes"),
+    "nothing works": ({"Own": "no attribute '_tasks'", "Rclpy": "nothing ran"}, Level.MEND, "no node can run: nothing ran"),
+}
+
+
+@pytest.mark.parametrize("what", EXECUTORS)
+def test_the_executor_that_runs_the_nodes_is_told(what: str) -> None:
+    failures, level, said = EXECUTORS[what]
+    finding = host.executor(failures)
+    assert finding.level is level
+    assert said in finding.what
+    assert bool(finding.todo) == (level is not Level.OK)
+
+
+@pytest.mark.dds
+def test_the_host_s_rclpy_is_named_with_its_version_and_executor(ros_domain: int) -> None:
+    ros, executor = host.middleware()
+    assert "rclpy 7" in ros.what
+    assert "over rmw_" in ros.what
+    assert executor.level is Level.OK
+    assert executor.what.startswith("DirectExecutor runs")

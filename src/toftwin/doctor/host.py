@@ -27,7 +27,7 @@ CASTERS = {"embreex": "embreex", "open3d": "open3d"}
 def examine_host() -> Iterator[Finding]:
     """All checks that need no data."""
     yield python()
-    yield middleware()
+    yield from middleware()
     yield discovery(os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", ""), os.environ.get("ROS_DOMAIN_ID", ""))
     yield from ray_casters()
     yield onnx_providers()
@@ -43,22 +43,45 @@ def python(version: tuple[int, int] | None = None) -> Finding:
     return mend("python", f"{named} is not 3.11 or 3.12", "PYTHON=python3.11 make setup")
 
 
-def middleware() -> Finding:
-    """rclpy can be imported and has a middleware."""
+def middleware() -> Iterator[Finding]:
+    """rclpy can be imported, has a middleware, and runs callbacks."""
     from tof_ros.survey import middleware_name
 
     try:
         name = middleware_name()
     except ImportError as error:
-        return mend(
+        yield mend(
             "ROS", f"rclpy cannot be imported ({error})", "run make setup, or source /opt/ros/jazzy/setup.sh first and then make setup"
         )
+        return
+    from tof_ros.trial import rclpy_version, try_here
+
     sourced = os.environ.get("ROS_DISTRO", "")
     if sourced and sourced != "jazzy":
-        return mend(
+        yield mend(
             "ROS", f"ROS {sourced} is sourced", "open a shell without it; its bags and topics are read by Jazzy's rclpy all the same"
         )
-    return ok("ROS", f"rclpy over {name}, {'sourced Jazzy' if sourced else 'from pip'}")
+    else:
+        yield ok("ROS", f"rclpy {rclpy_version()} over {name}, {'sourced Jazzy' if sourced else 'from pip'}")
+    yield executor(try_here())
+
+
+def executor(failures: dict[str, str]) -> Finding:
+    """Which executor runs the nodes; `failures` are what each lacks on this host, the graph's own first."""
+    (own, why), (fallback, nothing_works) = failures.items()
+    if not why:
+        return ok("executor", f"{own} runs guards, timers, messages, services and coroutines")
+    if nothing_works:
+        return mend(
+            "executor",
+            f"no node can run: {nothing_works}",
+            "reinstall ROS: make clean setup, or apt-get install --reinstall ros-jazzy-rclpy",
+        )
+    return note(
+        "executor",
+        f"rclpy's {fallback} runs the nodes, a third dearer per message; the graph's {own} does not work here: {why}",
+        "install a newer toftwin",
+    )
 
 
 def discovery(reach: str, domain: str) -> Finding:
