@@ -16,23 +16,23 @@ from benchmarks.figure import Figure, at_least, at_most
 from benchmarks.infer_data import EXACT_ROBOT, label_bag, record_bag
 from benchmarks.infer_scenes import random_scene
 from benchmarks.make_model import HELD_OUT
+from benchmarks.rivals import examples, fit_correction, search_rules
 from tof_core.bag import open_bag
+from tof_eval.methods import Corrected, Model, Raw, Rules
 from tof_infer.config import InferConfig
 from tof_scene.builtin import make_builtin
 from tof_scene.raycast import Raycaster
 from tof_scene.scene import Material, Part, Scene
 from tof_virtual.twin import SWEEP, TwinCamera
-from toftwin.evaluation.evaluate import evaluate_bag
-from toftwin.evaluation.methods import Corrected, Model, Raw, Rules
-from toftwin.evaluation.rivals import examples, fit_correction, search_rules
+from toftwin.evaluating import evaluate_bag, frame_bias
 from toftwin.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from benchmarks.rivals import Example
+    from tof_eval.methods import Method
     from tof_infer.session import Session
-    from toftwin.evaluation.methods import Method
-    from toftwin.evaluation.rivals import Example
 
 FRAMES = 10
 OTHERS = ("housing", "pipework")
@@ -50,13 +50,13 @@ def run() -> list[Figure]:
         work = Path(folder)
         shown = training_examples(camera, work)
         rules, found = search_rules(shown)
-        fitted = fit_correction(shown)
+        bias = frame_bias(fit_correction(shown))
         methods: list[Method] = [
             Raw(),
             Rules(rules),
             Rules(rules, FRAMES),
-            Corrected(fitted, rules),
-            Corrected(fitted, rules, FRAMES),
+            Corrected(bias, rules),
+            Corrected(bias, rules, FRAMES),
             Model(session),
         ]
         swept = {HELD_OUT: sweep(camera, methods, work)}

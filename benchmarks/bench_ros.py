@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.figure import Figure, at_most
+from benchmarks.offline import graph_outputs
 from tof_core.se3 import from_quat
+from tof_eval.runs import parts, read_run
 from tof_ros.player import PlayOptions
 from tof_scene.raycast import Raycaster
 from toftwin import cli
-from toftwin.compare import parts, read_run
 from toftwin.inputs import opened
-from toftwin.offline import graph_outputs
 from toftwin.pipeline import PipelineConfig
 from toftwin.replay import ReplayResult, replay
 
 if TYPE_CHECKING:
-    from toftwin.offline import Output
+    from benchmarks.offline import Output
 
 SCENE = Path("body_section")
 

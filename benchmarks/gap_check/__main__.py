@@ -10,7 +10,7 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from toftwin.threads import one_thread
+from tof_core.cores import one_thread
 
 FORMS = {"short": (40, "160x122"), "long": (500, "224x171"), "wide": (72, "")}
 """Cases and pixels of the camera: the short form is the tests', the wide one has other cameras and parts in each."""

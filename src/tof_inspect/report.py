@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tof_core import se3
+from tof_core.page import image_uri, render_page
 from tof_inspect.evidence import render_at
 
 if TYPE_CHECKING:
@@ -41,22 +40,15 @@ def content(found: Inspection, scene: str) -> dict[str, Any]:
 
 def write(inspector: Inspector, found: Inspection, folder: Path, title: str) -> Path:
     """Write `inspection.json` and `inspection.html` into a folder; returns the page."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     folder.mkdir(parents=True, exist_ok=True)
-    told = content(found, inspector.scene.digest)
-    (folder / "inspection.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+    result = content(found, inspector.scene.digest)
+    (folder / "inspection.json").write_text(json.dumps(result, indent=1), encoding="utf-8")
     rows = [v.to_dict() | {"picture": picture(inspector, v, found.views, found.posed)} for v in found.verdicts]
     order = {"absent": 0, "displaced": 1, "not_observable": 2, "present": 3}
     rows.sort(key=lambda row: (order[row["state"]], row["name"]))
-    environment = Environment(loader=PackageLoader("tof_inspect"), autoescape=True, undefined=StrictUndefined)
+    values = {"counts": result["counts"], "evidence": found.colour, "parts": rows, "views": result["views"]}
     page = folder / "inspection.html"
-    page.write_text(
-        environment.get_template("inspection.html.j2").render(
-            title=title, counts=told["counts"], evidence=found.colour, parts=rows, views=told["views"]
-        ),
-        encoding="utf-8",
-    )
+    page.write_text(render_page("tof_inspect", "inspection.html.j2", f"Inspection of {title}", **values), encoding="utf-8")
     return page
 
 
@@ -96,7 +88,6 @@ def _box(covered: Mask, margin: int) -> tuple[slice, slice]:
 
 def _png(crops: Sequence[Image], covered: Mask) -> str:
     import matplotlib as mpl
-    from PIL import Image as Picture
 
     outline = covered & ~_eroded(covered)
     low, high = np.nanpercentile(crops[1], [2, 98]) + np.array([-0.005, 0.005])
@@ -108,9 +99,7 @@ def _png(crops: Sequence[Image], covered: Mask) -> str:
         shown += [rgb, np.ones((rgb.shape[0], 2, 3))]
     wide: Float = np.concatenate(shown[:-1], axis=1)
     scale = max(1, 120 // wide.shape[0])
-    out = io.BytesIO()
-    Picture.fromarray((255 * np.kron(wide, np.ones((scale, scale, 1)))).astype(np.uint8)).save(out, "PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(out.getvalue()).decode()
+    return image_uri((255 * np.kron(wide, np.ones((scale, scale, 1)))).astype(np.uint8))
 
 
 def _eroded(mask: Mask) -> Mask:

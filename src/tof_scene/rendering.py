@@ -6,8 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from tof_core.arrays import Float, Image
@@ -34,3 +35,12 @@ class Rendering:
     albedo: Image
     mixed: Image
     second: Image
+
+
+def depth_only(camera: Camera, depth: Image) -> Rendering:
+    """A rendering of which depth (H, W) alone is known, seen from the origin of the cell: no part, no normal, no second surface."""
+    unknown = np.broadcast_to(np.float32(np.nan), camera.shape)
+    part, face = np.broadcast_to(np.int16(-1), camera.shape), np.broadcast_to(np.int32(-1), camera.shape)
+    normal = np.broadcast_to(np.float32(np.nan), (*camera.shape, 3))
+    mixed = np.broadcast_to(np.float32(0), camera.shape)
+    return Rendering(camera, np.eye(4), depth, part, face, normal, unknown, unknown, mixed, unknown)

@@ -9,6 +9,7 @@ from multiprocessing import get_context
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
+from tof_core.cores import ONE_THREAD
 from tof_core.errors import UsageError
 from toftwin.batch import FAILED, Outcome, label_one
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Iterator, Sequence
     from multiprocessing.connection import Connection
-
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
 def run_local(calls: Sequence[argparse.Namespace], workers: int) -> Iterator[Outcome]:

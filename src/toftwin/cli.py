@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
 from tof_core.errors import ToftwinError
+from tof_core.page import set_command, version
 from tof_core.progress import set_quiet
 
 if TYPE_CHECKING:
@@ -86,21 +87,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 2
         if args.quiet:
             set_quiet()
+        set_command(argv)
         return load_command(chosen).run(args)
     except SystemExit as stop:  # argparse has spoken already
         return stop.code if isinstance(stop.code, int) else 2
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001
         return report(error, debug="--debug" in argv)
-
-
-def version() -> str:
-    """The installed version."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("toftwin")
-    except PackageNotFoundError:
-        return "not installed"
 
 
 def report(error: BaseException, *, debug: bool = False) -> int:

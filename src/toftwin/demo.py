@@ -10,19 +10,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tof_core.config import from_mapping, param
+from tof_eval.sessions import SessionErrors, session_errors
+from tof_eval.tables import depth_table, methods_table, pose_table
+from tof_virtual.truth import load_truth
 from toftwin.demo_repair import compare_methods
-from toftwin.evaluate import Evaluation, evaluate, pose_table
-from toftwin.evaluation.text import methods_table
 from toftwin.inputs import opened
 from toftwin.labelling import LabelResult, label_bag
 from toftwin.pipeline import PipelineConfig
 from toftwin.replay import ReplayResult, replay
-from toftwin.scores import table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from toftwin.evaluation.evaluate import Evaluation as Comparison
+    from tof_eval.comparison import Comparison
 
 MARK = "made-by-toftwin-demo"
 
@@ -50,7 +50,7 @@ class DemoResult:
     folder: Path
     replayed: ReplayResult
     labelled: LabelResult
-    evaluation: Evaluation
+    errors: SessionErrors
     comparison: Comparison
     seconds: dict[str, float]
 
@@ -66,9 +66,10 @@ def run_demo(out: Path, config: DemoConfig) -> DemoResult:
     replayed = _timed(seconds, "replay", lambda: _replay(part, scene))
     labelled = _timed(seconds, "label", lambda: _label(part, scene))
     poses = {"per-view ICP": labelled.others["per_view"], **live_poses(part / "graph")}
-    evaluation = _timed(seconds, "evaluate", lambda: evaluate(part / "dataset.zarr", part / "truth", poses))
+    truth, _ = load_truth(part / "truth")
+    errors = _timed(seconds, "evaluate", lambda: session_errors(part / "dataset.zarr", truth, poses))
     comparison = _timed(seconds, "repair", lambda: compare_methods(part, scene, config))
-    result = DemoResult(config, part, replayed, labelled, evaluation, comparison, seconds)
+    result = DemoResult(config, part, replayed, labelled, errors, comparison, seconds)
     _timed(seconds, "report", lambda: _report(result, scene))
     if out.exists():
         shutil.rmtree(out)
@@ -126,7 +127,7 @@ def _label(folder: Path, scene: Path) -> LabelResult:
 def live_poses(run: Path) -> dict[str, list[Any]]:
     """Poses that the graph published, by stamp."""
     from tof_core.se3 import from_quat
-    from toftwin.compare import parts, read_run
+    from tof_eval.runs import parts, read_run
 
     found = sorted((stamp, parts(message)["pose"]) for (stamp, topic), message in read_run(run).items() if topic.endswith("label/pose"))
     return {"graph, live": [from_quat(p[:3], p[3:]) for _, p in found]}
@@ -144,9 +145,9 @@ def summary(result: DemoResult) -> str:
     return "\n".join(
         [
             f"over DDS: {r.report.sent} frames sent, {r.report.fates['kept']} kept, {r.report.lost} lost; the graph used {r.memory_bytes / 1e6:.0f} MB",
-            table(result.evaluation.rows),
-            pose_table(result.evaluation.poses),
-            f"labels within two of their own sigmas of the truth: {result.evaluation.honest:.1%}",
+            depth_table(result.errors.rows),
+            pose_table(result.errors.poses),
+            f"labels within two of their own sigmas of the truth: {result.errors.honest:.1%}",
             f"the paper's sweep before the camera that the default network knows, {result.comparison.result['views']} views against the truth:",
             methods_table(result.comparison.result["methods"]),
             "seconds: " + ", ".join(f"{name} {s:.0f}" for name, s in result.seconds.items()),

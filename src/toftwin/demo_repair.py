@@ -11,17 +11,17 @@ from toftwin.pipeline import PipelineConfig
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tof_eval.comparison import Comparison
+    from tof_eval.methods import Method
     from toftwin.demo import DemoConfig
-    from toftwin.evaluation.evaluate import Evaluation
-    from toftwin.evaluation.methods import Method
 
 
-def compare_methods(folder: Path, scene: Path, config: DemoConfig) -> Evaluation:
+def compare_methods(folder: Path, scene: Path, config: DemoConfig) -> Comparison:
     """Record the sweep as `folder/sweep` and judge every method on it against the truth beside it."""
+    from tof_eval.methods import Model, Raw, Rules
     from tof_infer.session import Session
     from tof_scene.raycast import Raycaster
-    from toftwin.evaluation.evaluate import evaluate_bag
-    from toftwin.evaluation.methods import Model, Raw, Rules
+    from toftwin.evaluating import evaluate_bag
 
     _record_sweep(folder / "sweep", scene, config)
     pipeline = PipelineConfig()

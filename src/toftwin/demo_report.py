@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tof_core.page import render_page
 from tof_core.reasons import Reason
+from tof_eval import pictures
+from tof_eval.report import sweep_plot, view_picture
 from tof_scene.raycast import Raycaster
 from tof_scene.render import render
 from tof_scene.scene_file import load_scene
 from tof_sim_label.dataset import open_dataset
 from tof_virtual.truth import load_truth
-from toftwin import pictures
-from toftwin.evaluation.report import sweep_plot, view_picture
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,19 +30,17 @@ GALLERY = 12
 
 def write_report(result: DemoResult, scene: Path) -> Path:
     """Write `report.html` into the demo's folder."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     dataset, (truth, meta) = open_dataset(result.folder / "dataset.zarr"), load_truth(result.folder / "truth")
     caster = Raycaster(load_scene(scene))
     view = _telling_view(dataset)
-    environment = Environment(
-        loader=PackageLoader("toftwin"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    html = environment.get_template("demo.html.j2").render(
+    html = render_page(
+        "toftwin",
+        "demo.html.j2",
+        "How far is each pixel really?",
         config=result.config,
-        rows=result.evaluation.rows,
-        poses=[_pose_row(p) for p in result.evaluation.poses],
-        honest=result.evaluation.honest,
+        rows=result.errors.rows,
+        poses=[_pose_row(p) for p in result.errors.poses],
+        honest=result.errors.honest,
         seconds=result.seconds,
         replayed=result.replayed,
         labelled=result.labelled,
@@ -51,7 +50,7 @@ def write_report(result: DemoResult, scene: Path) -> Path:
         backend=caster.backend,
         camera=dataset.camera,
         hero=hero(dataset, truth, caster, view),
-        pose_plot=pictures.pose_plot(result.evaluation.poses),
+        pose_plot=pictures.pose_plot(result.errors.poses),
         histogram=_histogram(dataset, truth),
         reasons=_reasons(result.folder / "graph"),
         methods=result.comparison.result["methods"],
@@ -119,7 +118,7 @@ def _errors(measured: NDArray[Any], true: NDArray[Any]) -> NDArray[Any]:
 def _reasons(run: Path) -> str:
     """Why pixels have no depth, over all running views of the graph."""
     from tof_core.decode import pixels
-    from toftwin.compare import read_run
+    from tof_eval.runs import read_run
 
     counts = np.zeros(256, np.int64)
     for (_, topic), message in read_run(run).items():

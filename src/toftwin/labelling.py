@@ -16,9 +16,9 @@ from tof_core.errors import RefusedError, UsageError
 from tof_core.hashing import digest_config
 from tof_core.progress import progress
 from tof_core.yamlio import save_yaml
+from tof_eval.pooled import PooledError
 from toftwin.pipeline import PipelineConfig, ViewStream
 from toftwin.resume import OtherBagError, Unfinished, save_json
-from toftwin.scores import PooledError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -35,10 +35,11 @@ def test_everything_is_left_and_nothing_half_done(demo: Path) -> None:
 
 
 def test_labels_are_nearer_to_the_truth_than_what_was_measured(demo: Path) -> None:
+    from tof_eval.sessions import session_errors
+    from tof_virtual.truth import load_truth
     from toftwin.demo import live_poses
-    from toftwin.evaluate import evaluate
 
-    found = evaluate(demo / "dataset.zarr", demo / "truth", live_poses(demo / "graph"))
+    found = session_errors(demo / "dataset.zarr", load_truth(demo / "truth")[0], live_poses(demo / "graph"))
     mae = {name: error.mae for name, error in found.rows}
     assert mae["label against truth"] < 0.6 * mae["filtered against truth"]
     assert mae["filtered against truth"] < mae["raw against truth"]

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from benchmarks.offline import graph_outputs
 from tof_core.bag import open_bag
 from tof_core.bag_writer import BagWriter
 from tof_core.se3 import from_quat
+from tof_eval.runs import parts, read_run
 from tof_scene.raycast import Raycaster
 from toftwin import cli
-from toftwin.compare import parts, read_run
 from toftwin.inputs import opened
-from toftwin.offline import graph_outputs
 from toftwin.pipeline import PipelineConfig
 
 if TYPE_CHECKING:

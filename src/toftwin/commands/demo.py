@@ -42,9 +42,9 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         import json
 
-        rows = {name: error.to_dict() for name, error in result.evaluation.rows}
-        poses = {p.name: {"mm": p.millimetres.tolist(), "deg": p.degrees.tolist()} for p in result.evaluation.poses}
-        print(json.dumps({"depth": rows, "poses": poses, "honest": result.evaluation.honest, "seconds": result.seconds}, indent=1))
+        rows = {name: error.to_dict() for name, error in result.errors.rows}
+        poses = {p.name: {"mm": p.millimetres.tolist(), "deg": p.degrees.tolist()} for p in result.errors.poses}
+        print(json.dumps({"depth": rows, "poses": poses, "honest": result.errors.honest, "seconds": result.seconds}, indent=1))
         return 0
     print(summary(result))
     print(f"report: {args.out / 'report.html'}")

@@ -46,12 +46,13 @@ def _settings() -> type[Any]:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print the table."""
+    from tof_eval.methods import make_methods
+    from tof_eval.tables import captures_table, methods_table
     from tof_infer.config import InferConfig
     from tof_infer.session import Session
     from tof_scene.raycast import Raycaster
-    from toftwin.evaluation.evaluate import evaluate_bag
-    from toftwin.evaluation.methods import make_methods
-    from toftwin.evaluation.text import captures_table, methods_table
+    from tof_sensor.model import load_model
+    from toftwin.evaluating import evaluate_bag, frame_bias
     from toftwin.inputs import opened
     from toftwin.options import load_config
     from toftwin.pipeline import PipelineConfig
@@ -59,13 +60,14 @@ def run(args: argparse.Namespace) -> int:
     config = load_config(PipelineConfig, args)
     names = [n.strip() for n in args.methods.split(",") if n.strip()]
     session = Session(InferConfig(model=args.model, force=args.force)) if "model" in names else None
-    methods = make_methods(names, config.preproc, session, args.sensor, args.frames)
+    bias = frame_bias(load_model(args.sensor)) if args.sensor else None
+    methods = make_methods(names, config.preproc, session, bias, args.frames)
     with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
         assert scene is not None
         evaluation = evaluate_bag(reader, Raycaster(scene), methods, config, truth=args.truth)
     result = {**evaluation.result, "bag": Path(args.bag).name}
     if args.out is not None:
-        from toftwin.evaluation.report import write
+        from tof_eval.report import write
 
         write(args.out, result, evaluation.shown)
     if args.json:

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose a bag and write the report."""
     import sys
 
-    from toftwin.threads import one_thread
+    from tof_core.cores import one_thread
 
     if not args.retrain and "numpy" not in sys.modules:
         one_thread()  # on thousands of small matrices two take a third longer

@@ -100,11 +100,11 @@ def hashes(args: argparse.Namespace) -> tuple[str, str, str]:
 
 
 def _print(result: Any) -> None:
-    from toftwin.scores import table
+    from tof_eval.tables import depth_table
 
     if result.note:
         print(result.note)
     skipped = "; skipped: " + ", ".join(f"{reason} {count}" for reason, count in result.skipped.items()) if result.skipped else ""
     print(f"{result.captures} captures, {result.views} views in {result.dataset}{skipped}")
     print("verdicts: " + ", ".join(f"{verdict} {count}" for verdict, count in result.verdicts.most_common()))
-    print(table(result.rows))
+    print(depth_table(result.rows))

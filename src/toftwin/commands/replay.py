@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import argparse
 
-    from toftwin.compare import Comparison
+    from tof_eval.runs import RunComparison
     from toftwin.replay import ReplayResult
 
 NAME = "replay"
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from tempfile import TemporaryDirectory
 
     from tof_core.errors import UsageError
-    from toftwin.compare import EXACT, TOLERANCES, compare_runs
+    from tof_eval.runs import EXACT, TOLERANCES, compare_runs
 
     if args.rate and not args.realtime:
         raise UsageError("only --realtime has a pace", where="--rate", todo="add --realtime")
@@ -86,7 +86,7 @@ def play(args: argparse.Namespace, record: Path | None) -> ReplayResult:
         )
 
 
-def _facts(result: ReplayResult, comparison: Comparison | None) -> dict[str, Any]:
+def _facts(result: ReplayResult, comparison: RunComparison | None) -> dict[str, Any]:
     r = result.report
     facts = {
         "sent": r.sent,
@@ -113,7 +113,7 @@ HINT = (
 )
 
 
-def _print(result: ReplayResult, comparison: Comparison | None, args: argparse.Namespace) -> None:
+def _print(result: ReplayResult, comparison: RunComparison | None, args: argparse.Namespace) -> None:
     r = result.report
     skipped = ", ".join(f"{reason} {count}" for reason, count in sorted(r.fates.items()) if reason != "kept")
     print(f"{r.sent} frames sent, {r.fates['kept']} kept, {r.lost} lost" + (f"; skipped: {skipped}" if skipped else ""))
@@ -128,8 +128,8 @@ def _print(result: ReplayResult, comparison: Comparison | None, args: argparse.N
         _print_comparison(comparison)
 
 
-def _print_comparison(comparison: Comparison) -> None:
-    from toftwin.compare import tolerance_of
+def _print_comparison(comparison: RunComparison) -> None:
+    from tof_eval.runs import tolerance_of
 
     print(f"{'topic':<24}{'messages':>10}{'largest difference':>20}{'allowed':>12}{'in pixels':>12}")
     for topic, count in sorted(comparison.compared.items()):

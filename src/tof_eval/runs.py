@@ -61,7 +61,7 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class RunComparison:
     """How many messages were compared, per topic, and where the runs part first."""
 
     compared: Mapping[str, int]
@@ -79,7 +79,7 @@ def tolerance_of(topic: str, tolerances: Mapping[str, Tolerance] = TOLERANCES) -
     return next((t for name, t in tolerances.items() if topic.strip("/") == name or topic.endswith(f"/{name}")), EXACT)
 
 
-def compare_runs(new: Path, old: Path, tolerances: Mapping[str, Tolerance] = TOLERANCES) -> Comparison:
+def compare_runs(new: Path, old: Path, tolerances: Mapping[str, Tolerance] = TOLERANCES) -> RunComparison:
     """Compare two bags of the graph's outputs; messages are matched by topic and header stamp."""
     a, b = read_run(new), read_run(old)
     if not b:
@@ -94,7 +94,7 @@ def compare_runs(new: Path, old: Path, tolerances: Mapping[str, Tolerance] = TOL
         largest[topic] = max(largest.get(topic, 0.0), worst)
         if found and first is None:
             first = Difference(stamp, topic, found)
-    return Comparison(compared, largest, first)
+    return RunComparison(compared, largest, first)
 
 
 def read_run(path: Path) -> dict[tuple[int, str], Any]:

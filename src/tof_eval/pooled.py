@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 from tof_core.metrics import DepthError, depth_error
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from tof_core.arrays import Image, Mask
 
 
@@ -50,13 +48,3 @@ class PooledError:
             pixels=self.pixels,
             reference=self.reference,
         )
-
-
-def table(rows: Iterable[tuple[str, DepthError]]) -> str:
-    """The rows as text: millimetres, per cent, pixels."""
-    head = f"{'depth':<28}{'MAE mm':>9}{'RMSE mm':>9}{'bias mm':>9}{'complete':>10}{'alignment':>11}{'pixels':>12}"
-    lines = [
-        f"{name:<28}{1e3 * e.mae:>9.2f}{1e3 * e.rmse:>9.2f}{1e3 * e.bias:>+9.2f}{e.completeness:>10.1%}{e.alignment:>10.2f}%{e.pixels:>12,}"
-        for name, e in rows
-    ]
-    return "\n".join([head, *lines])

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tof_core.metrics import depth_error
-from toftwin.scores import PooledError, table
+from tof_eval.pooled import PooledError
+from tof_eval.tables import depth_table
 
 
 def test_pooling_images_gives_the_figures_of_their_stack() -> None:
@@ -40,4 +41,4 @@ def test_nothing_compared_is_nan() -> None:
 def test_the_table_is_in_millimetres() -> None:
     pooled = PooledError()
     pooled.add(np.full((2, 2), 1.5, np.float32), np.ones((2, 2), np.float32))
-    assert table([("raw", pooled.error)]).splitlines()[1].split() == ["raw", "500.00", "500.00", "+500.00", "100.0%", "50.00%", "4"]
+    assert depth_table([("raw", pooled.error)]).splitlines()[1].split() == ["raw", "500.00", "500.00", "+500.00", "100.0%", "50.00%", "4"]

@@ -7,32 +7,31 @@ import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import pyplot as plt
 
-from toftwin import pictures
+from tof_core.page import PALETTE, axes, figure_uri, render_page
+from tof_eval.methods import METHODS
+from tof_eval.pictures import panels
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from toftwin.evaluation.methods import Estimate
-    from toftwin.evaluation.reference import Judged
+    from tof_eval.methods import Estimate
+    from tof_eval.reference import Judged
 
 AXES = {"range_m": "range, m", "incidence_deg": "incidence, degrees", "albedo": "albedo", "edge_px": "pixels to an edge", "part": "part"}
-COLOURS = {"raw": "#868e96", "rules": "#e8590c", "corrected": "#7048e8", "model": "#0b7285"}
+COLOURS = {name: PALETTE[colour] for name, colour in zip(METHODS, ("neutral", "contrast", "third", "accent"), strict=True)}
 
 
 def write(folder: Path, result: Mapping[str, Any], shown: tuple[Judged, Mapping[str, Estimate]]) -> Path:
     """Write both files; returns the report's path."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "evaluation.json").write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    environment = Environment(
-        loader=PackageLoader("toftwin"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
     tables = {AXES[axis]: _rows(result["methods"], axis) for axis in AXES}
-    html = environment.get_template("evaluation.html.j2").render(
+    html = render_page(
+        "tof_eval",
+        "evaluation.html.j2",
+        f"How right is the depth of {result['bag']}?",
         result=result,
         methods=result["methods"],
         tables={k: v for k, v in tables.items() if v},
@@ -64,45 +63,44 @@ def _ordered(names: Sequence[str]) -> list[str]:
 
 
 def _colour(name: str) -> str:
-    return COLOURS.get(name.rstrip("0123456789"), "#495057")
+    return COLOURS.get(name.rstrip("0123456789"), PALETTE["soft"])
 
 
 def sweep_plot(methods: Mapping[str, Any]) -> str:
     """Figure 9 of the paper: alignment rate of every capture, and beside it the mean absolute error."""
-    figure, axes = plt.subplots(1, 2, figsize=(11, 3.2), layout="constrained")
-    for ax, key, label in zip(axes, ("alignment", "mae_mm"), ("alignment rate, %", "mean absolute error, mm"), strict=True):
+    figure, plots = axes(11, 3.2, columns=2)
+    for ax, key, label in zip(plots[0], ("alignment", "mae_mm"), ("alignment rate, %", "mean absolute error, mm"), strict=True):
         for name, m in methods.items():
             values = [np.nan if c[key] is None else c[key] for c in m["captures_equal_coverage"]]
             style = "--" if name[-1].isdigit() else "-"
             ax.plot(range(1, len(values) + 1), values, style, marker="o", ms=4, color=_colour(name), label=name)
         ax.set_xlabel("capture")
         ax.set_ylabel(label)
-        ax.grid(axis="y", color="#e9ecef", lw=0.8)
-        ax.set_axisbelow(True)
-    axes[1].set_ylim(bottom=0)
-    axes[0].legend(frameon=False, ncols=2)
-    return pictures.data_uri(figure)
+        ax.grid(axis="y", lw=0.8)
+    plots[0, 1].set_ylim(bottom=0)
+    plots[0, 0].legend(frameon=False, ncols=2)
+    return figure_uri(figure)
 
 
 def by_plot(methods: Mapping[str, Any]) -> str:
     """Mean absolute error and its bias against range, incidence, albedo and edge."""
     axes_shown = [axis for axis in ("range_m", "incidence_deg", "albedo", "edge_px") if any(axis in m["by"] for m in methods.values())]
-    figure, axes = plt.subplots(1, max(len(axes_shown), 1), figsize=(11, 2.9), layout="constrained", squeeze=False, sharey=True)
-    for ax, axis in zip(axes[0], axes_shown, strict=True):
+    figure, plots = axes(11, 2.9, columns=max(len(axes_shown), 1), sharey=True)
+    for ax, axis in zip(plots[0], axes_shown, strict=True):
         rows = _rows(methods, axis)
         for k, name in enumerate(methods):
             values = [np.nan if r[1][k] is None or r[1][k]["mae_mm"] is None else r[1][k]["mae_mm"] for r in rows]
             ax.plot(range(len(rows)), values, "--" if name[-1].isdigit() else "-", marker="o", ms=4, color=_colour(name), label=name)
         ax.set_xticks(range(len(rows)), [r[0] for r in rows], rotation=35, ha="right")
         ax.set_title(AXES[axis], loc="left")
-        ax.grid(axis="y", color="#e9ecef", lw=0.8)
-    axes[0][0].set_ylabel("mean absolute error, mm")
-    axes[0][0].set_yscale("log")
-    return pictures.data_uri(figure)
+        ax.grid(axis="y", lw=0.8)
+    plots[0, 0].set_ylabel("mean absolute error, mm")
+    plots[0, 0].set_yscale("log")
+    return figure_uri(figure)
 
 
 def view_picture(judged: Judged, estimates: Mapping[str, Estimate]) -> str:
     """One view: what each method makes of it, and its error."""
     true = judged.reference
     images: list[tuple[str, Any, str]] = [(f"{name}: error", e.depth - true, "error") for name, e in estimates.items()]
-    return pictures.panels(images, columns=min(len(images), 4))
+    return panels(images, columns=min(len(images), 4))

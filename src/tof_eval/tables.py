@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An evaluation as text for a terminal."""
+"""Figures as tables of text for a terminal."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from tof_core.metrics import DepthError
+    from tof_eval.sessions import PoseErrors
 
 
 def methods_table(methods: Mapping[str, Any]) -> str:
@@ -31,6 +36,26 @@ def captures_table(methods: Mapping[str, Any]) -> str:
     ]
     rows = zip(*(m["captures_equal_coverage"] for m in methods.values()), strict=True)
     return "\n".join([*lines, *(f"{k:<10}" + "".join(f"{_n(c['alignment'], 3):>12}" for c in row) for k, row in enumerate(rows, 1))])
+
+
+def depth_table(rows: Iterable[tuple[str, DepthError]]) -> str:
+    """One line a row: errors in mm, completeness and alignment rate in per cent, pixels."""
+    head = f"{'depth':<28}{'MAE mm':>9}{'RMSE mm':>9}{'bias mm':>9}{'complete':>10}{'alignment':>11}{'pixels':>12}"
+    lines = [
+        f"{name:<28}{1e3 * e.mae:>9.2f}{1e3 * e.rmse:>9.2f}{1e3 * e.bias:>+9.2f}{e.completeness:>10.1%}{e.alignment:>10.2f}%{e.pixels:>12,}"
+        for name, e in rows
+    ]
+    return "\n".join([head, *lines])
+
+
+def pose_table(poses: Sequence[PoseErrors]) -> str:
+    """One line an estimate of the poses: median and largest error over the views."""
+    head = f"{'pose of the camera':<28}{'median mm':>10}{'max mm':>9}{'median deg':>12}{'max deg':>9}"
+    lines = [
+        f"{p.name:<28}{np.median(p.millimetres):>10.2f}{p.millimetres.max():>9.2f}{np.median(p.degrees):>12.3f}{p.degrees.max():>9.3f}"
+        for p in poses
+    ]
+    return "\n".join([head, *lines])
 
 
 def _n(value: float | None, digits: int = 2) -> str:

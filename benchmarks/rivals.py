@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rivals at their best: filter parameters searched, and a sensor model fitted, on the training stations of datasets."""
+"""Baselines tuned on the training stations of datasets: filter parameters searched, and a sensor model fitted."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,15 +13,14 @@ from tof_core.config import from_mapping
 from tof_core.progress import progress
 from tof_core.reasons import Reason
 from tof_core.stats import robust_std
+from tof_eval.pooled import PooledError
 from tof_preproc.config import PreprocConfig
-from toftwin.scores import PooledError
+from toftwin.evaluating import measured_frame
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float, Image, Mask
-    from tof_core.camera import Camera
-    from tof_sensor.frame import Frame
     from tof_sensor.model import SensorModel
     from tof_sim_label.dataset import Dataset
 
@@ -135,26 +133,3 @@ def _trimmed(A: Float, b: Float) -> Float:
         r = b - A @ x
         keep = np.abs(r) <= TRIM * robust_std(r[keep], 0.0)
     return x
-
-
-def measured_frame(capture: Capture) -> Frame:
-    """The measured frame itself as what a correction reads."""
-    from tof_sensor.frame import Context, Frame
-
-    camera: Camera = capture.camera
-    depth = capture.depth.astype(np.float64)
-    amplitude = np.ones_like(depth) if capture.amplitude is None else np.nan_to_num(capture.amplitude.astype(np.float64))
-    zero = np.zeros_like(depth)
-    return Frame(
-        cast("Any", SimpleNamespace(camera=camera)), camera.rays(), depth, amplitude, zero, zero, Context(temperature=capture.temperature)
-    )
-
-
-def correction(model: SensorModel, capture: Capture) -> Float:
-    """(H, W) metres to take off a measured frame: the biases of the model that the frame alone tells."""
-    frame = measured_frame(capture)
-    return np.asarray(sum((e.bias(frame) for e in model.effects if e.NAME in READABLE), np.zeros(frame.depth.shape)))
-
-
-READABLE = frozenset({"range_offset", "depth_scale", "wiggling", "amplitude_bias", "temperature_drift", "fixed_pattern"})
-"""Effects whose bias a measured frame tells without CAD."""

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is compared: the raw frame, rules, rules after a fitted sensor correction, a network; each from captures to one depth."""
+"""The methods compared: the raw frame, filters, filters after a sensor correction, a network; each from captures to one depth."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -12,21 +12,19 @@ import numpy as np
 from tof_core.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
+    from collections.abc import Callable, Sequence
 
-    from tof_core.arrays import Image
+    from tof_core.arrays import Float, Image
     from tof_core.capture import Capture
     from tof_infer.session import Session
     from tof_preproc.config import PreprocConfig
-    from tof_sensor.model import SensorModel
 
 METHODS = ("raw", "rules", "corrected", "model")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """A method's answer for one view: depth (H, W) metres, NaN where it gives none; its own sigma (H, W) or None; seconds it took."""
+    """A method's answer for one view: depth (H, W) metres, NaN where it gives none; its own sigma (H, W) or None; run time in seconds."""
 
     depth: Image
     sigma: Image | None
@@ -73,26 +71,22 @@ class Rules:
 
 
 class Corrected(Rules):
-    """Rules after a fitted sensor model was taken off, as far as it can be told from the frame alone."""
+    """Rules after a correction of the sensor's bias; `bias` gives (H, W) metres of a capture that are subtracted from it."""
 
-    def __init__(self, model: SensorModel, config: PreprocConfig, frames: int = 1) -> None:
+    def __init__(self, bias: Callable[[Capture], Float], config: PreprocConfig, frames: int = 1) -> None:
         super().__init__(config, frames, "corrected" if frames == 1 else f"corrected{frames}")
-        self.model = model
+        self.bias = bias
 
     def estimate(self, captures: Sequence[Capture]) -> Estimate:
         """Correct each capture, then filter."""
-        from dataclasses import replace
-
-        from toftwin.evaluation.rivals import correction
-
         started = time.perf_counter()
-        better = [replace(c, depth=(c.depth - correction(self.model, c)).astype(np.float32)) for c in captures]
+        better = [replace(c, depth=(c.depth - self.bias(c)).astype(np.float32)) for c in captures]
         e = super().estimate(better)
         return Estimate(e.depth, e.sigma, time.perf_counter() - started)
 
 
 class Model:
-    """A trained network on one frame. What it marks as unknown counts as not given."""
+    """A trained network on one frame. A pixel that it marks as unknown counts as not measured."""
 
     name, frames = "model", 1
 
@@ -112,7 +106,7 @@ def make_methods(
     names: Sequence[str],
     rules: PreprocConfig,
     session: Session | None,
-    sensor: Path | None,
+    bias: Callable[[Capture], Float] | None,
     frames: int,
 ) -> list[Method]:
     """Methods by name; with `frames` above 1 the rules come a second time, given so many captures.
@@ -129,13 +123,11 @@ def make_methods(
         elif name == "model" and session is not None:
             out.append(Model(session))
         elif name == "corrected":
-            if sensor is None:
+            if bias is None:
                 raise UsageError(
                     "'corrected' needs a fitted sensor model", where="--methods", todo="pass --sensor sensor.yaml (toftwin gap)"
                 )
-            from tof_sensor.model import load_model
-
-            out += [Corrected(load_model(sensor), rules, n) for n in _counts(frames)]
+            out += [Corrected(bias, rules, n) for n in _counts(frames)]
         else:
             raise UsageError(f"there is no method '{name}'", where="--methods", todo=f"methods: {', '.join(METHODS)}")
     return out

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.metrics import DepthError, depth_error
+from tof_eval.pooled import PooledError
 from tof_scene.maps import edge_distance
-from toftwin.scores import PooledError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from tof_core.arrays import Image, Mask
+    from tof_eval.methods import Estimate
+    from tof_eval.reference import Judged
     from tof_scene.render import Rendering
-    from toftwin.evaluation.methods import Estimate
-    from toftwin.evaluation.reference import Judged
 
 BINS: dict[str, tuple[float, ...]] = {
     "range_m": (0, 0.3, 0.5, 0.7, 0.9, 1.2, 1.6, 2.2, 100),
@@ -38,7 +38,7 @@ FLYING_PX = 1.5
 
 @dataclass(slots=True)
 class MethodScore:
-    """All that is said of one method."""
+    """Everything measured of one method."""
 
     total: PooledError = field(default_factory=PooledError)
     common: PooledError = field(default_factory=PooledError)

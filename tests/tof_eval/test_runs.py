@@ -11,7 +11,7 @@ import pytest
 from tof_core.bag_writer import BagWriter
 from tof_core.camera import Camera
 from tof_core.errors import BagError
-from toftwin.compare import compare_runs
+from tof_eval.runs import compare_runs
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A labelled session against the truth of the virtual robot that recorded it."""
+"""A labelled session against its truth: depth, label and poses."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tof_core import se3
 from tof_core.errors import DatasetError
+from tof_eval.pooled import PooledError
 from tof_sim_label.dataset import open_dataset
-from tof_virtual.truth import load_truth
-from toftwin.scores import PooledError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseErrors:
-    """How far one way of posing was off, per view: millimetres and degrees."""
+    """Errors of one estimate of the poses, per view (V,): millimetres and degrees."""
 
     name: str
     millimetres: Float
@@ -32,8 +31,8 @@ class PoseErrors:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Evaluation:
-    """Depth and poses against label and truth.
+class SessionErrors:
+    """Errors of depth and poses against label and truth.
 
     rows: name and figures; poses: by way of posing; honest: share of certain pixels whose label is
     within two of its own sigmas of the truth.
@@ -44,15 +43,18 @@ class Evaluation:
     honest: float = float("nan")
 
 
-def evaluate(dataset_path: Path, truth_stem: Path, poses: Mapping[str, Sequence[Float]]) -> Evaluation:
+def session_errors(dataset_path: Path, truth: Mapping[str, Any], poses: Mapping[str, Sequence[Float]]) -> SessionErrors:
     """Compare a dataset with its session's truth, view by view.
 
     Args:
         dataset_path: what `label` wrote.
-        truth_stem: the truth beside the bag.
-        poses: further ways of posing the views, to be compared with the truth.
+        truth: arrays by name, as `tof_virtual.truth` writes them: stamp_ns, depth, T_robot, T_cell_camera.
+        poses: further estimates of the views' poses by name, (V, 4, 4) each.
+
+    Raises:
+        DatasetError: dataset and truth are of different sessions.
     """
-    dataset, (truth, _) = open_dataset(dataset_path), load_truth(truth_stem)
+    dataset = open_dataset(dataset_path)
     if not np.array_equal(dataset.column("views/stamp_ns"), truth["stamp_ns"]):
         raise DatasetError("its views are not those of the truth", where=dataset_path, todo="label the bag beside the truth")
     names = ("raw against label", "filtered against label", "raw against truth", "filtered against truth", "label against truth")
@@ -74,20 +76,10 @@ def evaluate(dataset_path: Path, truth_stem: Path, poses: Mapping[str, Sequence[
         compared += int(both.sum())
     ways = {"robot": truth["T_robot"], **poses, "session solution": dataset.column("views/T_cell_camera")}
     errors = [pose_errors(name, T, truth["T_cell_camera"]) for name, T in ways.items()]
-    return Evaluation([(n, p.error) for n, p in pooled.items()], errors, within / max(compared, 1))
+    return SessionErrors([(n, p.error) for n, p in pooled.items()], errors, within / max(compared, 1))
 
 
 def pose_errors(name: str, found: Sequence[Float], true: Sequence[Float]) -> PoseErrors:
     """Distances of poses (V, 4, 4) from the true ones."""
     distances = np.array([se3.distance(a, b) for a, b in zip(found, true, strict=True)])
     return PoseErrors(name, distances[:, 0] * 1e3, distances[:, 1])
-
-
-def pose_table(poses: Sequence[PoseErrors]) -> str:
-    """The poses as text: median and largest over the views."""
-    head = f"{'pose of the camera':<28}{'median mm':>10}{'max mm':>9}{'median deg':>12}{'max deg':>9}"
-    lines = [
-        f"{p.name:<28}{np.median(p.millimetres):>10.2f}{p.millimetres.max():>9.2f}{np.median(p.degrees):>12.3f}{p.degrees.max():>9.3f}"
-        for p in poses
-    ]
-    return "\n".join([head, *lines])

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Report pages: one palette, one frame, everything escaped; images stand inside the page, nothing comes from the network."""
+
+from __future__ import annotations
+
+import base64
+import io
+import shlex
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+    from tof_core.arrays import Bytes
+
+PALETTE = {
+    "ink": "#1c2733",
+    "soft": "#5c6b7a",
+    "line": "#dee2e6",
+    "wash": "#f6f8fa",
+    "paper": "#ffffff",
+    "accent": "#0b7285",
+    "contrast": "#e8590c",
+    "third": "#7048e8",
+    "neutral": "#868e96",
+    "good": "#1b7a3d",
+    "warning": "#a15c00",
+    "bad": "#b3261e",
+}
+"""Colours of pages and plots. Series take accent, contrast, third, neutral; verdicts take good, warning, bad."""
+PLOT_DPI = 110
+"""A figure of 11 inches is about as wide as a page, 1200 pixels."""
+_STYLE: dict[Any, Any] = {
+    "font.size": 9,
+    "axes.titlesize": 9.5,
+    "axes.edgecolor": PALETTE["line"],
+    "axes.labelcolor": PALETTE["ink"],
+    "text.color": PALETTE["ink"],
+    "xtick.color": PALETTE["soft"],
+    "ytick.color": PALETTE["soft"],
+    "grid.color": PALETTE["line"],
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
+_command = ""
+
+
+def set_command(arguments: Sequence[str]) -> None:
+    """Note the arguments of the command line, for the head of every page."""
+    global _command  # noqa: PLW0603 (one command line a process)
+    _command = shlex.join(["toftwin", *arguments]) if arguments else ""
+
+
+def render_page(package: str, template: str, title: str, **values: Any) -> str:
+    """A page as HTML text: the template of a package, which extends `frame.html.j2`, with a title and its values.
+
+    The frame adds the date, the version of toftwin and the command line. Values are escaped.
+    """
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader(package), PackageLoader("tof_core")]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made = {"date": f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}", "version": version(), "command": _command}
+    return environment.get_template(template).render(palette=PALETTE, title=title, made=made, **values)
+
+
+def version() -> str:
+    """The installed version of toftwin."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("toftwin")
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def axes(width: float, height: float, rows: int = 1, columns: int = 1, **kwargs: Any) -> tuple[Figure, Any]:
+    """A figure of so many inches and its axes, an array (rows, columns), in the pages' style."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    mpl.rcParams.update(_STYLE)
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **kwargs)
+
+
+def figure_uri(figure: Figure) -> str:
+    """A figure as a PNG image inside the page."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=PLOT_DPI, facecolor=PALETTE["paper"], bbox_inches="tight", pad_inches=0.06)
+    return _data_uri(stream.getvalue())
+
+
+def image_uri(rgb: Bytes) -> str:
+    """An image (H, W, 3) as a PNG image inside the page."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(rgb).save(stream, "PNG", optimize=True)
+    return _data_uri(stream.getvalue())
+
+
+def _data_uri(png: bytes) -> str:
+    return "data:image/png;base64," + base64.b64encode(png).decode()
