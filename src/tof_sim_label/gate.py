@@ -6,8 +6,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tof_core.errors import RefusedError
-from tof_core.radial import radial_evidence
-from tof_sim_label.wide_plane import wide_bend
+from tof_core.flat.radial import radial_evidence
+from tof_core.flat.wide_plane import wide_bend
 
 if TYPE_CHECKING:
     from tof_core.capture import View

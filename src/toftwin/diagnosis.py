@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tof_core.config import section
+from tof_core.flat.wide_plane import wide_bend
 from tof_gap.config import GapConfig
 from tof_gap.diagnose import diagnose
 from tof_gap.solve.known import known_removed
 from tof_scene.raycast import Raycaster
-from tof_sim_label.wide_plane import wide_bend
 from toftwin.pipeline import PipelineConfig, raw_views
 from toftwin.retraining import RetrainConfig
 

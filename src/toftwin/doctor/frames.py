@@ -9,9 +9,9 @@ import numpy as np
 
 from tof_core.decode import check_size, decode_depth, depth_from_points, pixels
 from tof_core.errors import ToftwinError
-from tof_core.radial import radial_evidence
+from tof_core.flat.radial import radial_evidence
+from tof_core.flat.wide_plane import wide_bend
 from tof_core.reasons import Reason
-from tof_sim_label.wide_plane import wide_bend
 from toftwin.doctor.finding import mend, note, ok, refused
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import pytest
 
 from tof_core.bag import BagOptions, open_bag
 from tof_core.camera import Camera, z_to_radial
-from tof_core.radial import radial_suspicion
+from tof_core.flat.radial import radial_suspicion
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.planes import LEAST, PlaneGrower, thinned
+from tof_core.flat.planes import LEAST, PlaneGrower, thinned
 from tof_core.stats import blocks, robust_std
 
 if TYPE_CHECKING:

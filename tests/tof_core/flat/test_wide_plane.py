@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Planes in pieces tell z from radial; what is not flat stays silent."""
+"""Planes seen in pieces distinguish z from radial distance; surfaces that are not flat give no result."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tof_core.camera import Camera, z_to_radial
-from tof_sim_label.wide_plane import wide_bend
+from tof_core.flat.wide_plane import wide_bend
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Image

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A second opinion on z or radial, from planes that lie in pieces: a table to both sides of a box.
+"""Whether an image holds z or radial distance, from planes seen in separate pieces: a table on both sides of a box.
 
-A plane's inverse z is linear in the normalised image coordinates (x, y). Read the right way, a wide
-flat surface holds together as one plane; read the wrong way, its depth is off by the length L of the
-ray and only pieces of it fit one. So under each reading the plane is sought whose inliers would bend
-most if the other reading were true, and the two are compared.
+A plane's inverse z is linear in the normalised image coordinates (x, y). Under the right assumption
+a wide flat surface fits one plane; under the wrong one its depth is off by the length L of the ray,
+and only pieces of it fit a plane. Under each assumption the plane is searched whose inliers would
+bend most if the other were true, and the two are compared.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
 
 TOLERANCES = (0.005, 0.01, 0.015)
-"""Relative distances from the plane within which a pixel is on it; the answers are averaged."""
+"""Relative distances from the plane within which a pixel is an inlier; the results are averaged."""
 PIXELS = 6000
-"""Pixels looked at."""
+"""Pixels used."""
 TRIES = 600
-"""Planes through three pixels that are tried; the KEPT with most support are refined."""
+"""Candidate planes through three pixels each; the KEPT with most inliers are refined."""
 KEPT = 40
 FEWEST = 60
-"""Pixels that make a plane."""
+"""Least number of inliers of a plane."""
 CLEAR = 1.25
-"""One reading's planes must say so many times more than the other's."""
+"""Least ratio of the summed squared bend of the two assumptions."""
 LEAST_BEND = 8e-3
-"""Metres (RMS) by which the plane must bend under the other reading: less, and any dome is a plane."""
+"""Least RMS bend of the plane under the other assumption, metres; with less, any dome counts as a plane."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bend:
-    """How far the widest plane of the better reading bends under the other: RMS in metres; share of the valid pixels on it."""
+    """Bend of the widest plane under the rejected assumption: RMS in metres; share of the valid pixels on the plane."""
 
     radial: bool
     metres: float
@@ -53,7 +53,7 @@ class _Pixels:
 
 @dataclass(frozen=True, slots=True)
 class _Widest:
-    """Of one reading's best plane: summed squared relative bend, pixels, RMS bend in metres."""
+    """Best plane of one assumption: summed squared relative bend, inliers, RMS bend in metres."""
 
     total: float = 0.0
     pixels: int = 0
@@ -61,7 +61,7 @@ class _Widest:
 
 
 def wide_bend(depth: Image, camera: Camera) -> Bend | None:
-    """Which reading of depth (H, W) metres the widest planes speak for; None where they do not."""
+    """The assumption that the widest planes in depth (H, W), metres, support; None where they support neither."""
     pixels = _sample(depth, camera)
     if len(pixels.depth) < FEWEST:
         return None
@@ -85,7 +85,7 @@ def _sample(depth: Image, camera: Camera) -> _Pixels:
 
 
 def _widest(pixels: _Pixels, z: Float, tolerance: float) -> _Widest:
-    """The plane of one reading whose inliers say most about the other."""
+    """The plane under one assumption with the largest bend under the other."""
     rng = np.random.default_rng(0)
     A = pixels.plane * z[:, None]  # a plane n is A @ n = 1, relative distances from it A @ n - 1
     three = A[rng.integers(len(z), size=(TRIES, 3))]
@@ -112,7 +112,7 @@ def _refined(A: Float, plane: Float, tolerance: float, rounds: int = 5) -> Mask:
 
 
 def _bend(pixels: _Pixels, z: Float, inlier: Mask) -> _Widest:
-    """What remains of log L on these pixels once the best plane has taken its part."""
+    """Bend of the inliers: the residual of log L after the best plane is removed."""
     length, A = pixels.log_length[inlier], pixels.plane[inlier] * z[inlier, None]
     rest = length - A @ np.linalg.lstsq(A, length, rcond=None)[0]
     return _Widest(float(rest @ rest), int(inlier.sum()), float(np.sqrt(np.mean((rest * z[inlier]) ** 2))))
