@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The captures of a dwell to one depth per pixel: outliers over time rejected, the rest averaged, the error told.
+"""The captures of a dwell to one depth per pixel: outliers over time are rejected, the rest averaged, with a standard error.
 
 Equation 1 of Kim et al. (Appl. Sci. 2024, 14, 4595): the next average is half the last one plus half the new value.
-The newest value therefore weighs 1/2 for ever, and the variance falls to a third of one capture's and no further.
+The newest value therefore always has weight 1/2, and the variance never falls below a third of one capture's.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ IQR_REASON, SIGMA_REASON = int(Reason.IQR), int(Reason.THREE_SIGMA)
 REASONS = 16
 """Room for the codes of `Reason`."""
 PRIOR_DOF = 8.0
-"""Weight of the noise law against a pixel's own scatter, in captures: few captures say little about a variance."""
+"""Weight of the noise law against a pixel's own variance, in captures, since few captures give a poor estimate of a variance."""
 BAND_WITHIN, BAND_BETWEEN = 0.2145, 0.4725
-"""Of a normal variance, what is left between its 20 % and 80 % quantiles, and what the band's own place adds.
+"""Share of a normal variance between the 20 % and 80 % quantiles, and the share that the band's own position adds.
 
-The variance of the mean of k values kept of such a band is (within + between) / k: a trimmed mean's."""
+The mean of k values of such a band has the variance (within + between) / k, as a trimmed mean has."""
 
 CUT_SHARE, CUT_PRICE = 0.90, 1.06
-"""Of a normal variance, what fences leave; and what rejecting good values costs the mean's (simulated, 3 to 15 captures)."""
+"""Share of a normal variance that the fences leave, and factor by which rejecting good values raises the mean's variance (simulated, 3 to 15 captures)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,8 +97,8 @@ def _code(stage: str, config: PreprocConfig) -> int:
     return SIGMA_PLAIN if config.sigma3.method == "paper" else SIGMA_ROBUST
 
 
-# Below, `s` (P, room) holds the depths of pixel p in ascending order, of which [lo, hi) are still in. Rows are never cut
-# out: a slice costs more than the sums over it.
+# Below, `s` (P, room) holds the depths of pixel p in ascending order, of which [lo, hi) are still accepted. Rows are
+# never sliced: a slice costs more than the sums over it.
 
 
 @njit(cache=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What preprocessing does, in which order and with which numbers.
+"""Configuration of preprocessing: the stages, their order and their numbers.
 
 Two presets: `default`, and `paper`, which filters as section 3.1 of Kim et al. (Appl. Sci. 2024, 14, 4595)
 describes it.
@@ -31,7 +31,7 @@ class RangeConfig:
 
 @dataclass(frozen=True, slots=True)
 class AmplitudeConfig:
-    """Too little or too much light is removed (MASKED_AMPLITUDE); passes where there is no amplitude."""
+    """Pixels with too low or too high amplitude are removed (MASKED_AMPLITUDE); no effect without amplitude."""
 
     enable: bool = param(True, "remove pixels by amplitude")
     low: float = param(0.0, "least amplitude in the camera's own unit; 0 is no bound", low=0.0)
@@ -42,7 +42,7 @@ class AmplitudeConfig:
 class SelfConfig:
     """The robot's own gripper is removed (SELF)."""
 
-    path: str = param("", "path of an image of the raster's size, not black where the robot sees itself; empty is none")
+    path: str = param("", "path of an image of the raster's size, not black where the camera sees the robot itself; empty: no mask")
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class IqrConfig:
     low: float = param(0.2, "lower quantile", low=0.0, high=0.5)
     high: float = param(0.8, "upper quantile", low=0.5, high=1.0)
     fence: float = param(1.5, "distance of the fences from the quantiles, in widths of the band", low=0.0, high=100.0)
-    min_captures: int = param(5, "with fewer captures the stage passes", low=2, high=256)
+    min_captures: int = param(5, "with fewer captures the stage is skipped", low=2, high=256)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class Sigma3Config:
         choices=("robust", "paper"),
     )
     ratio: float = param(3.0, "standard deviations", low=0.5, high=20.0)
-    min_captures: int = param(3, "with fewer captures the stage passes", low=2, high=256)
+    min_captures: int = param(3, "with fewer captures the stage is skipped", low=2, high=256)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,14 +88,14 @@ class FlyingConfig:
 
     enable: bool = param(True, "remove mixed pixels at depth edges")
     ratio: float = param(4.0, "deviation from each side's surface, in its standard deviations", low=1.0, high=50.0)
-    slope_deg: float = param(70.0, "a step is what rises more steeply than a surface at this incidence", unit="deg", low=30.0, high=89.0)
+    slope_deg: float = param(70.0, "a depth step is steeper than a surface at this incidence", unit="deg", low=30.0, high=89.0)
 
 
 @dataclass(frozen=True, slots=True)
 class GrazingConfig:
-    """Surfaces seen too flat are removed (GRAZING)."""
+    """Surfaces at grazing incidence are removed (GRAZING)."""
 
-    enable: bool = param(True, "remove surfaces seen too flat")
+    enable: bool = param(True, "remove surfaces at grazing incidence")
     max_deg: float = param(82.0, "largest angle between ray and surface normal", unit="deg", low=30.0, high=90.0)
 
 
@@ -115,11 +115,11 @@ class SorConfig:
 
 @dataclass(frozen=True, slots=True)
 class MotionConfig:
-    """A capture taken in motion, or from elsewhere, is not accumulated: it is a view of one."""
+    """A capture taken in motion, or at another pose, is not accumulated: it is a view of one."""
 
     enable: bool = param(True, "accumulate only while nothing moves")
-    tolerance_mm: float = param(1.0, "camera travel within a dwell", unit="mm", low=0.0, high=100.0)
-    tolerance_deg: float = param(0.1, "camera turn within a dwell", unit="deg", low=0.0, high=10.0)
+    tolerance_mm: float = param(1.0, "largest camera translation within a dwell", unit="mm", low=0.0, high=100.0)
+    tolerance_deg: float = param(0.1, "largest camera rotation within a dwell", unit="deg", low=0.0, high=10.0)
     max_gap_s: float = param(2.0, "a longer pause between captures begins a new dwell", unit="s", low=0.01, high=3600.0)
 
 
@@ -134,8 +134,8 @@ class FrozenConfig:
 class PreprocConfig:
     """All of preprocessing."""
 
-    preset: str = param("default", "paper: the paper's order and methods stand in place of those given here", choices=("default", "paper"))
-    order: str = param(ORDER, "the stages in their order, joined by commas; one left out is off")
+    preset: str = param("default", "paper: use the paper's order and methods instead of those given here", choices=("default", "paper"))
+    order: str = param(ORDER, "the stages in their order, joined by commas; a stage that is not named is off")
     range: RangeConfig = section(RangeConfig)
     amplitude: AmplitudeConfig = section(AmplitudeConfig)
     self_mask: SelfConfig = section(SelfConfig)
@@ -149,7 +149,7 @@ class PreprocConfig:
     frozen: FrozenConfig = section(FrozenConfig)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be done in any order."""
+        """Refuse orders and bounds that cannot work."""
         stages_of(self.order)
         if self.range.low >= self.range.high:
             msg = f"low {self.range.low:g} m is not below high {self.range.high:g} m"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The captures taken while nothing moves, and the view that they make."""
+"""The captures taken while nothing moves, and the view that they are accumulated to."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Dwell:
-    """Captures of one dwell with what was found wrong in each; at most `accumulate.max_captures`."""
+    """Captures of one dwell with the pixels removed from each; at most `accumulate.max_captures`."""
 
     def __init__(self, first: Capture, station: int, config: PreprocConfig) -> None:
         """A dwell that begins with `first`; it still has to be added."""
@@ -70,7 +70,7 @@ class Dwell:
         self._lit += known
 
     def view(self) -> tuple[View, Report]:
-        """What the captures so far accumulate to, filtered, and what became of it."""
+        """View of the captures so far, accumulated and filtered, and the report of the stages."""
         last, amplitude = self.last, self._amplitude()
         result = accumulate(self._stack, self._expected_noise(amplitude), self._quantum, self._config, self._over)
         report = Report({**self._report.removed, **result.rejected}, {**self._report.passed, **result.passed})
@@ -108,7 +108,7 @@ class Dwell:
 
 
 def moved(one: Capture, other: Capture, config: MotionConfig) -> bool:
-    """Whether TF says that the camera stood elsewhere; unknown poses are not known to differ."""
+    """Whether two captures have different poses by TF; False where a pose is unknown."""
     if one.robot is None or other.robot is None:
         return False
     metres, degrees = se3.distance(one.robot.T_cell_camera, other.robot.T_cell_camera)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The raster that stages work on, and what they say they did."""
+"""The raster that the stages work on, and the report of what each removed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True, eq=False)
 class Frame:
-    """One depth raster in work: arrays (H, W) of its own, changed in place, pixels only ever taken away.
+    """One depth raster in work: arrays (H, W) of its own, changed in place. Stages remove pixels and never add any.
 
     `sigma` is the standard deviation of `depth` in metres, as far as known; `amplitude` may be None.
     """
@@ -28,7 +28,7 @@ class Frame:
     amplitude: Image | None = None
 
     def remove(self, mask: Mask, reason: Reason) -> int:
-        """Take away the valid pixels of `mask`, note why, and say how many they were."""
+        """Invalidate the valid pixels of `mask`, store the reason, and return their number."""
         gone = mask & np.isfinite(self.depth)
         self.depth[gone] = np.nan
         self.sigma[gone] = np.nan
@@ -38,10 +38,10 @@ class Frame:
 
 @dataclass(slots=True)
 class Report:
-    """What became of one view.
+    """What the stages did to one view.
 
     `removed`: stage to pixels it removed (for `iqr` and `sigma3`: captures of pixels it rejected);
-    `passed`: stage to why it did nothing.
+    `passed`: stage to the reason why it was skipped.
     """
 
     removed: dict[str, int] = field(default_factory=dict)

@@ -33,7 +33,7 @@ def remove_amplitude(frame: Frame, config: PreprocConfig) -> int:
 
 
 def remove_self(frame: Frame, config: PreprocConfig) -> int:
-    """Remove what the mask image says is the robot."""
+    """Remove the pixels that the mask image marks as the robot itself."""
     if not config.self_mask.path:
         return 0
     mask = load_mask(config.self_mask.path)

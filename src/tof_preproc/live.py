@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What only a running `preproc` has: its parameters and the names of its topics."""
+"""Parameters and topic names of the running node `preproc`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from tof_preproc.stream import StreamConfig
 
 @dataclass(frozen=True, slots=True)
 class LiveConfig:
-    """What only a running node has."""
+    """Parameters that only the running node has."""
 
-    reliable: bool = param(False, "hear sensors reliably: loses nothing of a reliable publisher, hears no best-effort one")
+    reliable: bool = param(
+        False, "subscribe to the sensors with reliable QoS: no loss from a reliable publisher, no connection to a best-effort one"
+    )
     need_tf: bool = param(True, "skip frames without a transform; false accumulates them as if nothing moved")
-    patience_s: float = param(1.0, "a frame waits so long for its transform and amplitude", unit="s", low=0.2, high=60.0)
-    keep_tf_s: float = param(30.0, "history of TF", unit="s", low=1.0, high=3600.0)
-    record: str = param("", "folder in which ~/start_recording makes a bag of the raw topics")
+    patience_s: float = param(1.0, "longest wait of a frame for its transform and amplitude", unit="s", low=0.2, high=60.0)
+    keep_tf_s: float = param(30.0, "length of the TF history that is kept", unit="s", low=1.0, high=3600.0)
+    record: str = param("", "folder in which ~/start_recording writes a bag of the raw topics")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,7 @@ class PreprocNodeConfig(StreamConfig):
 
 
 def input_topics(options: BagOptions) -> Topics:
-    """What the node subscribes to: the names given, else spot_ros2's, relative so that a namespace or a remapping moves them."""
+    """Topics to subscribe to: the given names, else spot_ros2's. They are relative, so that namespaces and remappings apply."""
     cloud = bool(options.points_topic) and not options.depth_topic
     depth = "" if cloud else options.depth_topic or "depth/hand/image"
     return Topics(

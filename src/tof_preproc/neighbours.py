@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mean distance of each point to its nearest neighbours, found in the raster instead of a tree.
+"""Mean distance of each point to its nearest neighbours, searched in the raster instead of a tree.
 
-A pixel r columns or rows away lies on a ray at least r pixels off, so its point is at least about z r pitch away,
-whatever its depth. Once the k-th distance found is below that, no pixel further out can be nearer: exact as a k-d tree.
-One window serves nearly all pixels, 64 of a row at a time; the few whose neighbours are further off search outwards,
-tile by tile, and skip the tiles whose bounds are further away.
+A pixel r columns or rows away lies on a ray at least r pixels away, so its point is at least about z r pitch away,
+whatever its depth. Once the k-th distance found is below that, no pixel further out can be nearer: the result is as
+exact as that of a k-d tree. One window is enough for nearly all pixels, 64 of a row at a time. The others search
+outwards, tile by tile, and skip the tiles whose bounds are further away.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ STEPS = 6
 """Secant steps to the k-th distance."""
 TILE = 8
 FAR = 64
-"""Radius in pixels at which the search ends once it has k neighbours: what is left is far off, and an outlier anyway."""
+"""Radius in pixels at which the search ends once it has k neighbours: a point whose neighbours lie beyond is an outlier anyway."""
 
 
 def mean_distance(depth: Image, camera: Camera, k: int) -> Image:
@@ -137,9 +137,9 @@ def _window(cloud, v, at, radius, x, y, z, d2):  # type: ignore[no-untyped-def] 
 def _select(d2, k, hi, mean, lo, n_lo, n_hi, at, n, total):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """`mean` root of the k least d2 of each lane, or -1 where fewer than k lie within `hi` or the k-th is not pinned down.
 
-    The k-th least is bracketed by counting, all lanes at once: points of a surface lie evenly over its area, so that
-    their number grows linearly with d2 and a secant finds it in a few steps. The roots between the last brackets
-    count by their mean. (Arrays of their own, not rows of one: so the compiler sees that they do not overlap.)
+    The k-th least is bracketed by counting, all lanes at once. Points of a surface lie evenly over its area, so their
+    number grows linearly with d2, and a secant finds the k-th in a few steps. The roots between the last brackets
+    are counted by their mean. (Separate arrays, not rows of one: so the compiler sees that they do not overlap.)
     """
     lo[:], n_lo[:] = np.float32(0.0), np.float32(1.0)
     _count(d2, hi, n_hi)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `preproc`: depth images or clouds in, the running view of each dwell out."""
+"""The node `preproc`: subscribes to depth images or clouds, publishes the running view of each dwell."""
 
 from __future__ import annotations
 

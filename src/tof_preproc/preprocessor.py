@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Captures in, views out: running for the live graph, one per dwell for whole sessions, with the same numbers."""
+"""Captures to views: running views for the live graph, one per dwell for whole sessions, with the same numbers."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class DwellKeeper:
 
 
 class Preprocessor:
-    """Accumulates dwells and filters them; one per camera. `report` says what each stage did to the latest view."""
+    """Accumulates dwells and filters them; one per camera. `report` holds what each stage did to the latest view."""
 
     def __init__(self, config: PreprocConfig | None = None) -> None:
         """Nothing seen yet."""
@@ -94,7 +94,7 @@ def accumulate_views(
 ) -> Iterator[View]:
     """The final view of each dwell of a session, in order of time: what `Preprocessor.push` gives with its last capture.
 
-    `still` is the motion gate (without it the captures' own poses tell); `stations` numbers stations by `T_cell_body`.
+    `still` is the motion gate (without it the captures' own poses decide); `stations` numbers stations by `T_cell_body`.
     """
     keeper = DwellKeeper((config or PreprocConfig()).resolved)
     stations = stations or StationTracker()
@@ -112,7 +112,7 @@ def accumulate_views(
 
 
 def warm_up(camera: Camera | None = None) -> None:
-    """Load (the first time ever: compile, some 20 s) all kernels, and what is kept per camera, before frames flow."""
+    """Load all kernels and per-camera tables before frames arrive; the first time, compiling takes some 20 s."""
     shape = (24, 32)
     small = Camera(shape[1], shape[0], 30.0, 30.0, 15.5, 11.5)
     rng = np.random.default_rng(0)
@@ -129,7 +129,7 @@ def warm_up(camera: Camera | None = None) -> None:
 
 
 def is_repeated(last: Capture, capture: Capture) -> bool:
-    """Whether a frame repeats the stamp or the content of the one before it; a frame of nothing repeats nothing."""
+    """Whether a frame repeats the stamp or the content of the one before it; False for a frame without valid pixels."""
     if capture.stamp_ns == last.stamp_ns:
         return True
     same = capture.depth.shape == last.depth.shape and np.array_equal(capture.depth.view(np.uint32), last.depth.view(np.uint32))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The step of a sensor's depth code, and what averaging can and cannot do about it."""
+"""The quantisation step of a sensor's depth, and the error of averages of quantised values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DITHERED = 1.5
 
 
 def quantum_of(depth: Image, samples: int = 20000) -> float:
-    """Step of the code in a depth image (H, W), metres; 0 where the values follow no code.
+    """Quantisation step of a depth image (H, W), metres; 0 where the values have no common step.
 
     The smallest gap between values is a candidate; it is the step if every value is a whole number of them.
     """
@@ -40,9 +40,9 @@ def mean_error2(variance: float, factor: float, quantum: float, on_code: bool) -
     """Squared standard error of a mean of quantised values; of a median (`on_code`), which is a code itself.
 
     `variance` is one value's, its quantisation included; `factor` the sum of the squared weights. Noise well above the
-    step dithers it away; what is left is a bias that no number of captures averages out, whose mean square over all
-    places between two codes is q^2 / (2 pi^2) sum_k exp(-4 pi^2 k^2 s^2 / q^2) / k^2 with s the noise before
-    quantisation (Fourier series of the rounding error); it becomes q^2 / 12 without noise.
+    step q dithers the rounding error. Otherwise a bias remains that no number of captures averages out. Its mean square
+    over all positions between two codes is q^2 / (2 pi^2) sum_k exp(-4 pi^2 k^2 s^2 / q^2) / k^2, with s the noise
+    before quantisation (Fourier series of the rounding error). Without noise it is q^2 / 12.
     """
     if quantum <= 0.0:
         return variance * factor
@@ -59,7 +59,7 @@ def mean_error2(variance: float, factor: float, quantum: float, on_code: bool) -
 
 @njit(cache=True)
 def _series(ratio: float) -> float:
-    """The sum above, of (s / q)^2; it ends where a term is lost in rounding, as all further ones are."""
+    """The sum above as a function of (s / q)^2; it ends at the first term that is lost in rounding."""
     total = 0.0
     for k in range(1, 12):
         before = total

@@ -2,8 +2,8 @@
 """Statistical outlier removal: points unusually far from their nearest neighbours.
 
 `paper` is Open3D's `remove_statistical_outlier`: mean distance to 20 neighbours (the point itself among them, at 0),
-removed from the mean of all plus 2 standard deviations on. In metres that punishes range: points lie further apart
-where they are further away. `scaled` measures in units of the spacing that a surface has there.
+removed beyond the mean of all plus 2 standard deviations. In metres this removes far surfaces, whose points lie further
+apart. `scaled` measures in units of the point spacing that a surface has at that range and incidence.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from tof_preproc.frame import Frame
 
 CORNER = 2.2
-"""Mean distances this many times the usual are outliers at the earliest: at a surface's corner they are 2 times."""
+"""Least ratio of an outlier's mean distance to the median; at a corner of a surface the ratio is 2."""
 FLATTEST = 0.1
-"""Cosine of incidence below which the spacing is not believed to grow any further."""
+"""Least cosine of incidence in the expected spacing."""
 
 
 def remove_sor(frame: Frame, config: PreprocConfig) -> int:
@@ -45,13 +45,13 @@ def remove_sor(frame: Frame, config: PreprocConfig) -> int:
 
 
 def threshold(distance: Image, ratio: float) -> float:
-    """Open3D's: mean plus `ratio` sample standard deviations of the mean distances (n,)."""
+    """Open3D's threshold: mean plus `ratio` sample standard deviations of the mean distances (n,)."""
     distance = distance.astype(float)
     return float(distance.mean() + ratio * distance.std(ddof=1))
 
 
 def scaled_threshold(distance: Image, ratio: float) -> float:
-    """Median plus `ratio` robust standard deviations, so that outliers do not hide each other; no surface's corner."""
+    """Median plus `ratio` robust standard deviations, so that outliers do not mask each other; above the corner of a surface."""
     median = np.median(distance)
     return float(max(median + ratio * robust_std(distance, float(median)), CORNER * median))
 

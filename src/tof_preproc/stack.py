@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The captures of a dwell, kept so that quantiles over time are looked up, not sorted for, at every new capture."""
+"""The captures of a dwell, kept in sorted order, so that quantiles over time need no sorting at each new capture."""
 
 from __future__ import annotations
 

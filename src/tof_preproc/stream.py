@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of one camera in, running views out: what the node does, without ROS."""
+"""From messages of one camera to running views: the work of the node, without ROS."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class StreamConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Processed:
-    """What became of one frame: a running view, or (`view` None) why there is none."""
+    """Result of one frame: a running view, or (`view` None) the reason why there is none."""
 
     stamp_ns: int
     fate: str
@@ -50,8 +50,8 @@ class Processed:
 class PreprocStream:
     """One camera's stream. Feed `builder` and `transforms`, then take what is `ready`.
 
-    A frame is ready once nothing still to come can change it: its parts have come and TF reaches past
-    its motion window. So the numbers do not depend on which topic was faster.
+    A frame is ready once no later message can change it: its parts have arrived and TF reaches beyond
+    its motion window. So the result does not depend on the order in which topics arrive.
     """
 
     def __init__(self, config: StreamConfig, topics: Topics, transforms: TransformBuffer, *, need_tf: bool = True) -> None:
@@ -77,7 +77,7 @@ class PreprocStream:
 
     @property
     def jumped_back(self) -> bool:
-        """Whether the frames say that the clock was set back."""
+        """Whether the frames' stamps show that the clock was set back."""
         return bool(self._jump)
 
     def configure(self, config: PreprocConfig) -> None:
@@ -89,11 +89,11 @@ class PreprocStream:
         self.preprocessor = Preprocessor(self.preprocessor.config)
 
     def give_up(self, stamp_ns: int) -> None:
-        """Frames up to this stamp wait no longer: what they lack will not come."""
+        """Give out frames up to this stamp without waiting for their missing parts."""
         self.builder.overdue = max(self.builder.overdue, stamp_ns)
 
     def ready(self, *, final: bool = False) -> Iterator[Processed]:
-        """What became of the frames that are ready, oldest first; `final` waits for nothing."""
+        """Results of the frames that are ready, oldest first; `final` gives out all that are waiting."""
         self._build(final=final)
         yield from self._drain()
         while self._ready:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the raster says about surfaces: how flat they are seen, and which pixels lie on none.
+"""Surfaces in the raster: their incidence, and pixels that lie on none.
 
-On a plane 1/z is linear in the ray's (x, y) at z = 1, so slopes and second differences are taken of w = 1/z: they are
-exact for planes at any angle, and a second difference times z^2 is a deviation in metres.
+On a plane 1/z is linear in the ray's (x, y) at z = 1. Slopes and second differences are therefore taken of w = 1/z: they
+are exact for planes at any angle, and a second difference times z^2 is a deviation in metres.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from tof_preproc.frame import Frame
 
 PAIR, FAN = float(np.sqrt(2.0)), SECOND_DIFFERENCE_STD
-"""Standard deviations of a difference, and of a second difference or the step to a line through two, in one pixel's."""
+"""Standard deviation of a difference, and of a second difference (or the step to a line through two), in units of one pixel's."""
 AXES = np.array([[0, 1], [1, 0]])
-"""Every edge crosses the rows or the columns; along a diagonal a clean corner would seem to belong to nothing."""
+"""Rows and columns: every edge crosses one of them. Along a diagonal, a clean corner would look like a mixed pixel."""
 
 
 def remove_grazing(frame: Frame, config: PreprocConfig) -> int:
@@ -44,8 +44,8 @@ def remove_flying(frame: Frame, config: PreprocConfig) -> int:
 def cos_incidence(depth: Image, camera: Camera) -> Image:
     """Cosine (H, W) of the angle between ray and surface normal; NaN where there is no depth.
 
-    Of the slopes to both sides the gentler one counts, and none where they disagree in sign: a depth edge is not a
-    grazing surface.
+    The smaller of the slopes to both sides counts, and zero where they differ in sign: a depth edge is not a grazing
+    surface.
     """
     inverse = np.full((depth.shape[0] + 2, depth.shape[1] + 2), np.float32(np.nan))
     with np.errstate(divide="ignore"):
@@ -55,9 +55,9 @@ def cos_incidence(depth: Image, camera: Camera) -> Image:
 
 @lru_cache(maxsize=16)
 def _raster(camera: Camera) -> tuple[Image, ...]:
-    """The rays' x and y at z = 1 (H, W), what one pixel's step in them is worth, (H, W + 1) and (H + 1, W), and the skew.
+    """The rays' x and y at z = 1 (H, W), the inverse steps from pixel to pixel, (H, W + 1) and (H + 1, W), and the skew.
 
-    A bent lens makes y change along a row: its share of x's change, and the other way round (H, W), to first order.
+    Lens distortion makes y change along a row. The skew is the ratio of that change to x's, and the same along a column (H, W).
     """
     x, y = camera.rays()[..., 0], camera.rays()[..., 1]
     across, down = np.pad(1 / np.diff(x, axis=1), ((0, 0), (1, 1))), np.pad(1 / np.diff(y, axis=0), ((1, 1), (0, 0)))
@@ -98,7 +98,7 @@ def _gentler(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 @njit(cache=True, error_model="numpy")
 def _mixed(depth, sigma, axes, ratio, pitch):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Pixels (H, W) that on some axis stand at a step or a hole and go with neither side of it."""
+    """Pixels (H, W) that, along a row or a column, lie at a step or a hole and continue neither side of it."""
     height, width = depth.shape
     out = np.zeros((height, width), np.bool_)
     for v in range(height):
@@ -123,9 +123,9 @@ def _mixed(depth, sigma, axes, ratio, pitch):  # type: ignore[no-untyped-def]  #
 
 @njit(cache=True, error_model="numpy")
 def _goes_with(z, next_one, one_after, noise, slope):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Whether a depth is level with the next pixel's or in line with the next two; one alone may lie on any slope.
+    """Whether a depth equals the next pixel's or is in line with the next two; with one neighbour any slope fits.
 
-    (To be in line with one pixel of each side says nothing: a half-mixed pixel is.)
+    (Being in line with one pixel of each side proves nothing: a half-mixed pixel is.)
     """
     off = abs(next_one - z)
     if off < PAIR * noise:

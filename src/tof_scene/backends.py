@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two libraries that find which triangle a ray hits first; both are Intel's Embree underneath, built and called differently."""
+"""The two ray casting libraries, embreex and open3d. Both contain Intel's Embree, built and called differently."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 MISS = 0xFFFFFFFF
 SHARED_FROM = 20_000
-"""Rays from which threads pay for themselves."""
+"""Least number of rays for which threads save time."""
 ORDER = ("embree", "open3d")
-"""Which one `auto` takes first: they cost the same processor time and share the cores alike (`python -m benchmarks --only scene`
-measures them side by side), and embreex adds 19 MB to a process where open3d adds 190."""
+"""The order in which `auto` tries them. Their processor times are equal (`python -m benchmarks --only scene`
+measures both); embreex adds 19 MB to a process, open3d 190."""
 
 
 class Backend(Protocol):
-    """What float32 rays meet."""
+    """First hits of float32 rays."""
 
     name: str
 
@@ -39,12 +39,12 @@ class Backend(Protocol):
         ...
 
     def blocked(self, origins: Float32, directions: Float32, reach: float) -> Mask:
-        """(N,) whether anything is met within `reach` lengths of the direction; which, and where, is not asked."""
+        """(N,) whether a ray hits anything within `reach` lengths of its direction; neither the face nor the distance is found."""
         ...
 
 
 class EmbreeBackend:
-    """embreex: Embree 4; many rays are shared out between the cores (it lets go of Python's lock while it works)."""
+    """embreex: Embree 4. Large sets of rays are split between the cores, since embreex releases the interpreter lock."""
 
     name = "embree"
 
@@ -77,7 +77,7 @@ class EmbreeBackend:
 
 
 def _shared(work: Callable[[Float32, Float32], T], origins: Float32, directions: Float32) -> list[T]:
-    """`work` of rays, in one piece or in one for each core."""
+    """`work` on rays, in one piece or in one piece per core."""
     if CORES == 1 or len(origins) < SHARED_FROM:
         return [work(origins, directions)]
     return in_threads(work, np.array_split(origins, CORES), np.array_split(directions, CORES))

@@ -34,7 +34,7 @@ class Canvas:
 
     @classmethod
     def blank(cls, pixels: int, face: NDArray[np.int32]) -> Canvas:
-        """A canvas on which only the faces are known."""
+        """A canvas that holds the faces; all other fields are empty."""
         void = [np.full(pixels, np.nan, np.float32) for _ in range(4)]
         return cls(
             face, void[0], np.empty(pixels, np.int16), np.empty((pixels, 3), np.float32), void[1], void[2],

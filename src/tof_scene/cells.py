@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels as patches of the plane z = 1, and a straight raster over that plane on which triangles can be drawn whatever the lens does."""
+"""Pixels as patches of the plane z = 1, and an undistorted raster over that plane, on which triangles can be drawn for any lens."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixel footprints: high resolution first, then down by counting the samples that fall in each pixel, where it matters.
+"""Pixel footprints: pixels that see more than one plane are sampled finely, and the samples counted per surface.
 
-The paper renders the CAD finely and counts the details that fall in each of the sensor's pixels (section 3.2). Here one ray
-a pixel says what its centre sees. A pixel whose neighbours lie in its plane, and through which no visible edge of the CAD
-passes, is done: a plane's mean over a pixel is known. In the others the triangles that touch the pixel are drawn at a lattice of
-points, nearest first, and counted per surface. No further ray is cast.
+The paper renders the CAD finely and counts the samples that fall in each of the sensor's pixels (section 3.2). Here one ray
+per pixel finds the surface at its centre. If the neighbours lie in the same plane and no visible edge of the CAD passes
+through the pixel, the mean of that plane over the pixel is known. In the other pixels the triangles that touch the pixel are
+drawn at a lattice of points, nearest first, and counted per surface. No further ray is cast.
 
-What is found: whatever has an outline in the CAD, down to about a twentieth of a pixel (377 points, 1/19 of a pixel apart).
-Thinner wires come and go between the points.
+Everything with an outline in the CAD is found down to about a twentieth of a pixel (377 points, 1/19 of a pixel apart).
+Thinner wires may fall between the points.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 TOLERANCE_M = 6e-5
-"""How far neighbours may lie from a pixel's plane before it is looked at closely; its mean is then off by a sixth at most."""
+"""Largest distance of neighbours from a pixel's plane without fine sampling; the error of the mean is at most a sixth of it."""
 _lattices = tuple(lattice(*size) for size in LATTICES)
 
 
@@ -56,7 +56,7 @@ def fill_footprints(caster: Raycaster, camera: Camera, T_cell_camera: Float, cel
 
 
 def _flagged(caster: Raycaster, camera: Camera, eye: Float, points: Float, cells: Cells, canvas: Canvas) -> Bytes:
-    """(H*W,) 0 for a pixel its centre speaks for, else BEND or EDGE."""
+    """(H*W,) 0 for a pixel whose centre represents it, else BEND or EDGE."""
     flag = np.zeros(len(canvas.depth), np.uint8)
     shape = camera.shape
     toward = np.einsum("ij,ij->i", caster.face_normal, caster.face_point - eye) < 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures of a view by which errors are sorted: pixels to the next edge, and how concave the surroundings of each point are."""
+"""Quantities of a view by which errors are grouped: distance to the next edge in pixels, and concavity around each point."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tof_scene.rendering import Rendering
 
 REACH_M = 0.3
-"""Light that bounces over a longer way is weaker than what else is wrong."""
+"""Metres. Interreflection over a longer path is weaker than other errors."""
 CLEARANCE_M = 2e-4
 """Rays start this far above the surface they leave."""
 GOLDEN = np.pi * (3 - np.sqrt(5))
@@ -47,9 +47,9 @@ def concavity(caster: Raycaster, points: Float, normals: Float, rays: int = 32, 
     """(n,) share of the half-space over each point that the scene fills within reach, weighted with the cosine, 0..1.
 
     `points`, `normals` (n, 3) in the cell frame, unit normals away from the surface. A plane has 0, the bottom of a deep hole 1,
-    a corner of two walls at right angles 1/2 (half its sky is wall).
+    a corner of two walls at right angles 1/2. This is ambient occlusion.
     """
-    directions = np.einsum("nij,kj->nki", _bases(normals), _sky(rays))
+    directions = np.einsum("nij,kj->nki", _bases(normals), _hemisphere(rays))
     starts = np.repeat(points + CLEARANCE_M * normals, rays, axis=0)
     return np.asarray(caster.blocked(starts, directions.reshape(-1, 3), reach_m).reshape(len(points), rays).mean(axis=1))
 
@@ -83,8 +83,8 @@ def _spread(coarse: Image, rendering: Rendering, stride: int) -> Image:
     return out
 
 
-def _sky(n: int) -> Float:
-    """(n, 3) directions over the half-space around z, dense as the cosine, evenly spread (sunflower)."""
+def _hemisphere(n: int) -> Float:
+    """(n, 3) directions over the hemisphere around z, with cosine density, evenly spread (sunflower)."""
     radius, angle = np.sqrt((np.arange(n) + 0.5) / n), GOLDEN * np.arange(n)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - radius**2)], 1)
 

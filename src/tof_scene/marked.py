@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML values that know the file and line they stand in, so that each complaint can say where."""
+"""YAML values with their file and line, for error messages."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Marked:
     node: yaml.Node | None
 
     def error(self, what: str, todo: str = "") -> SceneError:
-        """The complaint, with file and line."""
+        """The error, with file and line."""
         line = f":{self.node.start_mark.line + 1}" if self.node else ""
         return SceneError(what, where=f"{self.path}{line}", todo=todo)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Triangles from a mesh file: STL, OBJ, PLY, GLB, STEP and whatever else trimesh reads; geometry is left as it is."""
+"""Triangles from a mesh file: STL, OBJ, PLY, GLB, STEP and all other formats of trimesh. The geometry is not changed."""
 
 from __future__ import annotations
 

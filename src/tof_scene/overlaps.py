@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which triangles touch which of the pixels looked at closely: drawn once over the raster, hidden ones included."""
+"""Which triangles touch which of the finely sampled pixels; hidden triangles are included."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _draw(
     points: Float, faces: Int32, raster: Float, shape: tuple[int, int], first: Int32, entries: Int32, rays: Float, spread: Float,
     rows: Float, face: Int32, entry: Int32,
 ) -> int:  # fmt: skip
-    """Write each (face, pixel) that may overlap; returns how many there are, which may be more than there is room for."""
+    """Write each (face, pixel) that may overlap; returns their number, which may exceed the size of the arrays."""
     count, width = 0, shape[1]
     for f in range(len(faces)):
         c0, c1, r0, r1 = _box(points, faces, f, raster, shape)

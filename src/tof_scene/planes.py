@@ -23,10 +23,10 @@ def face_normals(vertices: Float, faces: NDArray[np.int32]) -> Float:
 
 @njit(cache=True, nogil=True, inline="always")
 def plane_distance(height: float, along: float, rough: float) -> float:
-    """How far along a ray its face's plane is: `height` of the plane over the origin by `along`, both by the face's normal.
+    """Distance to a face's plane along a ray: `height` of the plane over the origin divided by `along`, both along the face's normal.
 
-    `rough` is the library's own float32 distance; it stays where the plane says something else by more than 1e-4 (a sliver's
-    normal means little, and a ray in the plane meets it anywhere).
+    `rough` is the library's own float32 distance. It is kept where the two differ by more than 1e-4: the normal of a sliver is
+    inaccurate, and a ray within the plane meets it anywhere.
     """
     exact = height / along if along != 0.0 else rough
     return exact if abs(exact - rough) <= 1e-4 * max(rough, 1e-3) else rough

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tof_scene.topology import Edges
 
 JITTER = 1e-6
-"""Radians by which a ray that hit nothing is turned before it is given up (Embree works in float32: 6e-8)."""
+"""Radians by which a ray that hit nothing is turned before it is cast again (Embree works in float32: 6e-8)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,8 +42,8 @@ class Hits:
 class Raycaster:
     """Casts rays against a scene, both sides of every face.
 
-    The library finds the face; the distance is computed here in float64 from the face's plane. A ray that finds nothing
-    is cast again, turned by a microradian to either side, since it may have slipped between two triangles.
+    The library finds the face; the distance is computed here in float64 from the face's plane. A ray that hits nothing
+    is cast again, turned by a microradian to either side, since it may have passed between two triangles.
     Threads may share one.
     """
 
@@ -73,11 +73,11 @@ class Raycaster:
         return Hits(t, np.where(face >= 0, self.face_part[face], np.int16(-1)), face, normal)
 
     def blocked(self, origins: ArrayLike, directions: ArrayLike, reach: float) -> Mask:
-        """(N,) whether anything lies on rays within `reach` lengths of their directions: half the work of `cast`."""
+        """(N,) whether a ray hits anything within `reach` lengths of its direction; half the work of `cast`."""
         return self._backend.blocked(*self._rays(origins, directions), reach)
 
     def first_faces(self, origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """Only the face each ray meets first (-1 for none), and how far in float32; lost rays are cast again."""
+        """The face that each ray hits first (-1 for none), and its float32 distance; lost rays are cast again."""
         start, along = self._rays(origins, directions)
         face, near = self._backend.nearest(start, along)
         lost = np.flatnonzero(face < 0)

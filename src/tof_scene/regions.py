@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Smooth patches of parts: faces joined across edges that bend little, so that a report can say where on a part."""
+"""Smooth patches of parts: faces joined across flat edges, so that a report can name a place on a part."""
 
 from __future__ import annotations
 

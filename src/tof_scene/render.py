@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a camera at a pose would see of the scene: depth, part, normal, incidence, albedo, and where a pixel sees two surfaces."""
+"""Rendering of the scene from a camera pose: depth, part, normal, incidence, albedo, and the second surface of mixed pixels."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def render(caster: Raycaster, camera: Camera, T_cell_camera: ArrayLike, *, footp
         caster: the scene.
         camera: the raster; with `step` every step-th row and column of it.
         T_cell_camera: (4, 4) pose of the camera's optical frame in the cell.
-        footprints: average over what each pixel covers; False takes what each pixel's centre sees.
+        footprints: average over the area that each pixel covers; False takes the surface at the pixel's centre.
         step: stride of the raster; `camera` of the result is the thinned one. Each pixel keeps its own footprint only
             without `footprints`, since a thinned raster has larger pixels.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One rendered view as the other rooms receive it."""
+"""One rendered view, as passed to the other rooms."""
 
 from __future__ import annotations
 

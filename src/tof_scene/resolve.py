@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What fills a pixel: its triangles sampled at a lattice of points, nearest first, and the samples counted per surface."""
+"""The surfaces in a pixel: its triangles are sampled at a lattice of points, nearest first, and the samples counted per surface."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def _sample(order: Int32, planes: Float32, nearest: Float32, samples: Float32, i
         if nearest[c] == np.inf or nearest[c] * farthest > ONE:
             return drawn
         _cover(planes, c, samples, inverse, owner)
-        # Four samples far apart say cheaply that the pixel is not full yet.
+        # Four samples far apart are a cheap test of whether the pixel is full.
         if owner[0] >= 0 and owner[n // 3] >= 0 and owner[2 * n // 3] >= 0 and owner[n - 1] >= 0:
             farthest = _lowest(inverse)
     return len(order)
@@ -155,7 +155,7 @@ def _write(
         elif size > next_largest:
             other, next_largest = g, size
     if largest < max(void, 1):
-        if void < n or face[pixel] < 0:  # a centre ray that hit where all samples miss is believed
+        if void < n or face[pixel] < 0:  # where all samples miss, a hit of the centre ray counts
             depth[pixel], face[pixel] = np.nan, -1
         return
     depth[pixel] = surface_sum(first, found, seen, group, depths) / largest
@@ -167,7 +167,7 @@ def _write(
 
 @njit(cache=True, nogil=True)
 def _front(g: int, found: int, seen: Int32, group: Int32, count: Int32, candidates: Int32, centre: int) -> Any:
-    """The face that stands for a surface: the one at the pixel's centre, else the one with most samples."""
+    """The face that represents a surface: the one at the pixel's centre, else the one with most samples."""
     best = -1
     for i in range(found):
         if group[i] == g:

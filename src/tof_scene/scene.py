@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The CAD scene: named parts with geometry in the cell frame, materials and what inspection asks of them."""
+"""The CAD scene: named parts with geometry in the cell frame, material, and inspection settings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """How a surface answers light: diffuse share at the sensor's wavelength, roughness 0 (mirror) to 1 (matt)."""
+    """Reflectance of a surface: diffuse albedo at the sensor's wavelength, roughness 0 (mirror) to 1 (matt)."""
 
     albedo: float = 0.5
     roughness: float = 1.0
@@ -99,7 +99,7 @@ class Scene:
         return self.names.index(name)
 
     def without(self, name: str) -> Scene:
-        """The same cell with one part taken away."""
+        """The same cell without one part."""
         gone = self.index(name)
         return replace(self, parts=self.parts[:gone] + self.parts[gone + 1 :], digest="")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""scene.yaml in and out: every key known, every mesh inside the folder, every error with its file and line."""
+"""scene.yaml in and out: unknown keys are refused, meshes stay inside the folder, errors name file and line."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SCENE_KEYS = ("frame", "placed_in", "parts")
 PART_KEYS = ("name", "mesh", "scale", "pose", "material", "inspect", "tolerance_mm")
 LARGEST_M = {False: 50.0, True: 5.0}
-"""No part of a robot's cell is larger, and none that is inspected from the hand: such a mesh is in millimetres."""
+"""Largest part of a robot's cell, and largest inspected part. A larger mesh is in millimetres."""
 SMALLEST_M = 1e-4
 
 
@@ -75,7 +75,7 @@ def _material(entry: Marked | None) -> Material:
 
 
 def _inside(mesh: Marked, folder: Path) -> Path:
-    """The mesh's path; links are followed before it is asked whether it lies in the scene's folder."""
+    """The mesh's path; links are followed before the check that it lies in the scene's folder."""
     path = folder / mesh.text()
     if not path.resolve().is_relative_to(folder.resolve()):
         raise mesh.error(f"the mesh '{mesh.text()}' lies outside the scene's folder", "copy it beside scene.yaml")
@@ -83,7 +83,7 @@ def _inside(mesh: Marked, folder: Path) -> Path:
 
 
 def _plausible(mesh: Marked, vertices: Float, *, inspected: bool) -> None:
-    """Refuse sizes that betray a wrong unit; vertices that are not finite are left to Part."""
+    """Refuse sizes that indicate a wrong unit; `Part` checks for vertices that are not finite."""
     if not np.isfinite(vertices).all():
         raise mesh.error(f"the mesh '{mesh.text()}' has vertices that are NaN or infinite", "export it again")
     size = float(np.ptp(vertices, axis=0).max())

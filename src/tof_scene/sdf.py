@@ -47,7 +47,7 @@ SEATS = (
     Seat("regulator", "regulator_contact", (0.0, -0.080, 0.035), (90, 0, 0)),
     Seat("sensor", "sensor_contact", (0.075, 0.0, 0.035), (0, 0, -90)),
 )
-"""What the SDF leaves to the assembler: pump on its plate, battery's pins, regulator's long and sensor's peg in their sockets."""
+"""Seats of the models, which the SDF does not hold: pump on its plate, battery's pins, regulator's long and sensor's peg in their sockets."""
 
 
 def write_sdf_scene(folder: Path | str, out_folder: Path | str, insert: str = "assembly_insert", seats: tuple[Seat, ...] = SEATS) -> Path:

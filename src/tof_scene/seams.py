@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which pixels need more than their centre: neighbours on other surfaces, curvature, and visible edges of the CAD."""
+"""Pixels that need fine sampling: those with neighbours on other surfaces, curvature, or visible edges of the CAD."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 SHARP = np.cos(np.radians(20.0))
 FLAT = np.cos(np.radians(0.1))
 BEND, EDGE = np.uint8(1), np.uint8(2)
-"""A pixel that sees one surface which is not flat there; one that may see two."""
+"""BEND: a pixel that sees one surface which is not flat. EDGE: a pixel that may see two surfaces."""
 NEAR_M = 1e-3
 """Nothing nearer to the camera along z is drawn."""
 STEP_M = 1e-3
-"""Neighbours further apart along z, seen from either plane, are on two surfaces."""
+"""Neighbours whose planes miss each other by more along z are on two surfaces."""
 HIDDEN_M = 2e-4
 
 
@@ -72,10 +72,10 @@ def mark_neighbours(
 ) -> None:  # fmt: skip
     """Compare each pixel with its eight neighbours once the outlines are marked; all arrays (H, W, ...), flag is raised to BEND or EDGE.
 
-    Two pixels whose planes meet between them have a crease (or a line where parts enter each other): it runs through the one on
-    whose half of the way they meet, since a line that crosses a pixel passes on its centre's side of the middle toward one of
-    the eight. Misses below `tolerance` metres within a part do not count. Where depth steps, an outline has marked one of
-    the two already; if not, both are marked.
+    Two pixels whose planes meet between them have a crease (or a line where parts intersect). The crease runs through the
+    pixel on whose half they meet, since a line through a pixel passes between its centre and the middle toward at least one of
+    the eight neighbours. Misses below `tolerance` metres within a part do not count. At a depth step an outline has marked one
+    of the two already; if not, both are marked.
     """
     rows, columns = depth.shape
     for i in range(rows):
@@ -101,7 +101,7 @@ def _compare(
     elif other or far > tolerance:
         level = EDGE if other else BEND
         at = abs(here) / (abs(here) + abs(there)) if 0.0 < far < np.inf else 0.5
-        bent = near > 2 * tolerance  # so far off both ways that either pixel may be curved itself
+        bent = near > 2 * tolerance  # a miss so large both ways that either pixel may be curved
         if at < 0.6 or bent:
             flag[i, j] = max(flag[i, j], level if at < 0.6 else BEND)
         if at > 0.4 or bent:
@@ -127,9 +127,9 @@ def mark_edges(
 ) -> None:  # fmt: skip
     """Raise to EDGE the pixels through which a visible outline passes, to BEND those with a sharp edge. Flat arrays over pixels.
 
-    `points` (n, 3) in the camera frame; `toward` (m,) says which faces are turned to the camera; `raster`, `pixel` and `span` are of
-    `Cells`. A point of an edge is hidden where it lies behind the plane seen at its pixel's centre: what is seen there ends at
-    an edge in that plane, or at one before it.
+    `points` (n, 3) in the camera frame; `toward` (m,) marks faces turned to the camera; `raster`, `pixel` and `span` are of
+    `Cells`. A point of an edge is hidden where it lies behind the plane seen at its pixel's centre: the visible surface ends
+    at an edge in that plane, or at one in front of it.
     """
     cell_flag = np.zeros(pixel.shape, np.uint8)
     for e in range(len(ends)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the face a pixel sees to depth, normal, incidence and albedo, in float64 inside and float32 outside."""
+"""Depth, normal, incidence and albedo of a pixel from the face it sees; computed in float64, stored in float32."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Image
 
 STEEP = 0.1
-"""Square of the relative change of 1/z over a pixel up to which its mean is developed (beyond, the plane is seen edge-on)."""
+"""Largest square of the relative change of 1/z over a pixel for which the mean is expanded; beyond it the plane is seen edge-on."""
 
 
 @njit(cache=True, nogil=True)

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 ONE, TINY, FAR = np.float32(1.0), np.float32(1e-30), np.float32(1e30)
 STEP_M = 1e-3
-"""Within one part, what lies further apart than this along z (and than its slant explains) is another surface."""
+"""Depth step, along z and beyond the slant of the faces, that separates two surfaces of one part."""
 SLANT = 1.6
-"""Over the root of the number of samples: share of a face's depth range in a pixel that may lie between neighbouring samples of it."""
+"""Divided by the root of the number of samples: share of a face's depth range in a pixel that neighbouring samples may differ by."""
 
 
 @njit(cache=True, nogil=True)
@@ -74,7 +74,7 @@ def _sums(z: Float32, owner: Int32, c: np.int32) -> tuple[Any, Any, Any]:
 def group_faces(
     n: int, found: int, seen: Int32, candidates: Int32, planes: Float32, part: NDArray[np.int16], depths: Float, group: Int32, marks: Float
 ) -> int:
-    """Surface of each seen face: faces of one part whose depths in the pixel follow on each other; returns how many surfaces.
+    """Surface of each seen face: faces of one part whose depths in the pixel overlap or adjoin; returns the number of surfaces.
 
     `n` is the number of samples; `marks` (..., 3) is scratch: part, farthest z and largest depth range of each surface so far.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which faces meet at which edge: found by position, since STL files repeat their vertices."""
+"""Edges and the faces that meet there, found by position, since STL files repeat their vertices."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def test_fences_never_split_neighbouring_codes() -> None:
     assert run(frames, "iqr", quantum=0.0).depth[0, 0] == 1.0
 
 
-def test_iqr_passes_with_fewer_than_five_captures_and_says_so() -> None:
+def test_iqr_is_skipped_with_fewer_than_five_captures_and_reports_it() -> None:
     four = run(one_pixel(1.0, 1.0, 1.0, 3.0), "iqr")
     assert four.passed == {"iqr": "4 of the 5 captures it needs"}
     assert (four.depth[0, 0], four.rejected) == (1.5, {})
@@ -162,7 +162,7 @@ def test_sigma_is_the_error_that_simulation_finds(n: int, method: str, stages: t
     assert np.sqrt(np.mean(result.noise**2)) == pytest.approx(LAW, rel=0.13)
 
 
-def test_the_default_beats_equation_1_on_clean_and_on_soiled_captures() -> None:
+def test_the_default_beats_equation_1_with_and_without_outliers() -> None:
     rng = np.random.default_rng(3)
     clean = (1 + LAW * rng.standard_normal((10, 100, 160))).astype(np.float32)
     soiled = np.where(rng.random(clean.shape) < 0.05, rng.uniform(0.5, 2.0, clean.shape).astype(np.float32), clean)

@@ -26,7 +26,7 @@ def test_a_stage_can_be_switched_off_without_touching_the_order() -> None:
 
 
 @pytest.mark.parametrize(
-    ("order", "said"),
+    ("order", "message"),
     [
         ("accumulate,sort", "'sort' is unknown"),
         ("sor,accumulate,sor", "'sor' is named twice"),
@@ -34,10 +34,10 @@ def test_a_stage_can_be_switched_off_without_touching_the_order() -> None:
         ("accumulate,iqr", "'iqr' compares captures"),
     ],
 )
-def test_an_order_that_cannot_be_done_is_refused(order: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_an_order_that_cannot_be_done_is_refused(order: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         stages_of(order)
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=message):
         PreprocConfig(order=order)
 
 

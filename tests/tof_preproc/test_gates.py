@@ -67,8 +67,8 @@ def test_the_robots_mask_takes_its_pixels_away(tmp_path: Path) -> None:
 
 def test_a_mask_that_is_missing_or_of_another_camera_is_named(tmp_path: Path) -> None:
     PillowImage.new("L", (7, 5)).save(tmp_path / "other.png")
-    for name, said in (("none.png", "cannot be read"), ("other.png", "is 7x5, the camera 6x5")):
-        with pytest.raises(ConfigError, match=said):
+    for name, message in (("none.png", "cannot be read"), ("other.png", "is 7x5, the camera 6x5")):
+        with pytest.raises(ConfigError, match=message):
             RASTER["self"](frame_of(row(*[1.0] * 6)), PreprocConfig(self_mask=SelfConfig(str(tmp_path / name))))
 
 

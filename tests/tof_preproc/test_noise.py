@@ -28,14 +28,14 @@ def ratio(sigma: Image, truth: np.ndarray) -> np.ndarray:
     return np.asarray(sigma / truth)
 
 
-def test_one_frame_of_a_plane_at_60_degrees_tells_its_noise() -> None:
+def test_the_noise_of_a_plane_at_60_degrees_is_estimated_from_one_frame() -> None:
     truth = plane(incidence_deg=60.0, amplitude=300.0)
     frame = captures(truth)[0]
     sigma = law_of_capture(frame.depth, frame.amplitude, 0.0).sigma(frame.depth, frame.amplitude)
     np.testing.assert_allclose(ratio(sigma, noise_of(truth)), 1.0, atol=0.03)
 
 
-def test_one_frame_full_of_edges_tells_the_law_of_amplitude() -> None:
+def test_the_photon_law_is_estimated_from_one_frame_full_of_edges() -> None:
     truth = edge_rich()
     frame = captures(truth)[0]
     law = law_of_capture(frame.depth, frame.amplitude, 0.0)
@@ -46,7 +46,7 @@ def test_one_frame_full_of_edges_tells_the_law_of_amplitude() -> None:
 
 
 @pytest.mark.parametrize("n", [2, 3, 10])
-def test_a_dwell_tells_it_over_time_edges_spikes_and_all(n: int) -> None:
+def test_the_photon_law_is_estimated_over_time_despite_edges_and_spikes(n: int) -> None:
     truth = edge_rich()
     frames = captures(truth, n, spikes=0.01, dropouts=0.02)
     law = law_of_dwell(stack_of(frames), frames[0].amplitude, 0.0)
@@ -54,14 +54,14 @@ def test_a_dwell_tells_it_over_time_edges_spikes_and_all(n: int) -> None:
     assert np.quantile(off, [0.05, 0.95]) == pytest.approx([1.0, 1.0], abs=0.1)
 
 
-def test_without_amplitude_range_stands_for_it() -> None:
+def test_without_amplitude_range_takes_its_place() -> None:
     truth = plane(incidence_deg=50.0)
     law = law_of_capture(captures(truth)[0].depth, None, 0.0)
     assert law.by_range
     np.testing.assert_allclose(ratio(law.sigma(captures(truth)[0].depth, None), noise_of(truth)), 1.0, atol=0.06)
 
 
-def test_noise_is_never_below_what_the_code_makes() -> None:
+def test_noise_is_never_below_the_quantisation_noise() -> None:
     truth = plane(incidence_deg=0.0)
     frames = captures(truth, 4, noise=0.0, quantum=0.001)
     for law in (law_of_capture(frames[0].depth, None, 0.001), law_of_dwell(stack_of(frames), None, 0.001)):
@@ -69,11 +69,11 @@ def test_noise_is_never_below_what_the_code_makes() -> None:
 
 
 @pytest.mark.parametrize("depth", [np.full((20, 30), np.nan), np.full((1, 1), 1.0), np.full((2, 2), 1.0)])
-def test_frames_that_tell_nothing_still_get_a_finite_sigma(depth: np.ndarray) -> None:
+def test_frames_without_information_get_a_finite_sigma(depth: np.ndarray) -> None:
     frame = depth.astype(np.float32)
     amplitude = np.full(frame.shape, np.nan, np.float32)
-    for light in (None, amplitude, np.ones_like(amplitude)):
-        assert np.isfinite(law_of_capture(frame, light, 0.0).sigma(frame, light)).all()
+    for brightness in (None, amplitude, np.ones_like(amplitude)):
+        assert np.isfinite(law_of_capture(frame, brightness, 0.0).sigma(frame, brightness)).all()
 
 
 def test_a_tenth_of_outliers_moves_the_variance_by_less_than_a_tenth() -> None:

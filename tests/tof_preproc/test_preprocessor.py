@@ -85,7 +85,7 @@ def test_the_captures_own_poses_end_a_dwell() -> None:
     assert [v.captures for v in accumulate_views(placed)] == [2, 3, 1]
 
 
-def test_slow_travel_does_not_creep_through() -> None:
+def test_slow_travel_ends_a_dwell() -> None:
     frames = [at(f, 0.4 * i) for i, f in enumerate(captures(plane(), 6))]
     assert [v.captures for v in accumulate_views(frames)] == [3, 3]
 
@@ -128,7 +128,7 @@ def test_reset_forgets() -> None:
     assert (preprocessor.push(b).captures, preprocessor.events) == (1, {"dwells": 1, "moved": 0})
 
 
-def test_what_a_stage_could_not_do_is_said() -> None:
+def test_a_skipped_stage_is_reported_with_its_reason() -> None:
     capture = replace(captures(plane())[0], amplitude=None)
     preprocessor = Preprocessor()
     view = preprocessor.push(capture)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The step of the depth code is found where there is one, and its error told as simulation finds it."""
+"""The quantisation step is found where there is one, and the stated error of a mean agrees with simulation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tof_preproc.quantum import mean_error2, quantum_of
 
 
 @pytest.mark.parametrize("step", [0.001, 0.00025, 0.004])
-def test_a_code_is_found_through_float32(step: float) -> None:
+def test_the_quantisation_step_is_found_in_float32(step: float) -> None:
     rng = np.random.default_rng(0)
     depth = (np.round(rng.uniform(0.5, 4.0, (60, 80)) / step) * step).astype(np.float32)
     depth[::7] = np.nan
@@ -26,7 +26,7 @@ def test_a_code_is_found_through_float32(step: float) -> None:
         np.zeros((0, 0)),
     ],
 )
-def test_values_that_follow_no_code_have_no_step(depth: np.ndarray) -> None:
+def test_values_without_a_common_step_have_none(depth: np.ndarray) -> None:
     assert quantum_of(depth.astype(np.float32)) == 0.0
 
 
@@ -37,11 +37,11 @@ def test_the_error_of_a_mean_of_codes_is_what_simulation_gives(noise: float, cap
     truth = rng.uniform(0, 1, 20000)
     codes = np.round(truth[:, None] + noise * rng.standard_normal((20000, captures)))
     simulated = np.mean((codes.mean(axis=1) - truth) ** 2)
-    told = mean_error2(noise**2 + 1 / 12, 1 / captures, 1.0, False)
-    assert told == pytest.approx(simulated, rel=0.08)
+    computed = mean_error2(noise**2 + 1 / 12, 1 / captures, 1.0, False)
+    assert computed == pytest.approx(simulated, rel=0.08)
 
 
-def test_no_number_of_captures_averages_a_code_without_noise_away() -> None:
+def test_quantisation_without_noise_does_not_average_out() -> None:
     assert mean_error2(1 / 12, 1e-9, 1.0, False) == pytest.approx(1 / 12)
 
 

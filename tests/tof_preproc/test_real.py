@@ -51,7 +51,7 @@ def test_real_captures(shared_data: Path, name: str, preset: str) -> None:
         assert quantum / np.sqrt(12) * 0.99 < np.median(view.noise[view.valid]) < 5e-3
 
 
-def test_two_frames_of_a_static_scene_tell_their_noise_over_time(shared_data: Path) -> None:
+def test_the_noise_of_a_static_scene_is_estimated_from_two_frames(shared_data: Path) -> None:
     first, second = captures_of(shared_data / "real" / "azure_kinect_static/bag")
     views = list(accumulate_views([first, second]))
     between = np.abs(second.depth - first.depth)

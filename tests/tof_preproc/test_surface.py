@@ -108,7 +108,7 @@ def test_a_mixed_pixel_at_the_rim_of_a_hole_goes_and_a_clean_rim_stays() -> None
     assert (frame.reason[:150, 200] == Reason.FLYING).all()
 
 
-def test_scattered_holes_do_not_make_a_steep_plane_fly() -> None:
+def test_a_steep_plane_with_holes_has_no_flying_pixels() -> None:
     rng = np.random.default_rng(0)
     depth = 1 / (1 - CAMERA.rays()[..., 0]) + 1e-3 * rng.standard_normal(CAMERA.shape)
     depth[rng.random(CAMERA.shape) < 0.3] = np.nan

@@ -21,7 +21,7 @@ def edge_scene(y: float) -> Raycaster:
 
 
 @pytest.mark.parametrize("share", [0.03, 0.25, 0.49, 0.7, 0.98])
-def test_a_straight_edge_divides_its_pixels_as_geometry_says(share: float) -> None:
+def test_a_straight_edge_divides_its_pixels_in_the_exact_proportion(share: float) -> None:
     cam = camera(40, 30)
     column = 23
     y = (column - 0.5 + share - cam.cx) / cam.fx  # image right is +y seen from +x
@@ -92,7 +92,7 @@ def test_steps_within_one_part_are_two_surfaces_and_creases_are_one() -> None:
     assert (render(roof, cam, FRONT).mixed == 0).all()
 
 
-def test_most_of_the_pixel_decides_and_void_is_no_second_surface() -> None:
+def test_the_larger_surface_gives_the_depth_and_void_is_no_second_surface() -> None:
     cam = camera(40, 30)
     for share in (0.3, 0.8):
         y = (20 - 0.5 + share - cam.cx) / cam.fx
@@ -103,7 +103,7 @@ def test_most_of_the_pixel_decides_and_void_is_no_second_surface() -> None:
         assert np.isnan(view.second[15, 20])
 
 
-def test_every_field_speaks_of_the_surface_that_fills_most() -> None:
+def test_every_field_belongs_to_the_surface_that_fills_most() -> None:
     cam = camera(40, 30)
     y = (20.3 - cam.cx) / cam.fx  # the plate covers the centre's side: 80 % of column 20
     view = render(edge_scene(y), cam, FRONT)

@@ -15,14 +15,14 @@ from tof_scene.render import render
 FRONT = looking((1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def test_a_wall_is_flat_and_the_inside_of_a_right_angle_sees_half_its_sky_blocked() -> None:
+def test_concavity_of_a_wall_is_zero_and_of_a_right_angle_one_half() -> None:
     caster = Raycaster(scene(a=wall(), b=block(0.5, 0.05, 0, (1.0, 0.1, 8.0))))
     x = np.array([[0.0, -1.0, 0.0], [0.0, -1e-3, 0.0]])
     values = concavity(caster, x, np.array([[1.0, 0, 0], [1.0, 0, 0]]), rays=400)
     assert values == pytest.approx([0.0, 0.5], abs=0.02)
 
 
-def test_the_bottom_of_a_deep_narrow_hole_sees_hardly_any_sky() -> None:
+def test_concavity_at_the_bottom_of_a_deep_narrow_hole_is_nearly_one() -> None:
     walls = [block(0.1, s * 0.03, 0, (0.2, 0.02, 0.08)) for s in (-1, 1)] + [block(0.1, 0, s * 0.03, (0.2, 0.08, 0.02)) for s in (-1, 1)]
     caster = Raycaster(scene(floor=wall(), a=walls[0], b=walls[1], c=walls[2], d=walls[3]))
     deep = concavity(caster, np.zeros((1, 3)), np.array([[1.0, 0, 0]]), rays=400)

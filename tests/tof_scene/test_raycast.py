@@ -16,7 +16,7 @@ from tof_scene.raycast import Raycaster
 coordinate = st.floats(-1.0, 1.0)
 
 
-def test_a_hit_says_distance_part_face_and_normal_toward_the_origin() -> None:
+def test_a_hit_has_distance_part_face_and_normal_toward_the_origin() -> None:
     caster = Raycaster(scene(wall=wall(), cube=block(0.3, 0, 0, (0.2, 0.2, 0.2))))
     hits = caster.cast((2.0, 0.0, 0.0), [(-2.0, 0.01, 0.02), (-1.0, 0.5, 0.0), (1.0, 0.0, 0.0)])
     assert hits.part.tolist() == [1, 0, -1]

@@ -35,7 +35,7 @@ def refusal(path: Path) -> str:
     return str(caught.value)
 
 
-def test_everything_a_part_may_say_is_read(tmp_path: Path) -> None:
+def test_every_key_of_a_part_is_read(tmp_path: Path) -> None:
     path = write(
         tmp_path,
         """
@@ -88,9 +88,9 @@ parts:
     ("frame: !!python/object/apply:os.system [ls]\n", 1, "is no valid YAML"),
 ])  # fmt: skip
 def test_each_mistake_is_one_line_that_names_file_and_line(tmp_path: Path, text: str, line: int, what: str) -> None:
-    said = refusal(write(tmp_path, text))
-    assert what in said
-    assert f"scene.yaml:{line}" in said
+    message = refusal(write(tmp_path, text))
+    assert what in message
+    assert f"scene.yaml:{line}" in message
 
 
 @pytest.mark.parametrize(
@@ -156,7 +156,7 @@ def test_a_scene_is_opened_by_name_or_by_path(tmp_path: Path) -> None:
     assert open_scene(write_builtin("pipework", tmp_path)).names == make_builtin("pipework").names
 
 
-def test_the_digest_tells_scenes_apart() -> None:
+def test_different_scenes_have_different_digests() -> None:
     scene = Scene("cell", (CUBE, Part("b", *block(1, 0, 0, (0.1, 0.1, 0.1)))))
     assert scene.without("b").names == ("cube",)
     assert len({scene.digest, scene.without("b").digest, scene.without("cube").digest}) == 3

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parametric scenes that come with toftwin; their meshes are made when asked for, the same each time."""
+"""Parametric scenes that come with toftwin; their meshes are generated on request and are identical each time."""
 
 from __future__ import annotations
 

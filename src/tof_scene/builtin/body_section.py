@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tof_scene.builtin.shapes import Solid
 
 PANEL = Material(0.45, 0.6)
-"""Primed sheet metal; clips and studs share it on purpose, so that colour alone cannot find them."""
+"""Albedo of primed sheet metal. Clips and studs have the same, so that colour alone cannot find them."""
 LENGTH, SHEET = 0.9, 0.0015
 # The sill's section (x, z), from the lower flange up, as a sheet-metal worker would fold it; corners are rounded by CORNER.
 SECTION = np.array([(0.02, 0.60), (0.02, 0.635), (0.10, 0.665), (0.115, 0.86), (0.015, 0.905), (0.005, 0.96)])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tof_scene.builtin.shapes import Solid
 
 PAINT = Material(0.45, 0.7)
-"""Pipes, plugs and sensors share it: colour alone cannot find them."""
+"""Albedo of pipes, plugs and sensors: colour alone cannot find them."""
 BRASS = Material(0.36, 0.5)
 
 
