@@ -47,9 +47,6 @@ class Rig(Protocol):
     def moved(self, x: Float, own: Float) -> Self:
         """The rig after steps x (G,) and own (V, own)."""
 
-    def subset(self, views: Sequence[int]) -> Self:
-        """The rig of some views only."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
@@ -172,10 +169,6 @@ class Single:
     def moved(self, x: Float, own: Float) -> Single:  # noqa: ARG002
         """The pose after a whitened step."""
         return replace(self, T=self.T @ se3.exp(self.root @ x[:6]))
-
-    def subset(self, views: Sequence[int]) -> Single:  # noqa: ARG002
-        """There is only one."""
-        return self
 
 
 def chain_of(views: Sequence[View | Sample], priors: Priors) -> Chain:

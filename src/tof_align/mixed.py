@@ -75,45 +75,78 @@ class Mixed:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reduced:
-    """The session's normal equations once every view's own unknowns are gone.
+class ByView:
+    """Each view's normal equations about the shared unknowns once its own are eliminated.
 
-    H (G, G), b (G,) with the priors in; energy: the weighted square before the globals explain
-    any of it; own0 (V, o), gain (V, o, s), own_cov (V, o, o) bring the own unknowns back.
+    H (V, s, s), b (V, s), energy (V,): priors of the view's own unknowns are in, those of the shared ones are not.
+    own0 (V, o), gain (V, o, s), own_cov (V, o, o) bring the own unknowns back: own = own0 - gain @ shared.
+    """
+
+    H: Float
+    b: Float
+    energy: Float
+    own0: Float
+    gain: Float
+    own_cov: Float
+
+    def of(self, shared: Ints) -> ByView:
+        """The same about some of the shared unknowns, the others held at zero."""
+        return ByView(self.H[:, shared[:, None], shared], self.b[:, shared], self.energy, self.own0, self.gain[:, :, shared], self.own_cov)
+
+    def placed(self, where: Ints, count: int) -> tuple[Float, Float]:
+        """(V, G, G), (V, G): every view's equations at their places `where` (V, s) among `count` unknowns."""
+        views = np.arange(len(where))
+        H, b = np.zeros((len(where), count, count)), np.zeros((len(where), count))
+        H[views[:, None, None], where[:, :, None], where[:, None, :]] = self.H
+        b[views[:, None], where] = self.b
+        return H, b
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reduced:
+    """The session's normal equations once every view's own unknowns are eliminated.
+
+    H (G, G), b (G,) with the priors in; energy: the weighted square before the globals explain any of it; views: per view.
     """
 
     H: Float
     b: Float
     energy: float
-    own0: Float
-    gain: Float
-    own_cov: Float
+    views: ByView
 
 
-def reduce(normal: Normal, sizes: dict[str, float]) -> Reduced:
+def by_view(normal: Normal, sizes: dict[str, float]) -> ByView:
     """Eliminate what is one view's own (Schur complement), for given sizes in metres."""
     s, o = normal.shared, normal.own_info.size
-    own_prior, prior = normal.own_info.copy(), normal.info.copy()
+    own_prior = normal.own_info.copy()
     for kind, size in sizes.items():
-        if kind in normal.kinds:
-            prior[normal.kinds[kind]] = size**-2
-        else:
+        if kind in normal.own_kinds:
             own_prior[normal.own_kinds[kind]] = size**-2
     K = normal.gram
     own_cov = np.linalg.inv(K[:, s : s + o, s : s + o] + np.diag(own_prior))
     gain = own_cov @ K[:, s : s + o, :s]
     own_right = K[:, s : s + o, -1] - own_prior * normal.own_error
     own0 = np.einsum("vij,vj->vi", own_cov, own_right)
-    H, b = _scatter(
-        normal,
-        K[:, :s, :s] - np.swapaxes(gain, 1, 2) @ K[:, s : s + o, :s],
-        K[:, :s, -1] - np.einsum("vij,vj->vi", K[:, :s, s : s + o], own0),
+    return ByView(
+        H=K[:, :s, :s] - np.swapaxes(gain, 1, 2) @ K[:, s : s + o, :s],
+        b=K[:, :s, -1] - np.einsum("vij,vj->vi", K[:, :s, s : s + o], own0),
+        energy=K[:, -1, -1] + (own_prior * normal.own_error**2).sum(axis=1) - (own_right * own0).sum(axis=1),
+        own0=own0,
+        gain=np.asarray(gain),
+        own_cov=np.asarray(own_cov, float),
     )
+
+
+def reduce(normal: Normal, sizes: dict[str, float]) -> Reduced:
+    """Eliminate what is one view's own, view by view, and sum what is left about the shared unknowns."""
+    views, prior = by_view(normal, sizes), normal.info.copy()
+    for kind, size in sizes.items():
+        if kind in normal.kinds:
+            prior[normal.kinds[kind]] = size**-2
+    H, b = _scatter(normal, views.H, views.b)
     H += np.diag(prior)
     b -= prior * normal.error
-    from_priors = (prior * normal.error**2).sum() + (own_prior * normal.own_error**2).sum()
-    energy = float(K[:, -1, -1].sum() + from_priors - (own_right * own0).sum())
-    return Reduced(H, b, energy, own0, np.asarray(gain), np.asarray(own_cov, float))
+    return Reduced(H, b, float(views.energy.sum() + (prior * normal.error**2).sum()), views)
 
 
 def solve(normal: Normal, sizes: dict[str, float], pull: tuple[Float, Float] | None = None) -> Mixed:
@@ -124,8 +157,8 @@ def solve(normal: Normal, sizes: dict[str, float], pull: tuple[Float, Float] | N
     r = reduce(normal, sizes)
     H, b = (r.H, r.b) if pull is None else (r.H + pull[0], r.b + pull[1])
     cov, x = _solve(H, b)
-    own = r.own0 - np.einsum("vij,vj->vi", r.gain, x[normal.scatter])
-    return Mixed(x, own, cov, r.gain, r.own_cov, normal.scatter, dict(sizes), float(r.energy - b @ x))
+    own = r.views.own0 - np.einsum("vij,vj->vi", r.views.gain, x[normal.scatter])
+    return Mixed(x, own, cov, r.views.gain, r.views.own_cov, normal.scatter, dict(sizes), float(r.energy - b @ x))
 
 
 def _scatter(normal: Normal, reduced: Float, right: Float) -> tuple[Float, Float]:

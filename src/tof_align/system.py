@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A session linearised once: refit it with other columns as often as you like, without rendering.
+"""A session linearised once: poses, discrepancy and extra columns in one set of normal equations.
 
 `SessionSystem` holds per view the Jacobian with respect to the camera (n, 6), the residual
-(n,), the weights (n,), and how base, arm and hand-eye move the camera. `eliminate` takes any
-further columns (metres of z per unit) and returns their normal equations with the poses (and,
-if asked, the discrepancy) projected out: what of a column's energy the pose cannot imitate.
+(n,), the weights (n,), and how base, arm and hand-eye move the camera; extra columns are metres
+of z per unit of their coefficients.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 from tof_align.chain import Rig
 from tof_align.discrepancy import LOCAL, SHARED, Basis, local_columns, shared_columns
-from tof_align.mixed import Mixed, Normal, reduce, solve
+from tof_align.mixed import Mixed, Normal, solve
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,37 +24,6 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
 
 R = TypeVar("R", bound=Rig)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Eliminated:
-    """Normal equations of k columns and the residual once the poses are projected out.
-
-    gram (k, k), right (k,), energy (weighted square of the residual that poses alone leave),
-    pixels: how many took part. The best theta is solve(gram, right); it explains right @ theta
-    of the energy.
-    """
-
-    gram: Float
-    right: Float
-    energy: float
-    pixels: int
-
-    def fit(self, chosen: Sequence[int] | Ints, ridge: Float | float = 0.0) -> tuple[Float, Float, float]:
-        """theta (k',), its covariance (k', k') and the energy left, of the chosen columns.
-
-        `ridge` is an inverse prior variance, per column or one for all.
-        """
-        at = np.asarray(chosen, int)
-        if not at.size:
-            return np.zeros(0), np.zeros((0, 0)), self.energy
-        gram = self.gram[np.ix_(at, at)]
-        H = gram + np.diag(np.broadcast_to(ridge, at.shape))
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
-        cov = np.linalg.inv(H * scale[:, None] * scale + 1e-12 * np.eye(len(at))) * scale[:, None] * scale
-        theta = cov @ self.right[at]
-        left = self.energy - 2 * self.right[at] @ theta + theta @ gram @ theta
-        return theta, cov, float(left)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,12 +43,6 @@ class SessionSystem(Generic[R]):
     sizes: dict[str, float]
     theta_std: Float | None = None
 
-    def subset(self, views: Sequence[int]) -> SessionSystem[R]:
-        """The same with some views only (all stations stay, those unseen at their prior)."""
-        return replace(
-            self, rig=self.rig.subset(views), views=tuple(self.views[v] for v in views), weights=tuple(self.weights[v] for v in views)
-        )
-
     def normal(self, columns: Sequence[Float] | None = None, *, discrepancy: bool = True) -> Normal:
         """Normal equations in poses, discrepancy (if wanted) and `columns` (per view (n, k))."""
         basis = self.basis if discrepancy else None
@@ -97,29 +59,6 @@ class SessionSystem(Generic[R]):
     def solve(self, columns: Sequence[Float] | None = None, *, discrepancy: bool = True) -> Mixed:
         """Poses, discrepancy and the columns' coefficients together."""
         return solve(self.normal(columns, discrepancy=discrepancy), self.sizes if discrepancy else {})
-
-    def eliminate(self, columns: Sequence[Float], *, discrepancy: bool = False) -> Eliminated:
-        """Project the poses (with their priors) out of columns (per view (n, k)).
-
-        With `discrepancy` the smooth unmodelled errors are projected out as well, at the sizes
-        found: a column must then explain more than any smooth error would.
-        """
-        r = reduce(self.normal(columns, discrepancy=discrepancy), self.sizes if discrepancy else {})
-        g = r.b.size - (columns[0].shape[1] if columns else 0)
-        scale = 1.0 / np.sqrt(np.diag(r.H)[:g])
-        pose = np.linalg.inv(r.H[:g, :g] * scale[:, None] * scale) * scale[:, None] * scale
-        gain = pose @ r.H[:g, g:]
-        gram = r.H[g:, g:] - r.H[g:, :g] @ gain
-        right = r.b[g:] - gain.T @ r.b[:g]
-        energy = r.energy - float(r.b[:g] @ pose @ r.b[:g])
-        return Eliminated(0.5 * (gram + gram.T), right, energy, sum(int((w > 0).sum()) for w in self.weights))
-
-    def residuals(self, columns: Sequence[Float], theta: Float) -> tuple[Float, ...]:
-        """Per view (n,): what is left at the joint solution for these coefficients, metres."""
-        rest = [view.residual - C @ theta for view, C in zip(self.views, columns, strict=True)]
-        shifted = replace(self, views=tuple(replace(v, residual=r) for v, r in zip(self.views, rest, strict=True)))
-        steps = shifted.camera_steps(shifted.solve(discrepancy=False))
-        return tuple(r - v.jacobian @ d for r, v, d in zip(rest, self.views, steps, strict=True))
 
     def camera_steps(self, answer: Mixed) -> Float:
         """(V, 6) right perturbations of the cameras that an answer means."""

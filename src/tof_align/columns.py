@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A session linearised once with many extra columns: any choice of them is fitted without rendering anything again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align.mixed import solve
+from tof_align.system import assemble, camera_cov
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.chain import Chain
+    from tof_align.mixed import Mixed, Normal
+    from tof_core.arrays import Float, Ints
+
+HAND_EYE_FREE = np.repeat([0.05, 0.1], 3)
+"""Prior deviations (m, rad) of a hand-eye error under test: whatever a mount can do (50 mm, 6 degrees)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Priors:
+    """Prior deviations (6,) of base steps and of hand-eye; `at_chain`: bases are held to the chain, not to the robot's word."""
+
+    base: Float
+    hand_eye: Float
+    at_chain: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ColumnFit:
+    """A solution with some columns.
+
+    active (k,): the columns; answer: poses and coefficients; poses: how many unknowns of the answer are the stations' and hand-eye's.
+    """
+
+    active: Ints
+    answer: Mixed
+    poses: int
+
+    @property
+    def base(self) -> Float:
+        """(S, 6) steps of the stations' bases."""
+        return self.answer.x[: self.poses - 6].reshape(-1, 6)
+
+    @property
+    def hand_eye(self) -> Float:
+        """(6,) step of hand-eye."""
+        return self.answer.x[self.poses - 6 : self.poses]
+
+    @property
+    def hand_eye_cov(self) -> Float:
+        """(6, 6) covariance of that step."""
+        at = slice(self.poses - 6, self.poses)
+        return self.answer.cov[at, at]
+
+    @property
+    def theta(self) -> Float:
+        """(k,) coefficients of the active columns."""
+        return self.answer.x[self.poses :]
+
+    @property
+    def theta_cov(self) -> Float:
+        """(k, k) covariance of the coefficients."""
+        return self.answer.cov[self.poses :, self.poses :]
+
+    @property
+    def arm(self) -> Float:
+        """(V, 6) steps of the arm's own errors."""
+        return self.answer.own
+
+    @property
+    def energy(self) -> float:
+        """Chi-square that is left, priors included."""
+        return self.answer.energy
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ColumnSystem:
+    """Normal equations of V views in poses and K columns.
+
+    chain: where the views were linearised; normal: [base 6 | hand-eye 6 | columns K | arm 6 | residual] in each view, all columns in;
+    columns: K; pixels (V,): how many took part; weight (V,): the sums of their 1 / sigma^2.
+    """
+
+    chain: Chain
+    normal: Normal
+    columns: int
+    pixels: Float
+    weight: Float
+
+    @classmethod
+    def of(cls, grams: Sequence[Float], chain: Chain, theta_sd: Float, priors: Priors, pixels: Float, weight: Float) -> ColumnSystem:
+        """From each view's weighted products (p, p) of [camera 6 | columns K | residual]; theta_sd (K,): the coefficients' prior deviations."""
+        normal = assemble(grams, chain, None, theta_sd**-2.0)
+        info, error, g = normal.info.copy(), normal.error.copy(), chain.globals_
+        info[: g - 6] = np.tile(priors.base**-2.0, len(chain.names))
+        info[g - 6 : g] = priors.hand_eye**-2.0
+        if priors.at_chain:
+            error[: g - 6] = 0.0
+        return cls(chain, replace(normal, info=info, error=error), len(theta_sd), pixels, weight)
+
+    @property
+    def poses(self) -> int:
+        """How many unknowns of the normal equations are the stations' and hand-eye's."""
+        return int(self.normal.info.size) - self.columns
+
+    @property
+    def sigma(self) -> float:
+        """Metres: the typical pixel's noise."""
+        return float(np.sqrt(self.pixels.sum() / self.weight.sum()))
+
+    def chosen(self, active: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> Normal:
+        """The normal equations with the columns `active` alone.
+
+        `inflate` divides the data's weight: errors that neighbours share count once. `free_hand`: hand-eye is under test.
+        """
+        n = self.normal
+        take = np.concatenate([self.local(active), np.arange(n.shared, n.gram.shape[1])])
+        info, error = self.prior(active, free_hand=free_hand)
+        return replace(n, gram=n.gram[:, take[:, None], take] / inflate, scatter=self.placed(len(active)), info=info, error=error)
+
+    def prior(self, active: Ints, *, free_hand: bool = False) -> tuple[Float, Float]:
+        """(g,), (g,) inverse prior variances of poses and of the columns `active`, and how far the state is from the prior's mean."""
+        at = np.concatenate([np.arange(self.poses), self.poses + active]).astype(np.int64)
+        info = self.normal.info[at]
+        if free_hand:
+            info[self.poses - 6 : self.poses] = HAND_EYE_FREE**-2.0
+        return info, self.normal.error[at]
+
+    def local(self, active: Ints) -> Ints:
+        """Where poses and the columns `active` stand among a view's shared unknowns."""
+        pose = self.normal.shared - self.columns
+        return np.concatenate([np.arange(pose), pose + active]).astype(np.int64)
+
+    def placed(self, k: int) -> Ints:
+        """(V, s) where each view's shared unknowns stand among the session's when k columns are chosen."""
+        pose = self.normal.scatter[:, : self.normal.shared - self.columns]
+        return np.concatenate([pose, np.broadcast_to(self.poses + np.arange(k), (len(pose), k))], axis=1)
+
+    def fit(self, active: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> ColumnFit:
+        """Poses and the coefficients of some columns over all views."""
+        return ColumnFit(active, solve(self.chosen(active, inflate=inflate, free_hand=free_hand), {}), self.poses)
+
+    def subset(self, views: Sequence[int]) -> ColumnSystem:
+        """The system of some views only; all stations stay."""
+        at, n = np.asarray(views, np.int64), self.normal
+        normal = replace(n, gram=n.gram[at], scatter=n.scatter[at], own_error=n.own_error[at])
+        return replace(self, chain=self.chain.subset(views), normal=normal, pixels=self.pixels[at], weight=self.weight[at])
+
+    def fit_to(self, views: Sequence[int], solution: ColumnFit, *, inflate: float, free_hand: bool) -> ColumnFit:
+        """The columns of a solution fitted anew to some views only, the bases held where the solution has them.
+
+        Coefficients that some views alone would trade against a base do not fit the solution's poses.
+        """
+        part, b = self.subset(views), self.poses - 6
+        info, error = part.normal.info.copy(), part.normal.error.copy()
+        info[:b], error[:b] = BASE_HELD_M**-2.0, -solution.base.ravel()
+        held = replace(part, normal=replace(part.normal, info=info, error=error))
+        return held.fit(solution.active, inflate=inflate, free_hand=free_hand)
+
+    def camera_covs(self, solution: ColumnFit) -> Float:
+        """(V, 6, 6) covariance of each camera's right perturbation."""
+        return np.stack([camera_cov(self.chain, solution.answer, v) for v in range(len(self.pixels))])
+
+    def left_of(self, target: Ints, coefficients: Float, others: Ints, *, inflate: float = 1.0) -> float:
+        """Chi-square that poses and the columns `others` leave of the map C[target] @ coefficients.
+
+        The map takes the residual's place and everything else is fitted to it: what is left is what the session can see of the map.
+        """
+        n, mine = self.normal, self.normal.shared - self.columns + target
+        whole = self.chosen(others)
+        take = np.concatenate([self.local(others), np.arange(n.shared, n.gram.shape[1] - 1)])
+        gram = whole.gram.copy()
+        gram[:, :-1, -1] = gram[:, -1, :-1] = n.gram[:, take[:, None], mine] @ coefficients
+        gram[:, -1, -1] = np.einsum("i,vij,j->v", coefficients, n.gram[:, mine[:, None], mine], coefficients)
+        at_zero = replace(whole, gram=gram / inflate, error=np.zeros_like(whole.error), own_error=np.zeros_like(whole.own_error))
+        return solve(at_zero, {}).energy * inflate
+
+
+BASE_HELD_M = 1e-7
+"""Prior deviation (m, rad) of a base that is held: a millionth of what any camera resolves."""
