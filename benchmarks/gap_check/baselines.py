@@ -25,13 +25,14 @@ def session(bag: Path) -> tuple[ColumnStore, list[Float]]:
     from dataclasses import replace
 
     from tof_align.chain import chain_of
+    from tof_align.folds import deal
     from tof_align.pixels import sample
     from tof_align.session import near
     from tof_core import se3
     from tof_gap.config import GapConfig
     from tof_gap.solve.columns import ColumnStore
     from tof_gap.solve.joint import observe
-    from tof_gap.solve.judge import SelectConfig, deal
+    from tof_gap.solve.judge import SelectConfig
     from tof_scene.raycast import Raycaster
     from tof_sensor.geometry import pose_columns
     from toftwin.diagnosis import GapPipelineConfig

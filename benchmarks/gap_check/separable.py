@@ -119,7 +119,6 @@ def _left(truth: Truth, effect: str, others: tuple[str, ...]) -> dict[str, float
     from tof_gap.config import GapConfig
     from tof_gap.solve.candidates import Candidate, candidates
     from tof_gap.solve.columns import build
-    from tof_gap.solve.system import fit
 
     true = truth.map(effect)
     if true is None:
@@ -129,9 +128,9 @@ def _left(truth: Truth, effect: str, others: tuple[str, ...]) -> dict[str, float
         view.residual[...] = np.nan_to_num(true[v])
     tested: list[Candidate] = [c for c in candidates(store.views, store.scene) if c.name in others]  # type: ignore[attr-defined]
     design = build(store, tested, chain, GapConfig().hand_sd)
-    out = {"all": float(design.system.G[:, -1, -1].sum()), "": fit(design.system, np.zeros(0, np.int64)).energy}
+    out = {"all": float(design.system.normal.gram[:, -1, -1].sum()), "": design.system.fit(np.zeros(0, np.int64)).energy}
     for c, group in zip(tested, design.groups, strict=True):
-        energy = fit(design.system, group, free_hand=c.effect is None).energy
+        energy = design.system.fit(group, free_hand=c.effect is None).energy
         out[c.name] = min(energy, out.get(c.name, np.inf))
     return out | {name: np.inf for name in others if name not in out}
 
@@ -162,11 +161,12 @@ def _session(truth: Truth) -> tuple[ColumnStore, Chain]:
     from dataclasses import replace
 
     from tof_align.chain import chain_of
+    from tof_align.folds import deal
     from tof_core.se3 import inverse
     from tof_gap.config import GapConfig
     from tof_gap.solve.columns import ColumnStore
     from tof_gap.solve.joint import observe
-    from tof_gap.solve.judge import SelectConfig, deal
+    from tof_gap.solve.judge import SelectConfig
     from tof_scene.raycast import Raycaster
     from toftwin.diagnosis import GapPipelineConfig
     from toftwin.inputs import opened

@@ -167,13 +167,13 @@ class ColumnSystem:
         """(V, 6, 6) covariance of each camera's right perturbation."""
         return np.stack([camera_cov(self.chain, solution.answer, v) for v in range(len(self.pixels))])
 
-    def left_of(self, target: Ints, coefficients: Float, others: Ints, *, inflate: float = 1.0) -> float:
+    def left_of(self, target: Ints, coefficients: Float, others: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> float:
         """Chi-square that poses and the columns `others` leave of the map C[target] @ coefficients.
 
         The map takes the residual's place and everything else is fitted to it: what is left is what the session can see of the map.
         """
         n, mine = self.normal, self.normal.shared - self.columns + target
-        whole = self.chosen(others)
+        whole = self.chosen(others, free_hand=free_hand)
         take = np.concatenate([self.local(others), np.arange(n.shared, n.gram.shape[1] - 1)])
         gram = whole.gram.copy()
         gram[:, :-1, -1] = gram[:, -1, :-1] = n.gram[:, take[:, None], mine] @ coefficients

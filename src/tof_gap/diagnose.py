@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_align.folds import deal
 from tof_core.errors import RefusedError
 from tof_gap.seen.noise import own_law
 from tof_gap.solve.candidates import HAND_EYE, not_testable
 from tof_gap.solve.joint import delayed, solution, solve, start, without
-from tof_gap.solve.judge import Selector, deal
+from tof_gap.solve.judge import Selector
 from tof_gap.solve.radial import gate
 from tof_gap.tell.account import account
 from tof_gap.tell.explainable import explainable

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core import se3
+from tof_align.columns import ColumnSystem, Priors
 from tof_core.cores import in_threads
 from tof_gap.seen.pattern import pattern_columns
 from tof_gap.solve.candidates import moving
 from tof_gap.solve.free import Unknown, unknown_columns
-from tof_gap.solve.system import System
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.geometry import pose_columns
@@ -47,7 +46,7 @@ class Design:
     candidates: tuple[Candidate, ...]
     groups: tuple[Ints, ...]
     scale: Float
-    system: System
+    system: ColumnSystem
 
     def placed(self, members: Sequence[int]) -> Iterator[tuple[Effect | None, Ints, slice]]:
         """Of each member its effect, its columns, and where its coefficients stand in a solution of all members."""
@@ -105,22 +104,16 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     scale = np.sqrt(sum((np.einsum("nk,nk->k", c, c) for c in C), np.zeros(C[0].shape[1])) / total)
     live = scale > 1e-12
     safe = np.where(live, scale, 1.0)
-    base0, base_sd = np.array([se3.log(T) for T in chain.base]), chain.priors.base
-    if moving(store.views):
-        base0, base_sd = np.zeros_like(base0), np.minimum(base_sd, PINNED_SD)
-    system = System(
-        G=np.stack(in_threads(lambda i, view, c: _gram(view, c / safe, chain, i), range(len(C)), store.views, C)),
-        station=np.asarray(chain.station),
-        n=np.array([float(len(v.pixels)) for v in store.views]),
-        weight=np.array([float((v.sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
-        base_sd=base_sd,
-        arm_sd=chain.priors.arm,
-        hand_sd=hand_sd,
-        base0=base0,
-        arm0=np.array([se3.log(T) for T in chain.arm]),
-        hand0=se3.log(chain.hand_eye),
+    in_motion = moving(store.views)
+    base_sd = np.minimum(chain.priors.base, PINNED_SD) if in_motion else chain.priors.base
+    system = ColumnSystem.of(
+        in_threads(lambda view, c: _gram(view, c / safe), store.views, C),
+        chain,
         # A column that vanishes everywhere is pinned: it explains nothing.
-        theta_sd=np.where(live, _column_sd(tested, groups, safe), 1e-9),
+        np.where(live, _column_sd(tested, groups, safe), 1e-9),
+        Priors(base_sd, hand_sd, at_chain=in_motion),
+        pixels=np.array([float(len(v.pixels)) for v in store.views]),
+        weight=np.array([float((v.sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
     )
     return Design(tuple(tested), groups, safe, system)
 
@@ -133,11 +126,9 @@ def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints], scale: Float
     return np.concatenate([np.zeros(0), *sd])
 
 
-def _gram(view: ViewEvidence, C: Float, chain: Chain, v: int) -> Float:
-    """Gram matrix of [b x a | C | r], each row weighted by 1 / sigma."""
+def _gram(view: ViewEvidence, C: Float) -> Float:
+    """Weighted products of [camera 6 | C | residual], each row weighted by 1 / sigma."""
     J = pose_columns(view.frame.take(view.pixels))[0]
-    shared, own = chain.links(v)
-    r = view.residual.ravel()[view.pixels]
-    X = np.concatenate([J @ shared, J @ own, C, r[:, None]], axis=1)
+    X = np.concatenate([J, C, view.residual.ravel()[view.pixels, None]], axis=1)
     X /= view.sigma.ravel()[view.pixels][:, None]
     return np.asarray(X.T @ X)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.chain import chain_of
+from tof_align.folds import deal
 from tof_align.pixels import sample
 from tof_align.session import near
 from tof_core import se3
@@ -19,10 +20,8 @@ from tof_gap.seen.residual import ViewEvidence, gather, smear
 from tof_gap.solve.candidates import Candidate, candidates, moving
 from tof_gap.solve.columns import ColumnStore, Design, build
 from tof_gap.solve.free import unknowns
-from tof_gap.solve.judge import deal
 from tof_gap.solve.select import Selection, narrowed, select
 from tof_gap.solve.shapes import refined
-from tof_gap.solve.system import arm_steps, fit
 from tof_scene.render import render
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.motion import Motion
@@ -33,12 +32,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from tof_align.chain import Chain
+    from tof_align.columns import ColumnFit
     from tof_align.config import AlignConfig
     from tof_core.arrays import Float
     from tof_core.camera import Camera
     from tof_core.capture import View
     from tof_gap.config import GapConfig
-    from tof_gap.solve.system import Fit
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
 
@@ -62,7 +61,7 @@ class Joint:
     @property
     def hand_eye(self) -> Float:
         """(4, 4) X of the solution."""
-        return np.asarray(self.chain.hand_eye @ se3.exp(self.selection.fit.hand))
+        return np.asarray(self.chain.hand_eye @ se3.exp(self.selection.fit.hand_eye))
 
     def told(self) -> Iterator[tuple[Effect | None, Float]]:
         """Of each member of the solution its effect, and its coefficients in their own units."""
@@ -119,7 +118,7 @@ def _mixes(views: Sequence[View], caster: Raycaster, chain: Chain, config: GapCo
 
 def solution(joint: Joint) -> tuple[Chain, float]:
     """The chain after the solution's steps, its robot poses at the time that the solution says, and that lateness in seconds."""
-    after = moved(joint.chain, joint.design, joint.selection.fit, joint.selection.chosen.inflate)
+    after = moved(joint.chain, joint.selection.fit)
     late_s = 0.0
     for effect, coefficients in joint.told():
         if isinstance(effect, TimeSync | Motion):
@@ -202,7 +201,7 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
         if moving(evidence):
             break  # Edges, which these poses are found by, are given up from here on.
         design = build(ColumnStore(evidence, chain.station), [], chain, config.hand_sd)
-        before, chain = chain, moved(chain, design, fit(design.system, np.zeros(0, np.int64), inflate=START_INFLATE), START_INFLATE)
+        before, chain = chain, moved(chain, design.system.fit(np.zeros(0, np.int64), inflate=START_INFLATE))
         evidence = observe(views, caster, chain, config, footprints=False)
         if farthest(before, chain, NEAR) <= 1.0:
             break
@@ -269,7 +268,6 @@ def observe(
     return gather(views, renderings, caster, config.evidence, sky=sky, wider_px=wider_px)
 
 
-def moved(chain: Chain, design: Design, solution: Fit, inflate: float) -> Chain:
-    """The chain after the solution's steps of B, X and every A."""
-    x = np.concatenate([solution.base.ravel(), solution.hand])
-    return chain.moved(x, arm_steps(design.system, solution, inflate=inflate))
+def moved(chain: Chain, solution: ColumnFit) -> Chain:
+    """The chain after the solution's steps of bases, hand-eye and every arm error."""
+    return chain.moved(np.concatenate([solution.base.ravel(), solution.hand_eye]), solution.arm)

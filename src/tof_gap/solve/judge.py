@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_align.folds import Folds, deal
 from tof_core.config import param
 from tof_gap.solve.candidates import HAND_EYE
 from tof_gap.solve.free import Unknown
-from tof_gap.solve.system import Folded, arm_steps, fit
 from tof_sensor.effects.cad_deviation import CadDeviation
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from tof_align.columns import ColumnFit
     from tof_core.arrays import Float, Ints
     from tof_gap.solve.columns import Design
-    from tof_gap.solve.system import Fit
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +72,9 @@ class Selector:
     def __init__(self, design: Design, config: SelectConfig) -> None:
         """Deal the views into folds, every station in every fold as evenly as it goes."""
         self.design, self.config = design, config
-        self.folds = deal(design.system.station.tolist(), config.folds)
+        self.folds = deal(design.system.chain.station.tolist(), config.folds)
         self._empty: dict[float, float] = {}
-        self._folded: dict[float, Folded] = {}
+        self._folded: dict[float, Folds] = {}
         self._shapes = Counter(c.name for c in design.candidates)
 
     def gain(self, member: int) -> float:
@@ -100,7 +100,7 @@ class Selector:
         """Fit on all folds but one, judge on that one, for every fold."""
         active, free = self.columns(members), self.frees_hand(members)
         if inflate not in self._folded:
-            self._folded = {inflate: Folded(self.design.system, self.folds, inflate)}  # One at a time: they are large.
+            self._folded = {inflate: Folds(self.design.system, self.folds, inflate)}  # One at a time: they are large.
         held_out = self._folded[inflate].held_out(active, free_hand=free)
         return Hypothesis(tuple(members), held_out, inflate, self._price(members, held_out, inflate))
 
@@ -127,10 +127,10 @@ class Selector:
         name = self.design.candidates[member].name
         return member in members or (name not in MANIFOLD and any(self.design.candidates[m].name == name for m in members))
 
-    def fit(self, hypothesis: Hypothesis) -> Fit:
+    def fit(self, hypothesis: Hypothesis) -> ColumnFit:
         """The hypothesis fitted to all views."""
         members = hypothesis.members
-        return fit(self.design.system, self.columns(members), inflate=hypothesis.inflate, free_hand=self.frees_hand(members))
+        return self.design.system.fit(self.columns(members), inflate=hypothesis.inflate, free_hand=self.frees_hand(members))
 
     def plausible(self, hypothesis: Hypothesis) -> bool:
         """Whether every coefficient lies within its parameter's bounds, give or take two of its errors, and what makes the effect shows."""
@@ -153,9 +153,9 @@ class Selector:
 
     def arms_alike(self, hypothesis: Hypothesis) -> float:
         """Chi-square of 6 of what all arms' poses err by alike, under the robot's prior: a mount that is off and was not named."""
-        system = self.design.system
-        steps = system.arm0 + arm_steps(system, self.fit(hypothesis), inflate=hypothesis.inflate)
-        return float(len(steps) * ((steps / system.arm_sd).mean(axis=0) ** 2).sum())
+        normal = self.design.system.normal
+        steps = normal.own_error + self.fit(hypothesis).arm
+        return float(len(steps) * (((steps * np.sqrt(normal.own_info)).mean(axis=0)) ** 2).sum())
 
     def inflation(self, members: Sequence[int]) -> float:
         """How much less than white noise's a pixel's weight is, from what the members leave.
@@ -164,20 +164,9 @@ class Selector:
         above is shared by neighbours and must not count once per pixel.
         """
         system = self.design.system
-        left = fit(system, self.columns(members), free_hand=self.frees_hand(members)).energy
-        return 1.0 + max(left / float(system.n.sum()) - 1.0, 0.0) * NEIGHBOURS
+        left = system.fit(self.columns(members), free_hand=self.frees_hand(members)).energy
+        return 1.0 + max(left / float(system.pixels.sum()) - 1.0, 0.0) * NEIGHBOURS
 
 
 NEIGHBOURS = 30.0
 """Drawn pixels that share one error where the residual is structured."""
-
-
-def deal(stations: Sequence[int], folds: int) -> Ints:
-    """(V,) fold of each view: dealt in turn within each station; every fold leaves every station some views."""
-    out = np.zeros(len(stations), np.int64)
-    offset = 0
-    for s in sorted(set(stations)):
-        index = np.flatnonzero(np.asarray(stations) == s)
-        out[index] = (np.arange(len(index)) + offset) % min(folds, len(stations))
-        offset += len(index)
-    return out

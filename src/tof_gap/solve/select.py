@@ -10,16 +10,15 @@ import numpy as np
 
 from tof_gap.solve.free import Unknown
 from tof_gap.solve.judge import Hypothesis, Selector
-from tof_gap.solve.system import map_energy
 from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tof_align.columns import ColumnFit
     from tof_core.arrays import Float
     from tof_gap.solve.columns import Design
     from tof_gap.solve.judge import SelectConfig
-    from tof_gap.solve.system import Fit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +26,7 @@ class Selection:
     """The chosen hypothesis, the empty one, and for each member those that could stand in for it."""
 
     chosen: Hypothesis
-    fit: Fit
+    fit: ColumnFit
     empty: Hypothesis
     ties: tuple[tuple[int, ...], ...]
     visible: Float
@@ -131,7 +130,7 @@ def _mendable(judge: Selector, current: Hypothesis, place: int) -> float:
     solution = judge.fit(current)
     others = np.concatenate([_theta_of(judge, current, solution, i) for i in range(len(members)) if i != place])
     maps, mine = judge.columns(rest), judge.columns([member])
-    before, after = (map_energy(judge.design.system, maps, others, c, inflate=current.inflate) for c in (mine[:0], mine))
+    before, after = (judge.design.system.left_of(maps, others, c, inflate=current.inflate) for c in (mine[:0], mine))
     return (before - after) / current.inflate
 
 
@@ -152,10 +151,10 @@ def _worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:
         ]
     )
     system = judge.design.system
-    return lost, np.sqrt(np.maximum(lost * current.inflate, 0.0) / system.n.sum()) * system.sigma
+    return lost, np.sqrt(np.maximum(lost * current.inflate, 0.0) / system.pixels.sum()) * system.sigma
 
 
-def _theta_of(judge: Selector, hypothesis: Hypothesis, solution: Fit, place: int) -> Float:
+def _theta_of(judge: Selector, hypothesis: Hypothesis, solution: ColumnFit, place: int) -> Float:
     at = [columns for _, _, columns in judge.design.placed(hypothesis.members)]
     return solution.theta[at[place]]
 
@@ -231,5 +230,5 @@ def _hides(judge: Selector, current: Hypothesis, place: int, member: int, other:
         return True  # A free X is judged by its held-out score alone.
     theta = _theta_of(judge, current, judge.fit(current), place)
     target = design.groups[member]
-    before, after = (map_energy(design.system, target, theta, judge.columns(c), inflate=current.inflate) for c in (rest, [*rest, other]))
+    before, after = (design.system.left_of(target, theta, judge.columns(c), inflate=current.inflate) for c in (rest, [*rest, other]))
     return after < judge.config.tie_left * max(before, 1e-12)

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_align.folds import deal
 from tof_core import se3
 from tof_gap.seen.residual import edge_band
 from tof_gap.solve.columns import ColumnStore, build
-from tof_gap.solve.judge import deal
-from tof_gap.solve.system import map_energy
 from tof_scene.render import render
 from tof_sensor.frame import ideal_frame
 
@@ -118,13 +117,11 @@ def share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, actio
         chain = _longer(chain, chosen, [v.rendering.T_cell_camera for v in extra])
         views += extra
     store = ColumnStore(views, deal(chain.station.tolist(), d.config.select.folds))
-    design = build(store, [one, two], chain, d.joint.design.system.hand_sd)
-    coefficients = np.ones(len(design.groups[0]))
-    system = design.system
-    if two.effect is None:
-        system = replace(system, hand_sd=np.full(6, 0.05))
-    alone = map_energy(design.system, design.groups[0], coefficients, np.zeros(0, np.int64))
-    return map_energy(system, design.groups[0], coefficients, design.groups[1]) / max(alone, 1e-12)
+    design = build(store, [one, two], chain, d.config.hand_sd)
+    system, (target, beside) = design.system, design.groups
+    coefficients = np.ones(len(target))
+    alone = system.left_of(target, coefficients, np.zeros(0, np.int64))
+    return system.left_of(target, coefficients, beside, free_hand=two.effect is None) / max(alone, 1e-12)
 
 
 def _imagined(view: ViewEvidence, caster: Raycaster, action: Action) -> ViewEvidence:

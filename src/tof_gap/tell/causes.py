@@ -13,7 +13,6 @@ from tof_core import se3
 from tof_core.cores import in_threads
 from tof_gap.seen.pattern import lines, single_pixels
 from tof_gap.solve.free import Unknown, unknown_share
-from tof_gap.solve.posterior import fit_to
 from tof_scene.render import render
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
@@ -24,11 +23,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_align.chain import Chain
+    from tof_align.columns import ColumnFit
     from tof_core.arrays import Float
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solve.joint import Joint
     from tof_gap.solve.judge import Selector
-    from tof_gap.solve.system import Fit
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
 
@@ -58,9 +57,9 @@ def named(joint: Joint, fit_views: Sequence[int], judge: Selector, rng: np.rando
     selection, design = joint.selection, joint.design
     chosen = selection.chosen
     whole = selection.fit
-    solution = fit_to(design.system, fit_views, whole, inflate=chosen.inflate, free_hand=judge.frees_hand(chosen.members))
+    solution = design.system.fit_to(fit_views, whole, inflate=chosen.inflate, free_hand=judge.frees_hand(chosen.members))
     # What is not known of the bases is not known of the coefficients either.
-    solution = replace(solution, cov=whole.cov)
+    solution = replace(solution, answer=replace(solution.answer, cov=whole.answer.cov))
     out: dict[str, Named] = {}
     for place, (member, (_, _, columns)) in enumerate(zip(chosen.members, design.placed(chosen.members), strict=True)):
         if judge.nameless(member):
@@ -84,7 +83,7 @@ def named(joint: Joint, fit_views: Sequence[int], judge: Selector, rng: np.rando
 def _in_units(
     joint: Joint,
     member: int,
-    solution: Fit,
+    solution: ColumnFit,
     columns: slice,
     fit_views: Sequence[int],
 ) -> tuple[Effect, dict[str, float]]:
@@ -93,8 +92,7 @@ def _in_units(
     if candidate.effect is None:
         # X as the chain and its last step have it: the arms, which trade with it, are of that solution too.
         x = se3.log(joint.hand_eye)
-        at = slice(6 * solution.stations, 6 * solution.stations + 6)
-        sd = np.sqrt(np.diag(solution.cov)[at])
+        sd = np.sqrt(np.diag(solution.hand_eye_cov))
         return HandEye(*(float(v) for v in x)), dict(zip(HandEye.LINEAR, sd.tolist(), strict=True))
     values = solution.theta[columns] / design.scale[group]
     sd = np.sqrt(np.diag(solution.theta_cov)[columns]) / design.scale[group]

@@ -10,11 +10,11 @@ import numpy as np
 
 from tof_gap.seen import missing
 from tof_gap.seen.pattern import single_pixels, without_pattern
-from tof_gap.solve.posterior import camera_covs, floor2
 from tof_gap.tell.shrink import Shrink, blocks, measure
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.quantization import Quantization
+from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -90,7 +90,7 @@ def figures(
     if FixedPattern.NAME in maps:
         unsure2 = single_pixels([joint.views[i] for i in split[0]]).unsure2
         quiet = without_pattern(views, maps[FixedPattern.NAME], unsure2, split[0])
-    covs = camera_covs(joint.design.system, joint.selection.fit, joint.chain, inflate=joint.selection.chosen.inflate)
+    covs = joint.design.system.camera_covs(joint.selection.fit)
     nothing = np.zeros((len(views), *views[0].residual.shape))
     common = np.sum([nothing, *(f.common for f in findings if f.common is not None)], axis=0)
     return Figures(
@@ -116,3 +116,12 @@ def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
     if "flying_pixels" in names:
         keep |= view.edge & (view.rendering.mixed > 0) & (view.rendering.mixed < missing.OWN_SURE) & np.isfinite(view.residual)
     return np.where(keep, view.residual, np.nan)
+
+
+def floor2(views: Sequence[ViewEvidence], covs: Float) -> list[Float]:
+    """(H, W) m^2 per view: noise, and the posterior of the pose with the covariances `covs` (V, 6, 6); no model can go below."""
+    out = []
+    for view, cov in zip(views, covs, strict=True):
+        J = pose_columns(view.frame)
+        out.append(view.sigma**2 + np.einsum("hwi,ij,hwj->hw", J, cov, J))
+    return out

@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from tests.tof_gap.quiet_views import VIEWS, chain, views
 from tests.tof_sensor.plane import NORMAL
+from tof_align.folds import deal
 from tof_gap.solve.candidates import Candidate, deviation
 from tof_gap.solve.columns import DEVIATION_SD, ColumnStore, build
-from tof_gap.solve.judge import deal
-from tof_gap.solve.system import fit
 
 
 def test_a_part_does_not_slide_along_its_own_plane() -> None:
@@ -25,5 +24,5 @@ def test_a_part_does_not_slide_along_its_own_plane() -> None:
     ]
     effect = deviation(seen, 0)
     design = build(ColumnStore(seen, deal([0] * VIEWS, 6)), [Candidate(effect.NAME, effect)], chain(), np.full(6, 1e-5))
-    values = fit(design.system, design.groups[0]).theta / design.scale
+    values = design.system.fit(design.groups[0]).theta / design.scale
     assert (np.abs(values) < 2 * DEVIATION_SD).all()

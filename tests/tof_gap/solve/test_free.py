@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, chain, rendering, views
+from tof_align.folds import deal
 from tof_gap.solve.candidates import Candidate
 from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.free import observed, unknown_columns, unknown_share, unknowns
-from tof_gap.solve.judge import SelectConfig, deal
+from tof_gap.solve.judge import SelectConfig
 from tof_gap.solve.select import select
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.fixed_pattern import FixedPattern

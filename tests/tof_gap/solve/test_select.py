@@ -8,12 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tof_align.chain import Chain
+from tof_align.columns import ColumnSystem
+from tof_align.config import Priors
+from tof_align.mixed import Normal
 from tof_gap.solve.candidates import HAND_EYE, Candidate
 from tof_gap.solve.columns import Design
 from tof_gap.solve.free import Unknown
-from tof_gap.solve.judge import SelectConfig, Selector, deal
+from tof_gap.solve.judge import SelectConfig, Selector
 from tof_gap.solve.select import select
-from tof_gap.solve.system import System
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.motion import Motion
@@ -38,23 +41,28 @@ def design(candidates: list[Candidate], strengths: list[float], *, copies: tuple
         if copies is not None:
             C[:, copies[1]] = 0.99 * C[:, copies[0]] + 0.14 * C[:, copies[1]]
         r = C @ np.array(strengths) + rng.normal(size=PIXELS)
-        X = np.concatenate([pose, C, r[:, None]], axis=1)
-        G.append(X.T @ X)
-    six = np.full(6, 0.01)
-    system = System(
-        np.stack(G),
-        np.zeros(VIEWS, int),
-        np.full(VIEWS, float(PIXELS)),
-        np.full(VIEWS, float(PIXELS)),
-        six,
-        six,
-        six,
-        np.zeros((1, 6)),
-        np.zeros((VIEWS, 6)),
-        np.zeros(6),
-        np.full(k, 10.0),
-    )
+        G.append(products(pose, C, r))
+    system = system_of(G, np.repeat([0.01, 10.0], [12, k]), np.full(6, 0.01))
     return Design(tuple(candidates), tuple(np.array([i]) for i in range(k)), np.full(k, 1e3), system)
+
+
+def products(pose: np.ndarray, C: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """Products of [base, hand-eye | C | arm | residual] from pose columns (n, 18) of base, hand-eye and arm."""
+    X = np.concatenate([pose[:, :12], C, pose[:, 12:], r[:, None]], axis=1)
+    return np.asarray(X.T @ X)
+
+
+def system_of(G: list[np.ndarray], sd: np.ndarray, arm_sd: np.ndarray) -> ColumnSystem:
+    """One station; sd: prior deviations of base, hand-eye and coefficients."""
+    one, many, eye = np.eye(4)[None], np.tile(np.eye(4), (VIEWS, 1, 1)), np.eye(4)
+    k, each = len(sd), np.full(VIEWS, float(PIXELS))
+    normal = Normal(np.stack(G), np.tile(np.arange(k), (VIEWS, 1)), sd**-2.0, arm_sd**-2.0, np.zeros(k), np.zeros((VIEWS, 6)))
+    return ColumnSystem(Chain(np.zeros(VIEWS, int), (0,), one, many, one, many, eye, Priors()), normal, k - 12, each, each)
+
+
+def with_products(d: Design, G: list[np.ndarray]) -> Design:
+    """The design with other products."""
+    return replace(d, system=replace(d.system, normal=replace(d.system.normal, gram=np.stack(G))))
 
 
 def plain(*effects: object) -> list[Candidate]:
@@ -113,8 +121,8 @@ def test_who_wins_but_a_little_of_what_could_be_taken_from_others_mends_them_and
 def test_what_nearly_one_view_alone_sees_is_believed_where_the_others_say_enough(strength: float, expected: list[str]) -> None:
     nearer = 6.0  # times as much of it does the first view see
     quiet, seen = (design(plain(CadDeviation(part=0)), [s]) for s in (strength, nearer * strength))
-    wider = np.diag([*np.ones(18), nearer, 1.0])
-    d = replace(quiet, system=replace(quiet.system, G=np.concatenate([wider @ seen.system.G[:1] @ wider, quiet.system.G[1:]])))
+    wider = np.diag([*np.ones(12), nearer, *np.ones(7)])
+    d = with_products(quiet, [wider @ seen.system.normal.gram[0] @ wider, *quiet.system.normal.gram[1:]])
     assert names(d, select(d, SelectConfig(share=0.0)).chosen.members) == expected
 
 
@@ -149,9 +157,8 @@ def test_arms_that_all_err_alike_speak_of_their_mount() -> None:
         pose, C = rng.normal(size=(PIXELS, 18)), rng.normal(size=(PIXELS, 1))
         # Of base, hand and arm the arm's columns alone carry it: the same step of two prior deviations in every view.
         r = pose[:, 12:] @ np.array([0.02, 0, 0, 0, 0, 0]) + 0.01 * rng.normal(size=PIXELS)
-        X = np.concatenate([pose, C, r[:, None]], axis=1) / 0.01
-        G.append(X.T @ X)
-    off = replace(quiet, system=replace(quiet.system, G=np.stack(G)))
+        G.append(products(pose / 0.01, C / 0.01, r / 0.01))
+    off = with_products(quiet, G)
     alike = [Selector(d, SelectConfig()).arms_alike(Selector(d, SelectConfig()).score([], 1.0)) for d in (quiet, off)]
     assert alike[0] < 6.0
     assert alike[1] == pytest.approx(VIEWS * 2.0**2, rel=0.1)
@@ -164,18 +171,9 @@ def test_hand_eye_is_not_named_where_motion_shifts_what_poses_are_known_by(effec
     for _ in range(VIEWS):
         pose, C = rng.normal(size=(PIXELS, 18)), rng.normal(size=(PIXELS, 1))
         r = 0.002 * pose[:, 6] + 0.02 * C[:, 0] + 0.01 * rng.normal(size=PIXELS)
-        X = np.concatenate([pose, C, r[:, None]], axis=1) / 0.01
-        G.append(X.T @ X)
+        G.append(products(pose / 0.01, C / 0.01, r / 0.01))
     quiet = design(plain(effect), [0.0])
     both = (*quiet.candidates, Candidate(HAND_EYE, None))
-    system = replace(quiet.system, G=np.stack(G), hand_sd=np.full(6, 1e-6), arm_sd=np.full(6, 1e-4), base_sd=np.full(6, 1e-3))
+    system = system_of(G, np.repeat([1e-3, 1e-6, 10.0], [6, 6, 1]), np.full(6, 1e-4))
     d = replace(quiet, candidates=both, groups=(quiet.groups[0], np.zeros(0, int)), system=system)
     assert names(d, select(d, SelectConfig()).chosen.members) == expected
-
-
-def test_every_fold_leaves_every_station_some_views() -> None:
-    stations = [0] * 5 + [1] * 7
-    fold = deal(stations, 6)
-    assert len(np.unique(fold)) == 6
-    for f in range(6):
-        assert {s for s, x in zip(stations, fold, strict=True) if x != f} == {0, 1}

@@ -60,7 +60,7 @@ def diagnosis(*ties: tuple[int, int]) -> Any:
     robot = np.array([v.rendering.T_cell_camera for v in seen()])
     chain = Chain(np.zeros(VIEWS, int), (0,), one[None].copy(), robot, one[None].copy(), many, one, CONFIG.priors)
     selection = SimpleNamespace(chosen=SimpleNamespace(members=tuple(a for a, _ in ties)), ties=tuple((b,) for _, b in ties))
-    design = SimpleNamespace(candidates=CANDIDATES, system=SimpleNamespace(hand_sd=GapConfig().hand_sd))
+    design = SimpleNamespace(candidates=CANDIDATES)
     return SimpleNamespace(joint=SimpleNamespace(views=seen(), chain=chain, design=design, selection=selection), config=GapConfig())
 
 
