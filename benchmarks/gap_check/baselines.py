@@ -31,8 +31,8 @@ def session(bag: Path) -> tuple[ColumnStore, list[Float]]:
     from tof_core import se3
     from tof_gap.config import GapConfig
     from tof_gap.solve.columns import ColumnStore
-    from tof_gap.solve.joint import observe
     from tof_gap.solve.judge import SelectConfig
+    from tof_gap.solve.start import observe
     from tof_scene.raycast import Raycaster
     from tof_sensor.geometry import pose_columns
     from toftwin.diagnosis import GapPipelineConfig

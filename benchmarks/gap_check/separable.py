@@ -165,8 +165,8 @@ def _session(truth: Truth) -> tuple[ColumnStore, Chain]:
     from tof_core.se3 import inverse
     from tof_gap.config import GapConfig
     from tof_gap.solve.columns import ColumnStore
-    from tof_gap.solve.joint import observe
     from tof_gap.solve.judge import SelectConfig
+    from tof_gap.solve.start import observe
     from tof_scene.raycast import Raycaster
     from toftwin.diagnosis import GapPipelineConfig
     from toftwin.inputs import opened

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from tof_core.bag import BagReader
     from tof_core.capture import View
-    from tof_gap.diagnose import Diagnosis
+    from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.scene import Scene
     from tof_sensor.model import SensorModel
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_core.arrays import Image
-    from tof_gap.diagnose import Diagnosis
+    from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.raycast import Raycaster
 
 VIEWS_OF_A_STATION = 3
@@ -93,8 +93,8 @@ def retrain(
             say(f"training {name}")
             _train(data, network, config.train, say)
         session = Session(InferConfig(model=str(network), force=True))
-        errors[name] = [_error(d, v, session.repair(_capture(d, v)).depth) for v in d.held_out_views]
-    raw = [_error(d, v, _capture(d, v).depth) for v in d.held_out_views]
+        errors[name] = [_error(d, v, session.repair(_capture(d, v)).depth) for v in d.split.held_out]
+    raw = [_error(d, v, _capture(d, v).depth) for v in d.split.held_out]
     pixels = sum(n for _, n in raw)
     mae = {k: 1e3 * sum(e * n for e, n in rows) / max(sum(n for _, n in rows), 1) for k, rows in (errors | {"raw": raw}).items()}
     result = Retrained(mae["raw"], mae["without"], mae["with"], named, pixels)

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.camera import radial_to_z
 from tof_gap.seen.finding import Finding
-from tof_gap.solve.joint import start
+from tof_gap.solve.start import start
 from tof_sensor.effects.radial_depth import RadialDepth
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tof_core.capture import View
     from tof_gap.config import GapConfig
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.joint import Start
+    from tof_gap.solve.start import Start
     from tof_scene.raycast import Raycaster
 
 BETTER = 0.6

@@ -6,29 +6,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tof_gap.seen import missing, noise
-from tof_gap.solve.joint import at_solution
-from tof_gap.solve.judge import Selector
-from tof_gap.tell.causes import Named, named, nameless_share, shares, without_pixels
 from tof_gap.tell.figures import figures
 from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
     from collections.abc import Set as AbstractSet
 
-    from tof_align.chain import Chain
-    from tof_core.arrays import Float
-    from tof_core.capture import View
+    import numpy as np
+
     from tof_gap.config import GapConfig
     from tof_gap.seen.finding import Finding
-    from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.joint import Joint
+    from tof_gap.solved import Named, Solved
     from tof_gap.tell.figures import Figures
     from tof_gap.tell.shrink import Shrink
-    from tof_scene.raycast import Raycaster
 
 WORSENS = 0.05
 """Share of the gap by which held-out views come out better without an effect that is not there."""
@@ -47,21 +38,25 @@ class Cause:
 class Account:
     """Everything that is read off one solution.
 
-    chain: where the views are seen from; findings: what speaks otherwise than by smooth bias; nameless: those of them that may not
-    be named; told: the figures' arrays; gap: before and after all causes.
+    causes: effects of the solution with what each does on held-out views; findings: effects that noise, loss or edges show;
+    withheld: such effects that may not be named; figures: the arrays behind every figure; gap: before and after all causes.
     """
 
-    chain: Chain
-    evidence: tuple[ViewEvidence, ...]
+    solved: Solved
     causes: tuple[Cause, ...]
     findings: tuple[Finding, ...]
-    nameless: tuple[Finding, ...]
-    told: Figures
+    withheld: tuple[Finding, ...]
+    figures: Figures
     gap: Shrink
 
     @property
+    def names(self) -> set[str]:
+        """Verdict of every cause and name of every finding."""
+        return {*(c.named.verdict for c in self.causes), *(f.name for f in self.findings)}
+
+    @property
     def worsens(self) -> str | None:
-        """The cause without which the held-out gap shrinks most and by `WORSENS` more: it fitted what is not its own."""
+        """The cause without which the held-out gap shrinks most and by `WORSENS` more: it was fitted to another effect's errors."""
         if self.gap.shrink is None:
             return None
         without = {c.named.name: c.left_out - self.gap.shrink for c in self.causes if c.left_out is not None}
@@ -70,11 +65,8 @@ class Account:
 
 
 def account(
-    joint: Joint,
-    views: Sequence[View],
-    caster: Raycaster,
+    solved: Solved,
     config: GapConfig,
-    split: tuple[Sequence[int], Sequence[int]],
     rng: np.random.Generator,
     *,
     along_ray: Finding | None = None,
@@ -84,37 +76,29 @@ def account(
     """Read a solution off its views.
 
     Args:
-        joint: poses and effects.
-        views: what was recorded, in the joint solution's order.
-        caster: the scene.
-        config: when scatter and loss are effects.
-        split: views fitted to and views held out.
+        solved: poses and effects.
+        config: when noise and loss are effects.
         rng: for resampling.
-        along_ray: what the first gate found; its share belongs to the residual.
-        alone: whether that is all that may be said.
+        along_ray: distance along the ray taken for depth, where the first poses showed it; its share belongs to the residual.
+        alone: `along_ray` is all that may be named (too few views).
         left_out: effects that may not be named.
     """
-    chain, evidence = at_solution(joint, views, caster, config)
-    causes = named(joint, split[0], Selector(joint.design, config.select), rng)
-    maps = shares(causes, evidence, chain, caster)
-    smooth = maps | shares(without_pixels(causes), evidence, chain, caster)
-    smooth[""] = [nameless_share(joint, v) for v in evidence]
     gated = () if along_ray is None else (along_ray,)
-    found = gated if alone else (*gated, *_findings(evidence, smooth, config))
+    found = gated if alone else (*gated, *_findings(solved, config))
     findings = tuple(f for f in found if f.name not in left_out)
-    told = figures(evidence, joint, maps, findings, split, rng)
+    counted = figures(solved, findings, rng)
     if along_ray is not None and along_ray.share is not None:
-        told = replace(told, residual=[r + share for r, share in zip(told.residual, along_ray.share, strict=True)])
-    gap = told.shrink(list(told.maps))
-    if findings and not told.maps:
-        gap = replace(gap, shrink=None, ci95=None)  # Scatter and loss alone: nothing is there to be taken off.
-    judged = tuple(Cause(c, told.shrink([c.name]), told.shrink([m for m in told.maps if m != c.name]).shrink) for c in causes)
-    return Account(chain, evidence, judged, findings, tuple(f for f in found if f.name in left_out), told, gap)
+        counted = replace(counted, residual=[r + share for r, share in zip(counted.residual, along_ray.share, strict=True)])
+    gap = counted.shrink(list(counted.maps))
+    if findings and not counted.maps:
+        gap = replace(gap, shrink=None, ci95=None)  # Noise and loss alone: no bias is there to be removed.
+    causes = tuple(
+        Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink) for n in solved.named
+    )
+    return Account(solved, causes, findings, tuple(f for f in found if f.name in left_out), counted, gap)
 
 
-def _findings(views: Sequence[ViewEvidence], maps: Mapping[str, Sequence[Float]], config: GapConfig) -> tuple[Finding, ...]:
-    """What speaks otherwise than by smooth bias, once that is taken off."""
-    zero = np.zeros(views[0].residual.shape)
-    biased = [np.sum([zero, *(np.nan_to_num(m[v]) for m in maps.values())], axis=0) for v in range(len(views))]
-    left = [replace(v, residual=v.residual - b) for v, b in zip(views, biased, strict=True)]
-    return (*noise.findings(left, config.scatter), *missing.findings(left, config.missing, smeared=Motion.NAME in maps))
+def _findings(solved: Solved, config: GapConfig) -> tuple[Finding, ...]:
+    """What noise, loss and edges show once smooth bias is removed."""
+    left = [replace(v, residual=v.residual - b) for v, b in zip(solved.evidence, solved.bias, strict=True)]
+    return (*noise.findings(left, config.scatter), *missing.findings(left, config.missing, smeared=solved.names(Motion.NAME)))

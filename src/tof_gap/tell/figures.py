@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_gap.seen.finding import Finding
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.joint import Joint
+    from tof_gap.solved import Solved
 
 COMMON_LEFT = 0.5
 """Of scatter that neighbours have in common (rows, beats), what its description may leave."""
@@ -77,30 +77,23 @@ class Figures:
         return max(float(sum(e[self.edge[v]].sum() for e, v in zip(left, self.held, strict=True))), 0.0) / max(pixels, 1)
 
 
-def figures(
-    views: Sequence[ViewEvidence],
-    joint: Joint,
-    maps: Mapping[str, Sequence[Float]],
-    findings: Sequence[Finding],
-    split: tuple[Sequence[int], Sequence[int]],
-    rng: np.random.Generator,
-) -> Figures:
-    """The figures of views at the solution's poses; `split`: those fitted to and those held out."""
+def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generator) -> Figures:
+    """The figures of views at the solution's poses."""
+    views, maps, fit_views = solved.evidence, solved.maps, solved.split.fit
     unsure2, quiet = np.zeros(views[0].residual.shape), views
     if FixedPattern.NAME in maps:
-        unsure2 = single_pixels([joint.views[i] for i in split[0]]).unsure2
-        quiet = without_pattern(views, maps[FixedPattern.NAME], unsure2, split[0])
-    covs = joint.design.system.camera_covs(joint.selection.fit)
+        unsure2 = single_pixels([solved.linearised[i] for i in fit_views]).unsure2
+        quiet = tuple(without_pattern(views, maps[FixedPattern.NAME], unsure2, fit_views))
     nothing = np.zeros((len(views), *views[0].residual.shape))
     common = np.sum([nothing, *(f.common for f in findings if f.common is not None)], axis=0)
     return Figures(
         residual=[used(v, findings) for v in views],
         # Scatter that is named is no bias to be taken off: it belongs to the floor.
-        floors=[f + np.nan_to_num(c) ** 2 for f, c in zip(floor2(quiet, covs), common, strict=True)],
+        floors=[f + np.nan_to_num(c) ** 2 for f, c in zip(floor2(quiet, solved.camera_covs), common, strict=True)],
         maps={**maps, **{f.name: list(f.share) for f in findings if f.corrects and f.share is not None}},
         common=list(common),
         edge=[v.edge for v in views],
-        held=split[1],
+        held=solved.split.held_out,
         unsure2=unsure2,
         step_m=max((f.effect.step_m for f in findings if isinstance(f.effect, Quantization)), default=0.0),
         rng=rng,

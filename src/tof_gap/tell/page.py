@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from tof_gap.diagnose import Diagnosis
+    from tof_gap.tell.diagnosis import Diagnosis
 
 MEANING = {
     "multipath": "light bounces between surfaces before it returns; inner corners are measured too far",

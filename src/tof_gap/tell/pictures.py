@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float
-    from tof_gap.diagnose import Diagnosis
+    from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.where import Bin
 
 INK, PALE, BEFORE, AFTER = "#1f2933", "#9aa5b1", "#c2410c", "#0f766e"

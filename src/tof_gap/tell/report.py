@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_core.arrays import Float, Ints
-    from tof_gap.diagnose import Diagnosis
     from tof_gap.seen.finding import Finding
     from tof_gap.tell.account import Cause
+    from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.shrink import Shrink
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
@@ -53,7 +53,7 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str])
             "not_testable": d.not_testable,
             "pose": _pose(d),
             "advice": advice,
-            "split": {"fit_views": list(d.fit_views), "held_out_views": list(d.held_out_views)},
+            "split": {"fit_views": list(d.split.fit), "held_out_views": list(d.split.held_out)},
         }
     )
     return content
@@ -138,7 +138,7 @@ def _missing(d: Diagnosis) -> dict[str, float]:
 
 def _pose(d: Diagnosis) -> dict[str, Any]:
     chain = d.chain
-    X = se3.log(d.joint.hand_eye) if any(c.named.name == "hand_eye" for c in d.causes) else np.zeros(6)
+    X = se3.log(d.hand_eye) if any(c.named.name == "hand_eye" for c in d.causes) else np.zeros(6)
     arm = np.array([se3.log(A) for A in chain.arm])
     return {
         "stations": [

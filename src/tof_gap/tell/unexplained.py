@@ -10,6 +10,8 @@ import numpy as np
 
 from tof_gap.tell.shrink import BLOCK_PX, SCATTER_KNOWN
 from tof_gap.tell.where import by_quantity
+from tof_sensor.effect import Evidence
+from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_gap.seen.finding import Finding
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.tell.shrink import Shrink
+    from tof_gap.tell.account import Account
     from tof_scene.scene import Scene
 
 STRUCTURED_MM = 0.7
@@ -44,44 +46,33 @@ class Unexplained:
     where: tuple[str, ...]
 
 
-def look(
-    views: Sequence[ViewEvidence],
-    left: Sequence[Float],
-    floor2: Sequence[Float],
-    gap: Shrink,
-    scene: Scene,
-    *,
-    at_solution: Sequence[ViewEvidence] | None = None,
-    gross_named: bool = False,
-    alike_m: float = 0.0,
-    nameless: Sequence[Finding] = (),
-    depends_on: tuple[str, ...] = (),
-    crowd: tuple[str, ...] = (),
-    misfit: float = 0.0,
-    arms_alike: float = 0.0,
-) -> Unexplained:
-    """Judge what is left (H, W) metres per view against the floor.
+def look(found: Account, scene: Scene) -> Unexplained:
+    """Judge what the named effects leave, against the floor.
 
-    Pixels off by more than any bias, away from edges, count too unless an effect named them (`gross_named`), or they are not where
-    the cameras are after all (`at_solution`). Where neighbours err alike by a named scatter (steps, rows, beats), `alike_m` of
-    structure is its own. Scatter, loss and mixing that show but may not be named (`nameless`) are unexplained too. So is an error
-    that only a function of some observable describes (`depends_on`), one that several small effects would have to draw together
-    (`crowd`), a joint fit that leaves a share `misfit` of what it was to explain, and arms that all err alike (`arms_alike`).
+    It is structured where block means agree that something is left. Where neighbours err alike by a named noise (steps, rows, beats),
+    that much structure is the noise's own. Structured besides: pixels off by more than any bias, away from edges, unless
+    `phase_wrap` was named, here and where the solution was linearised; effects that show in noise, loss or edges and may not be
+    named; an error that only a free function of an observable describes; small effects that explain much only together; a joint
+    fit that leaves a share of what it was to explain; arm errors that are alike in every view.
     """
+    solved, figures, gap = found.solved, found.figures, found.gap
+    views, left, floor2 = solved.evidence, figures.left(), figures.floors
     block, mean, expected, part = _block_means(views, left, floor2)
     if len(block) == 0:
         return Unexplained(0.0, structured=False, depends_on=(), where=())
     excess2 = np.average(mean**2 - expected, weights=block)
     size = 1e3 * float(np.sqrt(max(excess2, 0.0)))
     before2 = max((gap.before.rmse**2 - gap.floor_mm**2), 1e-9)
-    gross = 0.0 if gross_named else min(_gross_share(v) for v in (views, at_solution or views))
-    blocks_agree = size > np.hypot(STRUCTURED_MM, 1e3 * alike_m) and size**2 > STRUCTURED_SHARE * before2
-    depends_on = (*depends_on, "hand") if arms_alike > ARMS_ALIKE else depends_on
-    structured = blocks_agree or gross > GROSS_SHARE or bool(depends_on) or bool(crowd) or misfit > MISFIT_SHARE
+    gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
+    gross = 0.0 if gross_named else min(_gross_share(v) for v in (views, solved.linearised))
+    blocks_agree = size > np.hypot(STRUCTURED_MM, 1e3 * figures.alike_m) and size**2 > STRUCTURED_SHARE * before2
+    depends_on = (*solved.depends_on, "hand") if solved.arms_alike > ARMS_ALIKE else solved.depends_on
+    unexplained = misfit(views, figures.residual, left, _noise2(found)) > MISFIT_SHARE
+    structured = blocks_agree or gross > GROSS_SHARE or bool(depends_on) or bool(solved.small_together) or unexplained
     energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
-    if nameless:
+    if found.withheld:
         structured = True
-        energy = np.sum([_carried(views, f, len(scene.parts)) for f in nameless], axis=0)
+        energy = np.sum([_carried(views, f, len(scene.parts)) for f in found.withheld], axis=0)
     order = [i for i in np.argsort(-energy) if energy[i] > 0.1 * energy.sum()]
     return Unexplained(
         size,
@@ -89,6 +80,13 @@ def look(
         depends_on=(depends_on or _depends_on(views, left, floor2)) if structured else (),
         where=tuple(scene.parts[int(i)].name for i in order[:4]) if structured else (),
     )
+
+
+def _noise2(found: Account) -> list[Float]:
+    """(H, W) m^2 per view that no bias need explain: floor, named noise (not white perhaps, but named), and the pattern's own doubt."""
+    nothing = np.zeros((len(found.figures.floors), *found.figures.floors[0].shape))
+    named = [np.nan_to_num(f.share) ** 2 for f in found.findings if f.effect.EVIDENCE is Evidence.SCATTER and f.share is not None]
+    return [f + s + found.figures.unsure2 for f, s in zip(found.figures.floors, np.sum([nothing, *named], axis=0), strict=True)]
 
 
 def misfit(views: Sequence[ViewEvidence], before: Sequence[Float], left: Sequence[Float], floor2: Sequence[Float]) -> float:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Sequence
 
-    from tof_gap.diagnose import Diagnosis
+    from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.unexplained import Unexplained
     from tof_scene.raycast import Raycaster
     from toftwin.diagnosis import GapPipelineConfig
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     import json
     from dataclasses import asdict
 
-    from tof_gap.tell.advice import advise
+    from tof_gap.advice import advise
     from tof_gap.tell.page import write_page
     from tof_gap.tell.report import write
     from tof_sensor.model import load_model

@@ -12,7 +12,7 @@ from tests.tof_sensor.plane import plane_frame
 from tof_core.capture import Capture, View
 from tof_core.errors import RefusedError
 from tof_gap.seen.residual import EvidenceConfig, ViewEvidence, gather
-from tof_gap.solve.joint import MIN_PIXELS, check_fit
+from tof_gap.solve.start import MIN_PIXELS, check_fit
 
 
 def evidence(factor: float, offset: float = 0.0, repeat: int = 3) -> tuple[ViewEvidence, ...]:

@@ -7,8 +7,8 @@ from typing import Any, cast
 
 import pytest
 
+from tof_gap.solved import Named
 from tof_gap.tell.account import Account, Cause
-from tof_gap.tell.causes import Named
 from tof_gap.tell.shrink import Errors, Shrink
 
 NOTHING = Errors(0.0, 0.0, 0.0)
@@ -19,7 +19,7 @@ def account(shrink: float | None, **left_out: float | None) -> Account:
     gap = Shrink(NOTHING, NOTHING, 0.0, shrink, None)
     causes = tuple(Cause(Named(name, (), (), (), 1.0), gap, without) for name, without in left_out.items())
     unused = cast("Any", None)
-    return Account(unused, (), causes, (), (), unused, gap)
+    return Account(unused, causes, (), (), unused, gap)
 
 
 @pytest.mark.parametrize(

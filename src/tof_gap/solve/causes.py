@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from tof_core import se3
 from tof_core.cores import in_threads
 from tof_gap.seen.pattern import lines, single_pixels
 from tof_gap.solve.free import Unknown, unknown_share
+from tof_gap.solved import Named
 from tof_scene.render import render
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
@@ -30,26 +31,6 @@ if TYPE_CHECKING:
     from tof_gap.solve.judge import Selector
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Named:
-    """One named effect.
-
-    Its instances (one per part where parts differ), errors of their parameters in the same order, what could stand
-    in for it, and how sure the naming is (0..1).
-    """
-
-    name: str
-    effects: tuple[Effect, ...]
-    std: tuple[dict[str, float], ...]
-    ties: tuple[str, ...]
-    confidence: float
-
-    @property
-    def verdict(self) -> str:
-        """`a` or `a|b`: these the session cannot tell apart."""
-        return "|".join(sorted({self.name, *self.ties}))
 
 
 def named(joint: Joint, fit_views: Sequence[int], judge: Selector, rng: np.random.Generator) -> list[Named]:
@@ -138,7 +119,7 @@ def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generat
     return float((won[draws].sum(axis=1) > judge.gain(chosen.members[place])).mean())
 
 
-def nameless_share(joint: Joint, view: ViewEvidence) -> Float:
+def free_share(joint: Joint, view: ViewEvidence) -> Float:
     """(H, W) metres of what the solution gives to functions of observables: error that shows but has no name."""
     out = np.zeros(view.residual.shape)
     for effect, coefficients in joint.told():

@@ -15,10 +15,10 @@ import pytest
 from tests.tof_align.made import CAMERA, CONFIG, look, panel
 from tof_align.chain import Chain
 from tof_core.capture import Capture, View
+from tof_gap.advice import ACTIONS, advise, share
 from tof_gap.config import GapConfig
 from tof_gap.seen.residual import EvidenceConfig, gather
 from tof_gap.solve.candidates import Candidate
-from tof_gap.tell.advice import ACTIONS, advise, share
 from tof_scene.render import render
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.range_offset import RangeOffset
@@ -26,16 +26,24 @@ from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.wiggling import Wiggling
 
 if TYPE_CHECKING:
+    from tof_gap.advice import Action
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.tell.advice import Action
 
 VIEWS = 5
+
+
+class Twin(RangeOffset):
+    """An effect of the same map under another name."""
+
+    NAME = "twin"
+
+
 CANDIDATES = (
     Candidate("range_offset", RangeOffset()),
     Candidate("temperature_drift", TemperatureDrift(reference_c=20.0)),
     Candidate("wiggling", Wiggling(modulation_mhz=20.0)),
     Candidate("amplitude_bias", AmplitudeBias()),
-    Candidate("twin", RangeOffset()),
+    Candidate("twin", Twin()),
 )
 OFFSET, DRIFT, WIGGLE, AMPLITUDE, TWIN = range(len(CANDIDATES))
 BRIGHTER, NEARER, FARTHER, ASIDE, LATER = ACTIONS
@@ -59,9 +67,8 @@ def diagnosis(*ties: tuple[int, int]) -> Any:
     one, many = np.eye(4), np.broadcast_to(np.eye(4), (VIEWS, 4, 4)).copy()
     robot = np.array([v.rendering.T_cell_camera for v in seen()])
     chain = Chain(np.zeros(VIEWS, int), (0,), one[None].copy(), robot, one[None].copy(), many, one, CONFIG.priors)
-    selection = SimpleNamespace(chosen=SimpleNamespace(members=tuple(a for a, _ in ties)), ties=tuple((b,) for _, b in ties))
-    design = SimpleNamespace(candidates=CANDIDATES)
-    return SimpleNamespace(joint=SimpleNamespace(views=seen(), chain=chain, design=design, selection=selection), config=GapConfig())
+    tied = tuple((CANDIDATES[a].effect, CANDIDATES[b].effect) for a, b in ties)
+    return SimpleNamespace(solved=SimpleNamespace(linearised=seen(), linearised_at=chain, tied=tied), config=GapConfig())
 
 
 @pytest.mark.parametrize(

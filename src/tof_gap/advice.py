@@ -11,6 +11,7 @@ import numpy as np
 from tof_align.folds import deal
 from tof_core import se3
 from tof_gap.seen.residual import edge_band
+from tof_gap.solve.candidates import HAND_EYE, Candidate
 from tof_gap.solve.columns import ColumnStore, build
 from tof_scene.render import render
 from tof_sensor.frame import ideal_frame
@@ -20,10 +21,10 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
-    from tof_gap.diagnose import Diagnosis
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.candidates import Candidate
+    from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.raycast import Raycaster
+    from tof_sensor.effect import Effect
     from tof_sensor.frame import Frame
 
 EXTRA = 4
@@ -90,13 +91,11 @@ def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
     Each action is tried with a few views of the session; what the wider system would leave is
     computed from its Gram matrices.
     """
-    selection = d.joint.selection
-    tied = [(m, other) for m, others in zip(selection.chosen.members, selection.ties, strict=True) for other in others]
-    return sorted({_for_tie(d, caster, member, other) for member, other in tied})
+    return sorted({_for_tie(d, caster, one, other) for one, other in d.solved.tied})
 
 
-def _for_tie(d: Diagnosis, caster: Raycaster, member: int, other: int) -> str:
-    one, two = d.joint.design.candidates[member], d.joint.design.candidates[other]
+def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effect | None) -> str:
+    one, two = (Candidate(HAND_EYE, None) if e is None else Candidate(e.NAME, e) for e in (effect, other))
     names = "|".join(sorted((one.name, two.name)))
     if one.effect is None:
         one, two = two, one
@@ -110,7 +109,7 @@ def _for_tie(d: Diagnosis, caster: Raycaster, member: int, other: int) -> str:
 
 def share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, action: Action | None) -> float:
     """Of the energy of `one` after pose, the share that `two` leaves, with the action's views added."""
-    views, chain = list(d.joint.views), d.joint.chain
+    views, chain = list(d.solved.linearised), d.solved.linearised_at
     if action is not None:
         chosen = np.linspace(0, len(views) - 1, EXTRA).round().astype(int)
         extra = [_imagined(views[i], caster, action) for i in chosen]

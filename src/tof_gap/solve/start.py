@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""First poses: the robot's word brought to the CAD, before any effect is considered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align.chain import chain_of
+from tof_align.pixels import sample
+from tof_align.session import near
+from tof_core import se3
+from tof_core.cores import in_threads
+from tof_core.errors import RefusedError
+from tof_gap.seen.residual import ViewEvidence, gather
+from tof_gap.solve.candidates import moving
+from tof_gap.solve.columns import ColumnStore, build
+from tof_scene.render import render
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.chain import Chain
+    from tof_align.columns import ColumnFit
+    from tof_align.config import AlignConfig
+    from tof_core.capture import View
+    from tof_gap.config import GapConfig
+    from tof_scene.raycast import Raycaster
+
+NEAR = (2e-3, 0.2)
+"""Metres and degrees that a camera may move before its view is rendered, and its columns made, anew."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """Views at the poses that robot and CAD agree on before any effect is asked, and what they show there."""
+
+    views: Sequence[View]
+    chain: Chain
+    evidence: tuple[ViewEvidence, ...]
+
+
+def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> Start:
+    """The robot's poses brought to the CAD: bases from afar, then all poses with no effect."""
+    samples = [sample(v, align.weights) for v in views]
+    chain = near(samples, chain_of(samples, align.priors), caster, align)
+    evidence = observe(views, caster, chain, config, footprints=False)
+    for _ in range(2):
+        if moving(evidence):
+            break  # Edges, which these poses are found by, are given up from here on.
+        design = build(ColumnStore(evidence, chain.station), [], chain, config.hand_sd)
+        before, chain = chain, moved(chain, design.system.fit(np.zeros(0, np.int64), inflate=START_INFLATE))
+        evidence = observe(views, caster, chain, config, footprints=False)
+        if farthest(before, chain, NEAR) <= 1.0:
+            break
+    return Start(views, chain, evidence)
+
+
+def farthest(one: Chain, other: Chain, unit: tuple[float, float]) -> float:
+    """The largest step of any camera between two chains, in units of (metres, degrees)."""
+    steps = [se3.distance(one.pose(v), other.pose(v)) for v in range(len(one.station))]
+    return max(max(metres / unit[0], degrees / unit[1]) for metres, degrees in steps)
+
+
+def check_fit(views: Sequence[ViewEvidence]) -> None:
+    """Refuse a session that fits the scene nowhere, naming a wrong unit where that is the cause.
+
+    Raises:
+        RefusedError: fewer than half of the pixels that see the CAD lie within the gross bound of it.
+    """
+    both = [np.isfinite(v.residual) & ~v.edge for v in views]
+    total = sum(int(b.sum()) for b in both)
+    near = sum(int((b & ~v.gross).sum()) for v, b in zip(views, both, strict=True))
+    enough = min(MIN_PIXELS, VIEW_PIXELS * len(views))
+    if total >= enough and near >= 0.5 * total:
+        return
+    ratio = float(
+        np.median(np.concatenate([(1 + v.residual / v.frame.depth)[b] for v, b in zip(views, both, strict=True)] or [np.ones(1)]))
+    )
+    if total >= enough and not 0.8 < ratio < 1.25:
+        msg = f"depth is {ratio:.3g} times what the scene expects"
+        raise RefusedError(msg, where="session", todo="check the unit of the depth image (--depth-scale) and the scene's scale")
+    msg = f"only {near} of {total} pixels that see the CAD lie near it: the session fits this scene nowhere"
+    raise RefusedError(msg, where="session", todo="check the scene, its placement (--initial-pose) and the robot's TF")
+
+
+MIN_PIXELS = 2000
+"""Pixels on the CAD over the session below which nothing can be said."""
+
+VIEW_PIXELS = 500
+"""The same for each of a few views."""
+
+START_INFLATE = 100.0
+"""Weight of pixels while effects are unknown: neighbours share errors, the arm's prior must hold."""
+
+
+def observe(
+    views: Sequence[View],
+    caster: Raycaster,
+    chain: Chain,
+    config: GapConfig,
+    *,
+    footprints: bool = True,
+    sky: bool = False,
+    wider_px: int = 0,
+) -> tuple[ViewEvidence, ...]:
+    """Render every view where the chain has it, and gather what differs; `sky`: concavity too; `wider_px`: of still views' edges."""
+    renderings = in_threads(lambda i, v: render(caster, v.camera, chain.pose(i), footprints=footprints), range(len(views)), views)
+    return gather(views, renderings, caster, config.evidence, sky=sky, wider_px=wider_px)
+
+
+def moved(chain: Chain, solution: ColumnFit) -> Chain:
+    """The chain after the solution's steps of bases, hand-eye and every arm error."""
+    return chain.moved(np.concatenate([solution.base.ravel(), solution.hand_eye]), solution.arm)

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the solution of a session hands to the report: poses, named effects, their maps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tof_align.chain import Chain
+    from tof_core.arrays import Float
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_sensor.effect import Effect
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Named:
+    """One named effect.
+
+    effects: its instances (one per part where parts differ); std: deviations of their parameters, in the same order; ties: effects
+    that could stand in for it; confidence: 0 to 1.
+    """
+
+    name: str
+    effects: tuple[Effect, ...]
+    std: tuple[dict[str, float], ...]
+    ties: tuple[str, ...]
+    confidence: float
+
+    @property
+    def verdict(self) -> str:
+        """`a` or `a|b`: these the session cannot tell apart."""
+        return "|".join(sorted({self.name, *self.ties}))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Split:
+    """Indices of the views that coefficients are fitted to, and of the views held out, which every figure is stated on."""
+
+    fit: tuple[int, ...]
+    held_out: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solved:
+    """Poses and effects of a session at one joint solution.
+
+    chain: the poses that figures are stated at, without hand-eye and lateness, which are effects;
+    cameras (V, 4, 4): T_cell_camera with both; camera_covs (V, 6, 6): of the cameras' right perturbations; hand_eye (4, 4): X;
+    evidence: the views at `chain`; linearised: the views at `linearised_at`, where the solution was linearised last;
+    named: the effects; maps: (H, W) metres of z per named effect and view; tied: pairs of an effect and of one that could stand in
+    for it (None: hand-eye);
+    bias: (H, W) metres of z per view, all smooth bias together, that of free functions of an observable in, single pixels of a
+    pattern out; depends_on: observables of those free functions, most first;
+    small_together: effects that each explain little and together much, not named for that;
+    arms_alike: chi-square (6 degrees of freedom) of what all arm errors have in common;
+    split: views fitted to and held out.
+    """
+
+    chain: Chain
+    cameras: Float
+    camera_covs: Float
+    hand_eye: Float
+    evidence: tuple[ViewEvidence, ...]
+    linearised: tuple[ViewEvidence, ...]
+    linearised_at: Chain
+    named: tuple[Named, ...]
+    maps: Mapping[str, Sequence[Float]]
+    tied: tuple[tuple[Effect | None, Effect | None], ...]
+    bias: Sequence[Float]
+    depends_on: tuple[str, ...]
+    small_together: tuple[str, ...]
+    arms_alike: float
+    split: Split
+
+    def names(self, effect: str) -> bool:
+        """Whether an effect is among the named ones."""
+        return any(n.name == effect for n in self.named)

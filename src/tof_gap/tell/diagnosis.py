@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The diagnosis of a session as the report reads it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tof_align.chain import Chain
+    from tof_core.arrays import Float
+    from tof_gap.config import GapConfig
+    from tof_gap.seen.finding import Finding
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.solved import Solved, Split
+    from tof_gap.tell.account import Account, Cause
+    from tof_gap.tell.shrink import Shrink
+    from tof_gap.tell.unexplained import Unexplained
+    from tof_sensor.effects.noise import PhotonLaw
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnosis:
+    """All that the report states; lists are per view in bag order.
+
+    verdict: effects, `none`, `unknown`, sorted; account: what was read off the solution, with its poses, maps and figures;
+    explainable: share of the gap that any model could explain, None without a gap; unexplained: what no named effect explains;
+    not_testable: effects that the session cannot test, with the reason; law: photon law of the noise beside what was named of it,
+    None where too little is seen.
+    """
+
+    verdict: tuple[str, ...]
+    account: Account
+    explainable: float | None
+    unexplained: Unexplained
+    not_testable: dict[str, str]
+    law: PhotonLaw | None
+    config: GapConfig
+
+    @property
+    def solved(self) -> Solved:
+        """Poses and effects."""
+        return self.account.solved
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """Effects of the solution."""
+        return self.account.causes
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Effects that noise, loss or edges show."""
+        return self.account.findings
+
+    @property
+    def gap(self) -> Shrink:
+        """The gap on held-out views before and after all named effects."""
+        return self.account.gap
+
+    @property
+    def evidence(self) -> tuple[ViewEvidence, ...]:
+        """The views at the final poses."""
+        return self.account.solved.evidence
+
+    @property
+    def residual(self) -> Sequence[Float]:
+        """(H, W) metres of z, measured minus rendered, before any effect."""
+        return self.account.figures.residual
+
+    @property
+    def floor2(self) -> Sequence[Float]:
+        """(H, W) m^2 of noise and pose posterior."""
+        return self.account.figures.floors
+
+    @property
+    def shares(self) -> Mapping[str, Sequence[Float]]:
+        """(H, W) metres of z per named effect."""
+        return self.account.figures.maps
+
+    @property
+    def chain(self) -> Chain:
+        """The final poses without hand-eye and lateness."""
+        return self.account.solved.chain
+
+    @property
+    def cameras(self) -> Float:
+        """(V, 4, 4) T_cell_camera, hand-eye and lateness in."""
+        return self.account.solved.cameras
+
+    @property
+    def hand_eye(self) -> Float:
+        """(4, 4) X."""
+        return self.account.solved.hand_eye
+
+    @property
+    def split(self) -> Split:
+        """Views fitted to and held out."""
+        return self.account.solved.split
