@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING
 from benchmarks.figure import Figure, at_least
 from benchmarks.recorded import recorded
 from toftwin.batch_engines import run_local
-from toftwin.cli import build_parser
+from toftwin.label_call import LabelCall
+from toftwin.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
-    import argparse
-
-    from toftwin.batch import Outcome
+    from toftwin.label_call import Outcome
 
 BAGS, VIEWS, CAPTURES = 6, 8, 10
 SESSION = {"plan": {"views": VIEWS, "stations": 2, "captures": CAPTURES}, "camera": {"width": 224, "height": 171}, "seed": 5}
@@ -50,7 +49,7 @@ def run() -> list[Figure]:
     ]
 
 
-def timed(calls: list[argparse.Namespace], workers: int) -> tuple[list[Outcome], float, float]:
+def timed(calls: list[LabelCall], workers: int) -> tuple[list[Outcome], float, float]:
     """All outcomes, the seconds that they took together, and those of processor (which a busy machine does not stretch)."""
     start, before = time.perf_counter(), processor_s()
     outcomes = list(run_local(calls, workers))
@@ -67,8 +66,6 @@ def processor_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def call(bag: str, out: Path) -> argparse.Namespace:
-    """`toftwin label BAG` as the command line would have it."""
-    args = build_parser("label").parse_args(["label", bag, "--scene", "body_section", "--out", str(out)])
-    args.bag, args.out = bag, out / Path(bag).name
-    return args
+def call(bag: str, out: Path) -> LabelCall:
+    """`toftwin label BAG` as the command line makes it."""
+    return LabelCall(bag, Path("body_section"), out / Path(bag).name, PipelineConfig())

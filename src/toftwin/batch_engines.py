@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 from tof_core.cores import ONE_THREAD
 from tof_core.errors import UsageError
-from toftwin.batch import FAILED, Outcome, label_one
+from toftwin.label_call import FAILED, Outcome, label_one
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Callable, Iterator, Sequence
     from multiprocessing.connection import Connection
 
+    from toftwin.label_call import LabelCall
 
-def run_local(calls: Sequence[argparse.Namespace], workers: int) -> Iterator[Outcome]:
+
+def run_local(calls: Sequence[LabelCall], workers: int) -> Iterator[Outcome]:
     """Label in processes of this host, each on a core of its own; a process that dies costs its bag alone."""
     cores = sorted(os.sched_getaffinity(0))
     free: SimpleQueue[_Worker] = SimpleQueue()
@@ -27,7 +28,7 @@ def run_local(calls: Sequence[argparse.Namespace], workers: int) -> Iterator[Out
     for worker in crew:
         free.put(worker)
 
-    def on_a_free_one(call: argparse.Namespace) -> Outcome:
+    def on_a_free_one(call: LabelCall) -> Outcome:
         worker = free.get()
         try:
             return worker.label(call)
@@ -53,7 +54,7 @@ class _Worker:
         self._process: Any = None
         self._line: Any = None
 
-    def label(self, call: argparse.Namespace) -> Outcome:
+    def label(self, call: LabelCall) -> Outcome:
         """Label there and wait."""
         if self._process is None or not self._process.is_alive():
             self._start()
@@ -98,7 +99,7 @@ def _serve(line: Connection[Any, Any], core: int) -> None:
         return
 
 
-def run_ray(calls: Sequence[argparse.Namespace], workers: int) -> Iterator[Outcome]:
+def run_ray(calls: Sequence[LabelCall], workers: int) -> Iterator[Outcome]:
     """Label on the Ray cluster that RAY_ADDRESS or `ray start` names, else on one of this host that is started and stopped here.
 
     Bags, scene and `--out` must be paths that every worker sees.
@@ -133,4 +134,4 @@ def _join(ray: Any, workers: int) -> None:
         ray.init(address="local", num_cpus=workers or len(os.sched_getaffinity(0)), **own, **quiet)
 
 
-ENGINES: dict[str, Callable[[Sequence[argparse.Namespace], int], Iterator[Outcome]]] = {"local": run_local, "ray": run_ray}
+ENGINES: dict[str, Callable[[Sequence[LabelCall], int], Iterator[Outcome]]] = {"local": run_local, "ray": run_ray}

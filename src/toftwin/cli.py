@@ -4,25 +4,20 @@
 from __future__ import annotations
 
 import argparse
-import errno
-import os
 import sys
-import tempfile
 import traceback
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
-from tof_core.errors import ToftwinError
 from tof_core.page import set_command, version
 from tof_core.progress import set_quiet
+from toftwin.faults import explain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 ABOUT = "A time-of-flight camera and its digital twin: true depth, true pose, missing parts, and why simulation and camera differ."
-EXIT_BUG = 70
-EXIT_INTERRUPTED = 130
 
 
 class Command(Protocol):
@@ -105,38 +100,9 @@ def report(error: BaseException, *, debug: bool = False) -> int:
     return _say(*explain(error))
 
 
-def explain(error: BaseException) -> tuple[str, int]:
-    """An error as one line, and its exit code."""
-    if isinstance(error, ToftwinError):
-        return str(error), error.exit_code
-    if isinstance(error, KeyboardInterrupt):
-        return "stopped; what was finished is kept", EXIT_INTERRUPTED
-    if isinstance(error, OSError) and error.errno is not None:
-        return _os_error(error), 1
-    path = _write_traceback(error)
-    return f"a fault in toftwin itself ({type(error).__name__}: {error}); the traceback is in {path}", EXIT_BUG
-
-
 def _say(line: str, code: int) -> int:
     print(f"toftwin: {' '.join(line.split())}", file=sys.stderr)
     return code
-
-
-def _os_error(error: OSError) -> str:
-    where = error.filename or "a file"
-    if error.errno == errno.ENOSPC:
-        return f"{where}: the disk is full; make room and run the same command again, what was finished is kept"
-    return f"{where}: {error.strerror}"
-
-
-def _write_traceback(error: BaseException) -> str:
-    try:
-        handle, path = tempfile.mkstemp(prefix="toftwin-", suffix=".log")
-        with os.fdopen(handle, "w", encoding="utf-8") as log:
-            log.write("".join(traceback.format_exception(error)))
-    except OSError:
-        return "nowhere (no temporary folder); run again with --debug"
-    return path
 
 
 if __name__ == "__main__":

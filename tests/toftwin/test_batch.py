@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import shutil
@@ -18,8 +17,11 @@ import pytest
 
 from tof_core.errors import UsageError
 from toftwin import cli
-from toftwin.batch import FAILED, find_bags, is_batch
+from toftwin.batch import find_bags, is_batch, label_bags
 from toftwin.batch_engines import _Worker
+from toftwin.faults import EXIT_INTERRUPTED
+from toftwin.label_call import FAILED, LabelCall, Outcome
+from toftwin.pipeline import PipelineConfig
 
 GOLDEN = Path(__file__).parents[1] / "data" / "golden" / "bag"
 
@@ -60,6 +62,17 @@ def test_a_bag_that_fails_is_said_and_the_others_go_on(bags: Path, tmp_path: Pat
     assert {Path(o["bag"]).stem: o["state"] for o in json.loads(capsys.readouterr().out)} == {"a": "kept", "b": "done", "bad": "failed"}
 
 
+def test_a_batch_from_python(bags: Path, tmp_path: Path) -> None:
+    heard: list[Outcome] = []
+    found = label_bags([str(bags / "b*.mcap")], Path("body_section"), tmp_path, mode="robot", workers=1, each=heard.append)
+    assert {Path(o.bag).stem: o.state for o in found} == {"b": "done", "bad": "failed"}
+    assert found == heard
+    assert outcomes(tmp_path)["b"]["megabytes"] == pytest.approx(next(o.megabytes for o in found if o.state == "done"))
+    again = label_bags([str(bags / "b.mcap")], Path("body_section"), tmp_path, mode="robot", workers=1, each=heard.append)
+    assert [o.state for o in again] == ["kept"]
+    assert len(heard) == 2, "what is kept is not made"
+
+
 def test_a_batch_that_is_stopped_ends_its_workers_and_says_so(bags: Path, tmp_path: Path) -> None:
     # Enough to do after the first failure that a slow machine finds it at work.
     later = [str(shutil.copy(bags / "a.mcap", tmp_path / f"later_{i}.mcap")) for i in range(20)]
@@ -83,7 +96,7 @@ def test_a_batch_that_is_stopped_ends_its_workers_and_says_so(bags: Path, tmp_pa
         workers = [pid for task in Path(f"/proc/{batch.pid}/task").iterdir() for pid in (task / "children").read_text().split()]
         batch.send_signal(signal.SIGINT)
         _, said = batch.communicate(timeout=60)
-    assert batch.returncode == cli.EXIT_INTERRUPTED
+    assert batch.returncode == EXIT_INTERRUPTED
     assert "what was finished is kept" in said
     assert workers
     deadline = time.monotonic() + 10  # multiprocessing's own tracker ends a moment after us
@@ -103,10 +116,10 @@ class Deadly:
 def test_a_worker_that_dies_costs_its_bag_alone() -> None:
     worker = _Worker(min(os.sched_getaffinity(0)))
     try:
-        died = worker.label(argparse.Namespace(bag="a", out=Path("a"), deadly=Deadly()))
+        died = worker.label(LabelCall("a", Deadly(), Path("a"), PipelineConfig()))  # type: ignore[arg-type]
         assert (died.state, died.bag) == (FAILED, "a")
         assert "its worker ended with 9" in died.error
-        again = worker.label(argparse.Namespace(bag="b", out=Path("b")))
+        again = worker.label(LabelCall("b", Path("body_section"), Path("b"), PipelineConfig()))
         assert again.state == FAILED
         assert "its worker" not in again.error
     finally:
@@ -132,4 +145,4 @@ def test_patterns_and_names(bags: Path, tmp_path: Path) -> None:
 def test_what_is_a_batch(tmp_path: Path) -> None:
     (tmp_path / "odd[1].mcap").touch()
     for bag, engine, batch in (("x", None, False), ("x*", None, True), ("x", "local", True), (str(tmp_path / "odd[1].mcap"), None, False)):
-        assert is_batch(argparse.Namespace(bag=[bag], engine=engine)) is batch
+        assert is_batch([bag], engine) is batch

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tof_core.errors import BagError, ConfigError
-from toftwin import cli
+from toftwin import cli, faults
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -65,7 +65,7 @@ def test_a_fault_of_ours_names_the_file_with_its_traceback(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    assert cli.report(KeyError("oops")) == cli.EXIT_BUG
+    assert cli.report(KeyError("oops")) == faults.EXIT_BUG
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     assert "KeyError: 'oops'" in next(tmp_path.glob("toftwin-*.log")).read_text()
@@ -73,5 +73,5 @@ def test_a_fault_of_ours_names_the_file_with_its_traceback(
 
 
 def test_stopping_says_that_work_is_kept(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.report(KeyboardInterrupt()) == cli.EXIT_INTERRUPTED
+    assert cli.report(KeyboardInterrupt()) == faults.EXIT_INTERRUPTED
     assert "kept" in capsys.readouterr().err

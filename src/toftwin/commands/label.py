@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import argparse
 
+    from toftwin.label_call import Outcome
     from toftwin.labelling import LabelResult
+    from toftwin.pipeline import PipelineConfig
 
 NAME = "label"
 HELP = "label a bag: accumulate, align to the CAD, ray cast, write a dataset"
@@ -54,52 +57,53 @@ def _settings() -> type[Any]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Label, print the table."""
-    from toftwin.batch import is_batch, label_batch
+    """Label one bag or a batch, and print the figures; 1 if a bag of a batch failed."""
+    from toftwin.batch import is_batch
+    from toftwin.label_call import LabelCall
+    from toftwin.options import load_config
+    from toftwin.pipeline import PipelineConfig
 
-    if is_batch(args):
-        return label_batch(args)
-    (args.bag,) = args.bag
-    result = label(args)
+    config = load_config(PipelineConfig, args)
+    if is_batch(args.bag, args.engine):
+        return _batch(args, config)
+    result = LabelCall(args.bag[0], args.scene, args.out, config, args.mode, args.initial_pose or "").run()
     if args.json:
-        import json
-
         print(json.dumps(result.to_dict(), indent=1))
-        return 0
-    _print(result)
+    else:
+        _print(result)
     return 0
 
 
-def label(args: argparse.Namespace) -> LabelResult:
-    """Label one bag."""
-    from tof_scene.raycast import Raycaster
-    from toftwin.inputs import opened
-    from toftwin.labelling import label_bag
-    from toftwin.options import load_config
-    from toftwin.pipeline import PipelineConfig
+def _batch(args: argparse.Namespace, config: PipelineConfig) -> int:
+    from dataclasses import asdict
 
-    config = load_config(PipelineConfig, args)
-    with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
-        assert scene is not None
-        return label_bag(reader, Raycaster(scene), config, args.out, mode=args.mode)
+    from toftwin.batch import REPORT, label_bags
+    from toftwin.label_call import FAILED, KEPT
+
+    def show(outcome: Outcome) -> None:
+        if not args.json:
+            print(outcome.line(), flush=True)
+
+    outcomes = label_bags(
+        args.bag,
+        args.scene,
+        args.out,
+        config,
+        mode=args.mode,
+        initial_pose=args.initial_pose or "",
+        engine=args.engine or "local",
+        workers=args.workers,
+        each=show,
+    )
+    failed, kept = (sum(o.state == state for o in outcomes) for state in (FAILED, KEPT))
+    if args.json:
+        print(json.dumps([asdict(o) for o in outcomes], indent=1))
+    else:
+        print(f"{len(outcomes)} bags: {len(outcomes) - failed} labelled ({kept} of them before), {failed} failed; {args.out / REPORT}")
+    return int(failed > 0)
 
 
-def hashes(args: argparse.Namespace) -> tuple[str, str, str]:
-    """What a dataset of this call says it was made with: scene, configuration, way of posing."""
-    from dataclasses import replace
-
-    from tof_core.hashing import digest_config
-    from tof_scene.builtin import open_scene
-    from toftwin.labelling import MODES, POSE_SOURCES
-    from toftwin.options import load_config
-    from toftwin.pipeline import PipelineConfig
-
-    config = load_config(PipelineConfig, args)
-    config = replace(config, align=replace(config.align, mode=MODES[args.mode]))
-    return open_scene(args.scene).digest, digest_config(config), POSE_SOURCES[args.mode]
-
-
-def _print(result: Any) -> None:
+def _print(result: LabelResult) -> None:
     from tof_eval.tables import depth_table
 
     if result.note:
