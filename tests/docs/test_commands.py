@@ -41,7 +41,7 @@ PARSED_ONLY = {
     r"gap ": ("minutes", "tests/tof_gap/test_diagnose.py"),
     r"train ": ("hours", "tests/toftwin/test_infer_commands.py"),
     r"infer ": ("needs the network of the line before", "tests/toftwin/test_infer_commands.py"),
-    r"evaluate ": ("minutes", "tests/toftwin/test_evaluation.py"),
+    r"evaluate ": ("minutes", "tests/toftwin/test_infer_commands.py"),
     r"(correct|inspect) ": ("half a minute", "tests/toftwin/test_correct_inspect.py"),
     r"simulate .*--out": ("minutes at this size", "tests/tof_virtual/test_simulate.py"),
     r"view out/session .*--gap": ("opens a window", "tests/toftwin/test_view.py"),
