@@ -63,12 +63,13 @@ def session(bag: Path) -> tuple[ColumnStore, list[Float]]:
 
 def least_squares(store: ColumnStore, residual: list[Float]) -> str:
     """The one effect whose columns explain most of what ICP left."""
+    from tof_gap.limits.seen import NoiseLimits
     from tof_gap.solve.candidates import candidates
 
     scene = store.views[0].frame.context.caster.scene  # type: ignore[union-attr]
     y = np.concatenate(residual)
     best, name = 0.0, "none"
-    tested = [c for c in candidates(store.views, scene) if c.effect is not None]
+    tested = [c for c in candidates(store.views, scene, NoiseLimits()) if c.effect is not None]
     for candidate, columns in zip(tested, store.of([c.effect for c in tested]), strict=True):
         X = np.concatenate([c / v.sigma.ravel()[v.pixels][:, None] for c, v in zip(columns, store.views, strict=True)])
         left = y - X @ np.linalg.lstsq(X, y, rcond=1e-8)[0]

@@ -117,6 +117,7 @@ VISIBLE = 60.0
 def _left(truth: Truth, effect: str, others: tuple[str, ...]) -> dict[str, float] | None:
     """Chi-square of the true map: whole (`all`), after pose (an empty name), and after pose and each other effect's best shape."""
     from tof_gap.config import GapConfig
+    from tof_gap.limits.seen import NoiseLimits
     from tof_gap.solve.candidates import Candidate, candidates
     from tof_gap.solve.columns import build
 
@@ -126,7 +127,7 @@ def _left(truth: Truth, effect: str, others: tuple[str, ...]) -> dict[str, float
     store, chain = truth.session()
     for v, view in enumerate(store.views):
         view.residual[...] = np.nan_to_num(true[v])
-    tested: list[Candidate] = [c for c in candidates(store.views, store.scene) if c.name in others]  # type: ignore[attr-defined]
+    tested: list[Candidate] = [c for c in candidates(store.views, store.scene, NoiseLimits()) if c.name in others]  # type: ignore[attr-defined]
     design = build(store, tested, chain, GapConfig().hand_sd)
     out = {"all": float(design.system.normal.gram[:, -1, -1].sum()), "": design.system.fit(np.zeros(0, np.int64)).energy}
     for c, group in zip(tested, design.groups, strict=True):

@@ -28,9 +28,10 @@ def param(
     low: float | None = None,
     high: float | None = None,
     choices: tuple[str, ...] = (),
+    why: str = "",
 ) -> Any:
-    """A field of a configuration: its default, what it means, its unit and its bounds."""
-    return field(default=default, metadata={"text": text, "unit": unit, "low": low, "high": high, "choices": choices})
+    """A field of a configuration: its default, what it means, its unit and its bounds, and why it has this default."""
+    return field(default=default, metadata={"text": text, "unit": unit, "low": low, "high": high, "choices": choices, "why": why})
 
 
 def section(factory: type[C], text: str = "") -> C:
@@ -51,6 +52,7 @@ class ParamInfo:
     low: float | None
     high: float | None
     choices: tuple[str, ...]
+    why: str = ""
 
 
 def table(cls: type[Any], prefix: str = "") -> tuple[ParamInfo, ...]:
@@ -81,7 +83,17 @@ def _hints(cls: Any) -> dict[str, Any]:
 
 def _info(f: Field[Any], kind: type, value: Any, prefix: str = "") -> ParamInfo:
     m = f.metadata
-    return ParamInfo(prefix + f.name, kind, value, m.get("text", ""), m.get("unit", ""), m.get("low"), m.get("high"), m.get("choices", ()))
+    return ParamInfo(
+        prefix + f.name,
+        kind,
+        value,
+        m.get("text", ""),
+        m.get("unit", ""),
+        m.get("low"),
+        m.get("high"),
+        m.get("choices", ()),
+        m.get("why", ""),
+    )
 
 
 def from_mapping(cls: type[C], values: Mapping[str, Any], *, where: str = "config") -> C:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_align.folds import deal
 from tof_core import se3
-from tof_gap.seen.residual import edge_band
+from tof_gap.seen.edges import edge_band
 from tof_gap.solve.candidates import HAND_EYE, Candidate
 from tof_gap.solve.columns import ColumnStore, build
 from tof_scene.render import render
@@ -129,7 +129,7 @@ def _imagined(view: ViewEvidence, caster: Raycaster, action: Action) -> ViewEvid
     rendering = render(caster, view.frame.camera, action.pose(view.rendering.T_cell_camera, range_m), footprints=False)
     frame = action.change(ideal_frame(rendering, view.frame.context))
     frame = replace(frame, amplitude=frame.amplitude * _gain(view))
-    smooth = frame.valid & ~edge_band(frame, 2)
+    smooth = frame.valid & ~edge_band(frame, view.limits.edge_px, view.limits)
     index = np.flatnonzero(smooth)
     pixels = index[:: max(1, len(index) // max(len(view.pixels), 1))]
     sigma = np.full(frame.depth.shape, float(np.median(view.sigma[view.smooth])))

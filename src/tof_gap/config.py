@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.config import param, section
-from tof_gap.seen.missing import MissingConfig
-from tof_gap.seen.noise import ScatterConfig
-from tof_gap.seen.residual import EvidenceConfig
+from tof_gap.limits.seen import EvidenceLimits, MissingLimits, NoiseLimits
 from tof_gap.solve.judge import SelectConfig
 
 if TYPE_CHECKING:
@@ -24,10 +22,10 @@ class GapConfig:
 
     hand_mm: float = param(0.05, "X where hand-eye is not the hypothesis: calibrated", unit="mm", low=1e-4)
     hand_deg: float = param(0.005, "the same, rotation", unit="deg", low=1e-5)
-    evidence: EvidenceConfig = section(EvidenceConfig, "which pixels speak")
+    evidence: EvidenceLimits = section(EvidenceLimits, "which pixels count")
     select: SelectConfig = section(SelectConfig, "when an effect is believed")
-    scatter: ScatterConfig = section(ScatterConfig, "when scatter is more than photons")
-    missing: MissingConfig = section(MissingConfig, "when missing pixels are an effect")
+    noise: NoiseLimits = section(NoiseLimits, "when there is more noise than photons make")
+    missing: MissingLimits = section(MissingLimits, "when missing pixels are an effect")
 
     @property
     def hand_sd(self) -> Float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_align.folds import deal
 from tof_core.errors import RefusedError
-from tof_gap.seen.noise import own_law
+from tof_gap.seen.photons import own_law
 from tof_gap.solve.candidates import HAND_EYE, not_testable
 from tof_gap.solve.conclude import conclude
 from tof_gap.solve.joint import solve, without
@@ -94,8 +94,8 @@ def diagnose(
         found,
         explainable(solved.evidence, left, split.fit, split.held_out, found.gap),
         unexplained,
-        too_few(len(views)) if few else untested(joint, found),
-        own_law(solved.evidence, [f.effect for f in found.findings], config.scatter.bins),
+        too_few(len(views)) if few else untested(joint, found, config),
+        own_law(solved.evidence, [f.effect for f in found.findings], config.noise),
         config,
     )
 
@@ -105,13 +105,13 @@ def too_few(views: int) -> dict[str, str]:
     return {name: f"{views} views are too few" for name in VOCABULARY if name != RadialDepth.NAME}
 
 
-def untested(joint: Joint, found: Account) -> dict[str, str]:
+def untested(joint: Joint, found: Account, config: GapConfig) -> dict[str, str]:
     """Effects that the session cannot test, with the reason."""
     beside_motion = {
         FlyingPixels.NAME: "motion mixes edges by itself: record at rest",
         HAND_EYE: "motion shifts what poses are known by: record at rest",
     }
-    return not_testable(joint.views) | (beside_motion if found.solved.names(Motion.NAME) else {})
+    return not_testable(joint.views, config.noise) | (beside_motion if found.solved.names(Motion.NAME) else {})
 
 
 def check(views: Sequence[View]) -> None:

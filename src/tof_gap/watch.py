@@ -23,7 +23,8 @@ import numpy as np
 
 from tof_core.config import param, section
 from tof_core.errors import RefusedError
-from tof_gap.seen.residual import EvidenceConfig, gather
+from tof_gap.limits.seen import EvidenceLimits
+from tof_gap.seen.residual import gather
 from tof_gap.tell.shrink import BLOCK_PX
 from tof_scene.render import render
 from tof_sensor.geometry import pose_columns
@@ -44,7 +45,7 @@ class WatchConfig:
 
     baseline: int = param(20, "views that say what is usual, before anything is told", low=6, high=1000)
     views_per_alarm: int = param(1000, "healthy views per false alarm, on average, at least", low=20)
-    evidence: EvidenceConfig = section(EvidenceConfig, "which pixels speak")
+    evidence: EvidenceLimits = section(EvidenceLimits, "which pixels count")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

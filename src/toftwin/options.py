@@ -150,7 +150,11 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def settings_text(cls: type[Any]) -> str:
     """Every setting of a configuration class, one line each."""
-    return "\n".join(f"{info.name} = {_value(info.default)}{_bounds(info)}  {info.text}" for info in config.table(cls))
+    return "\n".join(f"{info.name} = {_value(info.default)}{_bounds(info)}  {info.text}{_reason(info)}" for info in config.table(cls))
+
+
+def _reason(info: config.ParamInfo) -> str:
+    return f" (reason: {info.why})" if info.why else ""
 
 
 def _value(value: float | str) -> str:

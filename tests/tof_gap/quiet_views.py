@@ -13,7 +13,8 @@ from tof_align.chain import Chain
 from tof_align.config import Priors
 from tof_core.camera import Camera
 from tof_core.capture import Capture, View
-from tof_gap.seen.residual import EvidenceConfig, ViewEvidence, gather
+from tof_gap.limits.seen import EvidenceLimits
+from tof_gap.seen.residual import ViewEvidence, gather
 from tof_scene.render import Rendering
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def views(rng: np.random.Generator, extra: Float | None = None, *, photons: bool
         depth = (r.depth + scatter / length).astype(np.float32)
         capture = Capture(k, CAMERA, depth, np.zeros(SHAPE, np.uint8), amplitude=light.astype(np.float32))
         made.append(replace(View.of_capture(capture), station=0))
-    return gather(made, renderings, None, EvidenceConfig(edge_px=0))  # type: ignore[arg-type]
+    return gather(made, renderings, None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
 
 
 def chain() -> Chain:

@@ -17,7 +17,8 @@ from tof_align.chain import Chain
 from tof_core.capture import Capture, View
 from tof_gap.advice import ACTIONS, advise, share
 from tof_gap.config import GapConfig
-from tof_gap.seen.residual import EvidenceConfig, gather
+from tof_gap.limits.seen import EvidenceLimits
+from tof_gap.seen.residual import gather
 from tof_gap.solve.candidates import Candidate
 from tof_scene.render import render
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
@@ -59,7 +60,7 @@ def seen() -> tuple[ViewEvidence, ...]:
         Capture(k, CAMERA, (p.depth + rng.normal(0, 1e-3, p.depth.shape)).astype(np.float32), np.isnan(p.depth).astype(np.uint8))
         for k, p in enumerate(pictures)
     ]
-    return gather([replace(View.of_capture(c), temperature=25.0) for c in captures], pictures, panel(), EvidenceConfig())
+    return gather([replace(View.of_capture(c), temperature=25.0) for c in captures], pictures, panel(), EvidenceLimits())
 
 
 def diagnosis(*ties: tuple[int, int]) -> Any:

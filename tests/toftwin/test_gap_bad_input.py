@@ -15,6 +15,7 @@ from tof_core.capture import RobotPose
 from tof_core.config import from_mapping
 from tof_core.errors import RefusedError
 from tof_gap.diagnose import check
+from tof_gap.limits.seen import NoiseLimits
 from tof_gap.solve.candidates import not_testable
 from tof_gap.tell.unexplained import Unexplained
 from tof_scene.builtin import write_builtin
@@ -110,5 +111,5 @@ def test_mixed_cameras_are_refused() -> None:
 def test_one_range_cannot_show_a_wiggle() -> None:
     session = views(np.random.default_rng(1))
     near = [replace(v, pixels=v.pixels[np.abs(v.frame.radial.ravel()[v.pixels] - 0.95) < 0.02]) for v in session[:3]]
-    assert not_testable(near)["wiggling"] == "one range only"
-    assert "wiggling" not in not_testable(session)
+    assert not_testable(near, NoiseLimits())["wiggling"] == "one range only"
+    assert "wiggling" not in not_testable(session, NoiseLimits())

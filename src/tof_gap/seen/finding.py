@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What another kind of evidence than smooth bias says: one finding, its strength and its map."""
+"""An effect found by other evidence than smooth bias: by noise, missing pixels, gross errors or edges."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_sensor.effect import Effect
 
+CONFIDENT = 0.95
+"""Confidence of a finding whose tests pass or fail and give no graded statistic."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Finding:
-    """An effect named by scatter, by missing pixels, by gross errors or at edges.
+    """An effect found by noise, missing pixels, gross errors or mixed edges.
 
-    `confidence` 0..1; `share` (V, H, W) metres that it adds per pixel (its size where it scatters),
-    or None; `corrects` whether the share can be taken off the measured depth; `common` (V, H, W) metres of scatter
-    that neighbours have in common: no model foretells it, but it is no unexplained structure either.
+    `confidence` 0..1; `std` of its parameters; `share` (V, H, W) metres that it adds per pixel (standard deviation where it is
+    noise), or None; `corrects` whether the share can be subtracted from the measured depth; `common` (V, H, W) metres of noise
+    that neighbours share: no model predicts it, but it is no unexplained structure either; `note`: the evidence in words.
     """
 
     effect: Effect

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen.noise import like_stereo
+from tof_gap.seen.stereo import like_stereo
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
     from tof_core.arrays import Float
+    from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_scene.scene import Scene
     from tof_sensor.effect import Effect
@@ -53,20 +54,20 @@ class Candidate:
 
 
 def candidates(
-    views: Sequence[ViewEvidence], scene: Scene, left_out: AbstractSet[str] = frozenset(), *, quick: bool = False
+    views: Sequence[ViewEvidence], scene: Scene, noise: NoiseLimits, left_out: AbstractSet[str] = frozenset(), *, quick: bool = False
 ) -> list[Candidate]:
     """All hypotheses that this session can test.
 
     `left_out` names effects not to be considered; `quick` takes only those that look at each pixel by itself.
     """
-    untestable = not_testable(views).keys()
+    untestable = not_testable(views, noise).keys()
     made = [Candidate(HAND_EYE, None)]
     made += [Candidate(e.NAME, e, note) for e, note in _global_effects(views, untestable)]
     made += [Candidate(e.NAME, e, note) for e, note in _part_effects(views, scene)]
     return [c for c in made if c.name not in left_out | untestable and not (quick and c.effect is not None and not c.effect.LOCAL)]
 
 
-def not_testable(views: Sequence[ViewEvidence]) -> dict[str, str]:
+def not_testable(views: Sequence[ViewEvidence], noise: NoiseLimits) -> dict[str, str]:
     """Effects for which the session lacks what a test needs, with the reason."""
     out: dict[str, str] = {}
     if all(v.view.amplitude is None for v in views):
@@ -78,7 +79,7 @@ def not_testable(views: Sequence[ViewEvidence]) -> dict[str, str]:
         out["temperature_drift"] = "temperature steady or unknown, and under 60 s"
     if range_span(views) < 0.08:
         out["wiggling"] = "one range only"
-    if like_stereo(views):
+    if like_stereo(views, noise):
         out |= dict.fromkeys(OF_MODULATED_LIGHT, "scatter goes with range squared and not with light: no time-of-flight camera")
     return out
 

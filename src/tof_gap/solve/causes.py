@@ -11,7 +11,7 @@ import numpy as np
 
 from tof_core import se3
 from tof_core.cores import in_threads
-from tof_gap.seen.pattern import lines, single_pixels
+from tof_gap.seen.pattern import line_means, single_pixels
 from tof_gap.solve.free import Unknown, unknown_share
 from tof_gap.solved import Named
 from tof_scene.render import render
@@ -98,7 +98,7 @@ def _plausible(effect: Effect, values: Float) -> Float:
 
 def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Sequence[int]) -> FixedPattern:
     views = [joint.views[i] for i in fit_views]
-    by_column, by_row = lines(views)
+    by_column, by_row = line_means(views)
     line, single = values[-1], single_pixels(views)
     return replace(
         effect,

@@ -41,7 +41,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     # Hand-eye and lateness are effects: the figures are stated at poses without them. Mixed pixels need exact poses and footprints.
     final = replace(delayed(after, joint.views, -late_s), hand_eye=np.eye(4))
     with_effects = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
-    evidence = observe(views, caster, final, config, sky=True)
+    evidence = observe(views, caster, final, config, concavity=True)
     causes = tuple(named(joint, split.fit, judge, rng))
     maps = shares(causes, evidence, final, caster)
     smooth = maps | shares(without_pixels(causes), evidence, final, caster)

@@ -11,8 +11,9 @@ import numpy as np
 from tof_align.folds import deal
 from tof_core import se3
 from tof_core.cores import in_threads
-from tof_gap.seen.missing import mixing
-from tof_gap.seen.residual import ViewEvidence, gather, smear
+from tof_gap.seen.edges import smear
+from tof_gap.seen.mixed import mixing
+from tof_gap.seen.residual import ViewEvidence, gather
 from tof_gap.solve.candidates import Candidate, candidates, moving
 from tof_gap.solve.columns import ColumnStore, Design, build
 from tof_gap.solve.free import unknowns
@@ -71,13 +72,13 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     """
     views, chain, evidence, wider_px = begun.views, begun.chain, begun.evidence, 0
     check_fit(evidence)
-    if any(smear(v.frame) == 0 for v in evidence) and _mixes(views, caster, chain, config):
+    if any(smear(v.frame, v.limits.blur) == 0 for v in evidence) and _mixes(views, caster, chain, config):
         wider_px = MIXED_PX
         evidence = observe(views, caster, chain, config, footprints=False, wider_px=wider_px)
     joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
     for _ in range(ROUNDS - 1):
         (after, late_s), lens = solution(joint), lens_of(joint)
-        seen = observe(_through(lens, views), caster, after, config, footprints=False, sky=True, wider_px=wider_px)
+        seen = observe(_through(lens, views), caster, after, config, footprints=False, concavity=True, wider_px=wider_px)
         joint, store = _linearised(_as_recorded(seen, late_s, lens), caster, after, config, left_out)
         joint = replace(joint, late_s=late_s)
         if farthest(after, solution(joint)[0], NEAR) <= 1.0 and _alike(lens, lens_of(joint), views[0].camera):
@@ -173,5 +174,5 @@ def _linearised(
 ) -> tuple[Joint, ColumnStore]:
     """A selection among all hypotheses at one chain, and the columns it was made of."""
     store = ColumnStore(evidence, deal(chain.station.tolist(), config.select.folds))
-    design = build(store, candidates(evidence, caster.scene, left_out, quick=quick), chain, config.hand_sd)
+    design = build(store, candidates(evidence, caster.scene, config.noise, left_out, quick=quick), chain, config.hand_sd)
     return Joint(chain, evidence, design, select(design, config.select)), store

@@ -103,12 +103,12 @@ def observe(
     config: GapConfig,
     *,
     footprints: bool = True,
-    sky: bool = False,
+    concavity: bool = False,
     wider_px: int = 0,
 ) -> tuple[ViewEvidence, ...]:
-    """Render every view where the chain has it, and gather what differs; `sky`: concavity too; `wider_px`: of still views' edges."""
+    """Render every view where the chain has it, and gather what differs; `concavity`: whether to compute it; `wider_px`: of still views' edges."""
     renderings = in_threads(lambda i, v: render(caster, v.camera, chain.pose(i), footprints=footprints), range(len(views)), views)
-    return gather(views, renderings, caster, config.evidence, sky=sky, wider_px=wider_px)
+    return gather(views, renderings, caster, config.evidence, concavity=concavity, wider_px=wider_px)
 
 
 def moved(chain: Chain, solution: ColumnFit) -> Chain:

@@ -101,4 +101,4 @@ def account(
 def _findings(solved: Solved, config: GapConfig) -> tuple[Finding, ...]:
     """What noise, loss and edges show once smooth bias is removed."""
     left = [replace(v, residual=v.residual - b) for v, b in zip(solved.evidence, solved.bias, strict=True)]
-    return (*noise.findings(left, config.scatter), *missing.findings(left, config.missing, smeared=solved.names(Motion.NAME)))
+    return (*noise.findings(left, config.noise), *missing.findings(left, config.missing, blurred=solved.names(Motion.NAME)))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen import missing
 from tof_gap.seen.pattern import single_pixels, without_pattern
 from tof_gap.tell.shrink import Shrink, blocks, measure
 from tof_sensor.effects.fixed_pattern import FixedPattern
@@ -107,7 +106,7 @@ def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
     if "phase_wrap" in names:
         keep |= view.gross & ~view.edge
     if "flying_pixels" in names:
-        keep |= view.edge & (view.rendering.mixed > 0) & (view.rendering.mixed < missing.OWN_SURE) & np.isfinite(view.residual)
+        keep |= view.edge & (view.rendering.mixed > 0) & (view.rendering.mixed < view.limits.own_share) & np.isfinite(view.residual)
     return np.where(keep, view.residual, np.nan)
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_core.stats import trimmed_std
 from tof_gap.seen.pattern import single_pixels, without_pattern
-from tof_gap.seen.residual import robust_std
 
 RNG = np.random.default_rng(11)
 PATTERN = RNG.normal(0, 0.003, SHAPE)
@@ -18,8 +18,8 @@ def test_pixels_that_err_alike_in_every_view_are_told_from_scatter() -> None:
     found = single_pixels(views(RNG, np.stack([PATTERN] * VIEWS)))
     assert found.size_m == pytest.approx(0.003, rel=0.1)
     wrong = found.image - PATTERN
-    assert robust_std(wrong) < 0.5 * 0.003
-    assert np.sqrt(found.unsure2.mean()) == pytest.approx(robust_std(wrong), rel=0.25)
+    assert trimmed_std(wrong) < 0.5 * 0.003
+    assert np.sqrt(found.unsure2.mean()) == pytest.approx(trimmed_std(wrong), rel=0.25)
 
 
 def test_scatter_alone_has_no_pattern() -> None:
@@ -31,10 +31,10 @@ def test_scatter_alone_has_no_pattern() -> None:
 @pytest.mark.parametrize("fit", [range(VIEWS), range(8)])
 def test_scatter_is_that_of_the_photons_once_the_pattern_is_off(fit: range) -> None:
     plain = views(np.random.default_rng(3))
-    spoiled = views(np.random.default_rng(3), np.stack([PATTERN] * VIEWS))
-    assert np.median(spoiled[0].sigma / plain[0].sigma) > 1.15
-    found = single_pixels([spoiled[i] for i in fit])
-    cleaned = without_pattern(spoiled, [found.image / v.frame.length for v in spoiled], found.unsure2, list(fit))
+    patterned = views(np.random.default_rng(3), np.stack([PATTERN] * VIEWS))
+    assert np.median(patterned[0].sigma / plain[0].sigma) > 1.15
+    found = single_pixels([patterned[i] for i in fit])
+    cleaned = without_pattern(patterned, [found.image / v.frame.length for v in patterned], found.unsure2, list(fit))
     ratio = [float(np.median(c.sigma / p.sigma)) for c, p in zip(cleaned, plain, strict=True)]
     assert np.mean([ratio[i] for i in fit]) == pytest.approx(1.0, abs=0.03)
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.03)

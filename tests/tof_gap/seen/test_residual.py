@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
-from tof_gap.seen.residual import edge_band, smear, spoiled, streaks
+from tof_gap.limits.seen import BlurLimits, EvidenceLimits
+from tof_gap.seen.edges import edge_band, excluded, smear, streaks
 from tof_sensor.frame import Context, Frame, ideal_frame
 
+LIMITS, BLUR = EvidenceLimits(), BlurLimits()
 SLIDES = np.array([0.15, 0, 0, 0, 0, 0])
 """0.15 m/s along the image's rows: 17 pixels a second at 0.9 m."""
 
@@ -35,12 +37,12 @@ def columns(mask: np.ndarray) -> tuple[int, int]:
 
 def given_up(f: Frame, wider: int = 0) -> np.ndarray:
     """What a band of two pixels, grown by the view's own smear, takes."""
-    return spoiled(f, 2, wider, smear(f))
+    return excluded(f, LIMITS, wider, smear(f, BLUR))
 
 
 def test_a_still_view_gives_up_the_band_around_a_step_and_no_more() -> None:
     middle = SHAPE[1] // 2
-    assert smear(frame(step_m=0.3)) == 0
+    assert smear(frame(step_m=0.3), BLUR) == 0
     assert columns(given_up(frame(step_m=0.3))) == (middle - 3, middle + 2)
     assert columns(given_up(frame(step_m=0.3), wider=1)) == (middle - 4, middle + 3)
     assert not given_up(frame(fold=True)).any()
@@ -49,16 +51,16 @@ def test_a_still_view_gives_up_the_band_around_a_step_and_no_more() -> None:
 def test_a_moving_view_gives_up_what_the_image_flows_and_folds_too() -> None:
     moved = frame(SLIDES, step_m=0.3)
     flow = 0.15 * CAMERA.fx / 0.9
-    assert smear(moved) == pytest.approx(min(0.2 * flow, 0.04 * SHAPE[1]), abs=1)
+    assert smear(moved, BLUR) == pytest.approx(min(0.2 * flow, 0.04 * SHAPE[1]), abs=1)
     still, moving = (columns(given_up(f)) for f in (frame(step_m=0.3), moved))
-    assert still[0] - moving[0] == moving[1] - still[1] == smear(moved)
+    assert still[0] - moving[0] == moving[1] - still[1] == smear(moved, BLUR)
     assert columns(given_up(frame(SLIDES, fold=True))) == moving
-    assert not edge_band(frame(fold=True), 2).any()
+    assert not edge_band(frame(fold=True), 2, LIMITS).any()
 
 
 def test_a_hand_whose_pose_trembles_stands() -> None:
-    assert smear(frame(SLIDES / 100)) == 0
-    assert smear(frame(SLIDES / 10)) == 1
+    assert smear(frame(SLIDES / 100), BLUR) == 0
+    assert smear(frame(SLIDES / 10), BLUR) == 1
 
 
 def test_a_thin_mark_is_left_out_and_a_wide_one_stays() -> None:
@@ -66,7 +68,7 @@ def test_a_thin_mark_is_left_out_and_a_wide_one_stays() -> None:
     residual = rng.normal(0, 1e-3, SHAPE)
     residual[40:42, 20:80] += 0.02
     residual[60:, :] += 0.02
-    out = streaks(residual, np.full(SHAPE, 1e-3), np.ones(SHAPE, bool))
+    out = streaks(residual, np.full(SHAPE, 1e-3), np.ones(SHAPE, bool), BLUR)
     assert out[40:42, 22:78].mean() > 0.95
     assert out[65:, :].mean() < 0.01
     assert out[:35, :].mean() < 0.01

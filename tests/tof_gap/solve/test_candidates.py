@@ -10,6 +10,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import views
 from tests.tof_scene.solids import scene, wall
+from tof_gap.limits.seen import NoiseLimits
 from tof_gap.solve.candidates import candidates, periods
 from tof_sensor.effects.wiggling import Wiggling
 from tof_sensor.frame import LIGHT_M_PER_S
@@ -28,7 +29,7 @@ def test_every_period_that_is_tried_can_be_saved(span_m: float, tmp_path: Path) 
 
 
 def test_every_candidate_of_a_session_can_be_saved(tmp_path: Path) -> None:
-    made = candidates(views(np.random.default_rng(0)), scene(wall=wall()))
+    made = candidates(views(np.random.default_rng(0)), scene(wall=wall()), NoiseLimits())
     effects = [c.effect for c in made if c.effect is not None]
     assert {"wiggling", "lens_scatter", "specular", "cad_deviation", "subsurface"} <= {e.NAME for e in effects}
     save_model(SensorModel(tuple(effects)), tmp_path / "sensor.yaml")

@@ -11,7 +11,8 @@ import pytest
 from tests.tof_sensor.plane import plane_frame
 from tof_core.capture import Capture, View
 from tof_core.errors import RefusedError
-from tof_gap.seen.residual import EvidenceConfig, ViewEvidence, gather
+from tof_gap.limits.seen import EvidenceLimits
+from tof_gap.seen.residual import ViewEvidence, gather
 from tof_gap.solve.start import MIN_PIXELS, check_fit
 
 
@@ -21,7 +22,7 @@ def evidence(factor: float, offset: float = 0.0, repeat: int = 3) -> tuple[ViewE
     depth = (factor * frame.depth + offset).astype(np.float32)
     view = View.of_capture(Capture(0, frame.camera, depth, np.zeros(depth.shape, np.uint8)))
     rendering = replace(frame.rendering)
-    return gather([view] * repeat, [rendering] * repeat, None, EvidenceConfig(edge_px=0))  # type: ignore[arg-type]
+    return gather([view] * repeat, [rendering] * repeat, None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
 
 
 def test_a_session_on_its_scene_passes() -> None:

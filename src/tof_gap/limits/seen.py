@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers that decide what a session shows: which pixels count, what is noise, what is loss."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tof_core.config import param, section
+
+
+@dataclass(frozen=True, slots=True)
+class LevelLimits:
+    """Estimate of a view's noise and of its depth code's step, from differences between neighbours."""
+
+    bins: int = param(32, "bins of amplitude", low=1, high=1000, why="noise changes little within a bin")
+    bin_samples: int = param(30, "samples of a bin", low=2, why="the standard deviation is known to 13 %")
+    samples: int = param(50, "samples of a view", low=2, why="fewer do not fill two bins")
+    unknown_mm: float = param(2.0, "noise of a view with fewer samples", unit="mm", low=1e-3, why="usual of one capture at 1 m")
+    least_mm: float = param(0.01, "least noise", unit="mm", low=1e-6, why="a pixel that never changes would outweigh all others")
+    code_pixels: int = param(100, "pixels with depth", low=10, why="fewer do not show the codes")
+    code_gap_mm: float = param(
+        0.005, "least step between depth codes", unit="mm", low=1e-6, why="rounding of float32 at 5 m is a tenth of it"
+    )
+    code_gaps: int = param(5, "different codes", low=1, why="one plane at rest may have two or three")
+    code_share: float = param(0.5, "codes per pixel above which depth is continuous", low=0.0, high=1.0, why="16-bit codes repeat")
+
+
+@dataclass(frozen=True, slots=True)
+class BlurLimits:
+    """Motion blur of edges, in a view taken while the camera moved."""
+
+    exposure_s: float = param(0.2, "longest exposure", unit="s", low=0.0, high=10.0, why="four taps of some tens of milliseconds")
+    flow_quantile: float = param(0.9, "quantile of the image flow over the pixels", low=0.0, high=1.0, why="near surfaces blur most")
+    still_px: float = param(0.25, "blur below which a view is still", unit="px", low=0.0, why="TF jitters by as much")
+    most_share: float = param(0.04, "most blur, of the image width", low=0.0, high=1.0, why="a wider edge band leaves too few pixels")
+    streak_sigma: float = param(
+        5.0, "standard deviations off the local median of a streak's pixel", low=1.0, why="chance: 1 in 1.7 million"
+    )
+    streak_px: int = param(9, "side of the square of the local median", unit="px", low=3, high=99, why="over twice the width of a streak")
+
+
+@dataclass(frozen=True, slots=True)
+class PatternLimits:
+    """When pixels have an offset of their own."""
+
+    window_px: int = param(15, "side of the window of the high-pass", unit="px", low=3, high=199, why="what is wider is a smooth field")
+    sigma: float = param(4.0, "standard errors of the pixels' common variance", low=0.0, why="chance: 1 in 30,000")
+    pixels: int = param(200, "pixels that both halves of the views see", low=10, why="the variance is known to 10 %")
+    clip: float = param(0.002, "quantile at which products are clipped", low=0.0, high=0.4, why="one gross pixel must not decide")
+    noise_share: float = param(
+        0.1, "least noise beside the pattern, of the pattern's variance", low=0.0, high=1.0, why="differences overlap"
+    )
+    level_share: float = param(0.25, "least noise without the pattern, of the variance with it", low=0.0, high=1.0, why="the same")
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceLimits:
+    """Which pixels count."""
+
+    pixels: int = param(3000, "pixels of a view used in fits, drawn evenly", low=200, high=200_000, why="time and memory")
+    gross_mm: float = param(
+        60.0, "residual that no bias reaches", unit="mm", low=5.0, high=1e4, why="bias of a ToF camera is millimetres to a few centimetres"
+    )
+    gross_sigma: float = param(5.0, "noise standard deviations within which no residual is gross", low=1.0, why="chance: 1 in 1.7 million")
+    gross_most_mm: float = param(
+        300.0, "residual that is gross under any noise", unit="mm", low=5.0, high=1e5, why="another surface, or a wrapped phase"
+    )
+    edge_px: int = param(2, "distance from a depth edge up to which pixels are counted apart", unit="px", low=0, high=10, why="footprints")
+    edge_slope: float = param(
+        2.0, "depth edge: step between neighbours, over the tilted plane's own", low=1.0, why="curved surfaces stay below"
+    )
+    crease: float = param(0.05, "brightness edge: relative step between neighbours", low=0.0, why="no smooth surface has it")
+    grazing_deg: float = param(
+        80.0, "incidence beyond which a pixel is left out", unit="deg", low=30.0, high=90.0, why="1 mm of pose is 6 mm of z"
+    )
+    own_share: float = param(
+        0.35, "mixed share up to which a pixel's own surface is certain", low=0.0, high=0.5, why="half a pixel of pose decides beyond"
+    )
+    concavity_px: int = param(
+        6, "spacing of the pixels that concavity is computed at", unit="px", low=1, high=64, why="concavity is smooth"
+    )
+    seed: int = param(0, "seed of the draw", low=0, why="the same pixels in every run")
+    level: LevelLimits = section(LevelLimits, "noise of a view")
+    blur: BlurLimits = section(BlurLimits, "motion blur")
+    pattern: PatternLimits = section(PatternLimits, "offsets of pixels")
+
+
+@dataclass(frozen=True, slots=True)
+class LineLimits:
+    """When whole rows or columns change together from view to view."""
+
+    pixels: int = param(20, "pixels of a line", low=2, why="its mean is known to a quarter of the noise")
+    views: int = param(5, "views that see a line", low=2, why="a variance of fewer is not known to a factor of two")
+    sigma: float = param(
+        8.0, "standard errors of the lines' excess variance", low=0.0, why="neighbouring differences overlap: as 5.7 of independent ones"
+    )
+    most_ratio: float = param(
+        12.0, "cap of one line's variance ratio", low=1.0, why="one line must not decide; costs 0.2 % of chi-square's mean"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class PixelLimits:
+    """When single pixels are noisier than their light."""
+
+    ratio: float = param(
+        6.0, "median squared deviation over the views, over that of quiet pixels", low=1.0, why="1 in 2000 quiet pixels of 12 views"
+    )
+    views: int = param(8, "views that see the pixel", low=2, why="the median of fewer exceeds `ratio` by chance")
+    pattern_share: float = param(
+        0.1, "least noise beside a fixed pattern, of the variance with it", low=0.0, high=1.0, why="differences overlap"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class BeatLimits:
+    """When stripes of another light source cross some of the views."""
+
+    rows: int = param(43, "rows of cells that are averaged", low=5, high=999, why="two per period of the finest wave")
+    turns: float = param(3.5, "fewest periods over the image height", low=0.0, why="fewer are a slope, which other effects leave")
+    band: float = param(1.5, "periods to either side that belong to the stripes", low=0.0, why="the envelope of a beat widens its line")
+    chi2: float = param(25.0, "chi-square (2 degrees of freedom) of a view with stripes", low=0.0, why="chance: 4 in a million")
+    share: float = param(0.03, "the same, of the strongest view's", low=0.0, high=1.0, why="views that share a weak pattern are not hit")
+    phase: float = param(
+        5.0, "Rayleigh's n R^2 from which the views share one phase", low=0.0, why="0.7 % by chance; a fixed pattern has n"
+    )
+    stands_out: float = param(8.0, "energy of the best wave over the median wave's", low=1.0, why="rows that jump hold all waves alike")
+    views: int = param(3, "views with stripes", low=1, why="one or two may be another kind of scene")
+    cells: int = param(100, "cells of a view", low=20, why="the smooth field has ten terms")
+    cosine: float = param(0.1, "least cosine of incidence", low=1e-3, high=1.0, why="grazing surfaces would outweigh all")
+    ridge: float = param(1e-3, "ridge of the fitted waves, of the mean diagonal", low=0.0, why="neighbouring waves are nearly alike")
+
+
+@dataclass(frozen=True, slots=True)
+class StereoLimits:
+    """When noise follows range and not light: a camera that triangulates."""
+
+    bins: int = param(8, "bins of amplitude per view", low=3, high=60, why="two slopes need no more")
+    least_bins: int = param(12, "bins of the session", low=4, why="four per unknown")
+    span: float = param(0.3, "span of ln range^2 and of ln amplitude", low=0.0, why="16 % of range; less shows no slope")
+    own_span: float = param(
+        0.2, "standard deviation of ln amplitude that range does not explain", low=0.0, why="else the two slopes are one"
+    )
+    amplitude_power: float = param(
+        -0.3, "power of the variance in amplitude above which light plays no part", low=-2.0, high=2.0, why="photons: -1 to -2"
+    )
+    range_power: float = param(
+        1.2, "power of the variance in range^2 above which range decides", low=-4.0, high=4.0, why="disparity: 2; shot noise: 0"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseLimits:
+    """When there is more noise than photons make."""
+
+    extra_share: float = param(0.35, "constant noise, of the median noise", low=0.0, high=1.0, why="less changes the total by 6 %")
+    extra_mm: float = param(0.4, "constant noise", unit="mm", low=0.0, why="the floor of a usual camera is 0.3 mm")
+    extra_sigma: float = param(4.0, "constant noise, in its own standard errors", low=0.0, why="chance: 1 in 30,000")
+    burst: float = param(
+        1.12, "noise of a view over that of the quiet views", low=1.02, high=10.0, why="views of one camera differ by some per cent"
+    )
+    alone: float = param(
+        2.0, "variance of a single view over that of the quiet views", low=1.0, why="one view may be another kind of scene"
+    )
+    quiet_share: float = param(
+        0.25, "share of the views that a burst leaves alone", low=0.0, high=1.0, why="with fewer there is nothing to compare"
+    )
+    quiet_margin: float = param(1.3, "variance over the quietest quarter's that is quiet too", low=1.0, why="the same, in variance")
+    line_mm: float = param(0.5, "noise of whole rows or columns", unit="mm", low=0.0, why="the floor of a usual camera is 0.3 mm")
+    line_share: float = param(0.25, "the same, of the median noise", low=0.0, high=1.0, why="less changes the total by 3 %")
+    pixel_share: float = param(0.004, "share of noisy pixels", low=0.0, high=1.0, why="eight times what chance gives")
+    step_mm: float = param(1.5, "step of a usual depth code", unit="mm", low=0.0, why="16UC1 codes are 1 mm apart")
+    bins: int = param(12, "bins of amplitude per view", low=3, high=60, why="the law has four terms")
+    least_bins: int = param(6, "bins of the session", low=4, why="the law has four terms")
+    bin_samples: int = param(60, "samples of a bin", low=2, why="the variance is known to 18 %")
+    view_samples: int = param(200, "samples of a view", low=2, why="fewer fill no three bins")
+    smoothed_bins: int = param(
+        9, "bins next in amplitude whose median variance gives a bin its weight", low=1, why="one odd bin must not decide"
+    )
+    outlier_sigma: float = param(3.0, "robust standard deviations of a bin that leaves the fit", low=1.0, why="chance: 1 in 370")
+    outlier_least: float = param(0.2, "ln variance below which no bin leaves the fit", low=0.0, why="sampling error of small bins")
+    lines: LineLimits = section(LineLimits, "rows and columns")
+    pixels: PixelLimits = section(PixelLimits, "single pixels")
+    beat: BeatLimits = section(BeatLimits, "stripes")
+    stereo: StereoLimits = section(StereoLimits, "cameras that triangulate")
+
+
+@dataclass(frozen=True, slots=True)
+class MissingLimits:
+    """When missing, wrapped or mixed pixels are an effect."""
+
+    lost_share: float = param(
+        0.01, "share of CAD pixels missing, away from edges", low=1e-6, high=1.0, why="single dead or dark pixels are usual"
+    )
+    saturated: float = param(
+        0.999, "quantile of measured amplitude above which a missing pixel was saturated", low=0.0, high=1.0, why="chance: 1 in 1000"
+    )
+    half_lost: float = param(0.5, "loss at the stated threshold amplitude", low=0.0, high=1.0, why="definition of the threshold")
+    lost_bins: int = param(40, "bins of amplitude of the predicted loss", low=2, why="loss follows amplitude closely")
+    half_bins: int = param(20, "bins of amplitude of the threshold", low=2, why="the threshold is known to 5 % of the pixels")
+    near_px: int = param(7, "side of the window of local loss", unit="px", low=1, high=99, why="49 pixels: a share is known to 7 %")
+    turn_share: float = param(0.002, "share of pixels off by one common jump", low=1e-6, high=1.0, why="foreign objects jump by many sizes")
+    turn_spread_mm: float = param(60.0, "spread of one common jump", unit="mm", low=1.0, why="bias beside the wrap: the gross bound")
+    turn_majority: float = param(0.5, "of the jumps, share of the common one", low=0.0, high=1.0, why="else they are foreign objects")
+    turn_least_mm: float = param(200.0, "least jump that is counted", unit="mm", low=1.0, why="wraps are longer: 375 mm at 400 MHz")
+    turn_reach: float = param(
+        0.4, "residual, off the known jump and in its units, of a wrapped pixel", low=0.0, high=0.5, why="nearer to a wrap than to none"
+    )
+    turn_start: float = param(
+        0.02, "quantile of the wrapped pixels' range that is the stated start", low=0.0, high=0.5, why="2 % may be outliers"
+    )
+    edge_reach_px: int = param(
+        4, "distance beyond the edge band where jumps may be edges", unit="px", low=0, high=64, why="pose errors move edges"
+    )
+    flying_share: float = param(
+        0.25,
+        "mixed pixels that lie between their surfaces, over those expected",
+        low=1e-6,
+        high=1.0,
+        why="pose errors put some there without mixing",
+    )
+    step_mm: float = param(
+        30.0, "depth step of an edge that can show mixing", unit="mm", low=1.0, why="ten standard deviations of usual noise"
+    )
+    step_sigma: float = param(10.0, "the same, in noise standard deviations", low=1.0, why="noise alone would lie between")
+    mixed_pixels: int = param(80, "mixed pixels of the session", low=4, why="a share is known to 6 %")
+    mixed_least: float = param(0.05, "mixed share of a pixel that counts", low=0.0, high=1.0, why="less moves it by less than noise")
+    mixed_fitted: float = param(0.02, "mixed share of a pixel that is fitted", low=0.0, high=1.0, why="the fit weighs by size")
+    between: float = param(
+        0.15,
+        "distance from either surface, of their step, of a pixel between them",
+        low=0.0,
+        high=0.5,
+        why="pose and noise blur the surfaces",
+    )
+    fitted_mm: float = param(2.0, "predicted mixing of a pixel that is fitted", unit="mm", low=0.0, why="the usual noise")

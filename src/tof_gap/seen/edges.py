@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pixels near depth edges, which mix two surfaces, and near whatever blurs while the camera moves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
+
+from tof_sensor.frame import lambert_amplitude
+from tof_sensor.geometry import image_flow
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Mask
+    from tof_gap.limits.seen import BlurLimits, EvidenceLimits
+    from tof_sensor.frame import Frame
+
+STEEPEST = 1.4
+"""Radians of incidence beyond which a surface's slope is not followed: its tangent grows without bound."""
+
+
+def smear(frame: Frame, limits: BlurLimits) -> int:
+    """Motion blur of a view, in pixels: image flow over the longest exposure; 0 for a still view."""
+    if not frame.context.twist.any() or not frame.valid.any():
+        return 0
+    blur = limits.exposure_s * np.quantile(np.hypot(*image_flow(frame))[frame.valid], limits.flow_quantile)
+    return 0 if blur < limits.still_px else min(int(np.ceil(blur)), round(limits.most_share * frame.camera.width))
+
+
+def excluded(frame: Frame, limits: EvidenceLimits, wider_px: int, blur_px: int) -> Mask:
+    """(H, W) pixels that mixing or motion blur may reach.
+
+    In a still view, those within `edge_px + wider_px` of a depth edge. In a moving one, those within `edge_px + blur_px` of a
+    depth edge or a brightness edge; `wider_px` is not added there, since the blur already costs many pixels.
+    """
+    if blur_px:
+        return edge_band(frame, limits.edge_px + blur_px, limits, creases=True)
+    return edge_band(frame, limits.edge_px + wider_px, limits)
+
+
+def edge_band(frame: Frame, width: int, limits: EvidenceLimits, *, creases: bool = False) -> Mask:
+    """(H, W) pixels within `width` of a depth edge or of the end of the CAD; with `creases`, of a brightness edge too."""
+    z = frame.depth
+    seam = frame.rendering.mixed > 0
+    light = np.log(np.maximum(lambert_amplitude(frame.rendering), 1e-12)) if creases else None
+    tilt = np.tan(np.minimum(np.nan_to_num(frame.rendering.incidence, nan=STEEPEST), STEEPEST)) * frame.camera.pixel_angle
+    expected = z * (limits.edge_slope * tilt + limits.edge_slope * frame.camera.pixel_angle)
+    for axis in (0, 1):
+        step = np.abs(np.diff(z, axis=axis))
+        jump = ~(step < np.minimum(np.delete(expected, -1, axis), np.delete(expected, 0, axis)))
+        if light is not None:
+            jump |= np.abs(np.diff(light, axis=axis)) > limits.crease
+        pad = [(0, 0), (0, 0)]
+        pad[axis] = (0, 1)
+        seam = seam | np.pad(jump, pad)
+        pad[axis] = (1, 0)
+        seam = seam | np.pad(jump, pad)
+    seam = seam | ~frame.valid
+    return binary_dilation(seam, iterations=width) if width else seam
+
+
+def streaks(residual: Float, sigma: Float, keep: Mask, limits: BlurLimits) -> Mask:
+    """(H, W) thin marks in the residual of a moving view: rims and low steps blur as edges do, and `edge_band` predicts only some.
+
+    A pixel is marked where it differs from the median of its neighbourhood by `streak_sigma` standard deviations, or touches one that does.
+    """
+    keep = keep & np.isfinite(residual)
+    if not keep.any():
+        return np.zeros(keep.shape, bool)
+    nearest = distance_transform_edt(~keep, return_distances=False, return_indices=True)
+    around = median_filter(residual[tuple(nearest)], size=limits.streak_px, mode="nearest")
+    off = np.abs(residual - around) > limits.streak_sigma * sigma
+    return np.asarray(binary_dilation(off & keep))

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lost returns: pixels of the CAD, away from edges, where no light came back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import uniform_filter
+
+from tof_core.reasons import Reason
+from tof_gap.seen.finding import Finding
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.frame import lambert_amplitude
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float
+    from tof_gap.limits.seen import MissingLimits
+    from tof_gap.seen.residual import ViewEvidence
+
+LEAST_COVER = 0.1
+"""Share of a window that must count, so that a mean over the rest stays finite."""
+
+
+def lost(view: ViewEvidence, limits: MissingLimits) -> Float:
+    """(H, W) share of a view's captures in which no light came back, away from edges where the CAD is.
+
+    Saturation is too much light: its code says so, or an amplitude above the `saturated` quantile of the measured ones.
+    """
+    seen = view.view
+    some = np.where(seen.valid, 1.0 - seen.count / max(seen.captures, 1), seen.reason == Reason.NO_RETURN)
+    gone = np.where(view.frame.valid & ~view.edge, some, 0.0)
+    if seen.amplitude is None or not view.smooth.any():
+        return gone
+    brightest = np.quantile(view.frame.amplitude[view.smooth], limits.saturated)
+    return np.where(np.nan_to_num(seen.amplitude) > brightest, 0.0, gone)
+
+
+def dropout(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | None:
+    """`dropout` where more is lost than `lost_share`: by amplitude below a threshold, and at random."""
+    gone = np.concatenate([lost(v, limits)[v.frame.valid & ~v.edge] for v in views])
+    if gone.mean() < limits.lost_share:
+        return None
+    light = np.concatenate([lambert_amplitude(v.rendering)[v.frame.valid & ~v.edge] for v in views])
+    random = float(gone[light > np.median(light)].mean())
+    share = np.stack([np.where(v.frame.valid, _rate(v, light, gone, limits), np.nan) for v in views])
+    effect = Dropout(threshold=_half_lost(light, gone, limits), random=min(random, 1.0))
+    return Finding(effect, float(min(1.0, gone.mean() / limits.lost_share / 2)), share=share)
+
+
+def _rate(view: ViewEvidence, light: Float, gone: Float, limits: MissingLimits) -> Float:
+    """(H, W) predicted share of loss: mean of that at this amplitude in the session and of that in this neighbourhood."""
+    edges = np.unique(np.quantile(light, np.linspace(0, 1, limits.lost_bins + 1)))
+    which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, len(edges) - 2)
+    by_light = np.bincount(which, gone, len(edges) - 1) / np.maximum(np.bincount(which, minlength=len(edges) - 1), 1)
+    own = by_light[np.clip(np.searchsorted(edges, lambert_amplitude(view.rendering), side="right") - 1, 0, len(edges) - 2)]
+    inside = (view.frame.valid & ~view.edge).astype(float)
+    cover = np.maximum(uniform_filter(inside, limits.near_px), LEAST_COVER)
+    return np.asarray(0.5 * (own + uniform_filter(lost(view, limits), limits.near_px) / cover))
+
+
+def _half_lost(light: Float, gone: Float, limits: MissingLimits) -> float:
+    """Amplitude at which half of the pixels are lost; 0 where loss does not follow amplitude."""
+    bins = limits.half_bins
+    edges = np.quantile(light, np.linspace(0, 1, bins + 1))
+    which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, bins - 1)
+    rate = np.array([gone[which == b].mean() if (which == b).any() else 0.0 for b in range(bins)])
+    dark = np.flatnonzero(rate > limits.half_lost)
+    return float(edges[dark.max() + 1]) if len(dark) else 0.0

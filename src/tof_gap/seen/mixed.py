@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mixed pixels at depth edges: those that lie on neither of their two surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_gap.seen.finding import Finding
+from tof_sensor.effects.flying_pixels import Edge, FlyingPixels
+from tof_sensor.frame import LIGHT_M_PER_S
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float
+    from tof_gap.limits.seen import MissingLimits
+    from tof_gap.seen.residual import ViewEvidence
+
+FOOTPRINTS_PX = (0.4, 0.55, 0.7, 0.85, 1.0)
+FLYING_MHZ = (15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0)
+"""Footprints and modulation frequencies that are tried."""
+HALF = 0.5
+"""Mixed share up to which a pixel belongs to the larger surface, by definition."""
+
+
+def mixing(views: Sequence[ViewEvidence], limits: MissingLimits) -> tuple[float, int] | None:
+    """Mixed pixels that lie between their surfaces over those expected there, and the number of mixed pixels; None where edges are clean."""
+    lying, mixed = _between(views, limits)
+    if len(mixed) < limits.mixed_pixels:
+        return None
+    inside = (lying > limits.between) & (lying < 1.0 - limits.between)
+    share = float(inside.mean() / max(((mixed > limits.between) & (mixed < HALF)).mean(), 1e-3))
+    return None if share < limits.flying_share else (share, len(mixed))
+
+
+def flying_pixels(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | None:
+    """`flying_pixels` where pixels mix, with the footprint and modulation frequency whose mixture fits best."""
+    found = mixing(views, limits)
+    if found is None:
+        return None
+    share, number = found
+    edges = [Edge.of(v.frame) for v in views]
+    tried = [FlyingPixels(share=1.0, modulation_mhz=f, footprint_px=w) for f in FLYING_MHZ for w in FOOTPRINTS_PX]
+    best = min((_fitted(views, edges, effect, limits) for effect in tried), key=lambda fitted: fitted[1])[0]
+    maps = np.stack([np.where(v.frame.valid, _mixture_map(v, edge, best), np.nan) for v, edge in zip(views, edges, strict=True)])
+    return Finding(best, float(min(1.0, share / limits.flying_share / 2)), {"share": float(1 / np.sqrt(number))}, maps, corrects=True)
+
+
+def _fitted(
+    views: Sequence[ViewEvidence], edges: Sequence[Edge], effect: FlyingPixels, limits: MissingLimits
+) -> tuple[FlyingPixels, float]:
+    """The effect with its share by weighted median, and the mean absolute error left, over pixels whose own surface is certain."""
+    model, seen = [], []
+    for v, edge in zip(views, edges, strict=True):
+        residual = v.residual[edge.where]
+        here = (edge.mixed > limits.mixed_fitted) & (edge.mixed < v.limits.own_share) & np.isfinite(residual)
+        model.append(_nearest_wrap(effect, edge, residual)[here])
+        seen.append(residual[here])
+    x, y = np.concatenate(model), np.concatenate(seen)
+    usable = np.abs(x) > limits.fitted_mm * 1e-3
+    ratio, weight = y[usable] / x[usable], np.abs(x[usable])
+    order = np.argsort(ratio)
+    middle = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
+    low, high = (float(bound[0]) for bound in effect.bounds)
+    share = float(np.clip(ratio[order][min(middle, len(order) - 1)], low, high)) if len(order) else 0.0
+    return replace(effect, share=share), float(np.abs(y - share * x).mean())
+
+
+def _nearest_wrap(effect: FlyingPixels, edge: Edge, seen: Float) -> Float:
+    """(n,) metres of z that mixing adds, wrapped to the period nearest to what was measured (n,).
+
+    Over steps of more than half the unambiguous range the sign of the phase difference cannot be predicted.
+    """
+    mixture, turn = effect.mixture(edge), LIGHT_M_PER_S / (2e6 * effect.modulation_mhz) / edge.length
+    periods = np.round((seen - mixture) / turn)
+    return np.where((np.abs(edge.step) > 0.5 * turn * edge.length) & np.isfinite(periods), mixture + periods * turn, mixture)
+
+
+def _mixture_map(view: ViewEvidence, edge: Edge, effect: FlyingPixels) -> Float:
+    """(H, W) metres that the effect adds in a view."""
+    out = np.zeros(view.residual.shape)
+    out[edge.where] = effect.share * _nearest_wrap(effect, edge, view.residual[edge.where])
+    return out
+
+
+def _between(views: Sequence[ViewEvidence], limits: MissingLimits) -> tuple[Float, Float]:
+    """Of mixed pixels at a clear step: place between the surfaces (0 own, 1 second), and mixed share."""
+    lying, mixed = [], []
+    for v in views:
+        step = v.rendering.second.astype(np.float64) - v.frame.depth
+        clear = (v.rendering.mixed > limits.mixed_least) & (np.abs(step) > limits.step_mm * 1e-3) & np.isfinite(v.view.depth)
+        clear &= np.abs(step) > limits.step_sigma * v.sigma
+        lying.append(((v.view.depth - v.frame.depth) / np.where(step == 0, 1, step))[clear])
+        mixed.append(v.rendering.mixed[clear].astype(np.float64))
+    return np.concatenate(lying), np.concatenate(mixed)

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The photon law: noise variance as a function of amplitude and range, fitted to bins of a session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.optimize import nnls
+
+from tof_core.stats import robust_std, second_differences, trimmed_std
+from tof_sensor.effects.interference import Interference
+from tof_sensor.effects.noise import Noise, PhotonLaw
+from tof_sensor.effects.quantization import Quantization
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Mask
+    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_sensor.effect import Effect
+
+ROUNDS = 4
+"""Fits of the law, each without the outliers of the one before."""
+QUIET_ROUNDS = 2
+"""Fits of the quiet views' law, each to the views that are quiet against the one before."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bins:
+    """Noise by amplitude, (n,) each: index of the view, mean amplitude, mean squared range m^2, variance m^2 along the ray, samples."""
+
+    view: Float
+    amplitude: Float
+    range2: Float
+    variance: Float
+    samples: Float
+
+    def of(self, keep: Mask) -> Bins:
+        """Some of the bins."""
+        return Bins(*(getattr(self, f.name)[keep] for f in fields(self)))
+
+
+def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Bins:
+    """White variance of the residual in `bins` amplitude bins of every view, from second differences along rows."""
+    rows = []
+    for i, v in enumerate(views):
+        d2 = second_differences(np.where(v.smooth, v.residual, np.nan) * v.frame.length, axis=1)
+        light = v.frame.amplitude[:, 1:-1]
+        seen = np.isfinite(d2) & (light > 0)
+        x, a, r2 = d2[seen], light[seen], (v.frame.radial[:, 1:-1] ** 2)[seen]
+        if len(x) < limits.view_samples:
+            continue
+        edges = np.quantile(a, np.linspace(0, 1, bins + 1))
+        which = np.clip(np.searchsorted(edges, a, side="right") - 1, 0, bins - 1)
+        rows += [
+            (i, a[which == b].mean(), r2[which == b].mean(), trimmed_std(x[which == b]) ** 2, (which == b).sum())
+            for b in range(bins)
+            if (which == b).sum() >= limits.bin_samples
+        ]
+    table = np.array(rows, float).reshape(-1, 5)
+    return Bins(*table.T)
+
+
+@dataclass(frozen=True, slots=True)
+class LawFit:
+    """The photon law, the standard error of its floor in metres, and its misfit (standard deviation of ln variance)."""
+
+    law: PhotonLaw
+    floor_std: float
+    misfit: float
+
+    def ratio(self, b: Bins) -> Float:
+        """(n,) variance of each bin over the law's."""
+        return np.asarray(b.variance / np.maximum(self.law.variance(b.amplitude, b.range2), 1e-14))
+
+
+def fit_law(b: Bins, step_m: float, limits: NoiseLimits) -> LawFit:
+    """Photon law by non-negative least squares on relative errors; the variance of the depth code's own step is known."""
+    reference = float(np.median(b.amplitude))
+    ratio = reference / b.amplitude
+    own = step_m**2 / 12
+    # Weighed by the variance of bins of like amplitude: a bin whose depth code hardly ever changes would outweigh all others.
+    order = np.argsort(b.amplitude)
+    usual = np.empty_like(b.variance)
+    usual[order] = median_filter(b.variance[order], size=limits.smoothed_bins, mode="mirror")
+    target = np.maximum(b.variance - own, 0.0)
+    weight = np.sqrt(b.samples / 2) / np.maximum(usual, 1e-12)
+    keep, c, log = np.ones(len(target), bool), np.zeros(4), np.zeros(len(target))
+    X = np.stack([np.ones_like(ratio), ratio, ratio * b.range2, ratio**2], axis=1)
+    for _ in range(ROUNDS):
+        c, _ = nnls(X[keep] * weight[keep, None], target[keep] * weight[keep])
+        log = np.log(np.maximum(b.variance, 1e-14) / np.maximum(X @ c + own, 1e-14))
+        keep = log < max(limits.outlier_sigma * robust_std(log), limits.outlier_least) + np.median(log)
+    cov = np.linalg.pinv((X[keep] * weight[keep, None]).T @ (X[keep] * weight[keep, None]))
+    floor2 = c[0] + own
+    shot, far, ambient = (float(np.sqrt(x)) for x in c[1:])
+    law = PhotonLaw(floor_m=float(np.sqrt(floor2)), shot_m=shot, ambient_m=ambient, far_m=far, reference=reference)
+    spread = float(np.sqrt(cov[0, 0]) / max(2 * np.sqrt(c[0]), 1e-6))
+    return LawFit(law, spread, float(np.std(log[keep])))
+
+
+def constant_part(fitted: LawFit, step_m: float) -> float:
+    """Metres: noise that no light removes, beside the depth code's own."""
+    return float(np.sqrt(max(fitted.law.floor_m**2 - step_m**2 / 12, 0.0)))
+
+
+def view_ratio(b: Bins, fitted: LawFit, views: int) -> Float:
+    """(V,) median variance of each view's bins over the law's; 1 for a view without bins."""
+    ratio = fitted.ratio(b)
+    return np.array([np.median(ratio[b.view == i]) if (b.view == i).any() else 1.0 for i in range(views)])
+
+
+def quiet_law(b: Bins, step_m: float, views: int, limits: NoiseLimits) -> LawFit:
+    """The law of the quiet views: fitted to all, then to those with the least noise against that fit."""
+    fitted = fit_law(b, step_m, limits)
+    for _ in range(QUIET_ROUNDS):
+        ratio = view_ratio(b, fitted, views)
+        quiet = ratio <= np.quantile(ratio, limits.quiet_share) * limits.quiet_margin
+        keep = quiet[b.view.astype(int)]
+        if keep.sum() < limits.least_bins:
+            break
+        fitted = fit_law(b.of(keep), step_m, limits)
+    return fitted
+
+
+def code_step(views: Sequence[ViewEvidence]) -> float:
+    """Metres between the depth codes of single captures, 0 where depth is continuous or averaged."""
+    steps = [v.step_m for v in views if v.view.captures == 1]
+    return float(np.median(steps)) if steps else 0.0
+
+
+def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], limits: NoiseLimits) -> PhotonLaw | None:
+    """The photon law of the session's noise beside the named effects, None where there are too few bins."""
+    b, step = binned(views, limits.bins, limits), code_step(views)
+    if len(b.view) < limits.least_bins:
+        return None
+    bursts = any(isinstance(e, Interference) or (isinstance(e, Noise) and e.duty < 1.0) for e in named)
+    law = (quiet_law(b, step, len(views), limits) if bursts else fit_law(b, step, limits)).law
+    apart2 = sum(e.extra_m**2 for e in named if isinstance(e, Noise) and e.duty == 1.0)
+    apart2 += sum(e.step_m**2 / 12 for e in named if isinstance(e, Quantization))
+    return replace(law, floor_m=float(np.sqrt(max(law.floor_m**2 - apart2, 0.0))))

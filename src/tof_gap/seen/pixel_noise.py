@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise that light cannot make: single pixels that are noisier than their neighbours in most views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.stats import second_differences
+from tof_gap.seen.line_noise import CHI2_MEDIAN
+from tof_gap.seen.pattern import in_common
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Mask
+    from tof_gap.limits.seen import PixelLimits
+    from tof_gap.seen.residual import ViewEvidence
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoisyPixels:
+    """where: (H, W) pixels noisier than their light; share: of the pixels seen; size_m: their own noise, metres along the ray."""
+
+    where: Mask
+    share: float
+    size_m: float
+
+
+def noisy_pixels(views: Sequence[ViewEvidence], pattern_m: float, limits: PixelLimits) -> NoisyPixels:
+    """Pixels whose variance over the views stands out; a constant offset (`pattern_m` RMS over the pixels) does not count."""
+    high, level = (np.stack(a) for a in zip(*(_against_neighbours(v) for v in views), strict=True))
+    # Noise estimated from neighbours contains the pattern.
+    sigma = np.sqrt(np.maximum(level**2 - pattern_m**2, limits.pattern_share * level**2))
+    seen = np.isfinite(high)
+    known = seen.sum(axis=0) >= limits.views
+    weight = np.where(seen, sigma**-2, 0.0)
+    constant = (weight * np.where(seen, high, 0.0)).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
+    centred = np.where(seen, (high - constant) / sigma, 0.0)
+    # The median over the views: an edge that crosses a pixel in one view does not make it noisy.
+    square = np.where(seen, centred**2, np.nan).reshape(len(views), -1)
+    variance = np.zeros(known.shape)
+    variance[known] = np.nanmedian(square[:, known.ravel()], axis=0) / CHI2_MEDIAN
+    quiet = float(np.median(variance[known])) if known.any() else 1.0
+    where = known & (variance > limits.ratio * max(quiet, 1e-12))
+    share = float(where.sum() / max(known.sum(), 1))
+    light2 = float(np.mean([float(np.median(v.sigma[v.smooth] ** 2)) for v in views if v.smooth.any()] or [0.0]))
+    size2 = (float(variance[where].mean()) - quiet) * light2 if where.any() else 0.0
+    return NoisyPixels(where, share, float(np.sqrt(max(size2, 0.0))))
+
+
+def pixel_pattern(views: Sequence[ViewEvidence]) -> float:
+    """Metres along the ray: RMS offset of single pixels that all views share, from second differences along rows."""
+    d2 = np.stack([second_differences(np.where(v.smooth, v.residual * v.frame.length, np.nan), axis=1) for v in views])
+    halves, known = [], np.ones(d2.shape[1:], bool)
+    for half in (d2[::2], d2[1::2]):
+        n = np.isfinite(half).sum(axis=0)
+        known &= n >= 2
+        halves.append(np.where(np.isfinite(half), half, 0.0).sum(axis=0) / np.maximum(n, 1))
+    return float(np.sqrt(max(in_common(halves[0][known], halves[1][known], views[0].limits.pattern)[0], 0.0)))
+
+
+def _against_neighbours(view: ViewEvidence) -> tuple[Float, Float]:
+    """(H, W) metres along the ray: each pixel less the mean of its two neighbours in the row, scaled to its own noise; and that noise."""
+    r = np.where(view.smooth, view.residual * view.frame.length, np.nan)
+    out = np.full(r.shape, np.nan)
+    out[:, 1:-1] = -second_differences(r, axis=1)
+    return out, np.asarray(view.sigma * view.frame.length)

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras that triangulate: their noise follows range and not light."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_gap.seen.photons import binned
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.seen.residual import ViewEvidence
+
+
+def like_stereo(views: Sequence[ViewEvidence], noise: NoiseLimits) -> bool:
+    """Whether noise grows with the square of range and not with falling light: a camera that triangulates.
+
+    Fitted over the bins: ln variance = c + p ln amplitude + q ln range^2. Photons give p from -1 to -2; disparity gives p = 0 and q = 2.
+    """
+    limits = noise.stereo
+    if all(v.view.amplitude is None for v in views):
+        return False
+    b = binned(views, limits.bins, noise)
+    if len(b.view) < limits.least_bins or min(np.ptp(np.log(b.range2)), np.ptp(np.log(b.amplitude))) < limits.span:
+        return False
+    X = np.stack([np.ones_like(b.variance), np.log(b.amplitude), np.log(b.range2)], axis=1)
+    own = X[:, 1] - X[:, [0, 2]] @ np.linalg.lstsq(X[:, [0, 2]], X[:, 1], rcond=None)[0]
+    if own.std() < limits.own_span:
+        return False  # Amplitude follows range alone: the two powers cannot be separated.
+    _, p, q = np.linalg.lstsq(X, np.log(np.maximum(b.variance, 1e-14)), rcond=None)[0]
+    return bool(p > limits.amplitude_power and q > limits.range_power)

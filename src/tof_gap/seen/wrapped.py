@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Wrapped phase: pixels that are off by one common jump, the unambiguous range."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from tof_gap.seen.finding import CONFIDENT, Finding
+from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.frame import LIGHT_M_PER_S
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float
+    from tof_gap.limits.seen import MissingLimits
+    from tof_gap.seen.residual import ViewEvidence
+
+LEAST_WRAP_M = LIGHT_M_PER_S / (2e6 * PhaseWrap.__dataclass_fields__["modulation_mhz"].metadata["high"])
+"""Unambiguous range at the highest modulation frequency that the effect allows: no shorter jump is a wrapped phase."""
+
+
+def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | None:
+    """`phase_wrap` where enough pixels jump by one common size."""
+    # Edges that blur or move jump too: a wrapped phase shows away from them.
+    inner = [~binary_dilation(v.edge, iterations=limits.edge_reach_px) for v in views]
+    jump = np.concatenate([(v.residual * v.frame.length)[v.gross & i] for v, i in zip(views, inner, strict=True)])
+    total = sum(int((np.isfinite(v.residual) & i).sum()) for v, i in zip(views, inner, strict=True))
+    jump = jump[np.abs(jump) > limits.turn_least_mm * 1e-3]
+    if len(jump) < limits.turn_share * max(total, 1):
+        return None
+    size = _common_size(np.abs(jump), limits.turn_spread_mm * 1e-3)
+    if size < LEAST_WRAP_M:
+        return None
+    near = np.abs(np.abs(jump) - size) < limits.turn_spread_mm * 1e-3
+    if near.sum() < limits.turn_share * total or near.mean() < limits.turn_majority:
+        return None
+    short = bool(np.median(jump[near]) < 0)
+    maps = [_wraps(v, size, limits) for v in views]
+    start, share = _where_wrapped(views, maps, limits, short=short)
+    effect = PhaseWrap(modulation_mhz=LIGHT_M_PER_S / (2e6 * size), start_m=start if short else -start, share=share)
+    return Finding(effect, CONFIDENT, share=np.stack(maps), corrects=True)
+
+
+def _common_size(sizes: Float, spread: float) -> float:
+    """Metres: median of the jumps (n,) within `spread` of the size that most have."""
+    ordered = np.sort(sizes)
+    counts = np.searchsorted(ordered, ordered + 2 * spread) - np.arange(len(ordered))
+    first = int(np.argmax(counts))
+    return float(np.median(ordered[first : first + counts[first]]))
+
+
+def _wraps(view: ViewEvidence, size: float, limits: MissingLimits) -> Float:
+    """(H, W) metres of z that wrapping adds; NaN where nothing is measured."""
+    r = view.residual * view.frame.length
+    # Once the jump is known, a residual nearer to it than to zero is wrapped, however weak its light.
+    wrapped = np.abs(np.abs(r) - size) < max(limits.turn_spread_mm * 1e-3, limits.turn_reach * size)
+    return np.where(np.isfinite(r), np.where(wrapped, np.sign(r) * size / view.frame.length, 0.0), np.nan)
+
+
+def _where_wrapped(views: Sequence[ViewEvidence], maps: Sequence[Float], limits: MissingLimits, *, short: bool) -> tuple[float, float]:
+    """Range (metres) from which phases wrap, or up to which if not `short`; and the share of the pixels there that do."""
+    wrapped = np.concatenate([m[np.isfinite(v.residual)] != 0 for v, m in zip(views, maps, strict=True)])
+    radial = np.concatenate([v.frame.radial[np.isfinite(v.residual)] for v in views])
+    start = float(np.quantile(radial[wrapped], limits.turn_start if short else 1.0 - limits.turn_start))
+    inside = radial > start if short else radial < start
+    return start, float(wrapped[inside].mean())
