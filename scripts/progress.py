@@ -25,6 +25,8 @@ NOT_FOUND = re.compile(r"No matching distribution found for (\S+)")
 PACKAGE = re.compile(r"[\w.-]*")
 DISK_FULL = re.compile(r"No space left on device")
 HEARTBEAT_S = 15.0
+CLEAR = "\r\033[K"
+"""To the start of a terminal's line, and the line away."""
 
 
 class SetUpError(Exception):
@@ -75,6 +77,11 @@ class Steps:
         """Say something beside the finished step."""
         self.remark = remark
 
+    def announce(self, line: str) -> None:
+        """A line of its own, at once."""
+        sys.stdout.write(f"{CLEAR if self.is_terminal else ''}{line}\n")
+        sys.stdout.flush()
+
     def run(self, command: Sequence[str], *, quiet_failure: bool = False) -> bool:
         """Run one command of the step; its failure is a SetUpError unless `quiet_failure`."""
         with (
@@ -110,7 +117,7 @@ class Steps:
     def _show(self, state: str, *, last: bool = False) -> None:
         line = f"[{self.number}/{self.total}] {self.name}: {state}"
         end = "\n" if last or not self.is_terminal else ""
-        sys.stdout.write(f"\r\033[K{line if last else line[:100]}{end}" if self.is_terminal else line + end)
+        sys.stdout.write(f"{CLEAR}{line if last else line[:100]}{end}" if self.is_terminal else line + end)
         sys.stdout.flush()
 
 

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import time
 from pathlib import Path
 
 from progress import SetUpError, Steps
@@ -49,12 +50,20 @@ def loads(library: str) -> bool:
     return True
 
 
+NO_SUDO = "TOFTWIN_NO_SUDO"
+"""Environment variable: any value keeps set-up from using sudo."""
+TIME_TO_REFUSE_S = 5.0
+"""Pause between the line that announces sudo and its use, where somebody sits at a terminal."""
+
+
 def privilege() -> list[str] | None:
     """What to put before apt-get: nothing for root, sudo where it asks no password, None where it may not run."""
     if shutil.which("apt-get") is None:
         return None
     if os.geteuid() == 0:
         return []
+    if os.environ.get(NO_SUDO):
+        return None
     if shutil.which("sudo") and subprocess.run(["sudo", "-n", "true"], check=False, capture_output=True).returncode == 0:
         return ["sudo", "-n"]
     return None
@@ -77,7 +86,11 @@ def ensure(steps: Steps, *, build_tools: bool) -> None:
 
 
 def apt_install(steps: Steps, before: list[str], packages: list[str], *, quiet_failure: bool = False) -> bool:
-    """Refresh apt's lists and install; True when it worked."""
+    """Refresh apt's lists and install, with sudo only after a line that says so; True when it worked."""
+    if before:
+        steps.announce(f"sudo apt-get will install {' '.join(packages)}; to refuse: Ctrl-C, then make again with {NO_SUDO}=1")
+        if steps.is_terminal:
+            time.sleep(TIME_TO_REFUSE_S)
     steps.run([*before, "apt-get", "update", "-q"], quiet_failure=True)
     command = [*before, "apt-get", "-o", "DPkg::Lock::Timeout=120", "install", "-y", "-q", "--no-install-recommends", *packages]
     return steps.run(command, quiet_failure=quiet_failure)

@@ -14,7 +14,8 @@ from tof_align.pixels import view_sigma
 from tof_core import se3
 from tof_core.camera import Camera
 from tof_core.capture import Colour
-from tof_core.errors import RefusedError, ToftwinError, UsageError
+from tof_core.errors import DatasetError, RefusedError, ToftwinError, UsageError
+from tof_core.npz import read_npz
 
 if TYPE_CHECKING:
     from tof_align.config import WeightConfig
@@ -147,8 +148,10 @@ def _read(path: Path) -> Reference:
     facts = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     if facts.get("schema") != SCHEMA:
         raise RefusedError(f"schema '{facts.get('schema')}' is not {SCHEMA}", where=path, todo="capture the reference again")
-    with np.load(path.with_suffix(".npz"), allow_pickle=False) as stored:
-        arrays = {name: stored[name] for name in stored.files}
+    try:
+        arrays = read_npz(path.with_suffix(".npz"))
+    except DatasetError as error:
+        raise RefusedError(f"cannot be read: it {error.what}", where=error.where, todo="capture the reference again") from None
     camera = _camera(facts["camera"])
     poses = {name: se3.as_se3(name, arrays[name]) for name in ("T_cell_body", "T_body_camera")}
     by_cad = se3.as_se3("T_cell_camera", arrays["T_cell_camera"]) if "T_cell_camera" in arrays else None

@@ -12,10 +12,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Protocol
 
-from tof_core.errors import BagError, NoBagError, ToftwinError
+from tof_core.bounds import LARGEST_MESSAGE, LARGEST_METADATA, LARGEST_TF_MESSAGE
+from tof_core.errors import BagError, ConfigError, NoBagError, ToftwinError
 from tof_core.mcap_recover import McapScan
+from tof_core.topics import TF
 from tof_core.typestores import typestore_of
-from tof_core.unpack import UNPACKERS
+from tof_core.unpack import UNPACKERS, BoundedZstd
+from tof_core.yamlio import load_yaml
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -60,9 +63,10 @@ class WholeBag:
     def __init__(self, path: Path, files: list[Path], stack: ExitStack, note: str = "") -> None:
         """Open with rosbags; types come from the bag, or from Jazzy where it embeds none."""
         from rosbags.highlevel import AnyReader
-        from rosbags.rosbag2 import storage_mcap
+        from rosbags.rosbag2 import reader, storage_mcap
 
         storage_mcap.DECOMPRESSORS.update(UNPACKERS)
+        vars(reader)["zstd"] = BoundedZstd()
         self.path, self.note, self._stack = path, note, stack
         self._reader: AnyReader = stack.enter_context(AnyReader(files, default_typestore=typestore_of("jazzy")))
         self.types = self._reader.typestore
@@ -129,6 +133,8 @@ def open_files(path: Path | str, *, recover: bool = False) -> BagFiles:
     files = _storage_files(path)
     if path.is_dir() and (path / "metadata.yaml").exists():
         try:
+            with _one_line(path):
+                _check_metadata(path)
             return _whole(path, [path])
         except BagError as error:
             if not recover or not files:
@@ -138,6 +144,22 @@ def open_files(path: Path | str, *, recover: bool = False) -> BagFiles:
         todo = "unpack its .zstd files first" if packed else "name the folder that holds metadata.yaml"
         raise BagError("is no bag (no .mcap and no .db3 file)", where=path, todo=todo)
     return _unfinished(path, files)
+
+
+def _check_metadata(path: Path) -> None:
+    """Refuse a metadata.yaml that is large, swells by aliases, or names a storage file twice or one that is no file."""
+    file = path / "metadata.yaml"
+    if file.stat().st_size > LARGEST_METADATA:
+        raise BagError(f"its metadata.yaml is larger than {LARGEST_METADATA} bytes", where=path)
+    try:
+        facts = load_yaml(file).get("rosbag2_bagfile_information")
+    except ConfigError as error:
+        raise BagError(error.what, where=error.where, todo=error.todo) from None
+    names = [Path(str(name)).name for name in (facts or {}).get("relative_file_paths") or ()]
+    if len(set(names)) < len(names):
+        raise BagError("its metadata.yaml names a storage file twice", where=path)
+    if odd := [name for name in names if (path / name).exists() and not (path / name).is_file()]:
+        raise BagError(f"its storage file {odd[0]} is no regular file", where=path)
 
 
 def _storage_files(path: Path) -> list[Path]:
@@ -215,6 +237,9 @@ def deserialize(files: BagFiles, topic: str, cdr: bytes) -> Any:
     """The fields of a message; bytes that are none raise a BagError that names the topic."""
     with _one_line(f"{files.path}, topic {topic}"):
         kind = files.topics[topic].type
+        most = LARGEST_TF_MESSAGE if kind == TF else LARGEST_MESSAGE
+        if len(cdr) > most:
+            raise BagError(f"holds a message of {len(cdr)} bytes", todo=f"of {kind} up to {most} are read")
         if kind not in files.types.cache:
             _check_definition(files.types, kind)
         return files.types.deserialize_cdr(cdr, kind)
@@ -238,9 +263,13 @@ def _check_definition(types: Typestore, kind: str) -> None:
 
 @contextmanager
 def _one_line(path: object) -> Iterator[None]:
-    """Whatever rosbags, SQLite or a decompressor raise over foreign bytes becomes one BagError."""
+    """Whatever rosbags, SQLite or a decompressor raise over foreign bytes becomes one BagError that names the bag."""
     try:
         yield
+    except BagError as error:
+        if error.where:
+            raise
+        raise BagError(error.what, where=path, todo=error.todo) from None
     except (ToftwinError, GeneratorExit):
         raise
     except Exception as error:  # noqa: BLE001 (foreign bytes, foreign parsers: any error is possible)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tof_core.bounds import LARGEST_RASTER
 from tof_core.camera import Camera
 from tof_core.clouds import depth_from_points as depth_from_points  # noqa: PLC0414 (one place to decode from)
 from tof_core.encode import encoding_of
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
 AMPLITUDE_ENCODINGS = ("mono8", "8UC1", "mono16", "16UC1", "32FC1")
-LARGEST_RASTER = 2**26
-"""Pixels; a damaged CameraInfo must not have a cloud projected into gigabytes."""
 COLOUR_ENCODINGS = ("rgb8", "bgr8", "rgba8", "bgra8", "mono8", "8UC1")
 
 

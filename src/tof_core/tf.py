@@ -1,79 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transforms over time: a tree of frames, interpolated at a stamp, never guessed.
-
-Within, a motion is seven floats (x, y, z and a unit quaternion x, y, z, w): on numbers so few,
-Python's own arithmetic is ten times faster than arrays.
-"""
+"""Transforms over time: a tree of frames, interpolated at a stamp, never guessed."""
 
 from __future__ import annotations
 
 import math
-from array import array
-from bisect import bisect_left
-from dataclasses import dataclass, field
+from collections import OrderedDict
 from threading import RLock
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 from tof_core import se3
-from tof_core.errors import TransformError
+from tof_core.bounds import LONGEST_FRAME_NAME, MOST_FRAMES
+from tof_core.edge import Edge
+from tof_core.errors import TransformError, brief
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tof_core.arrays import Float
+    from tof_core.edge import Motion
 
-Motion: TypeAlias = tuple[float, float, float, float, float, float, float]
+NAMED_AT_MOST = 30
+"""Frames that an error names."""
 IDENTITY: Motion = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-
-
-@dataclass(slots=True)
-class _Edge:
-    """`T_parent_child` over time: stamps ascending, seven floats each; one sample if static."""
-
-    parent: str
-    static: bool
-    stamps: array[int] = field(default_factory=lambda: array("q"))
-    motions: array[float] = field(default_factory=lambda: array("d"))
-
-    def put(self, stamp_ns: int, motion: Motion) -> None:
-        """Insert in order; a stamp seen before is replaced."""
-        if self.static:
-            self.stamps, self.motions = array("q", [0]), array("d", motion)
-            return
-        i = len(self.stamps) if not self.stamps or stamp_ns > self.stamps[-1] else bisect_left(self.stamps, stamp_ns)
-        if i < len(self.stamps) and self.stamps[i] == stamp_ns:
-            self.motions[7 * i : 7 * i + 7] = array("d", motion)
-        else:
-            self.stamps.insert(i, stamp_ns)
-            self.motions[7 * i : 7 * i] = array("d", motion)
-
-    @property
-    def reached(self) -> int:
-        """Time up to which this edge is known: its newest stamp but one, since a single stamp may lie in the future by mistake."""
-        return self.stamps[-2 if len(self.stamps) > 1 else -1]
-
-    def forget_before(self, stamp_ns: int) -> None:
-        """Drop samples older than `stamp_ns`, many at a time."""
-        old = bisect_left(self.stamps, stamp_ns)
-        if old > 64 and 2 * old > len(self.stamps):
-            del self.stamps[:old]
-            del self.motions[: 7 * old]
-
-    def at(self, stamp_ns: int, max_gap_ns: int) -> Motion:
-        """The motion at a stamp, or a TransformError with the reason why there is none."""
-        if self.static:
-            return _sample(self.motions, 0)
-        i = bisect_left(self.stamps, stamp_ns)
-        if i < len(self.stamps) and self.stamps[i] == stamp_ns:
-            return _sample(self.motions, i)
-        if i == 0:
-            raise TransformError(f"starts {_ms(self.stamps[0] - stamp_ns)} after the stamp {stamp_ns}")
-        if i == len(self.stamps):
-            raise TransformError(f"ends {_ms(stamp_ns - self.stamps[-1])} before the stamp {stamp_ns}")
-        t0, t1 = self.stamps[i - 1], self.stamps[i]
-        if t1 - t0 > max_gap_ns:
-            raise TransformError(f"has a gap of {_ms(t1 - t0)} at the stamp {stamp_ns} (allowed: {_ms(max_gap_ns)})")
-        return _interpolate(_sample(self.motions, i - 1), _sample(self.motions, i), (stamp_ns - t0) / (t1 - t0))
 
 
 class TransformBuffer:
@@ -82,13 +30,17 @@ class TransformBuffer:
     Args:
         max_gap_s: the longest pause between two samples over which is interpolated, in seconds.
         keep_s: how much history to keep behind the newest sample, in seconds; 0 keeps all.
+
+    At most `MOST_FRAMES` frames have a parent. Beyond that, a buffer that keeps a history of `keep_s` forgets the moving
+    frame that was heard of longest ago; one that keeps all refuses further frames.
     """
 
     def __init__(self, max_gap_s: float = 0.2, keep_s: float = 0.0) -> None:
         """An empty tree."""
         self._max_gap_ns = round(max_gap_s * 1e9)
         self._keep_ns = round(keep_s * 1e9)
-        self._edges: dict[str, _Edge] = {}
+        self._edges: dict[str, Edge] = {}
+        self._moving: OrderedDict[str, None] = OrderedDict()  # children, in the order in which they were last heard of
         self._two_parents: dict[str, tuple[str, str]] = {}
         self._lock = RLock()
 
@@ -109,19 +61,35 @@ class TransformBuffer:
 
     def _put(self, parent: str, child: str, stamp_ns: int, motion: Motion, *, static: bool) -> None:
         parent, child = parent.lstrip("/"), child.lstrip("/")
-        if not parent or not child or parent == child:
-            raise TransformError(f"'{parent}' -> '{child}' is no edge of a tree of frames", where="/tf")
+        if not parent or not child or parent == child or max(len(parent), len(child)) > LONGEST_FRAME_NAME:
+            raise TransformError(f"{brief(parent)} -> {brief(child)} is no edge of a tree of frames", where="/tf")
         with self._lock:
             edge = self._edges.get(child)
             if edge is None:
-                edge = self._edges[child] = _Edge(parent, static)
+                self._make_room()
+                edge = self._edges[child] = Edge(parent, static=static)
             elif edge.parent != parent:
                 self._two_parents[child] = (edge.parent, parent)
                 return
             edge.static = static
-            edge.put(stamp_ns, motion)
-            if not static and self._keep_ns:
+            edge.put(0 if static else stamp_ns, motion)
+            if static:
+                self._moving.pop(child, None)
+                return
+            self._moving[child] = None
+            self._moving.move_to_end(child)
+            if self._keep_ns:
                 edge.forget_before(edge.reached - self._keep_ns)
+
+    def _make_room(self) -> None:
+        """Forget a moving frame where the tree is full and history is limited."""
+        if len(self._edges) < MOST_FRAMES:
+            return
+        if not self._keep_ns or not self._moving:
+            raise TransformError(f"has more than {MOST_FRAMES} frames", where="/tf", todo="is the publisher broken?")
+        oldest, _ = self._moving.popitem(last=False)
+        del self._edges[oldest]
+        self._two_parents.pop(oldest, None)
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> Float:
         """`T_target_source` (4, 4) at a stamp.
@@ -178,12 +146,13 @@ class TransformBuffer:
         """The newest stamp at which two frames can be related, in nanoseconds; 0 where nothing on the way moves."""
         with self._lock:
             up, down = self._branches(target.lstrip("/"), source.lstrip("/"))
-            return min((edge.stamps[-1] for frame in (*up, *down) if not (edge := self._edges[frame]).static), default=0)
+            return min((edge.newest for frame in (*up, *down) if not (edge := self._edges[frame]).static), default=0)
 
     def clear_dynamic(self) -> None:
         """Forget everything but static transforms (the clock was set back)."""
         with self._lock:
             self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
+            self._moving.clear()
 
     def _at(self, child: str, stamp_ns: int) -> Motion:
         edge = self._edges[child]
@@ -197,7 +166,9 @@ class TransformBuffer:
         up, down = self._ancestors(target), self._ancestors(source)
         shared = set(up) & set(down)
         if not shared:
-            known = ", ".join(self.frames()) or "none at all"
+            frames = self.frames()
+            more = f" and {len(frames) - NAMED_AT_MOST} more" if len(frames) > NAMED_AT_MOST else ""
+            known = ", ".join(frames[:NAMED_AT_MOST]) + more or "none at all"
             raise TransformError(f"no transform connects '{source}' to '{target}'", where="/tf", todo=f"TF has the frames: {known}")
         up, down = [f for f in up if f not in shared], [f for f in down if f not in shared]
         for frame in (*up, *down):
@@ -210,17 +181,13 @@ class TransformBuffer:
 
     def _ancestors(self, frame: str) -> list[str]:
         """The frame, its parent, and so on to its root."""
-        chain = [frame]
-        while (edge := self._edges.get(chain[-1])) is not None:
-            if edge.parent in chain:
-                raise TransformError(f"frames go in a circle at '{edge.parent}'", where="/tf")
-            chain.append(edge.parent)
-        return chain
-
-
-def _sample(motions: array[float], i: int) -> Motion:
-    x, y, z, qx, qy, qz, qw = motions[7 * i : 7 * i + 7]
-    return x, y, z, qx, qy, qz, qw
+        chain = {frame: None}  # in order, and found at once
+        while (edge := self._edges.get(frame)) is not None:
+            frame = edge.parent
+            if frame in chain:
+                raise TransformError(f"frames go in a circle at '{frame}'", where="/tf")
+            chain[frame] = None
+        return list(chain)
 
 
 def _checked(name: str, motion: Motion) -> Motion:
@@ -258,21 +225,3 @@ def _inverse(p: Motion) -> Motion:
     q = (0.0, 0.0, 0.0, -p[3], -p[4], -p[5], p[6])
     x, y, z = _rotate(q, p[0], p[1], p[2])
     return (-x, -y, -z, *q[3:])
-
-
-def _interpolate(p: Motion, q: Motion, share: float) -> Motion:
-    """Linear in translation, slerp in rotation along the shorter arc."""
-    dot = p[3] * q[3] + p[4] * q[4] + p[5] * q[5] + p[6] * q[6]
-    sign = -1.0 if dot < 0 else 1.0
-    angle = math.acos(min(abs(dot), 1.0))
-    a, b = (
-        (1 - share, share) if angle < 1e-7 else (math.sin((1 - share) * angle) / math.sin(angle), math.sin(share * angle) / math.sin(angle))
-    )
-    r = [a * m + sign * b * n for m, n in zip(p[3:], q[3:], strict=True)]
-    n = math.sqrt(sum(c * c for c in r))
-    s = 1 - share
-    return (s * p[0] + share * q[0], s * p[1] + share * q[1], s * p[2] + share * q[2], r[0] / n, r[1] / n, r[2] / n, r[3] / n)
-
-
-def _ms(duration_ns: int) -> str:
-    return f"{duration_ns / 1e6:.0f} ms"

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decompression of foreign files, bounded by the size that their header states."""
+"""Decompression of foreign files, bounded before it starts: by the size that a header states, or by a fixed limit."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import os
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal
 
+from tof_core.bounds import LARGEST_CHUNK, LARGEST_MESSAGE, LARGEST_RATIO, LARGEST_STORAGE
 from tof_core.errors import BagError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-LARGEST_CHUNK = 256_000_000
-"""Bytes in a chunk of an MCAP file; recorders write 0.8 to 4 million. Thirty kilobytes of zstd can stand for a gigabyte."""
 
 
 def unpack(data: bytes, compression: str, size: int) -> bytes:
@@ -44,3 +43,55 @@ UNPACKERS: dict[str, Callable[[bytes, int], bytes]] = {
     for name in ("", "zstd", "lz4")
 }
 """In the form of rosbags' own table."""
+
+
+def unzstd(data: bytes, most: int = LARGEST_MESSAGE) -> bytes:
+    """The content of one zstd frame, of at most `most` bytes.
+
+    Raises:
+        BagError: larger, cut off, or no zstd.
+    """
+    from backports.zstd import ZstdDecompressor, ZstdError
+
+    frame = ZstdDecompressor()
+    try:
+        raw = bytes(frame.decompress(data, most + 1))
+    except ZstdError as error:
+        raise BagError(f"holds damaged zstd ({error})") from None
+    if len(raw) > most:
+        raise BagError(f"holds a compressed message of more than {most} bytes")
+    if not frame.eof:
+        raise BagError("holds a compressed message that is cut off")
+    return raw
+
+
+class BoundedZstd:
+    """Stands for the zstd module in rosbags' reader of a folder; counts the bytes of all its storage files."""
+
+    def __init__(self) -> None:
+        """Nothing unpacked yet."""
+        self._unpacked, self._allowed = 0, 0
+
+    @staticmethod
+    def decompress(data: bytes) -> bytes:
+        """A message, as of `unzstd`."""
+        return unzstd(data)
+
+    def open(self, packed: BinaryIO, mode: Literal["rb"]) -> Any:
+        """A storage file as zstd's own `open` gives it, whose `read` stops at the limit."""
+        from backports import zstd
+
+        self._allowed += LARGEST_RATIO * os.fstat(packed.fileno()).st_size
+        file: Any = zstd.open(packed, mode)
+        read = file.read
+        file.read = lambda size=-1: self._count(read(size))
+        return file
+
+    def _count(self, data: bytes) -> bytes:
+        self._unpacked += len(data)
+        if self._unpacked > max(LARGEST_STORAGE, self._allowed):
+            raise BagError(
+                f"its compressed files unpack to more than {max(LARGEST_STORAGE, self._allowed)} bytes",
+                todo="unpack them with zstd -d if this is right",
+            )
+        return data

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.errors import DatasetError
+from tof_core.npz import read_npz
 from tof_scene.render import render
 
 if TYPE_CHECKING:
@@ -39,9 +40,10 @@ def by_truth(views: Iterable[tuple[View, tuple[Capture, ...]]], caster: Raycaste
         DatasetError: the file is not the truth of a virtual session.
     """
     try:
-        with np.load(path if path.suffix == ".npz" else path.with_name(path.name + ".npz")) as file:
-            stamps, depth, poses = file["stamp_ns"], file["depth"], file["T_cell_camera"]
-    except (OSError, KeyError, ValueError) as error:
+        names = ("stamp_ns", "depth", "T_cell_camera")
+        arrays = read_npz(path if path.suffix == ".npz" else path.with_name(path.name + ".npz"), names)
+        stamps, depth, poses = (arrays[name] for name in names)
+    except (OSError, KeyError, ValueError, DatasetError) as error:
         raise DatasetError(f"is no truth ({error})", where=path, todo="pass the .npz that lies beside a virtual session") from None
     number = {int(s): k for k, s in enumerate(stamps)}
     for view, captures in views:

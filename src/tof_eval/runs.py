@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tof_core.bag_files import deserialize, open_files
 from tof_core.clouds import cloud_fields
 from tof_core.decode import pixels, stamp_ns
 from tof_core.errors import BagError
@@ -99,19 +101,15 @@ def compare_runs(new: Path, old: Path, tolerances: Mapping[str, Tolerance] = TOL
 
 def read_run(path: Path) -> dict[tuple[int, str], Any]:
     """Messages of a bag by (header stamp in ns, topic); what the graph does not compute is left out."""
-    from rosbags.highlevel import AnyReader, AnyReaderError
-
-    from tof_core.typestores import typestore_of
-
     out: dict[tuple[int, str], Any] = {}
     try:
-        with AnyReader([path], default_typestore=typestore_of("jazzy")) as reader:
-            kept = [c for c in reader.connections if not any(fnmatch(c.topic, pattern) for pattern in IGNORED)]
-            for connection, _, raw in reader.messages(kept) if kept else ():
-                message = reader.deserialize(raw, connection.msgtype)
-                out[stamp_ns(message), connection.topic] = message
-    except (AnyReaderError, OSError) as error:
-        raise BagError(f"cannot be read: {error}", where=path, todo="make it with toftwin replay --record") from error
+        with closing(open_files(path)) as files:
+            kept = [topic for topic in files.topics if not any(fnmatch(topic, pattern) for pattern in IGNORED)]
+            for topic, _, raw in files.messages(kept) if kept else ():
+                message = deserialize(files, topic, raw)
+                out[stamp_ns(message), topic] = message
+    except BagError as error:
+        raise BagError(error.what, where=path, todo="make it with toftwin replay --record") from error
     return out
 
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.errors import ConfigError
+from tof_core.errors import ConfigError, DecodeError
+from tof_core.png import decode_png
 from tof_core.reasons import Reason
 
 if TYPE_CHECKING:
@@ -45,18 +46,17 @@ def remove_self(frame: Frame, config: PreprocConfig) -> int:
 
 @lru_cache(maxsize=4)
 def load_mask(path: str) -> Mask:
-    """(H, W) where an image is not black.
+    """(H, W) where a PNG image is not black; an alpha channel is ignored.
 
     Raises:
-        ConfigError: there is no such image.
+        ConfigError: no file, no PNG, or more pixels than a camera has.
     """
-    from PIL import Image as PillowImage
-
     try:
-        with PillowImage.open(Path(path)) as image:
-            mask = np.asarray(image.convert("L")) > 0
+        raster = decode_png(Path(path).read_bytes())
     except OSError as error:
-        msg = f"cannot be read as an image ({type(error).__name__})"
-        raise ConfigError(msg, where=path, todo="give self_mask.path a PNG") from error
+        raise ConfigError(f"cannot be read: {error.strerror}", where=path, todo="give self_mask.path a PNG") from None
+    except DecodeError as error:
+        raise ConfigError(error.what, where=path, todo="give self_mask.path a PNG of the camera's size") from None
+    mask = np.asarray(raster > 0 if raster.ndim == 2 else (raster[..., :3] > 0).any(axis=-1))
     mask.setflags(write=False)
     return mask

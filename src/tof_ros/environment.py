@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
-import tempfile
+import socket
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,9 +62,10 @@ def named_domain() -> int:
 
 @contextmanager
 def private_domain(*, shared: bool = True) -> Iterator[int]:
-    """A ROS domain that no other toftwin holds; the environment's where it names one, unless that may not be `shared`.
+    """A ROS domain that no other toftwin of this host holds; the environment's where it names one, unless that may not be `shared`.
 
-    The lock goes with the process: a killed one leaves nothing behind.
+    A domain is held by an abstract Unix socket. It has no file that another user could replace by a link, every user and
+    container of the network namespace sees it, as they see DDS, and it ends with the process.
     """
     if shared and os.environ.get("ROS_DOMAIN_ID"):
         yield named_domain()
@@ -73,9 +73,8 @@ def private_domain(*, shared: bool = True) -> Iterator[int]:
     for domain in DOMAINS:
         with ExitStack() as stack:
             try:
-                lock = stack.enter_context((Path(tempfile.gettempdir()) / f"toftwin-ros-domain-{domain}.lock").open("w"))
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:  # held, or another user's
+                stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)).bind(f"\0toftwin-ros-domain-{domain}")
+            except OSError:  # held
                 continue
             yield domain
             return

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.errors import SceneError
+from tof_scene.gltf_size import check_gltf
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -51,6 +52,9 @@ def _bodies(path: Path) -> list[tuple[Float, NDArray[Any]]]:
 
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # it prints tracebacks of what it then raises
     options: dict[str, Any] = {}
+    if path.suffix.lower() in {".gltf", ".glb"}:
+        check_gltf(path)
+        options = {"skip_materials": True}
     if path.suffix.lower() in {".step", ".stp"}:
         options = {"tol_linear": STEP_TOLERANCE_M * 1e3, "tol_angular": STEP_ANGLE}  # its linear unit is the millimetre
     try:

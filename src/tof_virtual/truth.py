@@ -11,6 +11,7 @@ import numpy as np
 
 from tof_core.config import to_mapping
 from tof_core.errors import DatasetError
+from tof_core.npz import read_npz
 from tof_virtual.effect import rms
 
 if TYPE_CHECKING:
@@ -115,8 +116,7 @@ def load_truth(stem: Path | str) -> tuple[dict[str, Any], dict[str, Any]]:
     names = stem.with_name(stem.name + ".json")
     try:
         meta = json.loads(names.read_text())
-        with np.load(stem.with_name(stem.name + ".npz")) as file:
-            arrays = {k: file[k] for k in file.files}
+        arrays = read_npz(stem.with_name(stem.name + ".npz"))
     except OSError as error:
         msg = f"cannot be read: {error.strerror}"
         raise DatasetError(msg, where=names) from None

@@ -13,6 +13,7 @@ import numpy as np
 
 from tof_core import se3
 from tof_core.errors import DatasetError, UsageError
+from tof_core.npz import read_npz
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -158,10 +159,9 @@ def draw_gap(scribe: Scribe, folder: Path, scene: Scene | None) -> dict[str, flo
     """Residuals and what explains them, view by view; returns the RMS of each part in metres where the scene is known."""
     try:
         verdict = json.loads((folder / "gap.json").read_text(encoding="utf-8"))["verdict"]
-        with np.load(folder / "gap_maps.npz", allow_pickle=False) as stored:
-            maps = {name: stored[name] for name in stored.files}
+        maps = read_npz(folder / "gap_maps.npz")
         stamps, residual, region = maps.pop("view_stamp_ns"), maps.pop("residual_m"), maps.pop("region")
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, DatasetError) as error:
         raise DatasetError(
             f"is no gap report ({error})", where=folder, todo="make one with: toftwin gap BAG --scene SCENE --out DIR"
         ) from None

@@ -140,3 +140,31 @@ def test_missing_libraries_are_named_as_one_line_to_type(tmp_path: Path, monkeyp
 def test_a_library_that_is_there_is_found() -> None:
     assert system.loads("libc.so.6")
     assert not system.loads("libthere-is-none.so.1")
+
+
+def test_sudo_is_announced_with_the_way_to_refuse_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps, ran = Steps(1, tmp_path / "log", tmp_path), list[list[str]]()
+
+    def run(command: list[str], *, quiet_failure: bool = False) -> bool:
+        assert "to refuse" in capsys.readouterr().out or ran, "the line comes first"
+        ran.append(command)
+        return True
+
+    monkeypatch.setattr(steps, "run", run)
+    assert system.apt_install(steps, ["sudo", "-n"], ["libgl1"])
+    assert [command[:3] for command in ran] == [["sudo", "-n", "apt-get"]] * 2
+    ran.clear()
+    monkeypatch.setattr(steps, "run", lambda command, quiet_failure=False: True)
+    system.apt_install(steps, [], ["libgl1"])
+    assert capsys.readouterr().out == "", "root needs no leave"
+
+
+def test_sudo_can_be_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.geteuid", lambda: 1000)
+    monkeypatch.setattr("shutil.which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setattr("subprocess.run", lambda *a, **k: type("Done", (), {"returncode": 0}))
+    assert system.privilege() == ["sudo", "-n"]
+    monkeypatch.setenv(system.NO_SUDO, "1")
+    assert system.privilege() is None

@@ -24,10 +24,11 @@ from backports import zstd
 
 from tests.tof_core import bags
 from tof_core.bag_files import deserialize, open_files
+from tof_core.bounds import LARGEST_CHUNK
 from tof_core.decode import camera_from_info
 from tof_core.encode import camera_info_fields
 from tof_core.errors import BagError, CameraError, ConfigError, SceneError, ToftwinError
-from tof_core.unpack import LARGEST_CHUNK, unpack
+from tof_core.unpack import unpack
 from tof_core.yamlio import DEEPEST, parse_yaml
 from tof_scene.scene_file import load_scene
 

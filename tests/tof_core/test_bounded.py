@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""PNG, zstd and .npz from outside: what is whole is read as it was written, what is not is one line."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+import pytest
+from backports import zstd
+
+from tof_core.bounds import LARGEST_RASTER
+from tof_core.errors import BagError, DatasetError, DecodeError
+from tof_core.npz import read_npz
+from tof_core.png import check_raster, decode_png, png_size
+from tof_core.unpack import unzstd
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+RNG = np.random.default_rng(3)
+
+
+def png(raster: NDArray[Any]) -> bytes:
+    return bytes(cv2.imencode(".png", raster)[1].tobytes())
+
+
+@pytest.mark.parametrize(("shape", "kind"), [((5, 7), np.uint16), ((5, 7), np.uint8), ((5, 7, 3), np.uint8), ((5, 7, 4), np.uint16)])
+def test_a_png_is_decoded_as_it_was_written(shape: tuple[int, ...], kind: type[np.uint8 | np.uint16]) -> None:
+    raster = RNG.integers(0, np.iinfo(kind).max, shape).astype(kind)
+    decoded = decode_png(png(raster))
+    assert decoded.dtype == kind
+    np.testing.assert_array_equal(decoded, raster)
+    assert png_size(png(raster)) == (7, 5)
+
+
+def test_a_png_of_the_wrong_size_or_cut_off_is_refused() -> None:
+    data = png(np.ones((40, 50), np.uint16))
+    for damaged, says in (
+        (b"", "is no PNG"),
+        (b"\xff\xd8" + data[2:], "is no PNG"),
+        (data[:40], "damaged PNG"),
+        (data[:16] + struct.pack(">II", 60_000, 60_000) + data[24:], "has 60000x60000 pixels"),
+        (data[:16] + struct.pack(">II", 0, 5) + data[24:], "has 0x5 pixels"),
+    ):
+        with pytest.raises(DecodeError, match=says):
+            decode_png(damaged, "topic")
+
+
+def test_the_limit_of_a_raster_is_exact() -> None:
+    check_raster(LARGEST_RASTER, 1)
+    for width, height in ((LARGEST_RASTER + 1, 1), (0, 1), (-1, 5)):
+        with pytest.raises(DecodeError):
+            check_raster(width, height)
+
+
+def test_zstd_is_unpacked_up_to_its_limit() -> None:
+    data = zstd.compress(b"abc" * 1000)
+    assert unzstd(data, 3000) == b"abc" * 1000
+    for damaged, most, says in ((data, 2999, "more than 2999 bytes"), (data[:-3], 5000, "cut off"), (b"abcdef", 10, "damaged zstd")):
+        with pytest.raises(BagError, match=says):
+            unzstd(damaged, most)
+
+
+def test_arrays_are_read_by_name(tmp_path: Path) -> None:
+    stored = {"a": RNG.normal(size=(3, 4)), "b": np.asfortranarray(RNG.integers(0, 9, (2, 5))), "c": np.zeros((0, 3)), "d": np.array(4.0)}
+    for save in (np.savez, np.savez_compressed):
+        save(tmp_path / "x.npz", **stored)  # type: ignore[arg-type]
+        read = read_npz(tmp_path / "x.npz")
+        assert read.keys() == stored.keys()
+        for name, array in stored.items():
+            np.testing.assert_array_equal(read[name], array)
+        assert read_npz(tmp_path / "x.npz", ("a", "none")).keys() == {"a"}
+
+
+def test_arrays_that_are_damaged_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "x.npz", a=np.zeros(1000))
+    data = (tmp_path / "x.npz").read_bytes()
+    for damaged in (
+        b"",
+        data[:500],
+        data.replace(b"(1000,)", b"(-100,)"),
+        data.replace(b"(1000,)", b"(9999,)"),
+        data.replace(b"<f8", b"|O8"),
+    ):
+        (tmp_path / "y.npz").write_bytes(damaged)
+        with pytest.raises(DatasetError):
+            read_npz(tmp_path / "y.npz")
+    with pytest.raises(FileNotFoundError):
+        read_npz(tmp_path / "none.npz")
