@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-import inspect
 import time
 from collections import deque
+from collections.abc import Coroutine
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from tof_ros.wait_set import Waiting, alive
 from tof_ros.work import Work, called
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine
+    from collections.abc import Callable
 
     from rclpy.context import Context
     from rclpy.node import Node
@@ -79,7 +79,7 @@ class DirectExecutor(Executor):
     def create_task(self, callback: Callable[..., Any] | Coroutine[Any, None, Any], *args: Any, **kwargs: Any) -> Future:
         """Run a function or a coroutine in the next turn; any thread may ask."""
         future = Future(executor=self)
-        coroutine = callback if inspect.iscoroutine(callback) else called(callback, *args, **kwargs)
+        coroutine = callback if isinstance(callback, Coroutine) else called(callback, *args, **kwargs)
         self._begun.append(Work(coroutine, future=future))
         self.wake()
         return future
