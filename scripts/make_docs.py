@@ -116,7 +116,7 @@ def _diagnostics(text: NodeText, *, managed: bool) -> str:
     state = ("state",) if managed else ()
     keys = ", ".join(f"`{key}`" for key in (*Tally().values(), "skipped.REASON", *state, *text.figures))
     error = "ERROR while it cannot be configured or activated; " if managed else ""
-    return f"`/diagnostics`, once a second on the wall clock. Values: {keys}. Level {error}WARN while frames are skipped or {text.warns}; STALE after 5 s without frames."
+    return f"`/diagnostics`, once a second on the wall clock. Values: {keys}. Level {error}WARN while frames are skipped or {text.warns}; STALE after 5 s without frames, with topic, publishers, candidates and the flag to pass; that line is logged once, and the first frame after it."
 
 
 def parameters(rows: list[ParamInfo]) -> str:
@@ -151,8 +151,13 @@ def nodes_index() -> str:
         "topic, policy, peer and remedy, and repeats it in its diagnostics while the peer is there. `toftwin doctor --live` shows "
         "what each publisher offers and which policy is in the way. Every profile can be overridden by `qos_overrides.TOPIC.*` parameters."
     )
+    reach = (
+        "`ros2 run` and `ros2 launch` start nodes that reach as far as every ROS node does. `toftwin node` keeps to this host unless one of `ROS_AUTOMATIC_DISCOVERY_RANGE`, "
+        "`ROS_LOCALHOST_ONLY`, `ROS_STATIC_PEERS`, `ROS_DISCOVERY_SERVER`, `CYCLONEDDS_URI` or `ZENOH_SESSION_CONFIG_URI` is set; its first line says who is heard. A node says `active, hears ...` "
+        "once it has subscribed, and `toftwin node --auto` hears the only camera that is published, whatever its topics are called."
+    )
     faults = "What goes wrong on a robot, what the nodes make of it, and the tests that hold it: [pains and faults](../pains.md)."
-    return f"# Nodes\n\n{MADE}\n\n{listed}\n\n{faults}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
+    return f"# Nodes\n\n{MADE}\n\n{listed}\n\n{faults}\n\n## Who is heard\n\n{reach}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
 
 
 def qos_table() -> str:

@@ -12,12 +12,10 @@ from typing import TYPE_CHECKING
 
 from tof_core.decode import AMPLITUDE_ENCODINGS, COLOUR_ENCODINGS, DEPTH_ENCODINGS
 from tof_core.errors import NoTopicError, TopicError
-from tof_core.options import NOT_WANTED
+from tof_core.options import NOT_WANTED, BagOptions
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-
-    from tof_core.options import BagOptions
 
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
@@ -31,6 +29,8 @@ AMPLITUDE_WORDS = frozenset({"ir", "amplitude", "infra", "infrared", "intensity"
 COLOUR_WORDS = frozenset({"camera", "color", "colour", "rgb"})
 DERIVED_WORDS = frozenset({"registered", "confidence", "mask", "sigma", "noise", "count", "reason", "label", "preproc", "infer"})
 """Images made from a depth image, or beside it: candidates only where there is no other."""
+OWN_WORDS = frozenset({"preproc", "label", "infer"})
+"""Rooms whose nodes publish depth images and clouds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +71,16 @@ def find_topics(
     return _Finder(types, options, encodings or {}, where).find()
 
 
+def depth_candidates(types: Mapping[str, str]) -> list[str]:
+    """Topics that may hold a camera's depth: depth images, else clouds, else images that no word claims; none that this project publishes.
+
+    Args:
+        types: type of each topic.
+    """
+    foreign = {topic: kind for topic, kind in types.items() if not _words(topic) & OWN_WORDS}
+    return _Finder(foreign, BagOptions(), {}, "").candidates()
+
+
 @dataclass(frozen=True, slots=True)
 class _Finder:
     types: Mapping[str, str]
@@ -94,6 +104,11 @@ class _Finder:
             colour_info=self._given(o.colour_info_topic, INFO, "--colour-info-topic") or self._sibling(colour),
             temperature=self._optional(o.temperature_topic, "--temperature-topic", self._of_type(TEMPERATURE), source),
         )
+
+    def candidates(self) -> list[str]:
+        """Depth images, else clouds, else images that no word claims."""
+        unnamed = [t for t in self._of_type(IMAGE) if not _words(t) & (AMPLITUDE_WORDS | COLOUR_WORDS | DERIVED_WORDS)]
+        return self._images(DEPTH_WORDS, DEPTH_ENCODINGS, "") or self._of_type(POINTS) or unnamed
 
     def _depth_or_points(self) -> tuple[str, str]:
         o = self.options

@@ -78,7 +78,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._arrivals: dict[int, float] = {}
         self._jump = BackwardJump()
         sensor = qos.sensor(reliable=self.config.live.reliable, depth=32)
-        self.input(self._topics.depth, Image, self._frame, sensor)
+        self.input(self._topics.depth, Image, self._frame, sensor, frames="input.depth_topic")
         self.input(self._topics.info, CameraInfo, self._info, sensor)
         if self._topics.amplitude:
             self.input(self._topics.amplitude, Image, self._amplitude, sensor)

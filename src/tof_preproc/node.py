@@ -85,14 +85,15 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         t, sensor = self._topics, qos.sensor(reliable=self.config.live.reliable, depth=32)
         builder = self._stream.builder
         if t.depth:
-            self.input(t.depth, Image, lambda m: self._frame(m, builder.depth), sensor)
+            self.input(t.depth, Image, lambda m: self._frame(m, builder.depth), sensor, frames="input.depth_topic")
         else:
-            self.input(t.points, PointCloud2, lambda m: self._frame(m, builder.points), sensor)
+            self.input(t.points, PointCloud2, lambda m: self._frame(m, builder.points), sensor, frames="input.points_topic")
         self.input(t.info, CameraInfo, self._info, sensor)
         if t.amplitude:
             self.input(t.amplitude, Image, self._amplitude, sensor)
         if t.temperature:
             self.input(t.temperature, Temperature, builder.temperature, sensor)
+        self.hearing.begin()
 
     def _frame(self, message: Any, take: Any) -> None:
         arrived = self.tally.arrived()

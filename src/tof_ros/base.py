@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 from tof_core.errors import RefusedError, ToftwinError
 from tof_ros import messages, qos
 from tof_ros.diagnostics import Diagnostics, Tally
+from tof_ros.hearing import Hearing
 from tof_ros.mismatch import Mismatches
 from tof_ros.parameters import Parameters
 
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from rclpy.subscription import Subscription
     from rclpy.timer import Timer
 
+    from tof_ros.spin import Spinner
+
 C = TypeVar("C")
 
 
@@ -36,7 +39,8 @@ class RoomNode(Node, Generic[C]):
 
     Each input frame ends as one message on `<room>/done`: its stamp, and `kept` or the reason why
     it was skipped. That is what replay waits for, and what a user reads to know a frame's fate.
-    `trouble` says why the node does nothing at all; `threads` is how many the node is spun with.
+    `trouble` says why the node does nothing at all; `threads` is how many the node is spun with; `helpers` are small nodes of its own
+    (the transform listener), without which it would do nothing and say nothing: where one dies, the node is dead.
     """
 
     trouble = ""
@@ -58,11 +62,13 @@ class RoomNode(Node, Generic[C]):
         self.tally = Tally()
         self._busy, self._beside = Lock(), ReentrantCallbackGroup()
         self._mismatches = Mismatches(self)
+        self.hearing = Hearing(self, self.tally)
+        self.helpers: list[Spinner] = []
         self.warns: list[Callable[[], list[str]]] = [self._mismatches.current]
         self.at_end: list[Callable[[], None]] = []
         self._settings = Parameters(self, config, fixed=fixed, locked=locked, on_change=self.on_config)
         self._done = self.output("done", TimeReference)
-        self._diagnostics = Diagnostics(self, self.tally, self.told, self.complaints, lambda: self.trouble)
+        self._diagnostics = Diagnostics(self, self.tally, self.told, self.complaints, lambda: self.trouble, self.hearing.silence)
         threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False)
         self._jump = self.get_clock().create_jump_callback(threshold, post_callback=lambda _: self.jumped())
         self.service("reset", self.reset)
@@ -107,8 +113,14 @@ class RoomNode(Node, Generic[C]):
         options, events = QoSOverridingOptions.with_default_policies(), self._mismatches.of_publisher(name)
         return self.create_publisher(kind, name, profile, qos_overriding_options=options, event_callbacks=events)
 
-    def input(self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile) -> Subscription:
-        """A subscription whose QoS a user may override; a message that cannot be read is said, and the node goes on."""
+    def input(
+        self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile, *, frames: str | None = None
+    ) -> Subscription:
+        """A subscription whose QoS a user may override; a message that cannot be read is said, and the node goes on.
+
+        `frames` marks the topic whose messages are the node's frames: the parameter that names another, empty where none does.
+        """
+        self.hearing.add(topic, kind, frames)
         options, events = QoSOverridingOptions.with_default_policies(), self._mismatches.of_subscription(topic)
 
         def guarded(message: Any) -> None:

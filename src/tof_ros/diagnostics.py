@@ -85,9 +85,11 @@ class Diagnostics:
         more: Callable[[], Mapping[str, str]],
         warnings: Callable[[], list[str]],
         error: Callable[[], str],
+        silence: Callable[[], str],
     ) -> None:
-        """`more` gives further values, `warnings` what is wrong right now, one short phrase each, `error` why nothing works."""
+        """`more` gives further values, `warnings` what is wrong right now, one phrase each; `error` why nothing works, `silence` why no frame comes."""
         self._node, self._tally, self._more, self._warnings, self._error = node, tally, more, warnings, error
+        self._silence = silence
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", qos.OUTPUT)
         self._last_skipped = 0
         self._said: list[str] = []
@@ -95,12 +97,13 @@ class Diagnostics:
 
     def publish(self) -> None:
         """Send the status now; a warning that is new is logged once."""
-        warnings = self._warnings() + self._new_skips()
-        for warning in warnings:
+        warnings, silence = self._warnings() + self._new_skips(), self._silence()
+        told = [*warnings, *([silence] if silence else [])]
+        for warning in told:
             if warning.split(":")[0] not in self._said:
                 self._node.get_logger().warning(warning)
-        self._said = [w.split(":")[0] for w in warnings]
-        message = DiagnosticArray(status=[self._status(warnings)])
+        self._said = [w.split(":")[0] for w in told]
+        message = DiagnosticArray(status=[self._status(warnings, silence)])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 
@@ -112,15 +115,15 @@ class Diagnostics:
         reasons = ", ".join(f"{reason} {count}" for reason, count in self._tally.skipped.most_common(4))
         return [f"frames skipped: {new} in the last second (in all: {reasons})"]
 
-    def _status(self, warnings: list[str]) -> DiagnosticStatus:
+    def _status(self, warnings: list[str], silence: str) -> DiagnosticStatus:
         level = DiagnosticStatus.OK
         message = "frames flow"
         if error := self._error():
             level, message = DiagnosticStatus.ERROR, error
         elif warnings:
             level, message = DiagnosticStatus.WARN, "; ".join(warnings)
-        elif self._tally.silence() > 5.0:
-            level, message = DiagnosticStatus.STALE, "no frames"
+        elif silence:
+            level, message = DiagnosticStatus.STALE, silence
         return status(level, self._node.get_fully_qualified_name().lstrip("/"), message, {**self._tally.values(), **self._more()})
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starting rclpy so that nothing leaves this host unless the user's environment asks for it."""
+"""Starting rclpy: from the command line nothing leaves this host unless the user's environment asks for it."""
 
 from __future__ import annotations
 
@@ -20,17 +20,21 @@ if TYPE_CHECKING:
 DOMAINS = range(1, 102)
 """Up to 101 a domain's ports lie below Linux's range of ephemeral ports; 0 is everybody's default."""
 
+REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+REACH_CHOICES = (REACH, "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "CYCLONEDDS_URI", "ZENOH_SESSION_CONFIG_URI")
+"""A user who sets one of these has said how far discovery reaches."""
 TRANSPORT_CHOICES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS")
 """A user who sets one of these has chosen the transports."""
 
 
 @contextmanager
-def ros_context(args: Sequence[str] = (), *, domain: int | None = None) -> Iterator[Context]:
+def ros_context(args: Sequence[str] = (), *, domain: int | None = None, safe: bool = True) -> Iterator[Context]:
     """An rclpy context of its own, shut down at the end; `args` as after `--ros-args`.
 
-    Discovery stays on this host unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise.
+    With `safe` discovery stays on this host unless the environment says otherwise; without, it reaches as far as any node's.
     """
-    keep_to_this_host()
+    if safe:
+        keep_to_this_host()
     import rclpy
 
     context = rclpy.Context()
@@ -47,9 +51,22 @@ def keep_to_this_host() -> None:
 
     Discovery alone does not close the ports: Fast DDS binds them on every interface and then ignores who calls. Another middleware ignores the profile.
     """
-    reach = os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    if reach == "LOCALHOST" and not any(name in os.environ for name in TRANSPORT_CHOICES):
+    if not any(os.environ.get(name) for name in REACH_CHOICES):
+        os.environ[REACH] = "LOCALHOST"
+    others = any(os.environ.get(name) for name in ("ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER"))
+    if os.environ.get(REACH) == "LOCALHOST" and not others and not any(name in os.environ for name in TRANSPORT_CHOICES):
         os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(Path(__file__).with_name("this_host.xml"))
+
+
+def reach(environment: Mapping[str, str]) -> str:
+    """Who is heard, in a few words: the domain and how far discovery reaches, as the environment says."""
+    domain = f"domain {environment.get('ROS_DOMAIN_ID') or '0'}"
+    if server := environment.get("ROS_DISCOVERY_SERVER"):
+        return f"{domain}, discovery server {server}"
+    peers = f" and {peers}" if (peers := environment.get("ROS_STATIC_PEERS")) else ""
+    asked = environment.get(REACH) or ("LOCALHOST" if environment.get("ROS_LOCALHOST_ONLY") == "1" else "SUBNET")
+    words = {"LOCALHOST": "this host", "SUBNET": "the local network", "OFF": "nobody by discovery"}
+    return f"{domain}, {words.get(asked, asked)}{peers}{' alone' if asked == 'LOCALHOST' and not peers else ''}"
 
 
 def named_domain() -> int:

@@ -86,6 +86,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
             self._end()
             return self._fail("activated", error)
         self.active, self.trouble = True, ""
+        self.hearing.begin()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -108,9 +109,11 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         if self.loaded:
             self.retune(config)
 
-    def input(self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile) -> Subscription:
+    def input(
+        self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile, *, frames: str | None = None
+    ) -> Subscription:
         """A subscription that ends when the node is deactivated."""
-        self._subscribed.append(super().input(topic, kind, take, profile))
+        self._subscribed.append(super().input(topic, kind, take, profile, frames=frames))
         return self._subscribed[-1]
 
     def timer(self, seconds: float, action: Callable[[], None]) -> Timer:
@@ -174,6 +177,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         self._subscribed.clear()
         self._ticking.clear()
         self.active = False
+        self.hearing.end()
         while self.at_stop:
             self.at_stop.pop()()
 

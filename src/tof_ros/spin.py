@@ -18,12 +18,15 @@ if TYPE_CHECKING:
 
 
 class Spinner:
-    """One node's thread. An exception that leaves a callback is kept in `error` and stops the node."""
+    """One node's thread. An exception that leaves a callback is kept in `error` and stops the node.
+
+    A node may have `helpers`, small nodes with threads of their own: where one dies, the node counts as dead, with the helper's error.
+    """
 
     def __init__(self, node: Node) -> None:
         """Start spinning."""
         self.node = node
-        self.error: BaseException | None = None
+        self._error: BaseException | None = None
         threads = getattr(node, "threads", 1)
         self._executor = MultiThreadedExecutor(threads, context=node.context) if threads > 1 else CHOICE.executor(node.context)
         self._executor.add_node(node)
@@ -36,12 +39,21 @@ class Spinner:
         except (ExternalShutdownException, ShutdownException):
             pass
         except BaseException as error:  # noqa: BLE001  (handed to whoever waits)
-            self.error = error
+            self._error = error
+
+    @property
+    def _helpers(self) -> tuple[Spinner, ...]:
+        return tuple(getattr(self.node, "helpers", ()))
 
     @property
     def alive(self) -> bool:
-        """Whether the node still spins."""
-        return self._thread.is_alive()
+        """Whether the node and all its helpers still spin."""
+        return self._thread.is_alive() and all(helper.alive for helper in self._helpers)
+
+    @property
+    def error(self) -> BaseException | None:
+        """What ended the node or a helper of it."""
+        return self._error or next((helper.error for helper in self._helpers if helper.error), None)
 
     def stop(self) -> None:
         """Stop spinning and destroy the node."""

@@ -16,7 +16,7 @@ from tof_ros.spin import spinning
 
 if TYPE_CHECKING:
     from collections import Counter
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
     from pathlib import Path
 
     from rclpy.node import Node
@@ -47,6 +47,17 @@ def middleware_name() -> str:
     from rclpy.utilities import get_rmw_implementation_identifier
 
     return str(get_rmw_implementation_identifier())
+
+
+def watch_types(period_s: float = 0.25) -> Iterator[dict[str, str]]:
+    """The type of each topic that has a publisher, again and again until the caller has seen enough."""
+    with ros_context() as context:
+        node = rclpy.create_node("toftwin_survey", context=context, start_parameter_services=False)
+        with spinning([node]):
+            while True:
+                time.sleep(period_s)
+                named = {topic: found[0] for topic, found in node.get_topic_names_and_types() if len(found) == 1}
+                yield {topic: kind for topic, kind in named.items() if node.count_publishers(topic)}
 
 
 def survey(path: Path, kinds: Collection[str], seconds: float) -> Seen:

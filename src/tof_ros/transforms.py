@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import rclpy
 from tf2_msgs.msg import TFMessage
@@ -17,9 +17,8 @@ from tof_ros.spin import Spinner
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rclpy.node import Node
-
     from tof_core.tf import TransformBuffer
+    from tof_ros.base import RoomNode
 
 
 class TransformListener:
@@ -29,7 +28,7 @@ class TransformListener:
     that labels for longer would lose what its frames need.
     """
 
-    def __init__(self, node: Node, buffer: TransformBuffer, on_change: Callable[[], None], awaited: Callable[[], int]) -> None:
+    def __init__(self, node: RoomNode[Any], buffer: TransformBuffer, on_change: Callable[[], None], awaited: Callable[[], int]) -> None:
         """Subscribe as tf2 does: `/tf` reliable and volatile, `/tf_static` latched, 100 deep.
 
         `on_change` runs in the node's thread; `awaited`, which runs in another, is the stamp that TF must have reached to be of use.
@@ -44,6 +43,7 @@ class TransformListener:
         ears.create_subscription(TFMessage, "/tf", lambda m: self._add(m, static=False), qos.TF)
         ears.create_subscription(TFMessage, "/tf_static", lambda m: self._add(m, static=True), qos.TF_STATIC)
         self._spinner = Spinner(ears)
+        node.helpers.append(self._spinner)
 
     @property
     def age(self) -> float:
@@ -52,6 +52,7 @@ class TransformListener:
 
     def close(self) -> None:
         """Listen no more."""
+        self._node.helpers.remove(self._spinner)
         self._spinner.stop()
         self._node.destroy_guard_condition(self._wake)
 

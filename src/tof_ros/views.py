@@ -52,7 +52,7 @@ class ViewFeed:
         self._transforms = TransformListener(node, chain.transforms, self.advance, lambda: self._patience.oldest)
         node.at_stop.append(self.close)
         for part, kind in KINDS.items():
-            node.input(f"preproc/{part}", kind, partial(self._part, part), qos.OUTPUT)
+            node.input(f"preproc/{part}", kind, partial(self._part, part), qos.OUTPUT, frames="" if part == "depth" else None)
         node.timer(PERIOD_S, self._tick)
 
     def _part(self, part: str, message: Any) -> None:

@@ -21,8 +21,8 @@ class RosCall(GraphSpec):
 
 
 def called(node: str, argv: list[str]) -> RosCall:
-    """The call as `ros2 run` makes it: everything but `--ros-args` itself, which `ros_context` puts back."""
-    return RosCall((node,), arguments=tuple(a for a in argv if a != "--ros-args"))
+    """The call as `ros2 run` makes it: everything but `--ros-args` itself, which `ros_context` puts back. It reaches as far as every node does."""
+    return RosCall((node,), safe=False, arguments=tuple(a for a in argv if a != "--ros-args"))
 
 
 def _main(node: str) -> int:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -47,7 +48,7 @@ class GraphSpec:
     """Which nodes run, and how.
 
     `parameters` are by node and dotted name; `remaps` are (from, to) for all nodes. A node that cannot be configured waits for its
-    parameters to be set right; with `strict` it ends the graph.
+    parameters to be set right; with `strict` it ends the graph. `safe` keeps to this host unless the environment says otherwise.
     """
 
     nodes: tuple[str, ...]
@@ -57,6 +58,7 @@ class GraphSpec:
     use_sim_time: bool = False
     params_files: tuple[str, ...] = ()
     strict: bool = False
+    safe: bool = True
 
     def __post_init__(self) -> None:
         """Refuse names that are no nodes."""
@@ -91,19 +93,20 @@ def _text(value: Any) -> str:
 def run_graph(spec: GraphSpec) -> int:
     """Run the nodes in this process until SIGINT or SIGTERM; 1 if a node died."""
     one_thread()  # read when NumPy is imported, below
-    from tof_ros.environment import parameter_overrides, ros_context
+    from tof_ros.environment import REACH, parameter_overrides, reach, ros_context
     from tof_ros.spin import spinning
 
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    with ros_context(spec.ros_args()) as context:
+    with ros_context(spec.ros_args(), safe=spec.safe) as context:
         nodes = []
         for name in spec.nodes:
             overrides = parameter_overrides(spec.parameters.get(name, {}))
             nodes.append(import_module(NODES[name]).make_node(context=context, parameter_overrides=overrides))
         with spinning(nodes) as spinners:
-            print(f"running: {', '.join(spec.nodes)}", file=sys.stderr, flush=True)
+            _say(f"hears {reach(os.environ)}{HOW_TO_REACH if os.environ.get(REACH) == 'LOCALHOST' else ''}")
+            begun, said = time.monotonic(), False
             while not stop.wait(0.2):
                 dead = [s for s in spinners if not s.alive]
                 if dead:
@@ -111,7 +114,29 @@ def run_graph(spec: GraphSpec) -> int:
                 troubled = [n for n in nodes if n.trouble]
                 if spec.strict and troubled:
                     raise ToftwinError(troubled[0].trouble, where=troubled[0].get_name())
+                said = said or _say_running(nodes, time.monotonic() - begun)
     return 0
+
+
+HOW_TO_REACH = "; ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET hears a robot on the network"
+SOON_S = 5.0
+"""A node that is not active by then is named: it waits for somebody."""
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def _say_running(nodes: Sequence[Any], seconds: float) -> bool:
+    """Say once that all nodes are active, or after a while which are not; true when that has been said."""
+    waiting = {n.get_name(): n.state for n in nodes if not getattr(n, "active", True)}
+    if waiting and seconds < SOON_S:
+        return False
+    if waiting:
+        _say(f"not active yet: {', '.join(f'{name} ({state})' for name, state in waiting.items())}")
+    else:
+        _say(f"running: {', '.join(n.get_name() for n in nodes)}")
+    return True
 
 
 class GraphProcess:

@@ -46,3 +46,45 @@ def test_what_a_process_shares_with_others_holds_several_images() -> None:
         largest = max(path.stat().st_size for path in set(SHARED.glob("fastrtps_*")) - before)
         node.destroy_node()
     assert largest >= 3 * 1280 * 960 * 2
+
+
+REACHES = {
+    "nothing is said": ({}, "LOCALHOST", "domain 0, this host alone"),
+    "the network": ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_DOMAIN_ID": "7"}, "SUBNET", "domain 7, the local network"),
+    "one peer": ({"ROS_STATIC_PEERS": "192.168.80.3"}, None, "domain 0, the local network and 192.168.80.3"),
+    "one peer and this host": (
+        {"ROS_STATIC_PEERS": "192.168.80.3", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
+        "LOCALHOST",
+        "domain 0, this host and 192.168.80.3",
+    ),
+    "a server": ({"ROS_DISCOVERY_SERVER": "10.0.0.1:11811"}, None, "domain 0, discovery server 10.0.0.1:11811"),
+    "the old variable": ({"ROS_LOCALHOST_ONLY": "1"}, None, "domain 0, this host alone"),
+}
+
+
+@pytest.mark.parametrize("case", REACHES)
+def test_the_user_s_variables_win_and_what_they_mean_is_said(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tof_ros.environment import REACH_CHOICES, keep_to_this_host, reach
+
+    given, asked, said = REACHES[case]
+    for name in (*REACH_CHOICES, *TRANSPORT_CHOICES, "ROS_DOMAIN_ID"):
+        monkeypatch.setenv(name, "")  # so that what is set below is undone
+        monkeypatch.delenv(name)
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    keep_to_this_host()
+    assert os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == asked
+    assert reach(os.environ) == said
+    assert ("FASTRTPS_DEFAULT_PROFILES_FILE" in os.environ) == (asked == "LOCALHOST" and "ROS_STATIC_PEERS" not in given)
+
+
+def test_ros2_run_reaches_as_far_as_every_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    from tof_ros.environment import REACH_CHOICES
+    from toftwin.executables import called
+
+    for name in (*REACH_CHOICES, *TRANSPORT_CHOICES):
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
+    assert not called("preproc", []).safe
+    with ros_context(domain=named_domain(), safe=False):
+        assert not {*REACH_CHOICES, *TRANSPORT_CHOICES} & os.environ.keys()

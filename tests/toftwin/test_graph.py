@@ -32,3 +32,28 @@ def test_a_node_s_linear_algebra_has_one_thread_unless_told_otherwise(told: dict
     plain = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
     out = subprocess.run([sys.executable, "-c", ASK], env={**plain, **told}, capture_output=True, text=True, check=True, timeout=60)
     assert out.stdout.split() == ["False", has]
+
+
+class Node:
+    """A node of which only name and state matter."""
+
+    def __init__(self, name: str, *, active: bool | None = None) -> None:
+        self._name, self.state = name, "unconfigured"
+        if active is not None:
+            self.active = active
+
+    def get_name(self) -> str:
+        return self._name
+
+
+def test_running_is_said_of_active_nodes_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    from toftwin.graph import SOON_S, _say_running
+
+    preproc, label = Node("preproc"), Node("sim_label", active=False)
+    assert not _say_running([preproc, label], 0.2)
+    assert capsys.readouterr().err == ""
+    assert _say_running([preproc, label], SOON_S)
+    assert capsys.readouterr().err == "not active yet: sim_label (unconfigured)\n"
+    label.active = True
+    assert _say_running([preproc, label], 0.2)
+    assert capsys.readouterr().err == "running: preproc, sim_label\n"

@@ -29,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--params-file", action="append", default=[], metavar="FILE", help="a ROS parameter file")
     parser.add_argument("--remap", action="append", default=[], metavar="FROM:=TO", help="a topic under another name")
     parser.add_argument("--namespace", default="", help="namespace of the robot")
+    parser.add_argument("--auto", action="store_true", help="hear the only camera that is published, whatever its topics are called")
     parser.add_argument("--use-sim-time", action="store_true", help="follow /clock")
     parser.add_argument(
         "--strict", action="store_true", help="stop when a node cannot be configured (default: it waits until its parameters are set right)"
@@ -48,6 +49,14 @@ def run(args: argparse.Namespace) -> int:
     for name in args.nodes:
         if args.scene and name in WITH_SCENE:
             parameters[name].setdefault("live.scene", args.scene)
+    if args.auto and not args.list_params:
+        import sys
+
+        from toftwin.auto import find_live, told, with_topics
+
+        topics = find_live()
+        print(told(topics), file=sys.stderr, flush=True)
+        parameters = with_topics(parameters, topics, args.nodes)
     spec = GraphSpec(
         tuple(args.nodes),
         parameters,

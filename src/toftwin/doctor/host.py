@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from toftwin.doctor.finding import mend, note, ok
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from toftwin.doctor.finding import Finding
 
@@ -28,7 +28,7 @@ def examine_host() -> Iterator[Finding]:
     """All checks that need no data."""
     yield python()
     yield from middleware()
-    yield discovery(os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", ""), os.environ.get("ROS_DOMAIN_ID", ""))
+    yield discovery(dict(os.environ))
     yield from ray_casters()
     yield onnx_providers()
     yield from libraries()
@@ -84,12 +84,16 @@ def executor(failures: dict[str, str]) -> Finding:
     )
 
 
-def discovery(reach: str, domain: str) -> Finding:
-    """How far discovery reaches: a robot on another host is not heard unless asked for."""
-    domain = domain or "0"
-    if not reach or reach == "LOCALHOST":
-        return note("discovery", f"domain {domain}, this host alone", "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET hears a robot on the network")
-    return ok("discovery", f"domain {domain}, range {reach}")
+def discovery(environment: Mapping[str, str]) -> Finding:
+    """How far discovery reaches from the command line: a robot on another host is not heard unless asked for."""
+    from tof_ros.environment import REACH, REACH_CHOICES, reach
+
+    if not any(environment.get(name) for name in REACH_CHOICES):
+        environment = {**environment, REACH: "LOCALHOST"}
+    if environment.get(REACH) == "LOCALHOST":
+        todo = f"{REACH}=SUBNET hears a robot on the network, ROS_STATIC_PEERS=ROBOT too; ros2 run and ros2 launch reach as far as every node does"
+        return note("discovery", reach(environment), todo)
+    return ok("discovery", reach(environment))
 
 
 def ray_casters() -> Iterator[Finding]:

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin node --auto`: the topics of the only camera that is published, as parameters of the nodes that hear it."""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from tof_core.errors import TopicError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tof_core.topics import Topics
+
+PATIENCE_S = 10.0
+"""A driver that has just been started has made its publishers by then."""
+SENSED = ("preproc", "infer")
+COLOURED = ("correct", "inspect")
+
+
+def find_live(seconds: float = PATIENCE_S) -> Topics:
+    """The topics of the camera that is published now in this ROS domain.
+
+    Raises:
+        TopicError: none within `seconds`, or several that fit; it lists them and the flag to pass.
+    """
+    from tof_core.options import BagOptions
+    from tof_core.topics import find_topics
+    from tof_ros.environment import reach
+    from tof_ros.survey import watch_types
+
+    end, refusal = time.monotonic() + seconds, TopicError("nothing is published", where="--auto")
+    for types in watch_types():
+        try:
+            return find_topics(types, BagOptions(), where="--auto")
+        except TopicError as error:
+            refusal = error
+        if time.monotonic() > end:
+            break
+    todo = re.sub(r"--(\w+)-(\w+) with one of", r"--param preproc.input.\1_\2=TOPIC with one of", refusal.todo or "")
+    raise TopicError(f"{refusal.what} ({reach(os.environ)})", where="--auto", todo=todo.replace("record the", "publish the"))
+
+
+def parameters_of(topics: Topics, nodes: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """What the nodes are to be told, by node and dotted name; what is not published keeps its default."""
+    sensed = {"depth_topic": topics.depth, "points_topic": topics.points, "info_topic": topics.info}
+    sensed |= {"amplitude_topic": topics.amplitude, "temperature_topic": topics.temperature}
+    colour = {"live.colour_topic": topics.colour, "live.colour_info_topic": topics.colour_info}
+    given = {f"input.{name}": topic for name, topic in sensed.items() if topic}
+    seen = {name: topic for name, topic in colour.items() if topic}
+    return {node: given if node in SENSED else seen for node in nodes if node in (*SENSED, *COLOURED)}
+
+
+def with_topics(parameters: Mapping[str, Mapping[str, Any]], topics: Topics, nodes: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """The parameters that the user gave, and the topics where none were named."""
+    found = parameters_of(topics, nodes)
+    return {node: {**found.get(node, {}), **parameters.get(node, {})} for node in nodes}
+
+
+def told(topics: Topics) -> str:
+    """The line that says what was taken."""
+    plain = replace(topics, colour_info="")
+    return f"auto: {', '.join(plain.named())}"
