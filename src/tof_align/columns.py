@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_align.discrepancy import shared_inflation
 from tof_align.mixed import solve
 from tof_align.system import assemble, camera_cov
 
@@ -145,6 +146,10 @@ class ColumnSystem:
     def fit(self, active: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> ColumnFit:
         """Poses and the coefficients of some columns over all views."""
         return ColumnFit(active, solve(self.chosen(active, inflate=inflate, free_hand=free_hand), {}), self.poses)
+
+    def inflation(self, active: Ints, *, free_hand: bool = False) -> float:
+        """By how much the data's weight is divided: errors that neighbours share count once (`discrepancy.shared_inflation`)."""
+        return shared_inflation(self.fit(active, free_hand=free_hand).energy, float(self.pixels.sum()))
 
     def subset(self, views: Sequence[int]) -> ColumnSystem:
         """The system of some views only; all stations stay."""

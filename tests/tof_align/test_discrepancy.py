@@ -10,7 +10,18 @@ import pytest
 
 from tests.tof_align.made import CONFIG, one_view, section
 from tof_align.config import DiscrepancyConfig
-from tof_align.discrepancy import LOCAL, SHARED, basis_of, farthest_points, inflation, local_columns, shared_columns, unsaid
+from tof_align.discrepancy import (
+    LOCAL,
+    NEIGHBOURS,
+    SHARED,
+    basis_of,
+    farthest_points,
+    inflation,
+    local_columns,
+    shared_columns,
+    shared_inflation,
+    unsaid,
+)
 from tof_align.linearise import Linearised, linearise
 from tof_align.pixels import take_pixels
 
@@ -111,3 +122,9 @@ def test_what_the_columns_cannot_say_is_the_rest_of_the_processs_variance(lin: L
     more = basis_of([lin], replace(D, centres=200))
     assert (unsaid(more, lin, {"object": 2e-3}) ** 2).mean() < 0.6 * (rest**2).mean()
     assert (unsaid(basis, lin, {}) == 0.0).all()
+
+
+def test_white_noise_is_not_inflated_and_what_neighbours_share_counts_once() -> None:
+    assert shared_inflation(980.0, 1000.0) == 1.0
+    assert shared_inflation(1000.0, 1000.0) == 1.0
+    assert shared_inflation(1100.0, 1000.0) == pytest.approx(1.0 + 0.1 * NEIGHBOURS)

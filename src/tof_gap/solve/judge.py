@@ -158,15 +158,5 @@ class Selector:
         return float(len(steps) * (((steps * np.sqrt(normal.own_info)).mean(axis=0)) ** 2).sum())
 
     def inflation(self, members: Sequence[int]) -> float:
-        """How much less than white noise's a pixel's weight is, from what the members leave.
-
-        With E the chi-square of all n pixels after the fit, white noise leaves E = n. What is left
-        above is shared by neighbours and must not count once per pixel.
-        """
-        system = self.design.system
-        left = system.fit(self.columns(members), free_hand=self.frees_hand(members)).energy
-        return 1.0 + max(left / float(system.pixels.sum()) - 1.0, 0.0) * NEIGHBOURS
-
-
-NEIGHBOURS = 30.0
-"""Drawn pixels that share one error where the residual is structured."""
+        """By how much the data's weight is divided, from what the members leave: errors that neighbours share count once."""
+        return self.design.system.inflation(self.columns(members), free_hand=self.frees_hand(members))
