@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_correction.match import make_matcher
-from arm_correction.picture import by_ecc, by_features, difference, structural_difference, warped
 from arm_correction.register import register
+from benchmarks.closed_loop import LoopConfig
 from benchmarks.figure import Figure, at_least, at_most
+from benchmarks.picture import by_ecc, by_features, difference, structural_difference, warped
 from benchmarks.stand import Stand, returns
 from tof_scene.builtin import builtin_names, make_builtin
 
@@ -133,7 +134,7 @@ def speed() -> list[Figure]:
         config = stand.config if name == "near" else replace(stand.config, trust=replace(trust, min_support=1.0))
         for _ in range(5):
             stand.displace(rng, *size)
-            view = stand.look(stand.config.loop.captures)
+            view = stand.look(LoopConfig().captures)
             started = time.process_time()
             register(make_matcher(surface, view, config), np.eye(4))
             taken.append(time.process_time() - started)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm_correction.closed_loop import close_loop, leftover
 from arm_correction.config import CorrectConfig, LimitConfig
 from arm_correction.corrector import Corrector
 from arm_correction.first import First
+from benchmarks.closed_loop import close_loop, leftover
 from benchmarks.kept import kept
 from tof_core import se3
 from tof_core.config import from_mapping

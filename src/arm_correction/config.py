@@ -59,21 +59,10 @@ class LimitConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class LoopConfig:
-    """Correct, look again, stop."""
-
-    moves: int = param(3, "moves at most", low=1)
-    captures: int = param(10, "captures of each look", low=1)
-    tolerance_mm: float = param(0.5, "close enough", unit="mm", low=0.01)
-    tolerance_deg: float = param(0.05, "close enough", unit="deg", low=0.001)
-
-
-@dataclass(frozen=True, slots=True)
 class CorrectConfig:
     """Back to the first picture."""
 
     register: RegisterConfig = section(RegisterConfig, "registration of the view to the reference")
     trust: TrustConfig = section(TrustConfig, "when it is believed")
     limits: LimitConfig = section(LimitConfig, "what is never proposed")
-    loop: LoopConfig = section(LoopConfig, "closed loop")
     weights: WeightConfig = section(WeightConfig, "noise of pixels where the view does not tell it")

@@ -13,7 +13,6 @@ import numpy as np
 from tof_core.config import to_mapping
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -46,11 +45,6 @@ def digest_file(path: Path) -> str:
         while block := file.read(1 << 20):
             h.update(block)
     return h.hexdigest()
-
-
-def digest_files(paths: Iterable[Path]) -> str:
-    """Digest of several files' contents, in the order given."""
-    return digest_bytes(*(digest_file(p).encode() for p in paths))
 
 
 def digest_config(config: object) -> str:

@@ -25,7 +25,5 @@ class Reason(IntEnum):
     """Seen at too flat an angle."""
     SELF = 9
     """The robot's own gripper."""
-    MOVED = 10
-    """The capture was taken in motion and kept out of the accumulation."""
     MASKED_AMPLITUDE = 11
     """Amplitude below or above the configured bounds."""

@@ -34,8 +34,8 @@ class Labelled:
 class LabelStream:
     """Labels the last view of each dwell: when the next dwell begins, or when asked.
 
-    Causal, with the numbers of `Labeller.push`; but nothing is kept for a final solution, so that memory stays
-    the same however long the node runs.
+    Each pose follows from this view and those before it. Nothing is kept for a final solution, so that the memory does
+    not grow with the session.
     """
 
     def __init__(self, caster: Raycaster, config: LabellerConfig | None = None) -> None:

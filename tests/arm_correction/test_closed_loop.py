@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm_correction.closed_loop import close_loop, leftover
 from arm_correction.config import CorrectConfig
 from arm_correction.first import First
 from arm_correction.reference import capture_reference
+from benchmarks.closed_loop import close_loop, leftover
 from tof_core import se3
 from tof_core.capture import View
 from tof_core.config import from_mapping

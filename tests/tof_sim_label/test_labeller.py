@@ -15,7 +15,8 @@ from tof_core.capture import RobotPose, View
 from tof_core.errors import RefusedError, TransformError
 from tof_scene.raycast import Raycaster
 from tof_scene.scene import Part, Scene
-from tof_sim_label.labeller import Labeller, label_session
+from tof_sim_label.labeller import label_session
+from tof_sim_label.stream import LabelStream
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
@@ -75,17 +76,15 @@ def test_final_labels_are_the_true_depth_though_the_robot_is_off(caster: Raycast
     assert se3.distance(solution.B[0], BASE)[0] < 2e-3
 
 
-def test_causal_labels_come_with_each_view_and_final_ones_at_the_end(caster: Raycaster) -> None:
+def test_causal_labels_come_with_each_view(caster: Raycaster) -> None:
     views, true = session()
-    labeller = Labeller(caster)
+    stream = LabelStream(caster)
     for view, depth in zip(views, true, strict=True):
-        label = labeller.push(view)
-        assert np.abs(label.depth - depth)[label.mask == 1].mean() < 1e-3
-    _, final = labeller.finish()
-    _, batch = label_session(views, caster)
-    for (_, a), (_, b) in zip(final, batch, strict=True):
-        np.testing.assert_array_equal(a.depth, b.depth)
-        np.testing.assert_array_equal(a.sigma, b.sigma)
+        stream.push(view)
+        labelled = stream.flush()
+        assert labelled is not None
+        assert labelled.label is not None
+        assert np.abs(labelled.label.depth - depth)[labelled.label.mask == 1].mean() < 1e-3
 
 
 def test_radial_depth_is_refused_by_its_cause_before_anything_is_labelled(caster: Raycaster) -> None:
@@ -93,8 +92,12 @@ def test_radial_depth_is_refused_by_its_cause_before_anything_is_labelled(caster
     radial = [replace(v, depth=z_to_radial(CAMERA, v.depth)) for v in views]
     with pytest.raises(RefusedError, match=r"a plane bends.*pass --depth radial"):
         label_session(radial, caster)
-    with pytest.raises(RefusedError, match=r"a plane bends.*pass --depth radial"):
-        Labeller(caster).push(radial[0])
+    stream = LabelStream(caster)
+    stream.push(radial[0])
+    labelled = stream.flush()
+    assert labelled is not None
+    assert labelled.label is None
+    assert "a plane bends" in labelled.why
 
 
 def test_without_views_or_without_a_robot_there_are_no_labels(caster: Raycaster) -> None:

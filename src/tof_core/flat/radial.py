@@ -87,11 +87,6 @@ class _Fit:
         return float((1 - OUTLIER) * near + OUTLIER / 20.0)
 
 
-def radial_suspicion(depth: Image, camera: Camera) -> float:
-    """Probability (0..1) that depth (H, W), taken for z in metres, is the distance along the ray."""
-    return radial_evidence(depth, camera).suspicion
-
-
 def radial_evidence(depth: Image, camera: Camera, surfaces: Ints | None = None) -> RadialEvidence:
     """Exponent of the flat surfaces in depth (H, W), metres.
 

@@ -10,7 +10,7 @@ import pytest
 
 from tof_core.bag import BagOptions, open_bag
 from tof_core.camera import Camera, z_to_radial
-from tof_core.flat.radial import radial_suspicion
+from tof_core.flat.radial import radial_evidence
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,15 +39,15 @@ def room() -> Float:
 
 def test_z_and_radial_are_distinguished_and_the_bend_is_reported() -> None:
     depth = noisy(room())
-    assert radial_suspicion(depth, CAMERA) < 0.01
-    assert radial_suspicion(z_to_radial(CAMERA, depth), CAMERA) > 0.99
+    assert radial_evidence(depth, CAMERA).suspicion < 0.01
+    assert radial_evidence(z_to_radial(CAMERA, depth), CAMERA).suspicion > 0.99
 
 
 def test_a_surface_in_two_pieces_is_one_plane() -> None:
     depth = noisy(room())
     depth[:120] = np.nan  # no wall: the table to both sides of the box, and its foot
-    assert radial_suspicion(depth, CAMERA) < 0.01
-    assert radial_suspicion(z_to_radial(CAMERA, depth), CAMERA) > 0.99
+    assert radial_evidence(depth, CAMERA).suspicion < 0.01
+    assert radial_evidence(z_to_radial(CAMERA, depth), CAMERA).suspicion > 0.99
 
 
 def test_a_sphere_alone_is_weak_evidence() -> None:
@@ -55,14 +55,14 @@ def test_a_sphere_alone_is_weak_evidence() -> None:
     a, b, c = (rays**2).sum(-1), rays[..., 2] * 1.0, 1.0 - 0.3**2
     root = b * b - a * c
     ball = np.where(root > 0, (b - np.sqrt(np.maximum(root, 0))) / a, np.nan)
-    assert 0.005 < radial_suspicion(noisy(ball), CAMERA) < 0.995
+    assert 0.005 < radial_evidence(noisy(ball), CAMERA).suspicion < 0.995
 
 
 def test_few_pixels_or_none_are_no_evidence() -> None:
     none = np.full(CAMERA.shape, np.nan, np.float32)
-    assert radial_suspicion(none, CAMERA) == 0.5
+    assert radial_evidence(none, CAMERA).suspicion == 0.5
     none[10:14, 10:14] = 1.0
-    assert radial_suspicion(none, CAMERA) == 0.5
+    assert radial_evidence(none, CAMERA).suspicion == 0.5
 
 
 @pytest.mark.shared
@@ -70,5 +70,5 @@ def test_few_pixels_or_none_are_no_evidence() -> None:
 def test_real_and_foreign_cameras_are_classified(shared_data: Path, bag: str) -> None:
     with open_bag(shared_data / bag, BagOptions()) as reader:
         for capture in list(reader.captures(need_tf=False))[:2]:
-            assert radial_suspicion(capture.depth, capture.camera) < 0.01
-            assert radial_suspicion(z_to_radial(capture.camera, capture.depth), capture.camera) > 0.99
+            assert radial_evidence(capture.depth, capture.camera).suspicion < 0.01
+            assert radial_evidence(z_to_radial(capture.camera, capture.depth), capture.camera).suspicion > 0.99

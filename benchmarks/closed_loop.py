@@ -21,6 +21,16 @@ if TYPE_CHECKING:
     from tof_core.capture import View
 
 
+@dataclass(frozen=True, slots=True)
+class LoopConfig:
+    """When a loop ends: inside the tolerance, or after so many moves; captures of each look."""
+
+    moves: int = 3
+    captures: int = 10
+    tolerance_mm: float = 0.5
+    tolerance_deg: float = 0.05
+
+
 class Arm(Protocol):
     """Something that obeys a pose with its own error."""
 
@@ -38,13 +48,15 @@ class Closed:
     corrections: tuple[Correction, ...]
 
 
-def close_loop(arm: Arm, look: Callable[[], View], first: First, config: CorrectConfig, T_hand_camera: Float) -> Closed:
+def close_loop(
+    arm: Arm, look: Callable[[], View], first: First, config: CorrectConfig, T_hand_camera: Float, loop: LoopConfig | None = None
+) -> Closed:
     """Move until the picture is the first picture again.
 
     A look after the last move decides, against the reference itself: the CAD only brings the hand near.
     A step that grew to more than half the one before is the arm's own scatter: stop there.
     """
-    loop = config.loop
+    loop = loop or LoopConfig()
     made: list[Correction] = []
     moves = 0
     while True:
@@ -61,22 +73,22 @@ def close_loop(arm: Arm, look: Callable[[], View], first: First, config: Correct
         by_reference = last.by == "reference"
         if by_reference and last.step[0] <= loop.tolerance_mm and last.step[1] <= loop.tolerance_deg:
             return Closed(done=True, moves=moves, reason="inside tolerance", corrections=tuple(made))
-        if moves and by_reference and _no_better(made[-2], last, config):
+        if moves and by_reference and _no_better(made[-2], last, loop):
             return Closed(done=True, moves=moves, reason="as near as the arm gets", corrections=tuple(made))
         if moves == loop.moves:
-            return Closed(done=by_reference and _near(last, config), moves=moves, reason="moves used up", corrections=tuple(made))
+            return Closed(done=by_reference and _near(last, loop), moves=moves, reason="moves used up", corrections=tuple(made))
         arm.goto(last.T_frame_hand)
         moves += 1
 
 
-def _near(last: Correction, config: CorrectConfig) -> bool:
+def _near(last: Correction, loop: LoopConfig) -> bool:
     """Within twice the tolerance."""
-    return last.step[0] <= 2 * config.loop.tolerance_mm and last.step[1] <= 2 * config.loop.tolerance_deg
+    return last.step[0] <= 2 * loop.tolerance_mm and last.step[1] <= 2 * loop.tolerance_deg
 
 
-def _no_better(before: Correction, last: Correction, config: CorrectConfig) -> bool:
+def _no_better(before: Correction, last: Correction, loop: LoopConfig) -> bool:
     """Another move would only draw the arm's scatter anew: near already, and hardly nearer than before."""
-    return _near(last, config) and last.step[0] > 0.5 * before.step[0]
+    return _near(last, loop) and last.step[0] > 0.5 * before.step[0]
 
 
 def leftover(T_wanted: Float, T_camera: Float) -> tuple[float, float]:
