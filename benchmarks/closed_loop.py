@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Correct, look again, stop: when inside tolerance, when it gets no better, or when a correction is refused."""
+"""The closed loop: correct and capture again, until within tolerance, no longer improving, or refused."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class LoopConfig:
 
 
 class Arm(Protocol):
-    """Something that obeys a pose with its own error."""
+    """A robot arm that moves to a pose with its own error."""
 
     def goto(self, T_body_hand: Float) -> None:
         """Move the hand to a pose in the body."""
@@ -40,7 +40,7 @@ class Arm(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Closed:
-    """How a loop ended: done (inside tolerance, or as near as the arm gets), refused, or out of moves; all its corrections."""
+    """End of a loop: done (within tolerance, or as near as the arm can get), refused, or out of moves; with all corrections."""
 
     done: bool
     moves: int
@@ -51,10 +51,10 @@ class Closed:
 def close_loop(
     arm: Arm, look: Callable[[], View], first: First, config: CorrectConfig, T_hand_camera: Float, loop: LoopConfig | None = None
 ) -> Closed:
-    """Move until the picture is the first picture again.
+    """Move until the view equals the reference view.
 
-    A look after the last move decides, against the reference itself: the CAD only brings the hand near.
-    A step that grew to more than half the one before is the arm's own scatter: stop there.
+    The view after the last move decides, compared with the reference itself; the CAD only serves to come near.
+    A step of more than half the previous one is the arm's own repeatability: the loop stops there.
     """
     loop = loop or LoopConfig()
     made: list[Correction] = []
@@ -87,11 +87,11 @@ def _near(last: Correction, loop: LoopConfig) -> bool:
 
 
 def _no_better(before: Correction, last: Correction, loop: LoopConfig) -> bool:
-    """Another move would only draw the arm's scatter anew: near already, and hardly nearer than before."""
+    """Whether another move would only repeat the arm's random error: near already, and hardly nearer than before."""
     return _near(last, loop) and last.step[0] > 0.5 * before.step[0]
 
 
 def leftover(T_wanted: Float, T_camera: Float) -> tuple[float, float]:
-    """How far a camera is from where it should be: millimetres, degrees. For evaluation."""
+    """Distance of a camera from the wanted pose: millimetres, degrees. For evaluation."""
     metres, degrees = se3.distance(np.asarray(T_wanted), np.asarray(T_camera))
     return 1e3 * metres, degrees

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The 2D way beside the 3D one: features with a homography, and ECC; and how far a picture is from the first one."""
+"""Image registration in 2D as a baseline: features with a homography, and ECC; and the difference of two images."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def by_ecc(first: Bytes, now: Bytes, start: Float | None = None, rounds: int = 6
 
 
 def warped(now: Bytes, H: Float) -> tuple[Bytes, Mask]:
-    """`now` brought over `first`, and where it has pixels."""
+    """`now` warped onto `first`, and the mask of its pixels."""
     import cv2
 
     size = now.shape[1], now.shape[0]
@@ -51,7 +51,7 @@ def warped(now: Bytes, H: Float) -> tuple[Bytes, Mask]:
 
 
 def difference(first: Bytes, now: Bytes, where: Mask | None = None) -> float:
-    """Mean absolute difference of the grey pictures, of 255, once gain and offset of the light are taken out robustly."""
+    """Mean absolute difference of the grey images, of 255, after a robust fit of gain and offset of the brightness."""
     a, b = _grey(first).astype(float), _grey(now).astype(float)
     inside = np.ones(a.shape, bool) if where is None else where
     if inside.sum() < 100:
@@ -61,10 +61,10 @@ def difference(first: Bytes, now: Bytes, where: Mask | None = None) -> float:
 
 
 def structure(image: Bytes) -> Float:
-    """(h, w) what a picture shows besides the light: log brightness without what varies slowly, over 8 pixels.
+    """(h, w) structure of an image without its lighting: log brightness minus its mean over 8 pixels.
 
-    A lamp that moves multiplies brightness by a factor that is smooth in the picture but at the edges of cast shadows; an edge
-    that is not where it was, the pseudo defect of figure 11, is left whole (homomorphic filtering, Oppenheim et al. 1968).
+    A moving lamp multiplies brightness by a factor that is smooth in the image except at the edges of cast shadows. A displaced
+    edge (the pseudo defect of the paper's figure 11) remains visible (homomorphic filtering, Oppenheim et al. 1968).
     """
     import cv2
 

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 CHANGES = (
-    "Those that begin with {} are set {}; the others change while the node runs (`ros2 param set`), checked as a whole. "
+    "Parameters that begin with {} are set {}; the others can be changed while the node runs (`ros2 param set`) and are checked together. "
     "Names are the same in `--set`, `--config` and `config/graph.yaml`."
 )
 LIFE = (
-    "A managed node: `live.autostart` (the default) configures and activates it at the start, else a lifecycle manager or `ros2 lifecycle set` does. "
-    "What it loads is loaded when it is configured; a failure leaves it unconfigured, is said in the diagnostics (level ERROR) and can be mended by "
-    "setting the parameter right and configuring again. Inactive, it hears nothing and refuses its services."
+    "A managed node. With `live.autostart` (the default) it configures and activates itself at the start; otherwise a lifecycle manager or `ros2 lifecycle set` does. "
+    "It loads its files when it is configured. A failure leaves it unconfigured and appears in the diagnostics (level ERROR); correct the parameter "
+    "and configure again. While inactive it has no subscriptions and refuses its services."
 )
 MADE = "<!-- Made by scripts/make_docs.py; a test holds it up to date. -->"
 
@@ -45,14 +45,14 @@ def node_page(name: str) -> str:
     module, text = import_module(NODES[name]), text_of(name)
     room = DONE[name].partition("/")[0]
     rows = [Topic(f"`{room}/{topic}`", _type(kind), text.outputs.get(topic, "")) for topic, kind in module.OUTPUTS.items()]
-    rows.append(Topic(f"`{room}/done`", "sensor_msgs/TimeReference", "what became of each frame: `kept`, or the reason why it was skipped"))
+    rows.append(Topic(f"`{room}/done`", "sensor_msgs/TimeReference", "result of each frame: `kept`, or the reason why it was skipped"))
     managed = "ManagedNode[" in inspect.getsource(module)
     when = "while the node is unconfigured" if managed else "at the start only"
     parts = [
-        f"# Node `{name}`", MADE, text.about,
+        f"# Node `{name}`", MADE, f"{text.about} Terms: [glossary](../glossary.md).",
         "## Start", "\n".join(f"    {line}" for line in text.start),
         *(("## Life cycle", LIFE) if managed else ()),
-        "## Heard", _topics(INPUTS.get(name, [])),
+        "## Subscribed", _topics(INPUTS.get(name, [])),
         "## Published", _topics(rows),
         "## Services", _services(module),
         "## Diagnostics", _diagnostics(text, managed=managed),
@@ -64,9 +64,9 @@ def node_page(name: str) -> str:
 
 def text_of(name: str) -> NodeText:
     """A node's prose; one that has none here is described by its module's docstring."""
-    said = (import_module(NODES[name]).__doc__ or "").partition(":")[2].strip() or name
+    text = (import_module(NODES[name]).__doc__ or "").partition(":")[2].strip() or name
     return NODE_TEXTS.get(name) or NodeText(
-        said.rstrip("."), said, (f"toftwin node {name}", f"ros2 run toftwin {name}"), {}, (), "its input is wanting"
+        text.rstrip("."), text, (f"toftwin node {name}", f"ros2 run toftwin {name}"), {}, (), "its input is missing"
     )
 
 
@@ -79,14 +79,14 @@ def _topics(rows: list[Topic]) -> str:
 
 
 SERVICES = {
-    "reset": "forget what was accumulated",
-    "capture": "end the dwell: what was accumulated is a view, the next frame begins another",
-    "flush": "give out every frame that waits, as at the end of a bag",
-    "capture_reference": "what is seen now is how it should be: the first picture, against which later ones are held",
-    "propose": "register the last dwell and publish the correction; the answer is false with its reason when nothing is proposed",
-    "judge": "judge every part from the last `live.views` dwells, now",
-    "start_recording": "begin a bag in the folder `live.record`",
-    "stop_recording": "finish it",
+    "reset": "discard what was accumulated",
+    "capture": "end the dwell: the accumulated captures are a view, and the next frame begins another",
+    "flush": "publish every frame that is waiting, as at the end of a bag",
+    "capture_reference": "store the last dwell as the reference, with which later views are compared",
+    "propose": "register the last dwell and publish the correction; the answer is false, with the reason, if nothing is proposed",
+    "judge": "decide on every part from the last `live.views` dwells",
+    "start_recording": "begin to record a bag in the folder `live.record`",
+    "stop_recording": "finish the bag",
 }
 
 
@@ -100,7 +100,7 @@ def services_of(module: Any) -> list[str]:
 def _services(module: Any) -> str:
     rows = [f"| `~/{name}` | {SERVICES[name]} |" for name in services_of(module)]
     return "\n".join(
-        ["All are `std_srvs/Trigger`; the answer's message says what was done, or why not.", "", "| service | what |", "|---|---|", *rows]
+        ["All are `std_srvs/Trigger`; the message of the answer reports what was done, or why not.", "", "| service | what |", "|---|---|", *rows]
     )
 
 
@@ -144,20 +144,20 @@ def _cell(text: str) -> str:
 
 
 def nodes_index() -> str:
-    """The nodes, and the quality of service of what they hear and publish."""
+    """The nodes, and the quality of service of their subscriptions and publishers."""
     listed = "\n".join(f"- [`{name}`]({name}.md): {text_of(name).short}" for name in NODES)
     text = (
-        "A reliable subscription cannot hear a best-effort publisher, a transient-local one no volatile publisher. When such a peer appears, the node logs "
-        "topic, policy, peer and remedy, and repeats it in its diagnostics while the peer is there. `toftwin doctor --live` shows "
-        "what each publisher offers and which policy is in the way. Every profile can be overridden by `qos_overrides.TOPIC.*` parameters."
+        "A reliable subscription receives nothing from a best-effort publisher, a transient-local one nothing from a volatile publisher. When such a peer appears, the node logs "
+        "topic, policy, peer and remedy, and repeats them in its diagnostics while the peer exists. `toftwin doctor --live` shows "
+        "what each publisher offers and which policy does not match. Every profile can be overridden by `qos_overrides.TOPIC.*` parameters."
     )
     reach = (
-        "`ros2 run` and `ros2 launch` start nodes that reach as far as every ROS node does. `toftwin node` keeps to this host unless one of `ROS_AUTOMATIC_DISCOVERY_RANGE`, "
-        "`ROS_LOCALHOST_ONLY`, `ROS_STATIC_PEERS`, `ROS_DISCOVERY_SERVER`, `CYCLONEDDS_URI` or `ZENOH_SESSION_CONFIG_URI` is set; its first line says who is heard. A node says `active, hears ...` "
-        "once it has subscribed, and `toftwin node --auto` hears the only camera that is published, whatever its topics are called."
+        "Nodes started by `ros2 run` and `ros2 launch` have the discovery range of every ROS node. `toftwin node` keeps to this host unless one of `ROS_AUTOMATIC_DISCOVERY_RANGE`, "
+        "`ROS_LOCALHOST_ONLY`, `ROS_STATIC_PEERS`, `ROS_DISCOVERY_SERVER`, `CYCLONEDDS_URI` or `ZENOH_SESSION_CONFIG_URI` is set; its first line names the range. A node logs `active, hears ...` "
+        "once it has subscribed. `toftwin node --auto` subscribes to the only camera that is published, whatever the names of its topics."
     )
-    faults = "What goes wrong on a robot, what the nodes make of it, and the tests that hold it: [pains and faults](../pains.md)."
-    return f"# Nodes\n\n{MADE}\n\n{listed}\n\n{faults}\n\n## Who is heard\n\n{reach}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
+    faults = "Faults of a robot, how the nodes handle them, and the tests: [pains and faults](../pains.md). Terms: [glossary](../glossary.md)."
+    return f"# Nodes\n\n{MADE}\n\n{listed}\n\n{faults}\n\n## Discovery range\n\n{reach}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
 
 
 def qos_table() -> str:
@@ -165,11 +165,11 @@ def qos_table() -> str:
     from tof_ros import qos
 
     kinds = {
-        "sensors, heard (`live.reliable: false`, the default)": qos.sensor(depth=32),
-        "sensors, heard (`live.reliable: true`)": qos.sensor(reliable=True, depth=32),
-        "`/tf`, heard": qos.TF,
-        "`/tf_static`, heard": qos.TF_STATIC,
-        "results and `/diagnostics`, published; `preproc/*` as other nodes hear it": qos.OUTPUT,
+        "sensors, subscribed (`live.reliable: false`, the default)": qos.sensor(depth=32),
+        "sensors, subscribed (`live.reliable: true`)": qos.sensor(reliable=True, depth=32),
+        "`/tf`, subscribed": qos.TF,
+        "`/tf_static`, subscribed": qos.TF_STATIC,
+        "results and `/diagnostics`, published; `preproc/*`, subscribed by other nodes": qos.OUTPUT,
     }
     lines = [
         f"| {kind} | {p.reliability.name.lower()} | {p.durability.name.lower()} | {p.history.name.lower()} {p.depth} |"
@@ -181,9 +181,9 @@ def qos_table() -> str:
 def commands_page() -> str:
     """Every command with its flags, from the parsers."""
     about = (
-        "Exit codes: 0 done, 1 the data says no (with its reason), 2 the call was wrong. An error is one line: what, where, what to do; "
-        "`--debug` shows its traceback. `--settings` prints every number that a command uses; `--config` and `--set` change them. `doctor` has no such numbers; "
-        "those of `node` are ROS parameters: `--list-params` prints them, `--params-file` and `--param` change them."
+        "Exit codes: 0 done, 1 the data do not support a result (with the reason), 2 the call was wrong. An error is one line: what, where, what to do; "
+        "`--debug` shows its traceback. `--settings` prints every number that a command uses; `--config` and `--set` change them. `doctor` has no such numbers. "
+        "The numbers of `node` are ROS parameters: `--list-params` prints them, `--params-file` and `--param` change them. Terms: [glossary](glossary.md)."
     )
     return "\n\n".join(["# Commands", MADE, about, *(part for name in command_names() for part in command_parts(name))]) + "\n"
 
@@ -194,7 +194,7 @@ def command_parts(name: str) -> Iterator[str]:
     yield f"## `toftwin {command.NAME}`"
     yield command.HELP[0].upper() + command.HELP[1:] + "."
     yield "\n".join(f"    {line.strip()}" for line in command.EXAMPLE.splitlines())
-    rows = [row for group in subparser(name)._action_groups for row in _rows(group, name)]  # noqa: SLF001  (argparse tells it nowhere else)
+    rows = [row for group in subparser(name)._action_groups for row in _rows(group, name)]  # noqa: SLF001  (argparse has no public access to it)
     yield "\n".join(["| argument | what |", "|---|---|", *rows])
 
 
@@ -211,7 +211,7 @@ COMMON = {"help", "debug", "quiet"}
 
 def _rows(group: Any, command: str) -> Iterator[str]:
     if group.title == "the bag" and command != "doctor":
-        yield "| `--depth-topic`, ... `--initial-pose` | what the bag's topics, frames and units are: [as for `doctor`](#toftwin-doctor) |"
+        yield "| `--depth-topic`, ... `--initial-pose` | topics, frames and units of the bag: [as for `doctor`](#toftwin-doctor) |"
         return
     for action in group._group_actions:  # noqa: SLF001
         if action.dest not in COMMON:

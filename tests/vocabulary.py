@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The effects of DESIGN.md by name: what simulator, sensor model and diagnosis must all know."""
+"""The effects of docs/effects.md by name: simulator, sensor model and diagnosis must know all of them."""
 
 EFFECT_NAMES = {
     "multipath",

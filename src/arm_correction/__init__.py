@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The corrective hand pose that makes the next view the reference view again, or a refusal."""
+"""The corrective hand pose that makes the next view equal to the reference view, or a refusal."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Against the CAD instead of a first picture: sensor bias does not cancel, but nothing has to be remembered."""
+"""Registration to the CAD instead of a reference view: the sensor's bias does not cancel, but no reference is needed."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 def register_to_cad(
     view: View, caster: Raycaster, T_cell_wanted: Float, T_cell_believed: Float, *, base_mm: float = 50.0, base_deg: float = 2.0
 ) -> Registration:
-    """Where the camera is in the frame of where it should be, by aligning the view to the CAD.
+    """Camera pose in the frame of the wanted camera pose, by aligning the view to the CAD.
 
     Args:
         view: depth.
         caster: the CAD.
-        T_cell_wanted: (4, 4) the pose the camera should have (of the reference by CAD, or taught).
+        T_cell_wanted: (4, 4) the wanted pose of the camera (of the reference by CAD, or taught).
         T_cell_believed: (4, 4) the robot's own pose.
         base_mm: one standard deviation of that pose per axis.
-        base_deg: the same of its turn.
+        base_deg: the same of its rotation.
     """
     config = AlignConfig()
     config = replace(config, weights=replace(config.weights, pixels=4000))
@@ -58,6 +58,6 @@ def register_to_cad(
 
 
 def _in_camera(null: Float, T_cell_camera: Float) -> Float:
-    """Open directions (k, 6) with the cell's axes in those of the camera (same point: the camera)."""
+    """Undetermined directions (k, 6), from the cell's axes to the camera's axes (about the camera's origin)."""
     R = T_cell_camera[:3, :3]
     return np.concatenate([null[:, :3] @ R, null[:, 3:] @ R], axis=1) if len(null) else np.zeros((0, 6))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a registration to a proposal: where the hand should go, how sure that is, and when nothing is proposed."""
+"""From a registration to a proposal: target of the hand, its covariance, and the reasons for a refusal."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Correction:
-    """A proposal, never an order.
+    """A proposal. It never moves the robot.
 
     T_frame_hand (4, 4): where the hand should go, in `frame` (the body by default); delta (4, 4): the motion of the hand in its
-    own axes; cov (6, 6) of the target with fixed axes of `frame`; unknown: what is not known and therefore not moved.
-    When refused, the target is where the hand is.
+    own axes; cov (6, 6) of the target with fixed axes of `frame`; unknown: undetermined directions, along which nothing moves.
+    If refused, the target is the present pose of the hand.
     """
 
     T_frame_hand: Float
@@ -38,7 +38,7 @@ class Correction:
 
     @property
     def step(self) -> tuple[float, float]:
-        """How far the hand is to move: millimetres and degrees."""
+        """Proposed motion of the hand: millimetres and degrees."""
         metres, degrees = se3.distance(np.eye(4), self.delta)
         return 1e3 * metres, degrees
 
@@ -59,7 +59,7 @@ class Correction:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What may have changed since the view: its age in seconds, and the robot's pose by now (None: not asked)."""
+    """State at the time of the proposal: age of the view in seconds, and the robot's present pose (None: not requested)."""
 
     age_s: float = 0.0
     robot: RobotPose | None = None
@@ -78,18 +78,18 @@ def propose(
 ) -> Correction:
     """Turn `T_reference_now` into a target of the hand.
 
-    The camera must move by its inverse in its own axes: `T_body_camera inv(T_reference_now)`. What the hand-eye of TF has wrong
-    enters only by the commutator with that motion, so that it vanishes as the loop closes.
+    The camera must move by the inverse of `T_reference_now` in its own axes: `T_body_camera inv(T_reference_now)`. A hand-eye
+    error of TF enters only through its commutator with that motion, so that it vanishes as the loop converges.
 
     Args:
         found: the registration.
-        robot: where the robot believed to be when it looked.
+        robot: the robot's own pose at the view's stamp.
         config: limits.
         T_hand_camera: (4, 4) hand-eye by TF (default: the camera is the hand).
         T_frame_body: (4, 4) body in the frame that the target is wanted in (default: the body itself).
         frame: the name of that frame.
         earlier: another dwell's registration of the same pose, which must agree.
-        moment: age of the view and where the robot is now.
+        moment: age of the view and present pose of the robot.
     """
     hand = np.eye(4) if T_hand_camera is None else T_hand_camera
     base = np.eye(4) if T_frame_body is None else T_frame_body
@@ -105,8 +105,8 @@ def propose(
         return Correction(
             T_hand, np.eye(4), cov, accepted=False, reason=reason, unknown=found.unknown.names, frame=frame, by=found.by, facts=facts
         )
-    said = "ok" if not found.unknown.names else "not moved along what is not known: " + "; ".join(found.unknown.names)
-    return Correction(target, delta, cov, accepted=True, reason=said, unknown=found.unknown.names, frame=frame, by=found.by, facts=facts)
+    reason = "ok" if not found.unknown.names else "no motion along undetermined directions: " + "; ".join(found.unknown.names)
+    return Correction(target, delta, cov, accepted=True, reason=reason, unknown=found.unknown.names, frame=frame, by=found.by, facts=facts)
 
 
 def _refusal(
@@ -144,7 +144,7 @@ def _moved(then: RobotPose, now: RobotPose, limits: LimitConfig) -> str:
 
 
 def _disagreement(one: Registration, two: Registration, limits: LimitConfig) -> str:
-    """Whether two dwells of one pose say different things: beyond their own sigmas, and by more than matters."""
+    """Why two dwells of one pose disagree: beyond their sigmas and beyond the limits; empty if they agree."""
     if not two.accepted:
         return f"two dwells disagree: the other one was refused ({two.reason})"
     xi = se3.log(se3.inverse(one.T_reference_now) @ two.T_reference_now)

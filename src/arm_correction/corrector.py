@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reference and CAD made ready: the last dwells in, proposals out, one command at a time."""
+"""Proposals from the last dwells, against a prepared reference and CAD; one command at a time."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Corrector:
-    """What a node holds: `capture` or `use` a first picture, then `propose`. A command that comes while another runs is refused."""
+    """State of the node: `capture` or `use` a reference, then `propose`. A command that arrives while another runs is refused."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class Corrector:
         caster: Raycaster | None = None,
         reference: Reference | None = None,
     ) -> None:
-        """`caster` corrects to the CAD, `reference` to a first picture; both may come, `reference` may come later."""
+        """`caster` allows corrections to the CAD, `reference` corrections to a stored view. Both may be given; `reference` also later."""
         self.config, self._align, self._caster = config or CorrectConfig(), align or AlignConfig(), caster
         self._busy = Lock()
         self._first: First | None = None
@@ -50,7 +50,7 @@ class Corrector:
 
     @property
     def reference(self) -> Reference | None:
-        """The first picture, if there is one."""
+        """The reference, if there is one."""
         return self._first.reference if self._first else None
 
     @property
@@ -59,14 +59,14 @@ class Corrector:
         return self._caster.scene.digest if self._caster else ""
 
     def capture(self, view: View, region: Mask | None = None) -> Reference:
-        """Keep a view as the first picture; with CAD also where the CAD says that it was taken."""
+        """Store a view as the reference; with CAD also its pose by the CAD."""
         with self._alone():
             return self._keep(
                 capture_reference(view, self.config.weights, region=region, scene=self.scene, T_cell_camera=self._by_cad(view))
             )
 
     def use(self, reference: Reference) -> None:
-        """Take a first picture from elsewhere; one of another scene is refused."""
+        """Use an existing reference; one of another scene is refused."""
         reference.check_scene(self.scene)
         with self._alone():
             self._keep(reference)
@@ -74,12 +74,12 @@ class Corrector:
     def propose(
         self, views: Sequence[View], frames: Frames | None = None, now: Callable[[], Moment] | None = None
     ) -> dict[str, Correction]:
-        """Where the hand should go, by what the last view was registered to: `reference` first where there is one, then `cad`.
+        """Target of the hand for each registration of the last view: `reference` first where there is one, then `cad`.
 
         Args:
             views: the last dwells in order of time; the one before the last must agree where the robot had not moved between.
             frames: hand-eye and the frame of the target.
-            now: tells how old the view is and where the robot stands; asked when the registration is done, which may take a second.
+            now: returns the age of the view and the robot's pose; called after the registration, which may take a second.
 
         Raises:
             RefusedError: busy; neither a reference nor CAD; a view of another camera, or an empty one; no robot pose.
@@ -89,7 +89,7 @@ class Corrector:
             if view.robot is None:
                 raise RefusedError("the view has no robot pose", where="correction", todo="publish TF from the cell to the camera")
             if self._first is None and self._caster is None:
-                raise RefusedError("there is no first picture and no scene", where="correction", todo="capture a reference first")
+                raise RefusedError("there is no reference and no scene", where="correction", todo="capture a reference first")
             out: dict[str, Correction] = {}
             if self._first is not None:
                 out["reference"] = self._to_reference(self._first, views, view.robot, frames, now)
@@ -140,7 +140,7 @@ class Corrector:
 
 
 def twin_of(views: Sequence[View], limits: LimitConfig) -> View | None:
-    """The dwell before the last one, if the robot had not moved between them: a base that drove away and came back has."""
+    """The dwell before the last one, if the robot had not moved between them (a base that drove away and came back has moved)."""
     if len(views) < 2 or views[-2].station != views[-1].station or views[-2].robot is None or views[-1].robot is None:
         return None
     metres, degrees = se3.distance(views[-2].robot.T_cell_camera, views[-1].robot.T_cell_camera)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The first picture made ready to be returned to: its surface, and the CAD around it where there is one."""
+"""A prepared reference: its surface, and the CAD around it where there is one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class First:
-    """A reference, its surface, and what the CAD shows beyond its rim (None without CAD, or where that does not know its pose)."""
+    """A reference, its surface, and the CAD beyond its image border (None without CAD, or without a pose by CAD)."""
 
     reference: Reference
     surface: Surface
@@ -28,10 +28,10 @@ class First:
 
     @classmethod
     def of(cls, reference: Reference, config: CorrectConfig, caster: Raycaster | None = None) -> First:
-        """Make it ready; once per reference."""
+        """Prepare a reference; once per reference."""
         return cls(reference, reference_surface(reference, config), wide_surface(caster, reference, config) if caster else None)
 
     def register(self, view: View, config: CorrectConfig) -> Registration:
-        """Where the view's camera is in the reference's camera frame; a view of another camera or size is refused."""
+        """Pose of the view's camera in the reference's camera frame; a view of another camera or size is refused."""
         self.reference.check(view)
         return register_view(self.reference, self.surface, view, config, self.wide)

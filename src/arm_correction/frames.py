@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which frames a correction speaks of: the hand that is commanded, and the frame that its target is wanted in."""
+"""Frames of a correction: the hand that is commanded, and the frame of its target."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def frames_of(chain: RobotChain, camera: str, stamp_ns: int, hand: str = "", fra
         chain: TF between cell and camera.
         camera: frame of the depth image.
         stamp_ns: the view's.
-        hand: what is commanded (default: `hand` or `*/hand`; the camera itself where TF has none).
+        hand: the commanded frame (default: `hand` or `*/hand`; the camera itself where TF has none).
         frame: of the target (default: the body).
 
     Raises:

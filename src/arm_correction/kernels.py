@@ -19,8 +19,9 @@ def misfits(
     """(m,) mean of min(|dz| - slack, limit) of points (n, 3) under motions (m, 4, 4), against depth (H, W).
 
     slack (n,) is what noise may do; inf where fewer than a share `least` of the points meet a depth.
-    A point that leaves the picture or meets no depth there says nothing: it counts `neutral`; so does one that lies far behind what
-    was seen, which hid it then (one in front of it would have been seen: it counts in full). Also the share (m,) of the silent.
+    A point that leaves the image or meets no depth is no evidence and counts `neutral`. So does a point far behind the
+    reference's surface, since it was hidden (a point in front of it would have been visible and counts in full). Also returns the
+    share (m,) of neutral points.
     """
     h, w = depth.shape
     out, silent = np.empty(len(motions)), np.empty(len(motions))

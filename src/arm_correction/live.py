@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What only a running `correct` has: its parameters, and the rules of the driver that may be told to move."""
+"""Parameters of the running node `correct`, and the rules of the arm driver that it may command."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
     from arm_correction.frames import Frames
 
 DRIVER_FRAMES = ("body", "odom", "vision")
-"""What spot_ros2 hands to the robot unchanged: these names, without the robot's prefix."""
+"""Frames that spot_ros2 passes to the robot unchanged: these names, without the robot's prefix."""
 DRIVER_HAND = "hand"
 """The frame that the driver moves."""
 
 
 @dataclass(frozen=True, slots=True)
 class LiveConfig(ColourViewOptions):
-    """What only a running node has."""
+    """Parameters that only the running node has."""
 
     reference: str = param(
-        "", "file of the first picture: read where it is there, written by ~/capture_reference; empty keeps it in memory"
+        "", "file of the reference: read if it exists, written by ~/capture_reference; empty keeps the reference in memory"
     )
     frame: str = param("", "TF frame in which targets are given; empty: the body")
-    hand_frame: str = param("", "TF frame that the arm is commanded by; empty: 'hand', else the camera itself")
-    connect: str = param("", "topic that accepted proposals are sent to, such as arm_pose_commands: then the arm moves; empty: nowhere")
+    hand_frame: str = param("", "TF frame that the arm moves to the target; empty: 'hand', else the camera itself")
+    connect: str = param("", "topic to which accepted proposals are sent, such as arm_pose_commands: the arm then moves; empty: none")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ def driver_frame(frames: Frames) -> str:
     """The frame's name as spot_ros2's `arm_pose_commands` wants it: no prefix, one that the robot knows, for the hand.
 
     Raises:
-        RefusedError: the driver would move something else, or read the target in another frame.
+        RefusedError: the driver would move another frame, or read the target in another frame.
     """
     frame, hand = (name.rpartition("/")[2] for name in (frames.frame, frames.hand))
     if frame not in DRIVER_FRAMES:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a reference and a view to a matcher; lens distortion is taken out of the reference once."""
+"""From a reference and a view to a matcher; lens distortion is removed from the reference once."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ def make_matcher(surface: Surface, view: View, config: CorrectConfig) -> Matcher
 
 
 def register_view(reference: Reference, surface: Surface, view: View, config: CorrectConfig, wide: Surface | None = None) -> Registration:
-    """Where the view's camera is in the reference's camera frame.
+    """Pose of the view's camera in the reference's camera frame.
 
-    The robot's own poses are the first guess; the arm's chain alone is another start, for where localisation jumped.
-    Where the reference does not tell it, `wide` (the CAD seen from the same place, see `wide_surface`) is asked, and the reference again
-    from what that says; where the two pictures share too little, the answer stays one by the CAD.
+    The robot's own poses are the first guess. The arm's chain alone is another start, for the case that localisation jumped.
+    If the reference does not determine the pose, the view is registered to `wide` (the CAD from the same pose, see
+    `wide_surface`) and then again to the reference from there. If the two images overlap too little, the result by the CAD stands.
     """
     if view.robot is None:
         raise RefusedError("the view has no robot pose", where="correction", todo="record TF with the images")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `correct`: on request, where the hand must go so that the next picture is the first picture again."""
+"""The node `correct`: on request, the pose of the hand at which the next view equals the reference view."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         self.service("propose", self._propose, slow=True)
 
     def load(self) -> None:
-        """Read the scene and the first picture, where there are such."""
+        """Read the scene and the reference, where they exist."""
         live, config = self.config.live, self.config
         self._scene = open_scene(live.scene) if live.scene else None
         caster = Raycaster(self._scene) if self._scene else None
@@ -72,13 +72,13 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         self.at_stop.append(self._disarm)
 
     def _disarm(self) -> None:
-        """Command no more."""
+        """Stop sending commands."""
         arm, self._arm = self._arm, None
         if arm is not None:
             self.destroy_publisher(arm)
 
     def unload(self) -> None:
-        """Let go of scene and first picture."""
+        """Release scene and reference."""
         del self._corrector, self._scene
 
     def retune(self, config: CorrectNodeConfig) -> None:
@@ -86,19 +86,19 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         self._corrector.config = config.correct
 
     def reset(self) -> str:
-        """Forget the dwells; the first picture is kept."""
+        """Discard the dwells; the reference is kept."""
         self._dwells.clear()
         self._feed.reset()
-        return "the dwells are forgotten, the first picture is kept"
+        return "the dwells are discarded, the reference is kept"
 
     def _capture(self) -> str:
-        """The last dwell becomes the first picture."""
+        """Store the last dwell as the reference."""
         reference = self._corrector.capture(self._dwells.all()[-1])
         path = self.config.live.reference
-        return f"the first picture is of {reference.stamp_ns}" + (f", kept in {save_reference(reference, path)}" if path else "")
+        return f"the reference is of {reference.stamp_ns}" + (f", kept in {save_reference(reference, path)}" if path else "")
 
     def _propose(self) -> str:
-        """Register the last dwell, publish what follows, and send it to the arm where that is wanted."""
+        """Register the last dwell, publish the correction, and send it to the arm if `live.connect` names a topic."""
         views, live = self._dwells.all(), self.config.live
         view = views[-1]
         frames = frames_of(self._chain, view.camera.frame_id, view.stamp_ns, live.hand_frame, live.frame)
@@ -126,11 +126,11 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         return Moment(age_s, self._pose_now(view))
 
     def _pose_now(self, view: View) -> RobotPose:
-        """Where TF has the robot now; where it cannot tell, nothing is proposed."""
+        """The robot's present pose by TF; without it nothing is proposed."""
         try:
             return self._chain.latest(view.camera.frame_id)
         except TransformError as error:
-            raise RefusedError(f"whether the robot moved meanwhile is not known: {error}", where="correction") from error
+            raise RefusedError(f"it is not known whether the robot has moved since the view: {error}", where="correction") from error
 
     def _publish(self, view: View, made: Mapping[str, Correction], frames: Frames) -> None:
         chosen = next(iter(made.values()))
@@ -145,7 +145,7 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
             self._outputs["delta"].publish(messages.pose_stamped(chosen.delta, messages.header(view.stamp_ns, frames.hand)))
 
     def figures(self) -> Mapping[str, str]:
-        """What is corrected to, what was said last, how old TF is."""
+        """Reference or CAD, the last verdict, age of TF."""
         first, scene = self._corrector.reference, self._scene
         return {
             "reference": str(first.stamp_ns) if first else "",
@@ -156,9 +156,9 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         }
 
     def warnings(self) -> list[str]:
-        """Nothing to correct to."""
+        """Warn if there is neither a reference nor a scene."""
         lacking = self._corrector.reference is None and self._scene is None
-        return ["there is no first picture and no scene: call ~/capture_reference"] if lacking else []
+        return ["there is no reference and no scene: call ~/capture_reference"] if lacking else []
 
 
 def _text(value: Any) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The first picture, kept: depth, sigma, pose, colour, intrinsics, and the region that matters."""
+"""The stored reference view: depth, sigma, pose, colour, intrinsics, and the region of interest."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ SCHEMA = "toftwin.reference/1"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
-    """What the camera saw the first time.
+    """The reference view.
 
-    depth, sigma (H, W) metres, region (H, W) the pixels that matter; T_cell_body, T_body_camera (4, 4) as the robot believed
-    then; T_cell_camera (4, 4) by the CAD, or None; colour: the picture with its camera, or None; scene: digest of the CAD, "" for none.
+    depth, sigma (H, W) metres, region (H, W) the pixels of interest; T_cell_body, T_body_camera (4, 4) by TF at that
+    time; T_cell_camera (4, 4) by the CAD, or None; colour: the image with its camera, or None; scene: digest of the CAD, "" for none.
     """
 
     camera: Camera
@@ -62,7 +62,7 @@ class Reference:
         self.check_scene(scene)
 
     def check_scene(self, scene: str) -> None:
-        """Refuse another scene's CAD, by its digest; "" says nothing."""
+        """Refuse another scene's CAD, by its digest; "" fits any scene."""
         if scene and self.scene and scene != self.scene:
             raise RefusedError(
                 "the reference belongs to another scene (its CAD differs)", where="reference", todo="pass that scene, or capture it again"
@@ -76,7 +76,7 @@ def _padded(distortion: tuple[float, ...]) -> Float:
 def capture_reference(
     view: View, weights: WeightConfig, *, region: Mask | None = None, scene: str = "", T_cell_camera: Float | None = None
 ) -> Reference:
-    """Keep a view as the first picture; `region` (H, W) marks what matters (default: all)."""
+    """Store a view as the reference; `region` (H, W) marks the pixels of interest (default: all)."""
     if view.robot is None:
         raise RefusedError("the view has no robot pose", where="reference", todo="record TF with the images")
     mask = np.ones(view.depth.shape, bool) if region is None else region
@@ -106,7 +106,7 @@ def capture_reference(
 
 
 def save_reference(reference: Reference, path: Path | str) -> Path:
-    """Write `<path>.npz` (arrays) and `<path>.json` (what they are); returns the json."""
+    """Write `<path>.npz` (arrays) and `<path>.json` (description); returns the path of the JSON file."""
     path = Path(path).with_suffix("")
     path.parent.mkdir(parents=True, exist_ok=True)
     r = reference
@@ -129,7 +129,7 @@ def save_reference(reference: Reference, path: Path | str) -> Path:
 
 
 def load_reference(path: Path | str) -> Reference:
-    """Read what `save_reference` wrote; refuses what is damaged or of another schema."""
+    """Read a reference written by `save_reference`; damaged files and other schemas are refused."""
     path = Path(path).with_suffix("")
     try:
         out = _read(path)
@@ -140,7 +140,7 @@ def load_reference(path: Path | str) -> Reference:
     except Exception as error:  # whatever a damaged zip or JSON raises
         raise RefusedError(f"cannot be read ({type(error).__name__})", where=path, todo="capture the reference again") from error
     if not out.depth.shape == out.sigma.shape == out.region.shape == out.camera.shape:
-        raise RefusedError("its images have not the camera's size", where=path, todo="capture the reference again")
+        raise RefusedError("its images do not have the camera's size", where=path, todo="capture the reference again")
     return out
 
 

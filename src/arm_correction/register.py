@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One depth image to another: point to plane by projection, from near or from many starts; what stays unknown is said."""
+"""Registration of one depth image to another: point to plane by projection, from near or from many starts, with undetermined directions."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 COARSE_M = 0.04, 0.02
-"""While searching: a point that misses by more than the first says only that it misses; one that leaves the picture counts the second."""
+"""In the search: largest misfit of a point, and misfit of a point that leaves the image, metres."""
 FINE_M = 0.012, 0.0025
-"""The same to choose between answers."""
+"""The same for the choice between solutions."""
 SLIDES = (0.08, 20), (0.03, 3)
-"""How far, and in how many steps each way, is looked along the direction that is told least, and the next."""
+"""Reach, and steps each way, of the search along the least determined direction and the next one."""
 CLEAR = 0.9, 0.5
-"""Support and overlap beyond which the near step is the answer and nothing else is tried."""
+"""Support and overlap beyond which the near search is the result and nothing else is tried."""
 HIDDEN_M = 0.025
-"""A point so far behind the reference's surface was hidden by it: it neither agrees nor disagrees."""
+"""A point further behind the reference's surface was hidden by it: it neither agrees nor disagrees."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Registration:
-    """Where the camera is in the reference's camera frame.
+    """Pose of the camera in the reference's camera frame.
 
     T_reference_now (4, 4): of all motions that fit, the smallest; cov (6, 6) of its right perturbation, metres and radians;
-    unknown: directions the data leave open; accepted and reason; pixels both images see, overlap (their share of the view),
-    support (share of them that agree), rms in metres, misfit: what starts are compared by; far: whether many starts were needed;
-    by: what it was registered to, `reference` or `cad`.
+    unknown: undetermined directions; accepted and reason; pixels that both images see, overlap (their share of the view),
+    support (share of them that agree), rms in metres, misfit: the cost by which starts are compared; far: whether many starts were
+    needed; by: target of the registration, `reference` or `cad`.
     """
 
     T_reference_now: Float
@@ -60,7 +60,7 @@ class Registration:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matcher:
-    """A reference's surface and points (n, 3) of the view with their sigma (n,), ready to be matched."""
+    """A reference's surface, and points (n, 3) of the view with their sigma (n,)."""
 
     reference: Surface
     points: Float
@@ -78,18 +78,18 @@ class Matcher:
         return np.array([c.fx, c.fy, c.cx, c.cy])
 
     def against(self, reference: Surface) -> Matcher:
-        """The same view before another surface."""
+        """The same view against another surface."""
         return replace(self, reference=reference)
 
     def misfits(self, motions: Float, *, coarse: bool = False) -> Float:
-        """(m,) how badly motions (m, 4, 4) fit, metres."""
+        """(m,) misfit of motions (m, 4, 4), metres."""
         return self._misfits(motions, coarse=coarse)[0]
 
     def rivalry(self, winner: Float, motions: Float) -> float:
-        """How many times worse than `winner` (4, 4) the best other answer among motions (m, 4, 4) fits (inf for no other).
+        """Misfit of the best other solution among motions (m, 4, 4) over that of `winner` (4, 4); inf without another solution.
 
-        What the winner's points that meet nothing count is taken off both: it is the same for every answer and would
-        make any two look alike where the pictures share little.
+        The cost of the winner's neutral points is subtracted from both. It is the same for every solution, and where the
+        images overlap little it would make any two solutions look alike.
         """
         trust = self.config.trust
         apart = np.array([se3.distance(winner, T) for T in motions])
@@ -117,7 +117,7 @@ class Matcher:
         return e, J, sigma, ref.tilt.ravel()[pixel], points[at[:, 0]]
 
     def refine(self, T: Float, kernel: float, *, stride: int = 1, rounds: int = 20) -> Float:
-        """Gauss-Newton from T, the kernel narrowing as it goes."""
+        """Gauss-Newton from T with a kernel that narrows."""
         floor = 4e-3
         for _ in range(rounds):
             e, J, sigma, _, _ = self.linearise(T, stride)
@@ -138,16 +138,16 @@ class Matcher:
 
 
 def register(matcher: Matcher, T_guess: Float, others: Sequence[Float] = ()) -> Registration:
-    """Find `T_reference_now` from the robot's own guess, and from many starts around it where that ends badly.
+    """Find `T_reference_now` from the robot's own pose, and from many starts around it if that fails.
 
     Args:
         matcher: the two images.
-        T_guess: (4, 4) where the robot believes to be.
+        T_guess: (4, 4) the robot's own pose.
         others: more starts, for instance from features of the colour images.
     """
     rounds = matcher.config.register.rounds
     wide = matcher.refine(T_guess, matcher.config.register.far_kernel_mm * 1e-3 * 0.5, stride=3, rounds=rounds)
-    # A wide kernel may slide off along a pipe from where the guess was right already: the narrow one is asked beside it.
+    # A wide kernel may slide along a pipe away from a correct guess, so the narrow one is tried as well.
     near = np.array([matcher.refine(wide, 0.01, rounds=rounds), matcher.refine(T_guess, 0.01, rounds=rounds)])
     answer = _look_around(matcher, near)
     if answer.accepted and answer.unknown.rank == 6 and answer.support > CLEAR[0] and answer.overlap > CLEAR[1]:
@@ -156,14 +156,14 @@ def register(matcher: Matcher, T_guess: Float, others: Sequence[Float] = ()) -> 
 
 
 def settle(matcher: Matcher, T: Float) -> Registration:
-    """The near step from a start that is trusted already."""
+    """The near search from a trusted start."""
     return _look_around(matcher, matcher.refine(T, 0.02, rounds=matcher.config.register.rounds)[None])
 
 
 def _look_around(matcher: Matcher, answers: Float, *, far: bool = False) -> Registration:
-    """Whether something better lies a few centimetres beside the best of `answers` (k, 4, 4); all of them are its rivals.
+    """Search a few centimetres around the best of `answers` (k, 4, 4) for a better one; all of them are its rivals.
 
-    Where little tells slides apart, a descent can stop early.
+    Along a weakly determined direction a descent can stop early.
     """
     T = answers[np.argmin(matcher.misfits(answers))]
     starts = T @ spread_starts(256, 0.04, np.radians(2.0))
@@ -180,7 +180,7 @@ def _look_around(matcher: Matcher, answers: Float, *, far: bool = False) -> Regi
 
 
 def _slides(matcher: Matcher, T: Float) -> Float:
-    """(k, 4, 4) motions along the two directions that the surfaces tell least: along a pipe a flange is all that tells, and it is narrow."""
+    """(k, 4, 4) motions along the two least determined directions: along a pipe only a flange determines the pose, and it is narrow."""
     e, J, sigma, _, _ = matcher.linearise(T, 4)
     if len(e) < 30:
         return T[None]
@@ -192,7 +192,7 @@ def _slides(matcher: Matcher, T: Float) -> Float:
 
 
 def _search(matcher: Matcher, guesses: Sequence[Float], near: Float) -> Registration:
-    """Score many starts around the first guess, refine the best and the other guesses, compare the answers with `near` (k, 4, 4)."""
+    """Score many starts around the first guess, refine the best and the other guesses, and compare the results with `near` (k, 4, 4)."""
     c = matcher.config.register
     starts = guesses[0] @ spread_starts(c.tried, c.reach_mm * 1e-3, np.radians(c.reach_deg))
     best = starts[np.argsort(matcher.misfits(starts, coarse=True))[: c.kept]]
@@ -204,13 +204,13 @@ def _search(matcher: Matcher, guesses: Sequence[Float], near: Float) -> Registra
 
 
 def _within(T: Float, guess: Float, config: CorrectConfig) -> bool:
-    """Whether an answer lies where one was looked for, with some room."""
+    """Whether a solution lies in the searched region, with a margin."""
     metres, degrees = se3.distance(guess, T)
     return 1e3 * metres < 1.3 * config.register.reach_mm and degrees < 1.3 * config.register.reach_deg
 
 
 def _distinct(motions: Float, scores: Float, most: int = 8) -> list[int]:
-    """The best answers, each but once."""
+    """The best solutions without duplicates."""
     out: list[int] = []
     for i in np.argsort(scores):
         apart = [se3.distance(motions[i], motions[j]) for j in out]
@@ -222,7 +222,7 @@ def _distinct(motions: Float, scores: Float, most: int = 8) -> list[int]:
 
 
 def judge(matcher: Matcher, T: Float, misfit: float, *, far: bool, rivalry: float = np.inf) -> Registration:
-    """Covariance, open directions and verdict of an answer; along open directions it is moved back as far as it goes."""
+    """Covariance, undetermined directions and verdict of a solution. Along undetermined directions it is moved back to the smallest motion."""
     trust, limits = matcher.config.trust, matcher.config.register
     e, J, sigma, tilt, points = matcher.linearise(T)
     unknown, cov = Unknown.all_(), np.diag(np.repeat([1.0, 1.0], 3))
@@ -243,7 +243,7 @@ def judge(matcher: Matcher, T: Float, misfit: float, *, far: bool, rivalry: floa
     elif support < trust.min_support:
         reason = f"low support: {100 * support:.0f} % of {len(e)} pixels agree (at least {100 * trust.min_support:.0f} %)"
     elif unknown.rank == 0:
-        reason = "no direction is known"
+        reason = "no direction is determined"
     elif rivalry < trust.rival and unknown.rank == 6:
-        reason = f"ambiguous: another pose fits nearly as well ({rivalry:.2f} times as badly, at least {trust.rival:g})"
+        reason = f"ambiguous: another pose fits nearly as well (its misfit is {rivalry:.2f} times as large; at least {trust.rival:g} is required)"
     return Registration(moved, cov, unknown, not reason, reason or "ok", len(e), overlap, support, rms, misfit, far)

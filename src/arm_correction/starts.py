@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A fixed set of motions that fills a ball of slides times a ball of turns evenly."""
+"""A fixed set of motions that fills a ball of translations times a ball of rotations evenly."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A depth image as a surface: points, normals, how sure both are, and which pixels lie on no edge."""
+"""A depth image as a surface: points, normals, their uncertainties, and pixels away from edges."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """What a depth image tells of the surface, camera frame, all (H, W).
+    """The surface in a depth image, camera frame, all (H, W).
 
     depth metres, NaN invalid; normal (H, W, 3) unit, toward the camera; sigma metres along z;
     tilt: standard deviation of the normal, radians; usable: has a normal, on no edge, not grazing.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which motions two depth images do not determine: geometry against what noise of the normals pretends."""
+"""Motions that two depth images do not determine, corrected for the information that noise of the normals feigns."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 LEVER_M = 0.3
-"""One radian weighs like this many metres where directions mix."""
+"""Metres that are equivalent to one radian where directions mix."""
 SCALE = np.repeat([1.0, LEVER_M], 3)
 
 
@@ -30,7 +30,7 @@ class Unknown:
 
     @property
     def rank(self) -> int:
-        """How many of six directions are known."""
+        """Number of determined directions, of six."""
         return 6 - len(self.null)
 
     @classmethod
@@ -40,11 +40,11 @@ class Unknown:
 
 
 def unknown_directions(e: Float, J: Float, weight: Float, tilt: Float, points: Float, trust: TrustConfig) -> tuple[Unknown, Float]:
-    """Open directions and the covariance (6, 6) of a right perturbation.
+    """Undetermined directions and the covariance (6, 6) of a right perturbation.
 
-    Noisy normals make a plane look rough, and roughness looks like information about sliding along it. What they
-    pretend, sum w tilt^2 over the two directions across each normal, is taken off; a direction whose information
-    is to a share `chance` pretended is open, as is one that is known worse than asked.
+    Noisy normals make a plane look rough, and roughness looks like information about sliding along it. This false
+    information, the sum of w tilt^2 over the two directions across each normal, is subtracted. A direction is undetermined
+    if the share `chance` of its information is false, or if its sigma exceeds the limit.
 
     Args:
         e: (k,) residuals, metres.
@@ -63,8 +63,8 @@ def unknown_directions(e: Float, J: Float, weight: Float, tilt: Float, points: F
     chance = share > trust.chance
     real = H - pretended
     values, axes = np.linalg.eigh(0.5 * (real + real.T))
-    scatter = _inflation(e, weight)
-    std = np.sqrt(scatter / np.maximum(values, 1e-6 * size**2))
+    inflation = _inflation(e, weight)
+    std = np.sqrt(inflation / np.maximum(values, 1e-6 * size**2))
     wanted = np.where(
         np.linalg.norm(axes[:3], axis=0) > np.linalg.norm(axes[3:], axis=0), trust.known_mm * 1e-3, np.radians(trust.known_deg) * LEVER_M
     )
@@ -78,7 +78,7 @@ def unknown_directions(e: Float, J: Float, weight: Float, tilt: Float, points: F
 
 
 def _pretended(normal: Float, points: Float, weight: Float) -> Float:
-    """(6, 6) information that normals (k, 3) of the given weight times tilt^2 (k,) only pretend, scaled."""
+    """(6, 6) false information due to noise of the normals (k, 3), of the given weight times tilt^2 (k,); scaled."""
     across = np.cross(normal, np.where(np.abs(normal[:, :1]) < 0.7, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     out = np.zeros((6, 6))
@@ -89,7 +89,7 @@ def _pretended(normal: Float, points: Float, weight: Float) -> Float:
 
 
 def _inflation(e: Float, weight: Float, run: int = 12) -> float:
-    """By how much neighbours that err together widen the scatter; points are in raster order."""
+    """Factor by which the correlation of neighbouring residuals inflates the variance; points are in raster order."""
     white = np.sqrt(weight) * e
     whole = len(white) // run * run
     sums = white[:whole].reshape(-1, run).sum(axis=1)
@@ -105,7 +105,7 @@ def _span(directions: Float) -> Float:
 
 
 def smallest_motion(T: Float, null: Float, rounds: int = 10) -> Float:
-    """Of all motions T exp(open directions) the smallest one: nothing is moved along what nobody knows."""
+    """The smallest of all motions T exp(undetermined directions), so that nothing moves along an undetermined direction."""
     for _ in range(rounds):
         step = null.T @ (null @ (SCALE * se3.log(T))) / SCALE
         T = T @ se3.exp(-step)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The CAD as the first picture's camera would see it with a wider lens: what a start from far sees and the first picture did not."""
+"""The CAD rendered from the reference's pose with a wider field of view, for a start from far away."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 TRUST_MM = 1.0
-"""How far what is built may be from its CAD; it only brings the hand near."""
+"""Standard deviation of the real surface from its CAD; the CAD only serves to come near."""
 
 
 def wide_surface(caster: Raycaster, reference: Reference, config: CorrectConfig) -> Surface | None:
-    """The CAD from the first picture's pose, as wide and high again; None where that pose is not known by the CAD."""
+    """The CAD from the reference's pose, twice as wide and high; None without a pose by the CAD."""
     if reference.T_cell_camera is None:
         return None
     camera = widened(reference.camera)
@@ -32,6 +32,6 @@ def wide_surface(caster: Raycaster, reference: Reference, config: CorrectConfig)
 
 
 def widened(camera: Camera) -> Camera:
-    """The same pixels, half an image more on each side, no distortion."""
+    """The same camera with half an image more on each side, without distortion."""
     w, h = camera.width, camera.height
     return replace(camera, width=2 * w, height=2 * h, cx=camera.cx + w // 2, cy=camera.cy + h // 2, distortion=())

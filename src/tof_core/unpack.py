@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def unpack(data: bytes, compression: str, size: int) -> bytes:
-    """The content of a chunk that is said to hold `size` bytes; `zstd`, `lz4` or none.
+    """The content of a chunk whose header states `size` bytes; `zstd`, `lz4` or none.
 
     Raises:
         BagError: larger than any recorder writes, or than it says; another compression.

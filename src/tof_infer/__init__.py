@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The depth-repair network: training, export and ONNX inference."""
+"""The depth correction network: training, export and ONNX inference."""

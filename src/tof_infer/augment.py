@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""More frames of a labelled view: the label sent through a fitted sensor model (`sensor.yaml`), with fresh scatter each time."""
+"""Data augmentation: new frames of a labelled view from its label and a fitted sensor model (`sensor.yaml`), with new noise each time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Labelled:
-    """What effects read of a rendering (`tof_scene.render.Rendering`), as far as a label tells."""
+    """The fields of a rendering (`tof_scene.render.Rendering`) that effects read, as far as a label contains them."""
 
     camera: Camera
     T_cell_camera: Float
@@ -36,10 +36,10 @@ class Labelled:
 
 @dataclass(frozen=True, slots=True)
 class Redraw:
-    """Samples drawn anew: measured amplitude, label's depth, the model's bias and scatter.
+    """Simulated samples: measured amplitude, depth of the label, and the model's bias and noise.
 
-    Effects that need a CAD to cast rays against (multipath), or a second surface (flying pixels), add nothing here: they are
-    in the recorded frames.
+    Effects that need the CAD for ray casting (multipath) or a second surface (flying pixels) are not simulated; the recorded
+    frames contain them.
     """
 
     model: SensorModel
@@ -64,13 +64,13 @@ class Redraw:
         )
         drawn = self.model.apply(frame, rng)
         lost = rng.uniform(size=depth.shape) < drawn.missing
-        # pixels at edges keep what was measured: there the label alone does not say what the sensor saw
+        # pixels at edges keep the measured depth: a label alone does not determine a mixed pixel
         kept = ~(_smooth(sample.label) & sample.mask)
         return replace(sample, depth=np.where(kept, sample.depth, np.where(lost, np.nan, drawn.depth)).astype(np.float32))
 
     @property
     def _reference(self) -> float:
-        """The amplitude that the model's scatter is stated at: what a sample without any is taken to have."""
+        """The reference amplitude of the photon law, used for samples without amplitude."""
         return next((e.reference for e in self.model.effects if isinstance(e, PhotonLaw)), 1.0)
 
     def _labelled(self, sample: Sample, depth: Float) -> Labelled:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Samples made into batches of tensors: padded, mirrored, inputs hidden, frames drawn anew from the sensor model."""
+"""Batches of tensors from samples: padding, mirroring, hidden inputs, frames simulated by the sensor model."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Batcher:
         self.ray[2][self.ray[2] == 0] = 1.0
 
     def epoch(self, epoch: int) -> Iterator[tuple[dict[str, Tensor], dict[str, Tensor]]]:
-        """Training batches of one pass: order and augmentation hang on seed and epoch alone, so that a resumed run is the same run."""
+        """Training batches of one pass. Order and augmentation depend on seed and epoch alone, so that a resumed run equals an uninterrupted one."""
         rng = np.random.default_rng([self.config.seed, epoch])
         order = rng.permutation(len(self.samples))
         for start in range(0, len(order), self.config.batch):
@@ -83,7 +83,7 @@ class Batcher:
 
 
 def _mirror(images: dict[str, Tensor], target: dict[str, Tensor], rng: np.random.Generator) -> None:
-    """Left and right, above and below; the rays' own component changes its sign."""
+    """Mirror images left to right and top to bottom; the x or y component of the rays changes sign."""
     for axis, component in ((3, 0), (2, 1)):
         if rng.uniform() < 0.5:
             for group in (images, target):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a network is: its contract, camera, data and figures; in the ONNX file's metadata and, to read, as JSON beside it."""
+"""The card of a network: inputs and outputs, camera, training data and figures. It is in the ONNX metadata and, as JSON, beside the file."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ SCHEMA = "toftwin.model/1"
 KEY = "toftwin.card"
 """Key of the card in the ONNX metadata."""
 OUTPUTS = ["depth_out", "sigma", "own"]
-"""Names of the ONNX outputs; the last one is there where a whole frame tells of sigma."""
+"""Names of the ONNX outputs; `own` exists only where a frame-level sigma correction was trained (`tof_infer.doubt`)."""
 SAME_FOCAL, SAME_MIDDLE = 0.02, 0.02
 """Relative difference of focal lengths, and of principal points in image widths, within which a camera is the same."""
 
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """The contract and the story of one network.
+    """Contract and provenance of one network.
 
     inputs: names of the ONNX inputs, in order: `depth`, `amplitude`, `incidence`, `material` (1, 1, H, W), NaN where there is nothing;
     `ray` (1, 3, H, W) unit directions; `temperature` (1,). H and W are multiples of `multiple`, padded with NaN (rays with anything but
-    0 in z) below and to the right. Outputs `depth_out` and `sigma` (1, 1, H, W), metres, and perhaps `own`: sigma as the pixel's own
-    surroundings tell it. Where that is above `max_sigma_m` nothing is known (what else the frame tells of sigma holds for the raw depth
-    too, and is no reason to keep it). range_m: depths it was trained on.
+    0 in z) below and to the right. Outputs are `depth_out` and `sigma` (1, 1, H, W), metres, and perhaps `own`: sigma from the
+    pixel's own surroundings, without the frame-level correction. Pixels whose `own` exceeds `max_sigma_m` keep the raw depth. The
+    frame-level correction does not count there: it is due to multipath, which the raw depth contains too. range_m: depths in training.
     """
 
     inputs: tuple[str, ...]
@@ -55,7 +55,7 @@ class Card:
         path.write_text(json.dumps(asdict(self), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
     def difference(self, camera: Camera) -> str:
-        """What makes another camera another one; empty if it is the one trained on."""
+        """How a camera differs from the one trained on; empty if it does not."""
         mine = self.camera
         if camera.shape != mine.shape:
             return f"it is {camera.width}x{camera.height}, the model's {mine.width}x{mine.height}"
@@ -75,7 +75,7 @@ def parse_card(text: str, where: object) -> Card:
     try:
         values = json.loads(text)
         if not isinstance(values, dict) or values.get("schema") != SCHEMA:
-            msg = f"its card has schema {values.get('schema')!r}, not '{SCHEMA}'" if isinstance(values, dict) else "its card is no table"
+            msg = f"its card has schema {values.get('schema')!r}, not '{SCHEMA}'" if isinstance(values, dict) else "its card is not a table"
             raise ModelError(msg, where=where, todo="train it again with this version of toftwin")
         camera = dict(values.pop("camera"))
         camera["distortion"] = tuple(camera["distortion"])

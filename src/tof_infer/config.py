@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is trained, on which inputs and how; and how a trained network is run."""
+"""Configuration of training (inputs, network, schedule) and of inference."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from tof_core.config import param, section
 from tof_core.errors import ConfigError
 
 SENSOR_INPUTS = ("depth", "amplitude", "ray", "temperature")
-"""What a camera alone gives."""
+"""Inputs that a camera alone provides."""
 CAD_INPUTS = ("incidence", "material")
-"""What only a pose and the CAD give: an option, since it leaks the geometry that is to be measured."""
+"""Inputs that need a pose and the CAD: optional, since they leak the geometry that is to be measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class NetConfig:
     """The U-Net."""
 
-    inputs: str = param(",".join(SENSOR_INPUTS), "what the network sees, joined by commas; incidence and material need a pose and the CAD")
+    inputs: str = param(",".join(SENSOR_INPUTS), "inputs of the network, joined by commas; incidence and material need a pose and the CAD")
     base: int = param(16, "channels of the finest level; each coarser level has twice as many, up to 4 times", low=4, high=128)
     levels: int = param(4, "levels of the U-Net, the coarsest included", low=2, high=6)
     unshuffle: int = param(2, "pixels along each side that the finest level takes as channels of one", low=1, high=4)
     waves_m: str = param(
         "1.5,0.75,0.375,0.1875", "periods of the range encoding, from which training starts; a wiggle's is c / 8 f", unit="m"
     )
-    residual: bool = param(True, "predict what to take off the raw depth; false predicts the depth itself")
+    residual: bool = param(True, "predict the correction of the raw depth; false predicts the depth itself")
 
     def __post_init__(self) -> None:
         """Refuse inputs that do not exist, and periods that are none."""
@@ -77,13 +77,13 @@ class TrainConfig:
     seed: int = param(0, "seed of the split, the weights and the order", low=0)
     drop: float = param(0.1, "share of training captures from which amplitude or temperature is hidden", low=0.0, high=1.0)
     flip: bool = param(True, "mirror training captures at random, rays with them")
-    simulated: float = param(0.5, "share of training captures drawn anew from the sensor model, where one is given", low=0.0, high=1.0)
-    val: float = param(0.2, "share of the views kept for validation, whole stations", low=0.01, high=0.5)
-    test: float = param(0.0, "share of the views kept out altogether, whole stations", low=0.0, high=0.5)
-    limit: int = param(0, "train on so many views only, spread evenly; 0 is all", low=0)
-    max_sigma_mm: float = param(
-        0.0, "above this the network does not know, and the raw value stays; 0: as validation tells", unit="mm", low=0.0, high=1000.0
+    simulated: float = param(
+        0.5, "share of training captures that are simulated by the sensor model, where one is given", low=0.0, high=1.0
     )
+    val: float = param(0.2, "share of the views kept for validation, whole stations", low=0.01, high=0.5)
+    test: float = param(0.0, "share of the views held out from training and validation, whole stations", low=0.0, high=0.5)
+    limit: int = param(0, "train on this many views only, spread evenly; 0 is all", low=0)
+    max_sigma_mm: float = param(0.0, "sigma above which the raw depth is kept; 0: chosen by validation", unit="mm", low=0.0, high=1000.0)
     threads: int = param(0, "threads of the CPU; 0 leaves it to PyTorch", low=0, high=256)
     device: str = param("auto", "where to train", choices=("auto", "cpu", "cuda"))
 
@@ -113,5 +113,7 @@ class InferConfig:
     model: str = param("default", "an .onnx file that `toftwin train` wrote, or `default` for the one in the package")
     device: str = param("cpu", "cpu; cuda; auto takes CUDA where it is there", choices=("cpu", "cuda", "auto"))
     threads: int = param(2, "threads of one frame on the CPU", low=1, high=256)
-    max_sigma_mm: float = param(0.0, "above this the raw value stays and is marked; 0 takes the card's", unit="mm", low=0.0, high=1000.0)
-    force: bool = param(False, "run a network on a camera or a range that it was not made for")
+    max_sigma_mm: float = param(
+        0.0, "sigma above which the raw depth is kept and the pixel marked; 0 takes the card's value", unit="mm", low=0.0, high=1000.0
+    )
+    force: bool = param(False, "run a network on another camera or range than it was trained for")

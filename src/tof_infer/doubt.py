@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a whole frame tells of sigma, learnt on scenes that the depth was not trained on.
+"""Frame-level correction of sigma, learnt on scenes that the depth network was not trained on.
 
-Errors beyond two sigma are not at edges. They lie on smooth surfaces that bright neighbours light (multipath), thousands of pixels
-at once and nearly all too far, and half of them in a tenth of the frames. The scale of a pixel does not know of it: it comes from near
-that pixel, and from scenes that the network remembers. How bright the frame is, how wide and how concave, does tell.
+Errors beyond two sigma are not at edges. They are multipath on smooth surfaces with bright neighbours: thousands of pixels at once,
+nearly all measured too far, and half of them in a tenth of the frames. The scale of a pixel does not contain this, since it is
+computed from the pixel's surroundings and trained on known scenes. Brightness, width and concavity of the whole frame predict it.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 CELL = 4
 """Blocks along each side of a cell."""
 LOWEST = -8.0
-"""Log of a scale in metres below which none matters."""
+"""Log of the smallest scale in metres; smaller ones are set to it."""
 STEPS, BATCH, RATE = 1200, 8, 3e-3
 STRIDE = 7
-"""Every so manieth pixel teaches."""
+"""Step between the pixels used for training."""
 LEVELS = ((0.0, 0.6827, 0.05), (math.log(2.0), 0.9545, 0.03))
 """Log of a multiple of sigma, the share of errors within it, and the tolerance of that share."""
 
 
 class Doubt(nn.Module):
-    """Cells of a frame to what is added to the log of their scale; each knows the frame's mean and its most."""
+    """From cells of a frame to an addend for the log of their scale; each cell also sees the frame's mean and maximum."""
 
     def __init__(self, channels: int, width: int = 16) -> None:
         super().__init__()
@@ -56,8 +56,8 @@ class Doubt(nn.Module):
         x = F.relu(self.see(cells)) * share
         mean = x.sum((2, 3), keepdim=True) / (share.sum((2, 3), keepdim=True) + 1e-6)
         x = F.relu(self.near(x) + self.frame(torch.cat([mean, x.amax((2, 3), keepdim=True)], 1)))
-        told: Tensor = self.tell(F.relu(self.join(x)))
-        return told
+        addend: Tensor = self.tell(F.relu(self.join(x)))
+        return addend
 
 
 def cells_of(fine: Tensor, smooth: Tensor, valid: Tensor, log: Tensor) -> tuple[Tensor, Tensor]:
@@ -126,8 +126,8 @@ def _lessons(net: RepairNet, batcher: Batcher, device: torch.device) -> list[Les
 
 
 def _loss(doubt: Doubt, lessons: Sequence[Lesson], limit: Tensor) -> Tensor:
-    told = doubt(torch.stack([x.cells for x in lessons]), torch.stack([x.share for x in lessons])).flatten(1)
-    beyond = torch.cat([x.error - x.scale - told[k, x.cell] for k, x in enumerate(lessons)])
+    addend = doubt(torch.stack([x.cells for x in lessons]), torch.stack([x.share for x in lessons])).flatten(1)
+    beyond = torch.cat([x.error - x.scale - addend[k, x.cell] for k, x in enumerate(lessons)])
     counts = (torch.cat([x.scale for x in lessons]) <= limit).float()
     losses = [torch.maximum(share * (beyond - far), (share - 1) * (beyond - far)) / tolerance for far, share, tolerance in LEVELS]
     return (sum(losses) * counts).sum() / counts.sum()

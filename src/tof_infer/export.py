@@ -27,7 +27,7 @@ OPSET = 18
 
 
 class Exported(nn.Module):
-    """The graph as it is run: images in by name, depth and sigma out (and `own`, with a doubt), NaN where the frame has no depth."""
+    """The exported graph: images in by name, depth and sigma out (and `own` with a `Doubt`), NaN where the frame has no depth."""
 
     def __init__(self, net: RepairNet, calibration: Calibration) -> None:
         super().__init__()
@@ -85,7 +85,7 @@ def export(net: RepairNet, calibration: Calibration, card: Card, path: Path) -> 
     free = {n: {2: "rows", 3: "columns"} for n in (*names, *outputs) if n != "temperature"}
     graph = io.BytesIO()
     with warnings.catch_warnings():
-        # The tracing exporter is called old; it takes a tenth of a second where the new one takes half a minute.
+        # The tracing exporter is deprecated, but takes a tenth of a second where the new one takes half a minute.
         warnings.simplefilter("ignore")
         torch.onnx.export(
             Exported(net, calibration),

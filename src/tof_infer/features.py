@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the network sees of a frame: raw images made into channels, inside the exported graph.
+"""Input features of the network: raw images to channels, computed inside the exported graph.
 
-Invalid is NaN (or anything that is no depth); each input is zero where it is not there and has a mask that says so.
+Invalid is NaN (or any value that is not a depth). An input is zero where it is absent, and a mask channel marks it.
 
 - *relief*: depth against its own neighbourhood (9 pixels, and 20 blocks), through asinh: millimetres of noise and metres of a step both keep
   their order. It carries surface shape, noise and edges and nothing of where the surface is, so it transfers between scenes.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames as the network takes them: unit rays, the padding contract, and the marks of a repaired frame."""
+"""Inputs and outputs of the network: unit rays, padding, and the marks of a corrected frame."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 
 class Mark(IntEnum):
-    """What became of a pixel."""
+    """Result of a pixel."""
 
     REPAIRED = 0
     RAW_KEPT = 1
-    """The network does not know: the raw value stands."""
+    """The network's sigma is too large: the raw depth is kept."""
     INVALID = 2
     """There was no depth."""
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the scale that the loss taught to a sigma that holds what it says: 68 % of errors within one, 95 % within two."""
+"""Calibration of sigma from the trained scale: 68 % of errors within one sigma, 95 % within two."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class Calibration:
 def calibrate(error: Float, log_scale: Float, own: Float | None = None) -> Calibration:
     """Fit on validation pixels (n,): the slope in bins of the scale, then the factor.
 
-    Errors have longer tails than the normal law, so no factor meets both shares; this one misses both by little, where the pixel's
-    own scale (the same, if not given) is small enough to count.
+    Errors have longer tails than a normal distribution, so no factor meets both shares; this one misses both by little. Only
+    pixels whose own scale (the same, if not given) is small enough to be used count.
     """
     order = np.argsort(log_scale)
-    bins = [b for b in np.array_split(order, BINS)[1:-1] if len(b) >= 20]  # the outermost are too wide
+    bins = [b for b in np.array_split(order, BINS)[1:-1] if len(b) >= 20]  # the outermost bins are too wide
     if not bins:
         return Calibration()
     e = np.abs(error)
@@ -55,10 +55,10 @@ def _best_shift(ratio: Float) -> float:
 
 
 def sigma_limit(error: Float, raw_error: Float, sigma: Float) -> float:
-    """Sigma in metres above which the network does not know.
+    """Sigma in metres above which the raw depth is kept.
 
-    The largest at which, of the pixels that are raw more than 20 mm off (flying ones), at most `LEFT_WRONG` stay given and more
-    than 10 mm off; but never so small that less than `KNOWN` of all pixels would be known.
+    It is the largest value at which, of the pixels whose raw error exceeds 20 mm (flying pixels), at most the share
+    `LEFT_WRONG` is corrected and still more than 10 mm off. At least the share `KNOWN` of all pixels is corrected.
     """
     order = np.argsort(sigma)
     flying = np.abs(raw_error[order]) > 0.02

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A network against the labels of views that it was not trained on."""
+"""Validation of a network against the labels of views that it was not trained on."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from tof_infer.network import RepairNet
 
 STRIDE = 7
-"""Every so manieth pixel is looked at one by one."""
+"""Step between the pixels whose errors are stored one by one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Verdict:
     """Validation: mean loss, mean absolute errors in metres of the network and of the raw depth, and thinned pixels (n,).
 
-    log_scale: as the whole frame tells it; own: as the pixel's surroundings alone do.
+    log_scale: with the frame-level correction; own: from the pixel's surroundings alone.
     """
 
     loss: float
@@ -37,7 +37,7 @@ class Verdict:
     own: Float
 
     def honest(self, max_sigma_m: float = 0.0) -> tuple[Calibration, float]:
-        """The calibration of sigma that these errors ask for, and the limit above which nothing is known (0: chosen here)."""
+        """The calibration of sigma for these errors, and the limit above which the raw depth is kept (0: chosen here)."""
         calibration = calibrate(self.error, self.log_scale, self.own)
         return calibration, max_sigma_m or sigma_limit(self.error, self.raw_error, calibration.sigma(self.own))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What training makes small, over the pixels that have a depth and a label."""
+"""The training loss, over the pixels that have a depth and a label."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def usable(images: dict[str, Tensor], target: dict[str, Tensor]) -> Tensor:
 
 
 def loss_of(kind: str, depth: Tensor, log_scale: Tensor, images: dict[str, Tensor], target: dict[str, Tensor]) -> Tensor:
-    """Mean loss of a batch. The label's own uncertainty adds to the predicted scale, so that the network is not blamed for it."""
+    """Mean loss of a batch. The label's own uncertainty is added to the predicted scale, since it is not an error of the network."""
     where = usable(images, target)
     error = (depth - target["label"])[where]
     if kind == "mse":

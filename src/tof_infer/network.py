@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The U-Net that repairs depth: raw frame in, what to take off it and how sure out.
+"""The U-Net that corrects depth: raw frame in, correction and its scale out.
 
 Its finest level works on blocks of `unshuffle` x `unshuffle` pixels as channels (as FFDNet, Zhang 2018): a quarter of the cost at the
 same accuracy of a pixel, and twice the view around it, which multipath needs.
@@ -24,11 +24,11 @@ UNIT_M = 0.01
 """Metres of one unit of the network's output."""
 MIN_SCALE_M, MAX_SCALE_M = 1e-5, 1.0
 CHUNK = 16
-"""Channels that onnxruntime's convolution takes at once; of a number above that is no multiple it takes the slow way."""
+"""Block of channels in onnxruntime's convolution; more channels that are not a multiple of it take a slow path."""
 
 
 class Block(nn.Module):
-    """Two convolutions of 3 x 3 with a shortcut. What comes in several parts is convolved part by part: no copy puts them together."""
+    """Two convolutions of 3 x 3 with a shortcut. An input in several parts is convolved part by part, without concatenation."""
 
     def __init__(self, inside: int, outside: int) -> None:
         super().__init__()
@@ -44,7 +44,7 @@ class Block(nn.Module):
 
 def convolved(layer: nn.Conv2d, *parts: Tensor) -> Tensor:
     """What the layer makes of all parts put together, channels after channels."""
-    # Plain numbers, which the exported graph keeps as constants: it would cut the weights anew for each frame.
+    # Plain numbers become constants of the exported graph; otherwise it would slice the weights for each frame.
     weights = torch.split(layer.weight, [int(x.shape[1]) for x in parts], 1)
     biases = (layer.bias, *(None for _ in parts[1:]))
     first, *others = (F.conv2d(x, w, b, padding=1) for x, w, b in zip(parts, weights, biases, strict=True))
@@ -78,7 +78,7 @@ class RepairNet(nn.Module):
     def __init__(self, config: NetConfig) -> None:
         super().__init__()
         self.config = config
-        self.doubt: Doubt | None = None  # taught when all else is
+        self.doubt: Doubt | None = None  # trained last
         self.features = Features(config)
         s = config.unshuffle
         fine = self.features.fine_channels
@@ -88,11 +88,11 @@ class RepairNet(nn.Module):
         nn.init.zeros_(self.head.bias)
 
     def forward(self, images: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
-        """Corrected depth and the log of its scale in metres, both (N, 1, H, W), of images as in `Features`; any value off the mask."""
+        """Corrected depth and the log of its scale in metres, both (N, 1, H, W), from images as in `Features`; undefined outside the mask."""
         return self.look(images)[:2]
 
     def doubted(self, images: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
-        """Depth, the log of its scale as the whole frame tells it, and the same as the pixel's surroundings alone do."""
+        """Depth, the log of its scale with the frame-level correction, and the same from the pixel's surroundings alone."""
         depth, own, features = self.look(images)
         if self.doubt is None:
             return depth, own, own
@@ -100,7 +100,7 @@ class RepairNet(nn.Module):
         return depth, own + F.interpolate(more, scale_factor=float(CELL * self.config.unshuffle), mode="nearest"), own
 
     def look(self, images: dict[str, Tensor]) -> tuple[Tensor, Tensor, tuple[Tensor, Tensor, Tensor]]:
-        """Depth, the log of its scale, and the features they come from."""
+        """Depth, the log of its scale, and the features that they are computed from."""
         s = self.config.unshuffle
         fine, smooth, valid = self.features(images)
         out = convolved(self.head, self.unet(torch.cat([fine, smooth], 1)), fine)

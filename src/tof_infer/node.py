@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `infer`: raw depth in, repaired depth and its sigma out, with the frame's stamp."""
+"""The node `infer`: subscribes to raw depth, publishes corrected depth and its sigma with the frame's stamp."""
 
 from __future__ import annotations
 
@@ -36,10 +36,12 @@ OUTPUTS = {"depth": Image, "sigma": Image, "camera_info": CameraInfo}
 
 @dataclass(frozen=True, slots=True)
 class LiveConfig(ManagedOptions):
-    """What only a running node has."""
+    """Parameters that only the running node has."""
 
-    reliable: bool = param(False, "hear sensors reliably: loses nothing of a reliable publisher, hears no best-effort one")
-    patience_s: float = param(0.5, "a frame waits so long for its amplitude", unit="s", low=0.05, high=10.0)
+    reliable: bool = param(
+        False, "subscribe to the sensors with reliable QoS: no loss from a reliable publisher, no connection to a best-effort one"
+    )
+    patience_s: float = param(0.5, "longest wait of a frame for its amplitude", unit="s", low=0.05, high=10.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +57,7 @@ CONFIG = InferNodeConfig
 
 
 class InferNode(ManagedNode[InferNodeConfig]):
-    """Repairs each frame (docs/nodes/infer.md)."""
+    """Corrects each frame (docs/nodes/infer.md)."""
 
     def __init__(self, **options: Any) -> None:
         """Nothing loaded yet."""
@@ -87,7 +89,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self.timer(PERIOD_S, self._tick)
 
     def unload(self) -> None:
-        """Let go of the network."""
+        """Release the network."""
         del self._session
 
     def _frame(self, message: Image) -> None:
@@ -142,7 +144,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
             self._jump.late(stamp, self._builder.last_stamp)
 
     def reset(self) -> str:
-        """Forget what waits."""
+        """Discard the frames that are waiting."""
         self._builder.reset()
         self._arrivals.clear()
         self._jump.clear()
@@ -155,11 +157,11 @@ class InferNode(ManagedNode[InferNodeConfig]):
         return f"{waiting} frames waited"
 
     def figures(self) -> Mapping[str, str]:
-        """The network, and how much of the last frame it left as it was."""
+        """The network, and the share of the last frame that kept its raw depth."""
         return {"model": self._session.path.name, "device": self._session.device, "kept_raw": f"{self._kept:.3f}"}
 
     def warnings(self) -> list[str]:
-        """A network that refuses this camera, or is lost in most of the picture."""
+        """A network that refuses this camera, or keeps the raw depth in most of the image."""
         out = [self._refusal] if self._refusal else []
         if self._kept > 0.5:
             out.append(f"the network does not know {self._kept:.0%} of the last frame: is it this camera's, and this range's?")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Labelled captures of one camera from several datasets: checked, split by station, given out as arrays."""
+"""Labelled captures of one camera from several datasets: checked, split by station, returned as arrays."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CACHE_BYTES = 2_000_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """One capture with its label: images (H, W) float32, NaN where there is nothing; `mask` says where the label may be used."""
+    """One capture with its label: images (H, W) float32, NaN where invalid; `mask` marks where the label may be used."""
 
     depth: Image
     amplitude: Image
@@ -49,7 +49,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a capture is: number of the dataset, of the capture and of its view in there, and of the view among all datasets."""
+    """Address of a capture: number of the dataset, of the capture and of its view in it, and of the view among all datasets."""
 
     dataset: int
     capture: int
@@ -58,7 +58,7 @@ class Place:
 
 
 class Pool:
-    """Several datasets as one: views are numbered through, stations of different datasets are different.
+    """Several datasets as one: views are numbered consecutively, and stations of different datasets are different.
 
     Raises:
         DatasetError: a dataset is damaged, or made by another camera.
@@ -108,7 +108,7 @@ class Pool:
         ]
 
     def facts(self) -> list[dict[str, Any]]:
-        """What the data are, for the card: hashes, sizes, where the poses came from."""
+        """Description of the data for the card: hashes, sizes, source of the poses."""
         return [
             {
                 "name": d.path.parent.name if d.path.name == "dataset.zarr" else d.path.name,
@@ -133,7 +133,7 @@ class Pool:
 
 
 class Samples:
-    """Captures of some views that can be learnt from. `skipped` counts the others by reason; the most recent are kept in memory."""
+    """Usable captures of some views. `skipped` counts the others by reason; the most recently used are kept in memory."""
 
     def __init__(self, pool: Pool, views: Ints) -> None:
         self.pool = pool
@@ -179,7 +179,7 @@ class Samples:
 
 
 def _fault(sample: Sample) -> str:
-    """Why nothing can be learnt from a capture; empty if it can."""
+    """Why a capture cannot be used for training; empty if it can."""
     if not np.isfinite(sample.label).any():
         return "no label"
     if not sample.mask.any():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A trained network at work: one ONNX session, checked against its contract, one frame in, one frame out."""
+"""Inference: one ONNX session, checked against its card; one frame in, one frame out."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
     from tof_core.capture import Capture
 
 MAX_BYTES = 200_000_000
-"""A larger file is no network of ours."""
+"""Bytes; a larger file was not written by `toftwin train`."""
 FAR_OUTSIDE = 2.0
-"""A frame whose median depth is so many times beyond the trained range is another use than the model was made for."""
+"""A frame is refused if its median depth is outside the trained range by more than this factor."""
 DEFAULT_MODEL = Path(__file__).parent / "models" / "default.onnx"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Repaired:
-    """One repaired frame, all (H, W).
+    """One corrected frame, all (H, W).
 
-    depth: metres along z; where the network does not know (`mark` RAW_KEPT), the raw value. sigma: standard deviation in metres,
-    infinite where the raw value was kept, NaN where there is no depth. mark: uint8, see `Mark`.
+    depth: metres along z; the raw depth where the network's sigma is too large (`mark` RAW_KEPT). sigma: standard deviation in
+    metres, infinite where the raw depth was kept, NaN where there is no depth. mark: uint8, see `Mark`.
     """
 
     depth: Image
@@ -42,7 +42,7 @@ class Repaired:
 
     @property
     def known(self) -> Mask:
-        """Pixels that the network repaired."""
+        """Pixels that the network corrected."""
         return np.asarray(self.mark == Mark.REPAIRED)
 
 
@@ -50,7 +50,7 @@ class Session:
     """Runs one network. Buffers are reused: one frame at a time.
 
     Raises:
-        ModelError: no file, damaged, too large, not made by `toftwin train`, or with other inputs than its card says.
+        ModelError: no file, damaged, too large, not made by `toftwin train`, or with other inputs than its card lists.
     """
 
     def __init__(self, config: InferConfig | None = None) -> None:
@@ -64,7 +64,7 @@ class Session:
 
     @property
     def device(self) -> str:
-        """Where it runs: cpu or cuda."""
+        """Device: cpu or cuda."""
         return "cuda" if self._session.get_providers()[0].startswith("CUDA") else "cpu"
 
     def accept(self, camera: Camera) -> None:
@@ -91,7 +91,7 @@ class Session:
         self._inputs = {n: self._inputs[n] for n in self.card.inputs}
 
     def repair(self, capture: Capture, **cad: Image) -> Repaired:
-        """Repair a capture; `cad` may give `incidence` and `material` to a network that was trained with them.
+        """Correct a capture; `cad` may contain `incidence` and `material` for a network that was trained with them.
 
         Raises:
             RefusedError: another camera, or depths far outside those trained on.
@@ -101,12 +101,12 @@ class Session:
         return self._judged(capture.depth, *(image[0, 0, :h, :w] for image in (depth, sigma, own[0] if own else sigma)))
 
     def outputs(self, inputs: Mapping[str, Any]) -> list[Any]:
-        """What the graph makes of its inputs."""
+        """Outputs of the graph."""
         made: list[Any] = self._session.run(None, inputs)
         return made
 
     def inputs(self, capture: Capture, **cad: Image) -> dict[str, Any]:
-        """What the graph takes of a capture; the next capture's overwrites it."""
+        """Inputs of the graph for a capture; the next call overwrites them."""
         self.accept(capture.camera)
         self._check_range(capture.depth)
         self._fill("depth", capture.depth)
@@ -122,7 +122,7 @@ class Session:
         self._inputs[name][0, 0, :h, :w] = np.nan if image is None else image
 
     def _judged(self, raw: Image, depth: Image, sigma: Image, own: Image) -> Repaired:
-        """Keep the raw value where the network does not know, says nonsense, or has never seen such a range."""
+        """Keep the raw depth where sigma is too large, the output is not finite, or the range was not trained."""
         low, high = self.card.range_m
         there = np.isfinite(raw) & (raw > 0)
         known = there & (own <= self.max_sigma_m) & (depth > 0) & np.isfinite(depth) & (raw > 0.8 * low) & (raw < 1.2 * high)
@@ -154,7 +154,7 @@ def _load(path: Path, config: InferConfig) -> Any:
     options = ort.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = config.threads, 1
     options.log_severity_level = 4
-    # Threads that spin while they wait burn the cores that the rest of the graph needs, and wait for each other on a busy machine.
+    # Threads that spin while they wait take the cores that the rest of the graph needs, and block each other on a busy machine.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     available = ort.get_available_providers()
     if config.device == "cuda" and "CUDAExecutionProvider" not in available:
@@ -169,7 +169,7 @@ def _load(path: Path, config: InferConfig) -> Any:
 
 
 def _checked_card(session: Any, path: Path) -> Card:
-    """The card, held to what the graph really takes and gives."""
+    """The card, checked against the inputs and outputs of the graph."""
     try:
         text = session.get_modelmeta().custom_metadata_map.get(KEY)
     except UnicodeDecodeError:
@@ -182,7 +182,7 @@ def _checked_card(session: Any, path: Path) -> Card:
     takes = {i.name: i.type for i in session.get_inputs()}
     gives = [o.name for o in session.get_outputs()]
     if list(takes) != list(card.inputs) or set(takes.values()) != {"tensor(float)"} or gives not in (OUTPUTS[:2], OUTPUTS):
-        msg = f"takes {', '.join(takes)} and gives {', '.join(gives)}; its card says {', '.join(card.inputs)} and {', '.join(OUTPUTS[:2])}"
+        msg = f"takes {', '.join(takes)} and gives {', '.join(gives)}; its card lists {', '.join(card.inputs)} and {', '.join(OUTPUTS[:2])}"
         raise ModelError(msg, where=path, todo="train it again")
     known = {"depth", "amplitude", "ray", "temperature", "incidence", "material"}
     if not set(takes) <= known:

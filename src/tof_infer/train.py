@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Training: from datasets to a model and its card; killed at any time, it goes on where it was."""
+"""Training: from datasets to a model and its card. After an interruption the same call continues at the last checkpoint."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ CLIP = 1.0
 
 @dataclass(slots=True, eq=False)
 class State:
-    """What a checkpoint holds besides the digest of what it belongs to."""
+    """Content of a checkpoint, beside the digest of data and settings."""
 
     net: RepairNet
     average: RepairNet
@@ -65,8 +65,8 @@ def train(
 ) -> Card:
     """Train on datasets, write `out` and its card beside it; a checkpoint lies at `<out>.ckpt` until it is done.
 
-    `unseen` are datasets of other scenes, for on new stations of a scene that was trained on errors are smaller than before a new one:
-    two of three teach what a whole frame tells of sigma, the others calibrate it. Without them the validation views calibrate.
+    `unseen` are datasets of other scenes, since errors on new stations of a trained scene are smaller than on a new scene. Two of
+    three train the frame-level correction of sigma, the others calibrate sigma. Without them the validation views calibrate it.
 
     Raises:
         RefusedError: too few stations, or nothing to learn from.
@@ -88,12 +88,12 @@ def train(
     checkpoint = out.with_name(out.name + ".ckpt")
     if not fresh and checkpoint.exists():
         _resume(checkpoint, state, digest)
-        say(f"going on after epoch {state.epoch}")
+        say(f"resuming after epoch {state.epoch}")
     batcher, checker = Batcher(training, config, redraw), Batcher(validation, config)
     while state.epoch < config.epochs:
-        said = _one_epoch(state, batcher, checker, device)
+        line = _one_epoch(state, batcher, checker, device)
         _save(checkpoint, state, digest)
-        say(said)
+        say(line)
     figures, limit = make_sure(state.average, {"val": checker}, others, config, device)
     card = _card(config, pool, split, training, state, figures, limit, others)
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -103,22 +103,22 @@ def train(
 
 
 def _one_epoch(state: State, batcher: Batcher, checker: Batcher, device: torch.device) -> str:
-    """Train over all samples once, check now and then; what to say of it."""
+    """Train over all samples once, validate at intervals; returns the progress line."""
     config, started = batcher.config, time.monotonic()
-    every = -(-2 * len(checker.samples) // len(batcher.samples))  # checking must not take longer than learning
+    every = -(-2 * len(checker.samples) // len(batcher.samples))  # validation must not take longer than training
     point = {"epoch": state.epoch + 1, "loss": _epoch(state, batcher, config, device)}
     state.epoch += 1
-    said = f"epoch {state.epoch}/{config.epochs}: loss {point['loss']:.4f}"
+    line = f"epoch {state.epoch}/{config.epochs}: loss {point['loss']:.4f}"
     if state.epoch % every == 0:
         verdict = judge(state.average, checker, device, config.loss)
         point |= {"val_loss": verdict.loss, "val_mae_mm": verdict.mae * 1e3}
-        said += f", validation {verdict.loss:.4f}, MAE {verdict.mae * 1e3:.2f} mm (raw {verdict.raw_mae * 1e3:.2f} mm)"
+        line += f", validation {verdict.loss:.4f}, MAE {verdict.mae * 1e3:.2f} mm (raw {verdict.raw_mae * 1e3:.2f} mm)"
     state.curves.append(point)
-    return f"{said}, {time.monotonic() - started:.1f} s"
+    return f"{line}, {time.monotonic() - started:.1f} s"
 
 
 def learning_rate(step: int, steps: int, config: TrainConfig) -> float:
-    """Warms up, stays, falls as a cosine."""
+    """Learning rate: linear warm-up, constant, then a cosine decay."""
     share = step / max(steps, 1)
     if share < WARM:
         return config.rate * (step + 1) / (WARM * steps + 1)
@@ -144,7 +144,7 @@ def _samples(pool: Pool, split: Split, config: TrainConfig) -> tuple[Samples, Sa
 
 
 def thinned(views: Ints, count: int) -> Ints:
-    """So many of the views, spread evenly."""
+    """`count` of the views, spread evenly."""
     return np.asarray(views[np.unique(np.linspace(0, len(views) - 1, min(count, len(views))).astype(int))])
 
 
@@ -159,9 +159,9 @@ def _prepare(config: TrainConfig) -> torch.device:
 
 def _new_state(config: TrainConfig, training: Samples, device: torch.device) -> State:
     net, average = RepairNet(config.net), RepairNet(config.net)
-    light = np.concatenate([_logs(training[i].amplitude) for i in range(0, len(training), max(len(training) // 50, 1))])
-    if light.size:
-        net.features.log_amplitude.copy_(torch.tensor([float(light.mean()), float(light.std()) + 1e-3]))
+    amplitude = np.concatenate([_logs(training[i].amplitude) for i in range(0, len(training), max(len(training) // 50, 1))])
+    if amplitude.size:
+        net.features.log_amplitude.copy_(torch.tensor([float(amplitude.mean()), float(amplitude.std()) + 1e-3]))
     average.load_state_dict(net.state_dict())
     net.to(device)
     average.to(device)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sigma from scenes that the depth was not trained on: taught, calibrated, and both done again for a network that is there."""
+"""Sigma from scenes that the depth network was not trained on: training, calibration, and renewal for an existing network."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from tof_infer.network import RepairNet
 
 MIN_TAUGHT = 100
-"""Captures below which a frame's look is not learnt from."""
+"""Least captures for training the frame-level correction."""
 OF_DEPTH = ("val_mae_mm", "val_raw_mae_mm")
-"""Figures of the validation views that another sigma leaves as they are."""
+"""Figures of the validation views that do not depend on sigma."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unseen:
-    """Captures of scenes that are not trained on: those that teach sigma, those that calibrate it (None: too few), and what they are."""
+    """Captures of scenes outside the training data: those that train sigma, those that calibrate it (None: too few), and their description."""
 
     teaching: Samples | None
     checking: Samples | None
@@ -41,7 +41,7 @@ class Unseen:
 
     @classmethod
     def of(cls, paths: Sequence[Path], pool: Pool) -> Unseen:
-        """Datasets of the camera of `pool`; every third one checks."""
+        """Datasets of the camera of `pool`; every third one calibrates."""
         if not paths:
             return cls(None, None, {})
         third = paths[2::3]
@@ -54,7 +54,7 @@ class Unseen:
 
 def _all_of(paths: Sequence[Path], pool: Pool) -> Samples:
     """Every capture of datasets of the same camera."""
-    other = Pool([pool.datasets[0].path, *paths])  # the first one only holds the camera to ours
+    other = Pool([pool.datasets[0].path, *paths])  # the first dataset only serves to compare the camera
     return Samples(other, np.arange(pool.datasets[0].views, other.views))
 
 
@@ -66,7 +66,7 @@ def _facts(paths: Sequence[Path], pool: Pool, taught: int, checked: int) -> dict
 def make_sure(
     net: RepairNet, checks: Mapping[str, Batcher], others: Unseen, config: TrainConfig, device: torch.device
 ) -> tuple[dict[str, Any], float]:
-    """Teach and calibrate sigma; figures for the card (of `checks`, by name), and the sigma in metres above which nothing is known."""
+    """Train and calibrate sigma; figures for the card (of `checks`, by name), and the sigma in metres above which the raw depth is kept."""
     if others.teaching is not None:
         net.doubt = learn_doubt(net, Batcher(others.teaching, config), device, config.seed).to(device)
     if others.checking is not None:
@@ -82,7 +82,7 @@ def make_sure_again(model: Path, unseen: Sequence[Path], out: Path) -> Card:
     """The same network with a sigma from these datasets; its depth stays as it is.
 
     Raises:
-        ModelError: no network of ours.
+        ModelError: not a network of `toftwin train`.
         RefusedError: too few stations.
         DatasetError: a damaged dataset, or of another camera than the first.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Colour as evidence for a part: its surface in the first picture against what is behind it, whatever the light is now."""
+"""Colour as evidence for a part: its surface in the reference image against the surface behind it, corrected for the lighting."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Hits, Raycaster
 
 GAMMA = 2.2
-"""From grey values to light, near enough to sRGB."""
+"""Exponent from grey values to linear brightness, close to sRGB."""
 DARK = 0.003
-"""Light, as a share of white, at which noise hides the colour: added before the logarithm."""
+"""Brightness, as a share of white, below which noise dominates the colour; added before the logarithm."""
 FLAT = np.log(4.6 * 2.0 * 2.0)
-"""Log volume of the colours there are: a factor of a hundred in light, of seven in each ratio of channels."""
+"""Log volume of all colours: a factor of a hundred in brightness, of seven in each ratio of channels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
     """A colour image at its pose in the cell.
 
-    tones (h, w, 3): log of light (mean of the channels), red over green, blue over green; NaN where saturated. The two ratios
-    hardly change with shading and shadow, which change the first.
+    tones (h, w, 3): log brightness (mean of the channels), log red over green, log blue over green; NaN where saturated.
+    Shading and shadow change the first; the two ratios hardly change.
     """
 
     camera: Camera
@@ -52,14 +52,14 @@ class Picture:
         return cls(colour.camera, np.asarray(T_cell_depth @ colour.T_camera_colour), tones_of(colour.image))
 
     def look(self, caster: Raycaster, rows: Ints, cols: Ints) -> tuple[Hits, Float]:
-        """What pixels (n,) see of a scene, and where: hits, points (n, 3) in the cell."""
+        """Surfaces that pixels (n,) see: hits, and points (n, 3) in the cell."""
         T = self.T_cell_camera
         rays = self.camera.rays()[rows, cols] @ T[:3, :3].T
         hits = caster.cast(T[:3, 3], rays)
         return hits, T[:3, 3] + rays * hits.t[:, None]
 
     def recall(self, caster: Raycaster, points: Float) -> Float:
-        """Tones (n, 3) of surface points (n, 3) in this picture; NaN where it does not see them."""
+        """Tones (n, 3) of surface points (n, 3) in this image; NaN where it does not see them."""
         eye = self.T_cell_camera[:3, 3]
         uv = self.camera.project(se3.apply(se3.inverse(self.T_cell_camera), points))
         at = np.floor(np.nan_to_num(uv, nan=-9.0) + 0.5).astype(np.int64)
@@ -74,8 +74,8 @@ class Picture:
 
 def tones_of(image: Bytes) -> Float:
     """Tones (h, w, 3) of an RGB image (h, w, 3), over 3 x 3 pixels."""
-    light = (image.astype(float) / 255.0) ** GAMMA
-    mean = np.stack([ndimage.uniform_filter(light[..., k], 3, mode="nearest") for k in range(3)], axis=-1)
+    linear = (image.astype(float) / 255.0) ** GAMMA
+    mean = np.stack([ndimage.uniform_filter(linear[..., k], 3, mode="nearest") for k in range(3)], axis=-1)
     log = np.log(mean + DARK)
     tones = np.stack([log.mean(axis=-1), log[..., 0] - log[..., 1], log[..., 2] - log[..., 1]], axis=-1)
     saturated = np.asarray((image >= 252).any(axis=-1, keepdims=True))
@@ -83,10 +83,10 @@ def tones_of(image: Bytes) -> Float:
 
 
 class Colours:
-    """First pictures and pictures of now: what they say of each part."""
+    """Evidence of each part from reference images and current images."""
 
     def __init__(self, caster: Raycaster, first: Sequence[Picture], now: Sequence[Picture], config: ColourConfig) -> None:
-        """Fit the change of light from each first picture to each of now, on parts that are not asked about."""
+        """Fit the change of lighting from each reference image to each current one, on parts that are not inspected."""
         self._caster, self._config = caster, config
         fixed = np.array([not part.inspect for part in caster.scene.parts])
         pairs = [(then, picture, fit_light(caster, then, picture, fixed, config)) for picture in now for then in first]
@@ -94,20 +94,20 @@ class Colours:
 
     @property
     def pairs(self) -> int:
-        """How many pairs of pictures share enough to tell how the light changed."""
+        """Number of image pairs that overlap enough to estimate the change of lighting."""
         return len(self._pairs)
 
     def log_ratio(self, without: Without, part: int) -> float:
-        """Log likelihood of present over absent; 0 where the pictures do not tell.
+        """Log likelihood ratio of present over absent; 0 without evidence.
 
-        Pictures share the light and its surprises, so that n of them count as the root of n.
+        All images share the lighting and its unmodelled part, so n of them count as the root of n.
         """
-        said = [self._vote(then, now, light, without, part) for then, now, light in self._pairs]
-        told = [v for v in said if v != 0.0]
-        return float(np.sum(told) / np.sqrt(len(told))) if told else 0.0
+        every = [self._pair_ratio(then, now, light, without, part) for then, now, light in self._pairs]
+        ratios = [v for v in every if v != 0.0]
+        return float(np.sum(ratios) / np.sqrt(len(ratios))) if ratios else 0.0
 
-    def _vote(self, then: Picture, now: Picture, light: Light, without: Without, part: int) -> float:
-        """One pair: is the middle colour of the part's pixels rather what the part was, or what is seen beside and behind it?"""
+    def _pair_ratio(self, then: Picture, now: Picture, light: Light, without: Without, part: int) -> float:
+        """One pair: log density of the part's median colour under the part's reference colour minus that under the background's."""
         rows, cols = self._box(now, part)
         if not len(rows):
             return 0.0
@@ -126,7 +126,7 @@ class Colours:
         return there - gone
 
     def _behind(self, tones: Float, hits: Hits, mine: Ints, behind: Ints, normal: Float, light: Light) -> float:
-        """Log density of the part's tones if what is behind it were seen there: that part's own tones around it."""
+        """Log density of the part's tones if the background were visible: the tones of the background part around it."""
         which = int(np.bincount(behind + 1).argmax()) - 1
         if which < 0:
             return -float(FLAT)
@@ -155,13 +155,13 @@ class Colours:
 
 
 def _inner(mine: Mask, rows: Ints, cols: Ints) -> Mask:
-    """Without the outermost ring, where that leaves a few."""
+    """Without the outermost ring of pixels, if enough remain."""
     shape = len(np.unique(rows)), len(np.unique(cols))
     inner = ndimage.binary_erosion(mine.reshape(shape)).ravel()
     return np.asarray(inner if inner.sum() >= 12 else mine)
 
 
 def _density(error: Float, sigma: Float, config: ColourConfig) -> float:
-    """Log density of an error (3,): a Gaussian, or with a share `surprise` (shadow's edge, gloss) any colour there is."""
+    """Log density of an error (3,): a Gaussian, mixed with a share `surprise` (edge of a shadow, gloss) of all colours."""
     exponent = -0.5 * float(((error / sigma) ** 2).sum()) - float(np.log(sigma).sum()) - 1.5 * np.log(2 * np.pi)
     return float(np.logaddexp(np.log1p(-config.surprise) + exponent, np.log(config.surprise) - FLAT))

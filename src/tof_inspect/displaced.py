@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a part sits from where the CAD has it: a small rigid fit of that part alone."""
+"""Displacement of a part from its place in the CAD: a small rigid fit of that part alone."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from tof_scene.scene import Part
 
 LOOSE_DEG = 6.0
-"""One standard deviation of how a part may be turned before anything is seen."""
+"""Prior standard deviation of a part's rotation."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """A part's motion from the CAD.
 
-    mm: how far its middle moved along the directions that the data tell; std_mm: its own uncertainty there; shift (3,) metres
-    in the cell; ratio: log likelihood of the part there over no part at all, all pixels around it.
+    mm: displacement of its centre along the directions that the data determine; std_mm: its standard deviation; shift (3,)
+    metres in the cell; ratio: log likelihood ratio of the displaced part over no part, from all pixels around it.
     """
 
     mm: float
@@ -39,14 +39,14 @@ class Fit:
 
 
 def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Without, config: InspectConfig) -> Fit:
-    """Where the part is, by the pixels that may see it in all views together.
+    """Pose of the part from all pixels, of all views, that may see it.
 
     Args:
         part: its geometry in the cell.
         seen: views with their poses.
         alone: a scene of the part alone.
         bare: the scene without it.
-        config: noise, how far it may have moved.
+        config: noise and largest displacement.
     """
     centre, reach = part.vertices.mean(axis=0), 1e-3 * config.search_mm
     patches = [p for s in seen if (p := _patch(s, alone.vertices, reach, bare, config)) is not None]
@@ -65,10 +65,10 @@ def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Without, 
     gone = sum(_misfit(p, p.behind) for p in patches)
     gained = gone - cost(motion)
     values, axes = np.linalg.eigh(_curvature(motion, cost) + np.eye(3) * (config.search_mm * 1e-3) ** -2.0)
-    # Neighbours share their errors: what n of them tell is worth as many cells.
+    # Neighbours share their errors: n of them count as n / cell_px.
     spread = config.cell_px / np.maximum(values, 1e-3)
-    told = spread < 0.25 * (config.search_mm * 1e-3) ** 2
-    shift = axes[:, told] @ (axes[:, told].T @ motion[:3, 3])
+    known = spread < 0.25 * (config.search_mm * 1e-3) ** 2
+    shift = axes[:, known] @ (axes[:, known].T @ motion[:3, 3])
     mm = 1e3 * float(np.linalg.norm(shift))
     direction = shift / np.linalg.norm(shift) if mm > 1e-9 else axes[:, -1]
     std = 1e3 * float(np.sqrt(((direction @ axes) ** 2 * spread).sum()))
@@ -76,7 +76,7 @@ def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Without, 
 
 
 def _patterned(motion: Float, cost: Callable[[Float], float]) -> Float:
-    """Slide along the cell's axes as long as it gets better, in ever smaller steps: edges have no gradient."""
+    """Pattern search along the cell's axes with decreasing steps, since edges have no gradient."""
     best = cost(motion)
     for size in (4e-3, 2e-3, 1e-3, 5e-4):
         for _ in range(3):
@@ -91,7 +91,7 @@ def _patterned(motion: Float, cost: Callable[[Float], float]) -> Float:
 def _smoothed(
     motion: Float, cost: Callable[[Float], float], linear: Callable[[Float], tuple[Float, Float, Float]], config: InspectConfig
 ) -> Float:
-    """Gauss-Newton from there, turns too, kept where it is better."""
+    """Gauss-Newton from there, with rotation; kept if it is better."""
     prior = np.repeat([config.search_mm * 1e-3, np.radians(LOOSE_DEG)], 3) ** -2.0
     best, kept = cost(motion), motion
     for _ in range(4):
@@ -109,7 +109,7 @@ def _smoothed(
 
 
 def _curvature(motion: Float, cost: Callable[[Float], float], h: float = 1.5e-3) -> Float:
-    """(3, 3) second derivatives of the cost for slides, made positive."""
+    """(3, 3) second derivatives of the cost for translations, made positive definite."""
     middle = cost(motion)
     one = np.array([[cost(_at(s * h * d) @ motion) for s in (1, -1)] for d in np.eye(3)])
     if not np.isfinite(one).all():
@@ -154,7 +154,7 @@ class _Patch:
 
 
 def _patch(seen: Seen, part: Float, margin: float, bare: Without, config: InspectConfig) -> _Patch | None:
-    """What a view has in the box that the part may fill; None where that is nothing."""
+    """Pixels of a view in the box that the part may fill; None if there are none."""
     T = seen.posed.T_cell_camera
     camera = seen.view.camera
     inside = se3.apply(se3.inverse(T), part)

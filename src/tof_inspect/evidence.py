@@ -37,7 +37,7 @@ class Seen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What one view says of one part.
+    """Evidence of one view for one part.
 
     pixels: valid pixels of the part where presence and absence differ by `stand_out` of the measured sigmas: what makes it
     observable; covered: pixels that the part fills by the CAD; log_ratio: log likelihood of present over absent, neighbours
@@ -56,7 +56,7 @@ class Evidence:
 
 
 def see(view: View, posed: Posed, caster: Raycaster, config: InspectConfig) -> Seen:
-    """Render the whole CAD at the view's pose, and say how unsure each pixel is."""
+    """Render the whole CAD at the view's pose, with the sigma of each pixel."""
     whole = render(caster, view.camera, posed.T_cell_camera)
     noise = view_sigma(view, config.weights, np.ix_(*map(np.arange, view.depth.shape)))
     slope = np.tan(np.minimum(whole.incidence, np.radians(85.0)))
@@ -73,7 +73,7 @@ def see(view: View, posed: Posed, caster: Raycaster, config: InspectConfig) -> S
 def agreement(seen: Seen) -> float:
     """Share of the pixels that lie on the CAD within 10 mm (or four sigmas); edges and grazing pixels are left out.
 
-    A pose that is wrong by centimetres can pass for right where faces are large; what is inspected then is an illusion.
+    On large faces a pose that is off by centimetres may fit, and parts would then be compared with the wrong pixels.
     """
     error = np.abs(seen.view.depth - seen.whole.depth)
     clear = np.isfinite(error) & (seen.whole.mixed < 0.02) & (seen.whole.incidence < np.radians(75.0))
@@ -111,7 +111,7 @@ def _inner(covered: Mask) -> Mask:
 
 
 def _clearest(choices: list[Mask], enough: int = 20) -> Ints:
-    """Flat indices of the first choice that leaves enough pixels, or of the last."""
+    """Flat indices of the first choice with enough pixels, or of the last."""
     for mask in choices:
         if int(mask.sum()) >= enough:
             return np.flatnonzero(mask)
@@ -119,7 +119,7 @@ def _clearest(choices: list[Mask], enough: int = 20) -> Ints:
 
 
 def render_at(without: Without, camera: Camera, T: Float, where: Mask) -> Float:
-    """(H, W) z of the scene without the part, at the pixels that matter only; NaN elsewhere."""
+    """(H, W) z of the scene without the part, at the pixels of the part only; NaN elsewhere."""
     out = np.full(where.shape, np.nan)
     rays = camera.rays()[where]
     if len(rays):
@@ -133,7 +133,7 @@ def _log_likelihood(error: Float, sigma: Float, config: InspectConfig) -> Float:
 
 
 def _together(ratio: Float, index: Ints, width: int, config: InspectConfig) -> float:
-    """Sum of log ratios, each cell of neighbours counting as at most a few witnesses."""
+    """Sum of log ratios; pixels of one cell are correlated and count as a few independent ones."""
     if not len(ratio):
         return 0.0
     row, col = np.divmod(index, width)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartVerdict:
-    """What is said of one part.
+    """Verdict of one part.
 
     state: present, absent, displaced, not_observable; probability: that the part is there (also where it is displaced);
     pixels: those that stand out, of all views; displaced_mm with std_mm: how far from the CAD, NaN where not asked;
@@ -51,14 +51,14 @@ class PartVerdict:
     why: str
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; what is not known is null."""
+        """Plain values for JSON; unknown values are null."""
         out = {name: getattr(self, name) for name in self.__slots__}
         return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in out.items()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inspection:
-    """Verdicts of all parts, the views they were made from, where those were taken, and what colour had to say, in a line."""
+    """Verdicts of all parts, the views, their poses, and one line on the evidence used (depth alone, or depth and colour)."""
 
     verdicts: tuple[PartVerdict, ...]
     views: tuple[View, ...]
@@ -67,9 +67,9 @@ class Inspection:
 
 
 class Inspector:
-    """A scene made ready: what stays and what is inspected as two trees, each part alone when first asked for.
+    """A prepared scene: fixed and inspected parts as two search trees, and each part alone on first use.
 
-    `first`: pictures of the complete scene; colour is weighed against them. They may be set later.
+    `first`: reference images of the complete scene, with which colour is compared. They may be set later.
     """
 
     def __init__(
@@ -95,14 +95,14 @@ class Inspector:
         return self._alone[name]
 
     def judge(self, views: Sequence[View]) -> Inspection:
-        """Find where the views were taken, all together, and judge every part.
+        """Solve the poses of all views together, and judge every part.
 
         Raises:
             RefusedError: no view, none whose pose is accepted, or none that agrees with the CAD.
             TransformError: a view has no robot pose.
         """
         if not views:
-            raise RefusedError("there is no view to judge", where="inspection", todo="toftwin doctor tells what the input lacks")
+            raise RefusedError("there is no view to judge", where="inspection", todo="toftwin doctor lists what the input lacks")
         return self.inspect(views, solve_session(views, self.caster, self.align).posed)
 
     def inspect(self, views: Sequence[View], posed: Sequence[Posed]) -> Inspection:
@@ -119,32 +119,32 @@ class Inspector:
                 where="inspection",
                 todo="check the scene, its placement and the robot's pose",
             )
-        colours, said = self._colours(seen)
+        colours, note = self._colours(seen)
         verdicts = tuple(self._part(self.scene.part(name), seen, colours) for name in self.names)
-        return Inspection(verdicts, tuple(views), tuple(posed), said)
+        return Inspection(verdicts, tuple(views), tuple(posed), note)
 
     def _colours(self, seen: Sequence[Seen]) -> tuple[Colours | None, str]:
         """Colour beside depth, or why there is none."""
         if not self.config.colour.enabled or not self.first:
-            return None, "depth alone: " + ("colour is switched off" if self.first else "no first picture in colour is given")
+            return None, "depth alone: " + ("colour is switched off" if self.first else "no reference image in colour is given")
         now = [p for s in seen if (p := Picture.of(s.view.colour, s.posed.T_cell_camera)) is not None]
         if not now:
             return None, "depth alone: no view has a colour image with its calibration and TF"
         made = Colours(self.caster, self.first, now, self.config.colour)
         if not made.pairs:
-            return None, "depth alone: the first pictures and those of now share too little"
-        return made, f"depth and colour (pairs of a picture of now with a first one: {made.pairs})"
+            return None, "depth alone: reference images and current images overlap too little"
+        return made, f"depth and colour (pairs of a current image with a reference image: {made.pairs})"
 
     def _part(self, part: Part, seen: Sequence[Seen], colours: Colours | None) -> PartVerdict:
         index = self.scene.index(part.name)
         colour = colours.log_ratio(self.without(part.name), index) if colours else 0.0
         evidence = [weigh(s, self.without(part.name), index, self.config) for s in seen]
-        telling = [s for s, e in zip(seen, evidence, strict=True) if e.pixels >= self.config.min_pixels // 3]
+        useful = [s for s, e in zip(seen, evidence, strict=True) if e.pixels >= self.config.min_pixels // 3]
         pixels, ratio = sum(e.pixels for e in evidence), sum(e.log_ratio for e in evidence)
         if pixels < self.config.min_pixels:
             why = _unseen(part, evidence, self.config)
             return _verdict(part, "not_observable", evidence, Ratios.of(ratio, colour), None, why, self.config)
-        fit = fit_part(part, telling or seen, self.alone(part.name), self.without(part.name), self.config)
+        fit = fit_part(part, useful or seen, self.alone(part.name), self.without(part.name), self.config)
         return decide(part, evidence, ratio, colour, fit, self.config)
 
 
@@ -158,31 +158,31 @@ class Ratios:
 
     @classmethod
     def of(cls, depth: float, colour: float, moved: float = -np.inf) -> Ratios:
-        """A part that moved is neither where the CAD has it nor gone: `moved`, at its best place, speaks for presence too.
+        """A displaced part is present too: `moved` is the ratio at its best pose.
 
-        Colour was looked up where the CAD has the part, so that it speaks of that place alone.
+        Colour was read at the part's place in the CAD, so it is evidence for that place alone.
         """
         return cls(max(depth, moved), colour, max(depth + colour, moved))
 
 
 def decide(part: Part, evidence: Sequence[Evidence], depth: float, colour: float, fit: Fit, config: InspectConfig) -> PartVerdict:
-    """Present within tolerance, displaced beyond it, absent when the scene without it explains the pixels better."""
-    # So free a hypothesis must earn something first: a part may always hide behind another one and explain nothing.
+    """Present within tolerance, displaced beyond it, absent if the scene without the part fits the pixels better."""
+    # A free pose pays `moved_cost`: a part can always be placed behind another one, where it changes no pixel.
     ratios = Ratios.of(depth, colour, fit.ratio / config.cell_px - config.moved_cost)
     p = probability(ratios.fused, config)
     by = "depth and colour" if colour else "depth"
     if 1.0 - config.decide < p < config.decide:
         return _verdict(part, "not_observable", evidence, ratios, None, f"undecided: probability {p:.2f}", config)
     if p <= 1.0 - config.decide:
-        return _verdict(part, "absent", evidence, ratios, None, f"{by}: rather what is behind it", config)
+        return _verdict(part, "absent", evidence, ratios, None, f"{by}: the background is visible in its place", config)
     if fit.mm > part.tolerance_mm and fit.mm - part.tolerance_mm > config.displaced_sigma * fit.std_mm:
         why = f"{fit.mm:.1f} ± {fit.std_mm:.1f} mm from the CAD, tolerance {part.tolerance_mm:g}"
         return _verdict(part, "displaced", evidence, ratios, fit, why, config)
-    return _verdict(part, "present", evidence, ratios, fit, f"{by}: as the CAD has it", config)
+    return _verdict(part, "present", evidence, ratios, fit, f"{by}: in its place", config)
 
 
 def probability(ratio: float, config: InspectConfig) -> float:
-    """That a part is there, from the log likelihood ratio and the prior."""
+    """Probability that a part is present, from the log likelihood ratio and the prior."""
     return float(1.0 / (1.0 + np.exp(-np.clip(ratio + np.log(config.prior / (1.0 - config.prior)), -500, 500))))
 
 
@@ -190,7 +190,7 @@ def _unseen(part: Part, evidence: Sequence[Evidence], config: InspectConfig) -> 
     covered = sum(e.covered for e in evidence)
     if not covered:
         return f"{part.name} is in no view, or lies behind or inside another part"
-    return f"only {sum(e.pixels for e in evidence)} of its {covered} pixels are valid and stand out (at least {config.min_pixels})"
+    return f"only {sum(e.pixels for e in evidence)} of its {covered} pixels are valid and distinctive (at least {config.min_pixels})"
 
 
 def _verdict(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the light changed between two pictures of one scene, told by surfaces that are in both."""
+"""Change of lighting between two images of one scene, from the surfaces that both see."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Light:
-    """Tones of now minus tones of then, as far as a surface's direction tells: terms (4, 3) of 1 and the unit normal in the cell.
+    """Current minus reference tones as a function of the surface normal: terms (4, 3) of 1 and the unit normal in the cell.
 
-    sigma (3,): what that leaves: cast shadows, lamps at finite distance, gloss. Measured, not assumed.
+    sigma (3,): standard deviation of the residual (cast shadows, lamps at finite distance, gloss). Measured, not assumed.
     """
 
     terms: Float
@@ -33,7 +33,7 @@ class Light:
 
 
 def fit_light(caster: Raycaster, then: Picture, now: Picture, fixed: Mask, config: ColourConfig) -> Light | None:
-    """Fit by least absolute values on a raster of the surfaces of parts that are `fixed`; None where too few are in both pictures."""
+    """Fit by least absolute values on a raster of the surfaces of parts that are `fixed`; None where too few are in both images."""
     step = max(1, int(np.sqrt(now.camera.width * now.camera.height / config.light_pixels)))
     rows, cols = (a.ravel() for a in np.mgrid[step // 2 : now.camera.height : step, step // 2 : now.camera.width : step])
     hits, points = now.look(caster, rows, cols)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What only a running `inspect` has: its parameters."""
+"""Parameters of the running node `inspect`."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from tof_inspect.config import InspectConfig
 
 @dataclass(frozen=True, slots=True)
 class LiveConfig(ColourViewOptions):
-    """What only a running node has."""
+    """Parameters that only the running node has."""
 
-    views: int = param(20, "the last so many dwells are judged together", low=1, high=500)
+    views: int = param(20, "number of last dwells that are judged together", low=1, high=500)
     out: str = param("", "folder for inspection.json and inspection.html of each judgement; empty writes none")
 
 
@@ -23,6 +23,6 @@ class LiveConfig(ColourViewOptions):
 class InspectNodeConfig:
     """Parameters of the node."""
 
-    inspect: InspectConfig = section(InspectConfig, "when a part is there")
-    align: AlignConfig = section(AlignConfig, "where the camera was")
+    inspect: InspectConfig = section(InspectConfig, "when a part is present")
+    align: AlignConfig = section(AlignConfig, "pose of the camera")
     live: LiveConfig = section(LiveConfig, "the running node")

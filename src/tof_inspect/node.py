@@ -68,7 +68,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         self._feed = ViewFeed(self, chain, live.patience_s, lambda view: self._dwells.add(colour.beside(view)))
 
     def unload(self) -> None:
-        """Let go of the scene."""
+        """Release the scene."""
         del self._inspector
 
     def retune(self, config: InspectNodeConfig) -> None:
@@ -76,20 +76,20 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         self._inspector.config = config.inspect
 
     def reset(self) -> str:
-        """Forget the dwells."""
+        """Discard the dwells."""
         self._dwells.clear()
         self._feed.reset()
-        return "the dwells are forgotten"
+        return "the dwells are discarded"
 
     def _capture(self) -> str:
-        """The scene as it stands is complete: what colour is weighed against from now on."""
+        """Store the present images as reference: the scene is complete now."""
         found = self._inspector.judge(self._dwells.all())
         pictures = [Picture.of(v.colour, p.T_cell_camera) for v, p in zip(found.views, found.posed, strict=True) if p.accepted]
         first = tuple(p for p in pictures if p is not None)
         if not first:
-            raise RefusedError("no dwell has a colour picture with calibration and TF", where=NAME, todo="is live.colour_topic published?")
+            raise RefusedError("no dwell has a colour image with calibration and TF", where=NAME, todo="is live.colour_topic published?")
         self._inspector.first = first
-        return f"{len(first)} first pictures in colour"
+        return f"{len(first)} reference images in colour"
 
     def _judge(self) -> str:
         """Judge every part now."""
@@ -97,17 +97,17 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         states = [v.state for v in found.verdicts]
         self._counts = {state: states.count(state) for state in LEVELS}
         self._publish(found)
-        said = ", ".join(f"{count} {state.replace('_', ' ')}" for state, count in self._counts.items())
+        counts = ", ".join(f"{count} {state.replace('_', ' ')}" for state, count in self._counts.items())
         out = self.config.live.out
         page = write(self._inspector, found, Path(out), "live") if out else None
-        return f"{said} from {len(found.views)} views" + (f"; report: {page}" if page else "")
+        return f"{counts} from {len(found.views)} views" + (f"; report: {page}" if page else "")
 
     def _publish(self, found: Inspection) -> None:
         head = messages.header(found.views[-1].stamp_ns, self._inspector.scene.frame)
         self._outputs["verdict"].publish(DiagnosticArray(header=head, status=[_status(v) for v in found.verdicts]))
 
     def figures(self) -> Mapping[str, str]:
-        """Scene, the last judgement, how old TF is."""
+        """Scene, last verdicts, age of TF."""
         scene = self._inspector.scene
         return {
             "scene": f"{self.config.live.scene_name} {scene.digest[:12]}",
@@ -118,7 +118,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         }
 
     def warnings(self) -> list[str]:
-        """Parts that the last judgement did not find where the CAD has them."""
+        """Parts that the last judgement did not find in their place."""
         bad = {state: self._counts.get(state, 0) for state in ("absent", "displaced")}
         return [f"parts {state}: {count}" for state, count in bad.items() if count]
 

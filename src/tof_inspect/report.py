@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`inspection.json` and one page that shows each part: what was expected, what was measured, what is said."""
+"""`inspection.json` and one page that shows each part: expected depth, measured depth, verdict."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SCHEMA = "toftwin.inspection/1"
 
 
 def content(found: Inspection, scene: str) -> dict[str, Any]:
-    """What a program reads."""
+    """Content of `inspection.json`."""
     states = [v.state for v in found.verdicts]
     return {
         "schema": SCHEMA,
@@ -74,7 +74,7 @@ def picture(inspector: Inspector, verdict: PartVerdict, views: Sequence[View], p
 
 
 def _size(inspector: Inspector, posed: Posed, view: View, name: str) -> float:
-    """How large a part is in a view: its vertices inside the picture over the square of their distance."""
+    """Size of a part in a view: its vertices inside the image over the square of their distance."""
     p = se3.apply(se3.inverse(posed.T_cell_camera), inspector.scene.part(name).vertices)
     uv = view.camera.project(p)
     inside = (p[:, 2] > 0.05) & (uv > -0.5).all(axis=1) & (uv < [view.camera.width - 0.5, view.camera.height - 0.5]).all(axis=1)

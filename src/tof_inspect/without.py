@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene without one of its inspected parts, for any of them, from two trees: what always stays, and the inspected parts."""
+"""The scene without one of its inspected parts, from two search trees: the fixed parts and the inspected parts."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from tof_scene.scene import Scene
 
 STEP_M = 1e-6
-"""How far behind a face of the part that is left out a ray goes on."""
+"""Metres behind a face of the removed part at which a ray continues."""
 MOST = 32
 """Faces of one part that a ray may cross."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Behind:
-    """Where N rays first meet what is left.
+    """First hits of N rays in the remaining scene.
 
     t (N,) in lengths of the direction, NaN for a miss; part (N,) its number in the whole scene, -1 for a miss;
     normal (N, 3) unit, cell frame, toward the origin.
@@ -81,7 +81,7 @@ class Split:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Without:
-    """What rays meet when one part is not there."""
+    """Ray casting against the scene without one part."""
 
     trees: list[_Tree]
     part: int

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Labels rendered at a solved pose, and the dataset that keeps them."""
+"""Labels rendered at a solved pose, and the dataset that stores them."""

@@ -41,8 +41,8 @@ def export_bop(
     """Write the views of a dataset as `folder/{models,SPLIT,camera.json}`; gives the folder.
 
     Per view: `depth` (measured), `depth_label` (the CAD's), `gray` (amplitude), `mask`,
-    `mask_visib`, and the poses of all parts with their visibility. The sigma of a label has no
-    place in BOP and stays behind.
+    `mask_visib`, and the poses of all parts with their visibility. BOP has no place for the sigma of
+    a label, so it is not exported.
 
     Raises:
         DatasetError: the scene is not the one the dataset was labelled with.
@@ -69,7 +69,7 @@ def export_bop(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Raster:
-    """The pinhole raster of the export and where each of its pixels lies in the camera's own."""
+    """The pinhole raster of the export, and the pixel of the camera's own raster for each of its pixels."""
 
     camera: Camera
     source: Ints | None
@@ -87,7 +87,7 @@ class Raster:
         return cls(pinhole, index.astype(np.int64))
 
     def take(self, image: NDArray[Any], outside: float) -> NDArray[Any]:
-        """An image of the camera on the pinhole's raster."""
+        """A camera image, resampled to the pinhole raster."""
         if self.source is None:
             return image
         return np.where(self.source >= 0, image.ravel()[self.source], np.asarray(outside, image.dtype))
@@ -139,7 +139,7 @@ class _SceneWriter:
         self._files["scene_gt"][str(view)], self._files["scene_gt_info"][str(view)] = poses, infos
 
     def finish(self) -> None:
-        """Write the annotations, once the images they name are there."""
+        """Write the annotations, after the images that they name."""
         for name, content in self._files.items():
             _write_json(self._folder / f"{name}.json", content)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a label's uncertainty holds beyond the pose, and when a label may be trained on."""
+"""Configuration of labels: uncertainty beside the pose, and masking."""
 
 from __future__ import annotations
 
@@ -27,6 +27,9 @@ class LabelConfig:
         10.0, "labels less certain than this are masked: at silhouettes the pose decides which surface a pixel sees", unit="mm", low=0.01
     )
     foreign_mm: float = param(
-        60.0, "a patch measured farther than this from its label (beyond 3 sigma) is something else than the CAD", unit="mm", low=1.0
+        60.0,
+        "a patch measured farther than this from its label (and beyond 3 sigma) is an object that is not in the CAD",
+        unit="mm",
+        low=1.0,
     )
-    foreign_px: int = param(30, "least size of such a patch; smaller ones are the sensor's own errors", unit="px", low=1)
+    foreign_px: int = param(30, "least size of such a patch; smaller ones are errors of the sensor", unit="px", low=1)

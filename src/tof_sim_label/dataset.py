@@ -30,9 +30,9 @@ class DatasetWriter:
     """Appends captures and labelled views; each is on disk when its call returns.
 
     A path that holds a dataset of the same camera, CAD and configuration is continued as a new
-    session: its stations are numbered on, so that a split by station stays one. View and station
-    numbers given to the methods count from 0 in this session. With `resume` it is the same session
-    that goes on after it was cut off: numbers go on counting from the dataset's beginning.
+    session: its stations get new numbers, so that a split by station stays valid. View and station
+    numbers given to the methods count from 0 in this session. With `resume` an interrupted session
+    is continued, and numbers count from the dataset's beginning.
 
     Raises:
         DatasetError: another schema, camera, CAD or configuration; something else at `path`; a
@@ -62,7 +62,7 @@ class DatasetWriter:
         return self._store.count("views")
 
     def append_capture(self, capture: Capture, view: int = -1) -> int:
-        """Keep one frame; `view` is the session's view it goes into, -1 for none. Gives its number."""
+        """Append one frame; `view` is the session's view that contains it, -1 for none. Returns its number."""
         none = np.full(capture.depth.shape, np.nan, np.float32)
         return self._store.append(
             "captures",
@@ -76,7 +76,7 @@ class DatasetWriter:
         )
 
     def append_view(self, view: View, label: Label) -> int:
-        """Keep a view with its label. Gives its number in the dataset."""
+        """Append a view with its label. Returns its number in the dataset."""
         verdicts = [*self._store.attributes["verdicts"], label.posed.verdict]
         return self._store.append(
             "views",
@@ -99,7 +99,7 @@ class DatasetWriter:
         )
 
     def close(self) -> None:
-        """Let another process write."""
+        """Release the lock, so that another process may write."""
         self._store.close()
 
     def __enter__(self) -> Self:
@@ -109,7 +109,7 @@ class DatasetWriter:
         self.close()
 
     def _continue(self) -> int:
-        """The first free station; captures whose view was never written are freed of it."""
+        """The first free station. Captures whose view was never written are set to view -1."""
         before = Dataset(self.path)
         for index in np.flatnonzero(before.column("captures/view") >= before.views):
             self._store.replace("captures", "view", int(index), -1)
@@ -159,7 +159,7 @@ class Dataset:
             if name not in self._arrays:
                 self._arrays[name] = self._group[name]
             return self._arrays[name][index]
-        except Exception as error:  # foreign bytes: Zarr and its codecs raise whatever comes
+        except Exception as error:  # foreign bytes: Zarr and its codecs may raise any exception
             msg = f"{name} is damaged ({error})"
             raise DatasetError(msg, where=self.path) from error
 

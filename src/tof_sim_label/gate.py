@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth that is the distance along the ray, declared as z, is refused before any label is made of it."""
+"""Check that depth is z: radial distance declared as z is refused before any label is made."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ if TYPE_CHECKING:
     from tof_core.capture import View
 
 SURE = 0.99
-"""Probability at which the answer is taken; radial depth on flat parts comes out far beyond it."""
+"""Probability that decides; radial depth on flat parts reaches far more."""
 TRIES = 5
-"""Views that are asked before the question is dropped: nothing in them is flat and wide."""
+"""Views after which the check ends without a decision, since no surface in them is flat and wide."""
 
 
 class RadialGate:
-    """Asks the first views of a session whether their depth is z at all; silent once it is sure."""
+    """Tests the first views of a session for radial depth; ends once the depth is known to be z."""
 
     def __init__(self) -> None:
         self._left = TRIES
 
     def check(self, view: View) -> None:
-        """Let the view pass.
+        """Check one view.
 
         Raises:
-            RefusedError: flat surfaces bend as radial depth taken for z does.
+            RefusedError: flat surfaces are bent as radial distance taken for z bends them.
         """
         if self._left <= 0:
             return

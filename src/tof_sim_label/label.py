@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The label of a view: the CAD rendered from where the camera really was."""
+"""The label of a view: the CAD rendered at the camera's solved pose."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Label:
-    """What every pixel of a view should have measured. All arrays are (H, W).
+    """The depth that every pixel of a view should have measured. All arrays are (H, W).
 
     depth: z in metres, NaN where the ray misses the CAD; in a pixel that sees two surfaces, the
     one that fills most of it. sigma: standard deviation of depth, metres. mask: uint8, 1 where it
@@ -58,16 +58,16 @@ def label_view(view: View, posed: Posed, caster: Raycaster, config: LabelConfig 
 
 
 def _usable(view: View, rendering: Rendering, sigma: Image, config: LabelConfig) -> Mask:
-    """Pixels that show the CAD, steeply enough, surely enough, and nothing else in front or in its place."""
+    """Pixels that see the CAD, below the incidence limit and the sigma limit, with no foreign object in front or in its place."""
     on_cad = (sigma <= config.max_sigma_mm * 1e-3) & (rendering.incidence <= np.radians(config.max_incidence_deg))
     return np.asarray(on_cad & (view.reason != Reason.SELF) & ~foreign(view, rendering.depth, sigma, config))
 
 
 def foreign(view: View, label: Image, sigma: Image, config: LabelConfig) -> Mask:
-    """Patches (H, W) measured where the CAD is not: a hand before the part, a part that is missing.
+    """Patches (H, W) measured away from the CAD: a hand in front of the part, or a missing part.
 
-    Sensor errors are what labels are for, so only patches that are both far off and large count:
-    mixed pixels are thin, multipath and wiggling stay below `foreign_mm`.
+    Labels must keep sensor errors, so only patches that are both far off and large count: mixed
+    pixels are thin, and multipath and wiggling stay below `foreign_mm`.
     """
     import cv2
 
@@ -78,5 +78,5 @@ def foreign(view: View, label: Image, sigma: Image, config: LabelConfig) -> Mask
     _, patch, stats, _ = cv2.connectedComponentsWithStats(cv2.morphologyEx(far, cv2.MORPH_OPEN, square))
     large = stats[:, cv2.CC_STAT_AREA] >= config.foreign_px
     large[0] = False
-    # One more pixel all round: the patch's own rim is mixed.
+    # One more pixel all round: the rim of a patch is mixed pixels.
     return np.asarray(cv2.dilate(large[patch].astype(np.uint8), np.ones((5, 5), np.uint8)) > 0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The views of a whole session in, their labels out; `stream` labels view by view."""
+"""Labels of all views of a session; `stream` labels view by view."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LabellerConfig:
-    """How views are posed and labelled."""
+    """Configuration of poses and labels."""
 
     align: AlignConfig = section(AlignConfig, "where the camera was")
     label: LabelConfig = section(LabelConfig, "what its label holds")
 
 
 Labels = Iterator[tuple[View, Label]]
-"""Views with their labels, rendered one at a time as they are asked for."""
+"""Views with their labels, rendered one at a time on demand."""
 
 
 def label_session(views: Sequence[View], caster: Raycaster, config: LabellerConfig | None = None) -> tuple[SessionSolution, Labels]:

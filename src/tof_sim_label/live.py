@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What only a running `sim_label` has: its parameters."""
+"""Parameters of the running node `sim_label`."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from tof_sim_label.labeller import LabellerConfig
 
 @dataclass(frozen=True, slots=True)
 class LiveConfig(ViewOptions):
-    """What only a running node has."""
+    """Parameters that only the running node has."""
 
     settle_s: float = param(
-        2.5, "a view is labelled when so long no other came; 0: only when the next dwell begins", unit="s", low=0.0, high=3600.0
+        2.5, "a view is labelled after this time without another one; 0: only when the next dwell begins", unit="s", low=0.0, high=3600.0
     )
-    record: str = param("", "folder in which ~/start_recording makes a bag of the labels")
+    record: str = param("", "folder in which ~/start_recording writes a bag of the labels")
 
 
 @dataclass(frozen=True, slots=True)

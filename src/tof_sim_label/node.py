@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `sim_label`: the CAD rendered from where the camera really was, for each view of `preproc`."""
+"""The node `sim_label`: renders the CAD at the solved pose of each view of `preproc`."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self.timer(PERIOD_S, self._settle)
 
     def unload(self) -> None:
-        """Let go of the scene."""
+        """Release the scene."""
         del self._caster, self._scene
 
     def _take(self, view: View) -> None:
@@ -83,7 +83,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._labelled = time.monotonic()
 
     def _settle(self) -> None:
-        """Label a view that has long been the last."""
+        """Label the last view once no other has come for a while."""
         settle = self.config.live.settle_s
         if settle and time.monotonic() - self._labelled > settle:
             self._publish(self._stream.flush())
@@ -115,7 +115,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._outputs["pose"].publish(messages.pose(label.posed.T_cell_camera, label.posed.cov, messages.header(view.stamp_ns, cell)))
 
     def flush(self) -> str:
-        """Label what has been accumulated, now."""
+        """Label the current view now."""
         self._feed.advance()
         before = self._verdicts.total()
         self._publish(self._stream.flush())

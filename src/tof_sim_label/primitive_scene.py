@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fitted planes and spheres as meshes and a scene.yaml, in the frame of the camera that saw them."""
+"""Fitted planes and spheres as meshes and a scene.yaml, in the frame of the camera that measured them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CELL = 3
 
 
 def mesh(fitted: Fitted, camera: Camera, stride: int) -> tuple[Float, Ints]:
-    """Vertices (n, 3) and faces (m, 3) of a fitted surface: of a plane what was seen, of a sphere all."""
+    """Vertices (n, 3) and faces (m, 3) of a fitted surface: the measured region of a plane, the whole of a sphere."""
     surface = fitted.surface
     if isinstance(surface, Sphere):
         import trimesh
@@ -48,7 +48,7 @@ def plane_mesh(plane: Plane, pixels: Mask, camera: Camera, stride: int) -> tuple
 
 
 def primitive_scene(found: Sequence[Fitted], camera: Camera, stride: int, frame: str = "cell") -> Scene:
-    """The fitted surfaces as a scene whose cell frame is the frame of the camera that saw them.
+    """The fitted surfaces as a scene whose cell frame is the frame of the camera that measured them.
 
     A part's `tolerance_mm` is three times the RMS at which its surface was fitted.
     """

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Planes and spheres fitted once to one depth image, where a scene has no CAD.
 
-Greedy RANSAC on points with normals (after Schnabel, Wahl, Klein 2007): the candidate that most
-points agree with, in distance and in direction, is refined by least squares and its points are
-taken out. What remains unexplained stays without a label.
+Greedy RANSAC on points with normals (after Schnabel, Wahl, Klein 2007): the candidate with which most
+points agree, in distance and in direction, is refined by least squares and its points are removed.
+Points that belong to no surface get no label.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PrimitiveConfig:
-    """When points belong to one surface."""
+    """Limits for points of one surface."""
 
-    stride: int = param(3, "every so many pixels become a point", unit="px", low=1)
+    stride: int = param(3, "raster step, in pixels, between the points used", unit="px", low=1)
     tolerance_mm: float = param(5.0, "farthest a point may lie from its surface", unit="mm", low=0.1)
     angle_deg: float = param(20.0, "farthest its normal may turn from the surface's", unit="deg", low=1.0, high=90.0)
     min_share: float = param(0.0012, "least share of all points that make a surface", low=1e-4, high=1.0)
@@ -73,7 +73,7 @@ Surface: TypeAlias = Plane | Sphere
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitted:
-    """A surface, the pixels (H, W) on its raster that it explains, and their RMS distance in metres."""
+    """A surface, its pixels (H, W) on the strided raster, and their RMS distance in metres."""
 
     surface: Surface
     pixels: Mask
@@ -105,7 +105,7 @@ def fit_primitives(depth: Image, camera: Camera, config: PrimitiveConfig | None 
             found.append(Fitted(surface, patch, float(np.sqrt(np.mean(surface.distance(p[inlier]) ** 2)))))
             left &= ~inlier
         else:
-            left &= ~agreeing  # scraps here and there are no surface
+            left &= ~agreeing  # scattered pixels are not a surface
     if not found:
         msg = "no plane and no sphere found"
         raise RefusedError(msg, where="depth image", todo="give a scene.yaml with CAD instead")
@@ -116,7 +116,7 @@ def oriented_points(depth: Image, camera: Camera, stride: int) -> tuple[Float, F
     """Points and unit normals towards the camera, (h, w, 3) on the strided raster, NaN at edges.
 
     Normals come from differences over one raster step on either side of a local mean; the points
-    themselves are not averaged, which would shrink what is round.
+    themselves are not averaged, which would shrink curved surfaces.
     """
     import cv2
 
@@ -186,7 +186,7 @@ def _spheres(p: Float, n: Float, config: PrimitiveConfig, rng: np.random.Generat
     near = cKDTree(p).query(p, k=min(len(p), 40))[1]
     other = near[np.arange(len(p)), rng.integers(near.shape[1], size=len(p))]
     way, turn = p[other] - p, n[other] - n
-    # p_i - R n_i = p_j - R n_j; the radius that fits best, and how well the two centres agree
+    # p_i - R n_i = p_j - R n_j; the best radius, and the distance of the two centres
     radius = (way * turn).sum(axis=1) / np.maximum((turn**2).sum(axis=1), 1e-12)
     miss = np.linalg.norm(way - radius[:, None] * turn, axis=1)
     bent = np.linalg.norm(turn, axis=1) > 0.2

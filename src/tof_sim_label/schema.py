@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a dataset holds: names, types and shapes of its arrays, and the attributes that stand beside them."""
+"""Schema of a dataset: names, types and shapes of its arrays, and its attributes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SCHEMA = "toftwin.dataset/1"
 
 IMAGE = ("height", "width")
-"""Stands for the camera's raster in the tables below."""
+"""Placeholder for the camera's raster in the tables below."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ COLUMNS: dict[str, dict[str, Column]] = {
         "amplitude": Column("f4", IMAGE, "amplitude in the camera's unit, NaN where there is none"),
         "stamp_ns": Column("i8", (), "header stamp"),
         "temperature": Column("f4", (), "degrees Celsius, NaN where unknown"),
-        "view": Column("i4", (), "the view it was accumulated into, -1 where that view never came"),
+        "view": Column("i4", (), "the view that contains it, -1 where that view was never written"),
     },
     "views": {
         "depth": Column("f4", IMAGE, "accumulated and filtered z-depth, metres, NaN invalid"),
@@ -65,10 +65,10 @@ COLUMNS: dict[str, dict[str, Column]] = {
 
 @dataclass(frozen=True, slots=True)
 class Attributes:
-    """What one dataset is about; frames made under other attributes do not belong in it.
+    """Attributes of one dataset. Frames made under other attributes are refused.
 
     `cad_hash` and `config_hash` name the scene and the configuration that made the labels,
-    `pose_source` how the poses came about ("session, final", "session, causal", "per view",
+    `pose_source` the source of the poses ("session, final", "session, causal", "per view",
     "robot"), `parts` the names that `views/part` indexes.
     """
 
@@ -77,10 +77,10 @@ class Attributes:
     pose_source: str
     parts: tuple[str, ...] = ()
     notes: dict[str, Any] = field(default_factory=dict)
-    """Anything else worth keeping (bag, version); not compared on appending."""
+    """Further facts (bag, version); not compared on appending."""
 
     def must_equal(self, other: Attributes, where: object) -> None:
-        """Refuse to append what was made otherwise."""
+        """Refuse to append frames with other attributes."""
         for name in ("cad_hash", "config_hash", "pose_source", "parts"):
             mine, theirs = getattr(self, name), getattr(other, name)
             if mine != theirs:

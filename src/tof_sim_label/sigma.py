@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a label may be from the truth: pose, CAD, silhouettes and the offset nobody can see.
+"""Standard deviation of a label: pose, CAD, silhouettes, and the unobservable range offset.
 
-A label is the CAD seen along a ray, so its error is that of the pose and of the CAD, never the
-sensor's. Four independent terms, all along z:
+A label is the CAD seen along a ray, so its error is that of the pose and of the CAD, never that
+of the sensor. It has four independent terms, all along z:
 
 - pose: `J cov J'` with the point-to-plane Jacobian of depth along a fixed ray;
 - CAD: the surface's own deviation along its normal;
-- edge: near a silhouette the pose decides which of two surfaces the pixel sees; the step between
-  them times the standard deviation of that decision;
-- offset: a constant range offset moves the solved pose with it (5 mm in, 4.9 mm label error), so
-  its prior stays in the label whatever the session says.
+- edge: near a silhouette the pose decides which of two surfaces the pixel sees. The term is the step
+  between them times the standard deviation of that decision;
+- offset: a constant range offset moves the solved pose with it (5 mm of offset give 4.9 mm of label
+  error), so its prior is part of every label's sigma.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from tof_sim_label.config import LabelConfig
 
 REACH = 2
-"""Pixels around a silhouette in which its term is worked out; beyond, it takes 1.5 px of pose error."""
+"""Pixels around a silhouette in which its term is computed; it reaches further only for a pose error of 1.5 px and more."""
 
 STEP = 5e-4
-"""Metres that depth must leave a neighbour's plane by to be a silhouette; less costs less than the CAD's own term."""
+"""Least depth step in metres beside a neighbour's plane that counts as a silhouette; smaller steps matter less than the CAD's own term."""
 FAR = 4.0
-"""Standard deviations of a silhouette beyond which it does not reach."""
+"""Reach of a silhouette in its standard deviations."""
 
 
 def label_sigma(rendering: Rendering, cov_right: Float, config: LabelConfig) -> Image:
@@ -168,7 +168,7 @@ def _silhouette(
     reach: int,
     sigma_px: float,
 ) -> float:
-    """Variance from the nearest edges: step^2 P (1 - P), P the chance that the other surface wins."""
+    """Variance from the nearest edges: step^2 P (1 - P), with P the probability that the pixel sees the other surface."""
     h, w = depth.shape
     r = rays[v, u]
     worst = 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The outline of each part alone, as far as it reaches beyond the image: what visibility is measured against."""
+"""The outline of each part alone, also beyond the image: the reference for its visibility."""
 
 from __future__ import annotations
 

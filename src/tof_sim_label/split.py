@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Split:
-    """Numbers of views, ascending, by what they are for; no station is in two of them."""
+    """Numbers of views, ascending, of each set; no station is in two sets."""
 
     train: Ints
     val: Ints
@@ -25,7 +25,7 @@ class Split:
 
 
 def split_stations(dataset: Dataset, share: tuple[float, float, float] = (0.7, 0.15, 0.15), seed: int = 0) -> Split:
-    """Deal whole stations to train, val and test by their share of the views.
+    """Assign whole stations to train, val and test by their share of the views.
 
     Every set with a share above zero gets a station; the same seed gives the same split.
 
@@ -50,7 +50,7 @@ def split_stations(dataset: Dataset, share: tuple[float, float, float] = (0.7, 0
 
 
 def _deal(sizes: Float, share: Float) -> Ints:
-    """The set of each station: first one to every set, then to the set that lacks most of its share."""
+    """The set of each station: first one for every set, then always the set that is furthest below its share."""
     used = np.flatnonzero(share > 0)
     owner = np.zeros(len(sizes), int)
     got = np.zeros(len(share))

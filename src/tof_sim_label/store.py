@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames on disk so that one appended is one kept: chunks first, synced, then the commit marker.
+"""Crash-safe storage of frames: chunks are written and synced first, then the commit marker.
 
 The layout is plain Zarr v3 with one chunk per frame, so any Zarr reader opens it. Chunks are
 written here and not through zarr because zarr neither syncs a file nor orders one write after
-another. The marker is `committed` in the group's own attributes; what lies beyond it does not
-exist, whatever files an interrupted append has left.
+another. The marker is `committed` in the group's own attributes; files beyond it, left by an
+interrupted append, are ignored.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 META = "zarr.json"
 LEVEL = 1
-"""Of zstd behind a bit shuffle: noisy float32 depth gets a third smaller, in half a millisecond for 400 x 300."""
+"""Level of zstd after a bit shuffle: noisy float32 depth gets a third smaller, in half a millisecond for 400 x 300."""
 
 
 def chunk_path(root: Path, group: str, name: str, index: int) -> Path:
@@ -44,7 +44,7 @@ def chunk_path(root: Path, group: str, name: str, index: int) -> Path:
 
 
 def create(root: Path, camera: Camera, attributes: Mapping[str, Any]) -> None:
-    """Make an empty dataset; it appears at `root` whole or not at all."""
+    """Make an empty dataset; it appears at `root` complete or not at all."""
     import zarr
 
     draft = root.with_name(f".{root.name}.{os.getpid()}.new")
@@ -102,7 +102,7 @@ class FrameStore:
         return int(self._meta["attributes"]["committed"][group])
 
     def append(self, group: str, frame: Mapping[str, ArrayLike], **attributes: object) -> int:
-        """Add one frame to every array of a group; durable when this returns. Gives its number.
+        """Append one frame to every array of a group; it is on disk when this returns. Returns its number.
 
         Raises:
             DatasetError: the disk is full or failing; nothing committed before is touched, and
@@ -110,7 +110,7 @@ class FrameStore:
         """
         index = self.count(group)
         payload = {name: self._encode(group, name, frame[name]) for name in COLUMNS[group]}
-        # Side by side, because a file system commits syncs that wait together at once: ten times faster on a busy disk.
+        # In parallel, because a file system commits waiting syncs together: ten times faster on a busy disk.
         written = [self._pool.submit(self._put_frame, group, name, index, data) for name, data in payload.items()]
         wait(written)
         try:
@@ -123,14 +123,14 @@ class FrameStore:
         return index
 
     def replace(self, group: str, name: str, index: int, value: ArrayLike) -> None:
-        """Put another value into one committed frame, whole or not at all."""
+        """Replace one committed frame, completely or not at all."""
         try:
             _put(chunk_path(self.root, group, name, index), self._encode(group, name, value))
         except OSError as error:
             raise _lost(error, self.root) from error
 
     def close(self) -> None:
-        """Let another writer in."""
+        """Release the lock for another writer."""
         self._pool.shutdown()
         self._lock.close()
 
@@ -189,7 +189,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def _put(path: Path, data: bytes) -> None:
-    """Write a file so that it is there whole or not at all, even if the power goes."""
+    """Write a file atomically, also against a loss of power."""
     part = path.with_name(f"{path.name}.part")
     try:
         with part.open("wb") as file:

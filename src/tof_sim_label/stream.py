@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Running views in, a label for each dwell that has ended: what the node does, without ROS."""
+"""From running views to a label for each dwell that has ended: the work of the node, without ROS."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Labelled:
-    """A view with its label, or (`label` None) why it has none."""
+    """A view with its label, or (`label` None) the reason why it has none."""
 
     view: View
     label: Label | None
@@ -32,10 +32,10 @@ class Labelled:
 
 
 class LabelStream:
-    """Labels the last view of each dwell: when the next dwell begins, or when asked.
+    """Labels the last view of each dwell: when the next dwell begins, or on request.
 
-    Each pose follows from this view and those before it. Nothing is kept for a final solution, so that the memory does
-    not grow with the session.
+    Each pose is computed from this view and those before it. No views are kept for a final solution, so memory does
+    not grow with time.
     """
 
     def __init__(self, caster: Raycaster, config: LabellerConfig | None = None) -> None:
@@ -50,12 +50,12 @@ class LabelStream:
         self._pending: View | None = None
 
     def push(self, view: View) -> Labelled | None:
-        """Take a running view; gives the dwell before it, labelled, if this one begins a new dwell."""
+        """Take a running view. If it begins a new dwell, return the previous dwell, labelled."""
         before, self._pending = self._pending, view
         return self._label(before) if before is not None and before.dwell_ns != view.dwell_ns else None
 
     def flush(self) -> Labelled | None:
-        """Label what has been accumulated so far."""
+        """Label the current view."""
         view, self._pending = self._pending, None
         return None if view is None else self._label(view)
 
@@ -71,7 +71,7 @@ class LabelStream:
 
 
 def warm_up(caster: Raycaster) -> None:
-    """Load (the first time ever: compile) all kernels of alignment and labels by one small view of the scene, before frames flow."""
+    """Load all kernels of alignment and labels with one small view of the scene, before frames arrive; the first time they are compiled."""
     vertices = np.concatenate([part.vertices for part in caster.scene.parts])
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     camera, T = Camera(64, 48, 60.0, 60.0, 31.5, 23.5), np.eye(4)

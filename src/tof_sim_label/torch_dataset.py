@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The dataset as PyTorch wants it: one item per capture, with the label of its view."""
+"""The dataset for PyTorch: one item per capture, with the label of its view."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the virtual camera looks at: named triangle meshes with a reflectance, and all of them as one soup."""
+"""The virtual scene: named triangle meshes with a reflectance, and all their triangles in one array."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """One rigid thing: vertices (n, 3) in metres in the cell frame, faces (m, 3) indices, diffuse albedo 0..1.
+    """One rigid body: vertices (n, 3) in metres in the cell frame, faces (m, 3) indices, diffuse albedo 0..1.
 
     `roughness` 1 is a perfectly matt surface; smaller ones shine where the `specular` effect is on.
-    `subject`: the robot comes to look at this one (at all of them if none is marked).
+    `subject`: the views aim at this body (at all of them if none is marked).
     """
 
     name: str
@@ -38,7 +38,7 @@ class Body:
 class Soup:
     """All bodies as triangles: corners (m, 3, 3), unit normals (m, 3), and per face its body, albedo and roughness.
 
-    `subject` (bodies,) marks those that are looked at, `names` (bodies,) names all.
+    `subject` (bodies,) marks those that the views aim at, `names` (bodies,) names all.
     """
 
     corners: Float
@@ -51,13 +51,13 @@ class Soup:
 
     @property
     def box(self) -> tuple[Float, Float]:
-        """Lowest and highest corner of what is looked at."""
+        """Lowest and highest corner of the subjects."""
         points = self.corners[self.subject[self.body]].reshape(-1, 3)
         return points.min(axis=0), points.max(axis=0)
 
     @property
     def centre(self) -> Float:
-        """Middle (3,) of what is looked at."""
+        """Centre (3,) of the subjects."""
         low, high = self.box
         return np.asarray(0.5 * (low + high))
 
@@ -70,7 +70,7 @@ class Soup:
 def soup(bodies: Sequence[Body]) -> Soup:
     """Join bodies into one soup; faces without area are dropped."""
     if not bodies:
-        msg = "there is nothing to look at"
+        msg = "there are no bodies"
         raise SceneError(msg, where="virtual robot", todo="pass at least one body")
     corners = np.concatenate([np.asarray(b.vertices, float)[np.asarray(b.faces)] for b in bodies])
     counts = [len(b.faces) for b in bodies]

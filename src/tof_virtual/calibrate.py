@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Give each effect the physical size at which it makes the error that its strength asks for."""
+"""Find for each effect the physical size that causes the error stated by its strength."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CLOSE = 0.02
 """Relative error of the RMS at which the search stops."""
 MOST_CAPTURES = 12
 NOTHING_M = 1e-7
-"""Below this, a pixel's depth has not changed."""
+"""A smaller change of a pixel's depth counts as none."""
 
 
 def calibrate(session: Session) -> None:
@@ -69,7 +69,7 @@ def _measured(session: Session, effect: Effect, indices: Sequence[int]) -> Calla
 
 
 def _geometric(session: Session, effect: Effect, indices: Sequence[int]) -> Callable[[], Float]:
-    """The same where what is seen changes; away from edges and from what moved over or off an edge."""
+    """The same for effects that change the geometry, away from edges and from pixels that crossed an edge."""
     few = indices[:: max(len(indices) // (3 if effect.tap_interval_s() else 6), 1)]
 
     def error() -> Float:
@@ -83,7 +83,7 @@ def _geometric(session: Session, effect: Effect, indices: Sequence[int]) -> Call
 
 
 def _inside(session: Session, index: int, effects: Sequence[Effect]) -> Float:
-    """Depth (P,) that is seen, or measured by moving taps; NaN at edges."""
+    """True depth (P,), or the depth measured by moving taps; NaN at edges."""
     shutter = session.shutters[index]
     sight = session.sight(shutter, effects, subsamples=1)
     moves = any(e.tap_interval_s() for e in effects)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The colour camera beside the depth camera: flat paint, two lamps that change from station to station, hard shadows."""
+"""The colour camera beside the depth camera: matt paint, two lamps that differ between stations, hard shadows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tof_virtual.sight import World
 
 AMBIENT = 0.35
-"""Share of light that comes from everywhere."""
+"""Share of the lighting that comes from all directions."""
 NOISE = 1.5
 """Standard deviation of a grey value, of 255."""
 BACKGROUND = 0.08
@@ -43,7 +43,7 @@ def paint(albedo: float) -> Float:
 
 
 def photograph(session: Session, T_cell_depth: Float, station: int, index: int) -> Bytes:
-    """RGB image (480, 640, 3) taken while the depth camera really is at `T_cell_depth`, in the light of a station."""
+    """RGB image (480, 640, 3) for the true depth camera pose `T_cell_depth`, in the lighting of a station."""
     world, camera = session.world(session.effects), colour_camera(session.config)
     T = T_cell_depth @ se3.inverse(HAND_OF_CAMERA) @ HAND_OF_COLOUR
     rays = camera.rays().reshape(-1, 3) @ T[:3, :3].T

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every number of the virtual robot: its camera, its own errors, the plan of a session, what it publishes."""
+"""Configuration of the virtual robot: camera, errors, plan of a session, output."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class CameraConfig:
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """How far the robot is from where it believes to be."""
+    """Errors of the robot's own pose."""
 
-    base_min_mm: float = param(20.0, "least distance the base stands off, in the plane", unit="mm", low=0, high=500)
-    base_max_mm: float = param(50.0, "largest distance the base stands off, in the plane", unit="mm", low=0, high=500)
+    base_min_mm: float = param(20.0, "least position error of the base, in the plane", unit="mm", low=0, high=500)
+    base_max_mm: float = param(50.0, "largest position error of the base, in the plane", unit="mm", low=0, high=500)
     base_deg: float = param(2.0, "largest yaw error of the base", unit="deg", low=0, high=20)
     base_tilt_deg: float = param(0.2, "standard deviation of its roll and pitch error", unit="deg", low=0, high=5)
     base_height_mm: float = param(3.0, "standard deviation of its height error", unit="mm", low=0, high=100)
@@ -45,7 +45,7 @@ class RobotConfig:
 
 @dataclass(frozen=True, slots=True)
 class PlanConfig:
-    """Where the robot stands and looks, and when."""
+    """Plan of a session: where the robot stands, where it looks, and when."""
 
     views: int = param(12, "views of the session", low=1, high=10000)
     stations: int = param(2, "stations among which the views are divided", low=1, high=1000)
@@ -65,11 +65,11 @@ class PlanConfig:
     roll_deg: float = param(15.0, "largest roll about the axis", unit="deg", low=0, high=180)
     facing_deg: float = param(0.0, "azimuth of the robot's side, from the cell's x", unit="deg", low=-180, high=180)
     target: str = param("", "point looked at as 'x,y,z' in the cell, the middle of the subjects if empty")
-    spread: float = param(0.6, "how far views look past the target, as a share of the subjects' size", low=0, high=1)
+    spread: float = param(0.6, "largest aiming offset from the target, as a share of the subjects' size", low=0, high=1)
     rate_hz: float = param(15.0, "captures a second", unit="Hz", low=0.1, high=1000)
     tf_rate_hz: float = param(50.0, "transforms a second", unit="Hz", low=1, high=1000)
     move_s: float = param(1.2, "time of a move between views", unit="s", low=0.1, high=60)
-    pause_s: float = param(0.0, "silent time after each view, without TF", unit="s", low=0, high=3600)
+    pause_s: float = param(0.0, "pause after each view, without TF", unit="s", low=0, high=3600)
     capture_moving: bool = param(False, "capture while the hand moves")
     speed_m_s: float = param(0.15, "speed of the hand when it captures in motion", unit="m/s", low=0, high=5)
     turn_deg_s: float = param(8.0, "turn rate of the hand when it captures in motion", unit="deg/s", low=0, high=180)
@@ -86,14 +86,14 @@ class WarmupConfig:
 
 @dataclass(frozen=True, slots=True)
 class OutputConfig:
-    """What is published and under which names (spot_ros2's by default)."""
+    """Published topics and their names (spot_ros2's by default)."""
 
     namespace: str = param("", "robot namespace: prefix of topics and of all frames but the cell")
     cell_frame: str = param("cell", "root of the TF tree")
     encoding: str = param("16UC1", "depth as 16UC1 millimetres or 32FC1 metres", choices=("16UC1", "32FC1"))
     amplitude: bool = param(True, "publish the amplitude image")
     colour: bool = param(False, "publish one colour image a view")
-    points: bool = param(False, "publish the depth as a PointCloud2 besides")
+    points: bool = param(False, "also publish the depth as a PointCloud2")
     temperature: bool = param(True, "publish the temperature once a second")
     storage: str = param("mcap", "bag storage", choices=("mcap", "sqlite3"))
     start_s: int = param(1_760_000_000, "stamp at which the session begins", unit="s", low=0)
@@ -108,4 +108,4 @@ class VirtualConfig:
     plan: PlanConfig = section(PlanConfig, "the session")
     warmup: WarmupConfig = section(WarmupConfig, "temperature")
     output: OutputConfig = section(OutputConfig, "topics and frames")
-    seed: int = param(0, "seed of everything random", low=0)
+    seed: int = param(0, "seed of all random numbers", low=0)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an effect is to the virtual camera: a physical size, and the places of the pipeline at which it acts."""
+"""Base class of the virtual camera's effects: a physical size, and the steps of the pipeline at which it acts."""
 
-# ruff: noqa: ARG002  (the base acts nowhere: its arguments lie idle)
+# ruff: noqa: ARG002  (the methods of the base class do nothing with their arguments)
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from tof_virtual.taps import Charge
 
 UNIT_M = 3e-3
-"""What a strength of 1 is: metres RMS over the affected pixels."""
+"""Error at a strength of 1: metres RMS over the affected pixels."""
 
 
 @dataclass(slots=True, eq=False)
 class Moment:
-    """One capture as the world has it: what the camera sees, when, how warm.
+    """True state of one capture: what the camera sees, time, temperature.
 
     `sights` is one, or five where the camera moves between the taps: each tap's, then the middle of the exposure.
     """
@@ -44,7 +44,7 @@ class Moment:
     camera: Camera
     sights: tuple[Sight, ...]
     lights: dict[object, list[Light]] = field(default_factory=dict)
-    """Light that falls on the pixels, by effects in force: the same for all captures of a dwell."""
+    """Light on the pixels, by active effects: the same for all captures of a dwell."""
 
     @property
     def sight(self) -> Sight:
@@ -54,7 +54,7 @@ class Moment:
 
 @dataclass(slots=True, eq=False)
 class Frame:
-    """What the camera makes of a moment: depth (P,) in metres as stored, NaN where invalid; amplitude (P,); saturated (P,)."""
+    """Measurement of a moment: depth (P,) in metres as stored, NaN where invalid; amplitude (P,); saturated (P,)."""
 
     depth: Float
     amplitude: Float
@@ -62,7 +62,7 @@ class Frame:
 
 
 class Effect:
-    """An effect of the vocabulary. Each method is a place to act; the base does nothing anywhere.
+    """An effect of the vocabulary. Each method is one step of the pipeline; in the base class none does anything.
 
     Attributes:
         name: its name in the vocabulary.
@@ -70,7 +70,7 @@ class Effect:
         start: a size that gives about a strength of 1, from which calibration begins.
         limit: sizes beyond this are not physical; calibration stops there.
         local: whether the affected pixels are few (then those with a tenth of the usual largest error count).
-        kind: "bias", or what `level` gives: "scatter" or "loss".
+        kind: "bias", or the quantity that `level` returns: "scatter" (noise; also the prefix in truth files) or "loss".
         geometric: whether it changes what is seen rather than what is measured.
         deforms: whether it changes the bodies.
         natural: whether `size` is `start` times the strength without calibration.
@@ -100,15 +100,15 @@ class Effect:
         return np.random.default_rng([self.config.seed, crc32(self.name.encode()), index])
 
     def draw(self, rng: np.random.Generator) -> None:
-        """Settle signs, phases, parts: whatever is fixed for the session."""
+        """Draw what is fixed for the session: signs, phases, parts."""
 
     @classmethod
     def adapt(cls, config: VirtualConfig) -> VirtualConfig:
-        """The session that this effect needs to show at all."""
+        """The configuration that this effect needs to be visible."""
         return config
 
     def prepare(self, session: Session) -> None:
-        """Settle what depends on what the planned session sees."""
+        """Set what depends on the planned views."""
 
     def params(self) -> dict[str, Any]:
         """The physical truth, for the truth file."""
@@ -137,14 +137,14 @@ class Effect:
 
     # light --------------------------------------------------------------------------------------
     def reflect(self, echo: Echo, rays: Rays, moment: Moment) -> None:
-        """Change how a surface answers."""
+        """Change the reflection of a surface."""
 
     def footprint(self) -> float:
-        """Side of a pixel's footprint in pixels if all its light is summed, 0 if only the main surface counts."""
+        """Side of a pixel's footprint in pixels if the light of all its surfaces is summed, 0 if only the main surface counts."""
         return 0.0
 
     def spread(self, light: Light, sight: Sight, moment: Moment) -> None:
-        """Add light that came another way."""
+        """Add light that arrived on another path."""
 
     # pixel --------------------------------------------------------------------------------------
     def harmonics(self) -> tuple[complex, complex]:
@@ -156,11 +156,11 @@ class Effect:
 
     # output -------------------------------------------------------------------------------------
     def disturb(self, distance: Float, amplitude: Float, moment: Moment) -> Float:
-        """Change the measured distance (P,) along the ray; noise-free runs leave out what has mean zero."""
+        """Change the measured distance (P,) along the ray; noise-free runs omit terms of mean zero."""
         return distance
 
-    def scatter(self, distance: Float, amplitude: Float, moment: Moment) -> Float:
-        """Add scatter (P,) that only noisy runs have."""
+    def add_noise(self, distance: Float, amplitude: Float, moment: Moment) -> Float:
+        """Add noise to the distance (P,); noisy runs only."""
         return distance
 
     def lose(self, frame: Frame, moment: Moment) -> Mask | None:
@@ -168,7 +168,7 @@ class Effect:
         return None
 
     def level(self, moment: Moment) -> Float | None:
-        """Where the effect is no bias: its scatter in metres, or the share of captures lost, per pixel (P,)."""
+        """For an effect that is not a bias: its noise in metres, or the share of captures lost, per pixel (P,)."""
         return None
 
     def finish(self, depth: Float, moment: Moment) -> Float:

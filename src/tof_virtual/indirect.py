@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light that bounces more than once, traced: lit patches of the scene shine on what the pixels see.
+"""Indirect light: lit patches of the scene illuminate the points that the pixels see.
 
-The emitter's beam is cut into cones of equal solid angle. Where a cone lands is a patch of known power; it re-radiates
-by Lambert's law to every other patch and to the seen points, where nothing stands between (instant radiosity, Keller 1997,
-with complex power so that path lengths are kept). What a point gets is complex: its argument is the extra phase.
+The emitter's beam is divided into cones of equal solid angle. Each cone lights a patch of known power. The patch radiates by
+Lambert's law to all other patches and visible points that are not occluded (instant radiosity, Keller 1997, with complex power
+so that path lengths are kept). The irradiance of a point is complex: its argument is the extra phase.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 CONES = (24, 30)
 """Cones along the image's height and width."""
 WIDER = 1.3
-"""The beam is so much wider than the image."""
+"""Width of the beam over that of the image."""
 POINTS = 45
 """Points across the image at which the light is gathered; between them it is interpolated on the surface."""
 GRAZING = 0.05
-"""Least incidence cosine of a cone, so that no patch becomes endless."""
+"""Least incidence cosine of a cone; it bounds the size of a patch."""
 NEAR, CUT = 8.0, 5
-"""Patches whose area is more than an eighth of their squared distance are cut into 5 x 5."""
+"""Patches whose area is more than an eighth of their squared distance are divided into 5 x 5."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,8 +61,8 @@ def irradiance(
 ) -> NDArray[np.complex128]:
     """Indirect irradiance (P,) of the main surfaces over the emitter's intensity, per square metre.
 
-    Its argument is the phase by which the indirect path is longer than the direct one. `wavenumber` is phase per metre of
-    distance (half the path). `rays` (H, W, 3) are the camera's; the beam is `wider` than they are, cut into `cones`; light is
+    Its argument is the phase of the excess of the indirect path over the direct one. `wavenumber` is phase per metre of
+    distance (half the path). `rays` (H, W, 3) are the camera's; the beam is `wider` than they are, divided into `cones`; light is
     gathered at about `points` columns.
     """
     patches = _patches(world, sight, rays, wavenumber, wider, cones)
@@ -100,7 +100,7 @@ def _patches(world: World, sight: Sight, rays: Float, wavenumber: float, wider: 
 
 
 def _bounce(world: World, lit: Patches, wavenumber: float, bounces: int) -> Patches:
-    """Let the patches light each other; the second bounce is gathered by `_spread`, so this adds the third and on."""
+    """Exchange light between the patches. `_spread` gathers the second bounce, so this adds the third and later ones."""
     if bounces < 3 or not lit.area.size:
         return lit
     tree = world.tree
@@ -113,7 +113,7 @@ def _bounce(world: World, lit: Patches, wavenumber: float, bounces: int) -> Patc
 
 
 def _spread(world: World, sight: Sight, lit: Patches, wavenumber: float, stride: int) -> NDArray[np.complex128]:
-    """Gather on a coarse raster, interpolate where surface and neighbours agree, gather what is left."""
+    """Gather on a coarse raster, interpolate where surface and neighbours agree, gather at the remaining pixels."""
     out = np.zeros(sight.z.size, np.complex128)
     if not lit.area.size:
         return out
@@ -171,7 +171,7 @@ def _light(
     power: NDArray[np.complex128],
     wavenumber: float,
 ) -> NDArray[np.complex128]:
-    """What patches send to points, turned back by the phase of the points' direct path."""
+    """Irradiance of points by patches, with the phase of the points' direct path subtracted."""
     out = np.zeros(points.shape[0], np.complex128)
     stack = np.empty(96, np.int32)
     hint = -1
@@ -207,14 +207,14 @@ def _light(
 
 @njit(cache=True, inline="always", error_model="numpy")
 def _far(here: float, there: float, d2: float, area: float, wavenumber: float) -> complex:
-    """Irradiance per power over a distance, with half its phase; a patch is a disc that fills at most half of the sky."""
+    """Irradiance per power over a distance, with half its phase; a patch is a disc that fills at most half of the hemisphere."""
     turn = 0.5 * wavenumber * np.sqrt(d2)
     return here * there / (d2 * (np.pi * d2 + area)) * complex(np.cos(turn), np.sin(turn))
 
 
 @njit(cache=True, error_model="numpy")
 def _near(point: Float, normal: Float, source: Float, facing: Float, area: float, wavenumber: float) -> complex:
-    """The same of a patch that is large for its distance: cut into squares on its tangent plane."""
+    """The same for a patch that is large for its distance: divided into squares on its tangent plane."""
     i = int(np.argmin(np.abs(facing)))
     x = np.zeros(3)
     x[i] = 1.0
@@ -231,7 +231,7 @@ def _near(point: Float, normal: Float, source: Float, facing: Float, area: float
             if here > 0 and there > 0 and d2 > 1e-12:
                 total += _far(here, there, d2, area / CUT**2, wavenumber)
                 facing_us += 1
-    # squares behind the point's plane are beyond a corner, where the cone really ended on this side of it
+    # squares behind the point's plane lie beyond a corner, while the cone ended on this side of it
     return total / max(facing_us, 1)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The virtual robot for closed loops: told where to go, it goes there with its own error, and takes a capture."""
+"""The virtual robot for closed loops: it moves to commanded poses with its own error, and takes captures."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ MOVE_S = 2.0
 
 
 class VirtualRobot:
-    """A robot beside the bodies, at the first stop of its plan.
+    """A robot at the first stop of its plan.
 
-    `drive` and `goto` take poses as the robot believes them; what it really does is `T_cell_camera_true`, which no code
-    under test may look at. Effects that need motion (`motion`, `time_sync`) do not show: it captures at rest.
+    `drive` and `goto` take poses in the robot's own estimate; the true pose is `T_cell_camera_true`, which no code under test
+    may read. Effects that need motion (`motion`, `time_sync`) are not visible, since it captures at rest.
     """
 
     def __init__(self, bodies: Sequence[Body], config: VirtualConfig | None = None, effects: Mapping[str, float] | None = None) -> None:
-        """Plan as `record` would, so that effects get the size they have there."""
+        """Plan as `record` does, so that effects have the same sizes."""
         self._session = Session(bodies, config or VirtualConfig(), effects or {})
         calibrate(self._session)
         self.config = self._session.config
@@ -60,22 +60,22 @@ class VirtualRobot:
 
     @property
     def T_cell_body(self) -> Float:
-        """Where the robot believes its body to be."""
+        """Pose of the body in the robot's own estimate."""
         return self._robot.T_cell_body
 
     @property
     def T_body_hand(self) -> Float:
-        """Where the robot believes its hand to be."""
+        """Pose of the hand in the robot's own estimate."""
         return self._robot.T_body_hand
 
     @property
     def T_cell_camera(self) -> Float:
-        """Where the robot believes its camera to be."""
+        """Pose of the camera in the robot's own estimate."""
         return self._robot.T_cell_camera
 
     @property
     def T_cell_camera_true(self) -> Float:
-        """Where the camera is. For tests and evaluation alone."""
+        """True pose of the camera. For tests and evaluation alone."""
         return self._robot.T_cell_camera_true
 
     @property
@@ -84,13 +84,13 @@ class VirtualRobot:
         return self._seen().z.reshape(self.camera.shape).astype(np.float32)
 
     def drive(self, T_cell_body: Float) -> None:
-        """Stop the base at a mark; it misses by a new error."""
+        """Drive the base to a mark; it stops with a new error."""
         self._robot.drive(T_cell_body)
         self._moved()
         self._station += 1
 
     def shove(self, T_cell: Float) -> None:
-        """Displace the base by a motion (4, 4) of the cell, unknown to the robot."""
+        """Displace the base by a motion (4, 4) of the cell that the robot does not measure."""
         self._robot.B = np.asarray(T_cell @ self._robot.B)
         self._moved()
 

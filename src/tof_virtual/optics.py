@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From what a pixel looks at to the light it gets: the emitter's inverse square law, Lambert, and phasors summed."""
+"""Light on a pixel from the surfaces that it sees: inverse square law, Lambert, sum of phasors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SIGNAL_RANGE = 0.8
 
 @dataclass(slots=True, eq=False)
 class Echo:
-    """Light that N rays bring back: modulated electrons (N,), path length there and back halved (N,), ambient electrons (N,)."""
+    """Light of N rays: modulated electrons (N,), half the path length there and back (N,), ambient electrons (N,)."""
 
     strength: Float
     distance: Float
@@ -41,7 +41,7 @@ class Light:
 
 
 def echo(rays: Rays, world: World, config: CameraConfig) -> Echo:
-    """What a matt surface sends back to an emitter beside the lens: albedo * cosine / distance^2."""
+    """Light that a matt surface returns to an emitter beside the lens: albedo * cosine / distance^2."""
     hit = rays.face >= 0
     albedo = np.where(hit, world.soup.albedo[rays.face], 0.0)
     distance = np.where(hit, rays.distance, 1.0)

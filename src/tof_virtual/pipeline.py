@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One exposure from what is seen to what is stored: light, charge, four taps, phase, depth."""
+"""One exposure from the scene to the stored depth: light, charge, four taps, phase, depth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def expose(moment: Moment, effects: Sequence[Effect], rng: np.random.Generator | None = None) -> Frame:
-    """Take one frame; without `rng` everything random with mean zero is left out."""
+    """Take one frame; without `rng` all random terms of mean zero are omitted."""
     config = moment.config.camera
     charge = _charge(moment, effects)
     for e in effects:
@@ -28,7 +28,7 @@ def expose(moment: Moment, effects: Sequence[Effect], rng: np.random.Generator |
     for e in effects:
         distance = e.disturb(distance, amplitude, moment)
         if rng is not None:
-            distance = e.scatter(distance, amplitude, moment)
+            distance = e.add_noise(distance, amplitude, moment)
     valid = (amplitude >= config.min_amplitude_e) & ~saturated & (distance > 0) & (charge.steady[0] > 0)
     frame = Frame(np.where(valid, distance / moment.sight.length, np.nan), amplitude, saturated)
     for e in effects:
@@ -41,7 +41,7 @@ def expose(moment: Moment, effects: Sequence[Effect], rng: np.random.Generator |
 
 
 def _charge(moment: Moment, effects: Sequence[Effect]) -> taps.Charge:
-    """Charge of the four taps: of one light, or of four where the camera moved between them."""
+    """Charge of the four taps: of the same scene, or of four where the camera moved between them."""
     config = moment.config.camera
     third, fifth = (sum((e.harmonics()[i] for e in effects), start=0j) for i in (0, 1))
     harmonics = third != 0 or fifth != 0

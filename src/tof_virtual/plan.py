@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the robot stands and looks: stations around the target, views of varied range, azimuth and elevation."""
+"""Plan of a session: stations around the target, views of varied range, azimuth and elevation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STANDOFF_M = 1.35
 """Distance of the body from the target, on the floor."""
 BODY_HEIGHT_M = 0.55
 CLEAR_M = 0.22
-"""Nothing may be nearer than this to the camera."""
+"""Least distance of any surface from the camera."""
 SEEN = 0.45
 """Least share of a view that should hit something."""
 TRIES = 40
@@ -128,7 +128,7 @@ def _view(
     azimuth: float,
     elevation: float,
 ) -> Float:
-    """A camera at `range_m` from the first surface on the way to a point near the target; of some tries the best seen."""
+    """A camera at `range_m` from the first surface towards a point near the target; the best of some tries."""
     best, most = None, -1.0
     for k in range(TRIES):
         wobble = 1.0 + k / 8
@@ -144,7 +144,7 @@ def _view(
         if np.nanmin(z, initial=np.inf) < CLEAR_M or T[2, 3] < 0.1:
             seen -= 1
         if hit[0] < 0 or not world.soup.subject[world.soup.body[hit[0]]]:
-            seen -= 0.5  # the axis goes past what is to be looked at
+            seen -= 0.5  # the axis misses the subjects
         if seen > most:
             best, most = T, seen
         if most > SEEN:

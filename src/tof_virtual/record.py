@@ -34,11 +34,11 @@ AMPLITUDE_STEP_E = 16.0
 
 
 Sensor: TypeAlias = "Callable[[Moment, Frame], Frame]"
-"""What else happens to a frame, from outside this room."""
+"""Further processing of a frame, given from outside this room."""
 
 
 class Event(NamedTuple):
-    """Something to write: seconds from the start, then in which order, and how."""
+    """A message to write: seconds from the start, rank at equal times, and the function that writes it."""
 
     time_s: float
     order: int
@@ -57,12 +57,12 @@ def record(
     """Record a session.
 
     Args:
-        bodies: what stands in the cell.
+        bodies: the bodies in the cell.
         out_bag: folder of the bag; it must not exist.
         config: camera, robot, plan, output.
         effects: strengths by name; none is a camera with photon noise alone.
         truth_path: stem of the truth's `.npz` and `.json`; `<bag>.truth` beside the bag if None.
-        sensor: a foreign sensor model, to act on each frame after the effects; the truth's maps know nothing of it.
+        sensor: a foreign sensor model, applied to each frame after the effects; it is not in the truth's maps.
     """
     session = Session(bodies, config, effects or {})
     calibrate(session)
@@ -145,7 +145,7 @@ def _temperatures(session: Session) -> Iterator[Event]:
 
 
 def _captures(session: Session, truth: Truth, sensor: Sensor | None) -> Iterator[Event]:
-    """Expose each capture when its turn comes; what is said of it goes to `truth`."""
+    """Expose each capture in order of time and add its truth to `truth`."""
     c = session.config
     photons = np.random.default_rng([c.seed, 77])
     for index in progress(range(len(session.shutters)), "record", len(session.shutters)):

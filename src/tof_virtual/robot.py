@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robot's body and arm: where it believes its camera is (TF), and where the camera really is.
+"""The robot's body and arm: the camera pose in its own estimate (TF), and the true camera pose.
 
 `T_cell_camera = B_station . T_cell_body . T_body_camera . A_view . X`
 """
@@ -30,8 +30,8 @@ class Robot:
     """A base that stops beside its mark and an arm with a repeatable and a random error.
 
     Attributes:
-        T_cell_body: where the base believes to stand.
-        T_body_hand: where the arm believes the hand to be.
+        T_cell_body: the base's own estimate of its pose.
+        T_body_hand: the arm's own estimate of the hand's pose.
         B: (4, 4) the base's error, of this station; A: the arm's, of this pose; X: hand-eye, of this robot.
     """
 
@@ -74,12 +74,12 @@ class Robot:
 
     @property
     def T_cell_camera(self) -> Float:
-        """Where the robot believes the camera to be."""
+        """Pose of the camera in the robot's own estimate."""
         return np.asarray(self.T_cell_body @ self.T_body_hand @ HAND_OF_CAMERA)
 
     @property
     def T_cell_camera_true(self) -> Float:
-        """Where the camera is."""
+        """True pose of the camera."""
         return np.asarray(self.B @ self.T_cell_camera @ self.A @ self.X)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A planned session with everything true about it: worlds, poses, what each capture sees and measures."""
+"""A planned session with its truth: worlds, poses, what each capture sees and measures."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from tof_virtual.timeline import Shutter
 
 SIGHTS_KEPT = 8
-"""What was seen last, kept for the captures of a dwell and for the shares of the effects."""
+"""Size of the cache of rendered views, for the captures of a dwell and for the shares of the effects."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +136,7 @@ class Session:
     def shares(self) -> Float:
         """Share of all pixels of the session that each nominal body fills (bodies,), by a coarse raster.
 
-        Zero for what is no subject, unless hardly a subject is seen.
+        Zero for bodies that are not subjects, unless hardly any subject is seen.
         """
         soup = self.nominal.soup
         raster = self.camera.rays()[::6, ::6].reshape(-1, 3)
@@ -188,9 +188,9 @@ class Session:
         )
 
     def bias(self, index: int, effect: Effect) -> Float:
-        """What one effect adds to the noise-free depth (P,) of a capture, the others being on; NaN where not seen.
+        """Bias of one effect in the noise-free depth (P,) of a capture, with the others on; NaN where not seen.
 
-        Of an effect that is no bias: its scatter in metres or its loss as a share.
+        For an effect that is not a bias: its noise in metres, or its loss as a share.
         """
         level = effect.level(self.moment(index)) if effect.kind != "bias" else None
         if level is not None:
@@ -202,7 +202,7 @@ class Session:
         return expose(self.moment(index), self.effects).depth - expose(self.moment(index, others), others).depth
 
     def forget(self) -> None:
-        """Drop what depends on the size of an effect."""
+        """Clear the caches that depend on the size of an effect."""
         self._sights.clear()
         self._worlds = {frozenset(): self.nominal}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each pixel of the virtual camera looks at: one ray inside a surface, a bundle of rays where surfaces meet."""
+"""What each pixel of the virtual camera sees: one ray inside a surface, a bundle of rays where surfaces meet."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tof_virtual.body import Body
 
 SAME_SURFACE = 2e-3
-"""Metres of depth within which two rays hit what is one surface for the camera (plus 0.3 % of the range)."""
+"""Largest depth difference in metres of two rays on one surface (plus 0.3 % of the range)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +98,7 @@ def look(world: World, rays: Float, T_cell_camera: Float, *, subsamples: int = 6
     bundle = np.ascontiguousarray(bundle.reshape(-1, 3))
     part_z, part_face = world.tree.cast(origin, bundle)
     nearest = np.argsort(du**2 + dv**2, kind="stable")
-    nearest = nearest[np.maximum(np.abs(du), np.abs(dv))[nearest] <= 0.5]  # a wide footprint sees more than its own pixel
+    nearest = nearest[np.maximum(np.abs(du), np.abs(dv))[nearest] <= 0.5]  # a wide footprint reaches beyond its own pixel
     if edge.size:
         _majority(edge, du.size, part_z, part_face, bundle, nearest, flat, s.normals, s.body, z, face)
     length = np.linalg.norm(flat, axis=1)

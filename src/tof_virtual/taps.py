@@ -26,7 +26,7 @@ class Charge:
     `phasor` (4, P) complex: the modulated signal as each tap sees it (its argument is the phase travelled);
     `third`, `fifth` (4, P): the same of the waveform's odd harmonics, or None for a pure sine; `steady` (4, P):
     all unmodulated charge of each tap; `lag` (P,): phase the pixel adds; `extra` (4, P): charge of other sources.
-    `coarse` (P,): distance that the coarse frequency tells, which only picks the lobe.
+    `coarse` (P,): distance by the coarse frequency, which only selects the number of whole periods.
     """
 
     phasor: NDArray[np.complex128]
@@ -50,7 +50,7 @@ def measure(
 ) -> tuple[Float, Float, Mask]:
     """Distance (P,) in metres, amplitude (P,) in electrons, and which pixels saturated, of one frame.
 
-    Without `rng` the converter and all noise are left out: what the camera would say on average.
+    Without `rng` the converter and all noise are omitted; the result is the mean measurement.
     """
     P = charge.lag.size
     none = np.zeros((4, 0))

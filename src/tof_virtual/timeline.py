@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The session on the clock: moves, dwells and pauses; where everything is at any time; when captures are taken."""
+"""Timeline of a session: moves, dwells and pauses; poses at any time; times of the captures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DRIVE_S = 3.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
-    """A stretch of time in which body and hand go straight from one pose to another (or stand)."""
+    """An interval in which body and hand move straight from one pose to another (or stand still)."""
 
     start_s: float
     end_s: float

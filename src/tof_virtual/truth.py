@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was true of a recorded session: poses, depth, the share of each effect. For tests and evaluation alone."""
+"""Truth of a recorded session: poses, depth, the share of each effect. For tests and evaluation alone."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Truth:
     `<stem>.npz` holds, over V views: `stamp_ns` (last capture of the view), `dwell_ns` (first), `station`, `stop`;
     `T_cell_camera` (true) and `T_robot` (as TF has it) (V, 4, 4), `A` (V, 4, 4), `B` (S, 4, 4), `X` (4, 4);
     `depth` (V, H, W) true z of the real parts, `part` (V, H, W) -1 none; `bias_<effect>` (V, H, W) metres that
-    the effect adds to the noise-free depth (NaN where nothing is measured); of effects that are no bias `scatter_<effect>`
-    metres or `loss_<effect>`, the share of captures lost. `<stem>.json` names effects and their parameters.
+    the effect adds to the noise-free depth (NaN where nothing is measured); of effects that are not a bias `scatter_<effect>`
+    (noise, metres) or `loss_<effect>` (share of captures lost). `<stem>.json` names effects and their parameters.
     """
 
     def __init__(self, session: Session) -> None:
@@ -39,7 +39,7 @@ class Truth:
         self._key = -1
 
     def add(self, index: int) -> None:
-        """Take down capture `index`; captures of one dwell share a view."""
+        """Add capture `index`; captures of one dwell share a view."""
         s = self.session
         shutter = s.shutters[index]
         key = index if s.config.plan.capture_moving else shutter.stop
@@ -66,18 +66,18 @@ class Truth:
         )
 
     def __len__(self) -> int:
-        """Views taken down so far."""
+        """Views so far."""
         return len(self._rows)
 
     def arrays(self) -> dict[str, Any]:
-        """Everything of the `.npz` file."""
+        """Content of the `.npz` file."""
         s = self.session
         stacked = {name: np.stack([row[name] for row in self._rows]) for name in self._rows[0]}
         first = {stop.station: k for k, stop in reversed(list(enumerate(s.stops)))}
         return {**stacked, "B": np.stack([s.errors[first[k]].B for k in sorted(first)]), "X": s.hand_eye()}
 
     def meta(self) -> dict[str, Any]:
-        """Everything of the `.json` file."""
+        """Content of the `.json` file."""
         s = self.session
         return {
             "schema": SCHEMA,

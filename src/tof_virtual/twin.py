@@ -20,7 +20,7 @@ SIZES = {
     "amplitude_bias": 0.010035793294703239,
     "noise": 0.003,
 }
-"""What ails the camera, in each effect's own unit: what gave 3 mm RMS each (a strength of 1) on one session before the first random scene.
+"""Errors of the camera, in each effect's own unit: 3 mm RMS each (a strength of 1) in one session of the first random scene.
 
 Fixed here, for the default model was trained on this camera and no other.
 """

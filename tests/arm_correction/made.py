@@ -47,7 +47,7 @@ def seen(
 
 
 def reference(caster: Raycaster, T: Float = FIRST) -> Reference:
-    """The first picture from T."""
+    """The reference view from T."""
     return capture_reference(seen(caster, T, seed=99), CONFIG.weights)
 
 

@@ -23,7 +23,7 @@ from tof_virtual.robot import HAND_OF_CAMERA
 from toftwin.commands.simulate import bodies_of
 
 
-def test_a_base_that_comes_back_decimetres_off_gets_its_first_picture_again() -> None:
+def test_a_base_that_returns_decimetres_off_gets_the_reference_view_again() -> None:
     settings = {
         "robot": {"base_min_mm": 40.0, "base_max_mm": 50.0, "base_deg": 3.0},
         "plan": {"views": 1, "stations": 1},

@@ -86,7 +86,7 @@ def test_two_dwells_must_agree() -> None:
     assert "two dwells disagree by 6.0 mm" in out.reason
 
 
-def test_a_partial_one_says_what_is_not_known() -> None:
+def test_a_partial_correction_lists_the_undetermined_directions() -> None:
     out = propose(found(unknown=Unknown(np.eye(6)[:1], ("slides along camera x",))), ROBOT, CONFIG)
     assert out.verdict == "partial"
     assert "slides along camera x" in out.reason

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node holds: a first picture and CAD, the last dwells in, proposals out, one command at a time."""
+"""State of the node: reference and CAD, proposals from the last dwells, one command at a time."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_captured_view_is_what_the_next_one_is_brought_back_to() -> None:
         assert degrees < 0.15, by
 
 
-def test_without_first_picture_and_scene_nothing_is_proposed() -> None:
+def test_without_reference_and_scene_nothing_is_proposed() -> None:
     with pytest.raises(RefusedError, match="capture a reference"):
         Corrector(CONFIG).propose([moved()])
 
@@ -58,7 +58,7 @@ def test_a_view_without_a_robot_pose_is_refused() -> None:
         Corrector(CONFIG, reference=reference(section())).propose([replace(moved(), robot=None)])
 
 
-def test_a_first_picture_of_another_scene_is_refused_when_it_is_taken() -> None:
+def test_a_reference_of_another_scene_is_refused_when_it_is_captured() -> None:
     with pytest.raises(RefusedError, match="another scene"):
         Corrector(CONFIG, caster=section(), reference=replace(reference(section()), scene="another"))
 
@@ -100,18 +100,18 @@ def test_a_jump_of_the_whole_chain_is_refused() -> None:
 
 def test_a_second_command_is_refused_and_not_queued(monkeypatch: pytest.MonkeyPatch) -> None:
     made = Corrector(CONFIG, reference=reference(section()))
-    said: list[str] = []
+    messages: list[str] = []
 
     def meanwhile(*arguments: object) -> object:
         for command in (lambda: made.propose([moved()]), lambda: made.capture(moved())):
             with pytest.raises(RefusedError, match="busy") as caught:
                 command()
-            said.append(str(caught.value))
+            messages.append(str(caught.value))
         return register_view(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr("arm_correction.first.register_view", meanwhile)
     assert made.propose([moved()])["reference"].accepted
-    assert len(said) == 2
-    assert "\n" not in said[0]
+    assert len(messages) == 2
+    assert "\n" not in messages[0]
     monkeypatch.undo()
     assert made.propose([moved()])["reference"].accepted

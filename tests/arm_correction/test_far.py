@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts from far: what was hidden is no contradiction, and the CAD shows what the first picture did not."""
+"""Starts from far: hidden points are no contradiction, and the CAD reaches beyond the reference."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 SCENE = foreign()
 AWAY = twist((150, 60, -80), (4, 11, -5))
 ONLY = np.broadcast_to(np.abs(np.arange(CAMERA.width) - 80) < 9, CAMERA.shape)
-"""What matters of the first picture: too little to come back by."""
+"""Region of interest of the reference: too small for a registration."""
 
 
-def test_what_the_first_camera_could_not_see_is_no_contradiction() -> None:
+def test_points_hidden_from_the_reference_are_no_contradiction() -> None:
     motion = twist((-250, 120, 60), (-9, 11, 5))
     matcher = make_matcher(reference_surface(reference(SCENE), CONFIG), seen(SCENE, FIRST @ motion, believed=FIRST), CONFIG)
     truth = judge(matcher, motion, 0.0, far=True)
@@ -43,7 +43,7 @@ def test_the_wider_camera_has_the_same_pixels_in_its_middle() -> None:
     np.testing.assert_allclose(wide.rays()[60:180, 80:240], CAMERA.rays(), atol=1e-12)
 
 
-def test_the_cad_brings_back_what_the_first_picture_alone_cannot() -> None:
+def test_the_cad_leads_back_where_the_reference_alone_cannot() -> None:
     kept = replace(reference(SCENE), T_cell_camera=FIRST, region=ONLY)
     view = seen(SCENE, FIRST @ AWAY, believed=FIRST)
     alone = First.of(kept, CONFIG).register(view, CONFIG)
@@ -61,8 +61,8 @@ def test_without_a_pose_by_cad_there_is_nothing_wider() -> None:
     assert First.of(reference(SCENE), CONFIG, SCENE).wide is None
 
 
-def test_the_last_word_is_the_first_picture_s() -> None:
-    """An arm that never comes near enough for the two pictures to overlap is not said to be there, whatever the CAD says."""
+def test_the_reference_decides_in_the_end() -> None:
+    """An arm that never comes near enough for the two images to overlap is not reported as done, whatever the result by the CAD."""
     kept = replace(reference(SCENE), T_cell_camera=FIRST, region=ONLY)
 
     class Stuck:
@@ -77,7 +77,7 @@ def test_the_last_word_is_the_first_picture_s() -> None:
     assert ended.reason == "moves used up"
 
 
-def test_a_view_of_nothing_ends_the_loop_in_a_line() -> None:
+def test_an_empty_view_ends_the_loop_in_one_line() -> None:
     away = FIRST.copy()
     away[:3, :3] = away[:3, :3] @ se3.so3_exp([0, np.pi, 0])
     ended = close_loop(None, lambda: seen(section(), away), First.of(reference(section()), CONFIG), CONFIG, np.eye(4))  # type: ignore[arg-type]
@@ -86,8 +86,8 @@ def test_a_view_of_nothing_ends_the_loop_in_a_line() -> None:
     assert "empty view" in ended.reason
 
 
-def test_rivals_are_compared_by_what_they_see() -> None:
-    """Points outside the first picture count the same for every answer; they must not make a clear answer ambiguous."""
+def test_rivals_are_compared_without_their_neutral_points() -> None:
+    """Points outside the reference cost the same for every solution; they must not make a clear solution ambiguous."""
     kept = replace(reference(SCENE), region=ONLY)
     loose = replace(CONFIG, trust=replace(CONFIG.trust, min_overlap=0.05))
     matcher = make_matcher(reference_surface(kept, loose), seen(SCENE, FIRST, believed=FIRST), loose)

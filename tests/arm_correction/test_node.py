@@ -75,26 +75,26 @@ def bench(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator
             yield Bench(node, observer)
 
 
-def test_before_there_is_anything_to_correct_to_it_says_so(bench: Bench) -> None:
+def test_without_a_reference_the_node_reports_it(bench: Bench) -> None:
     wait_for(lambda: bench.node.active)
     assert bench.ask("propose") == (False, "preproc: no view has come yet; is preproc running, and does TF reach the camera?")
     bench.look("first")
     done, why = bench.ask("propose")
     assert (done, "capture a reference first" in why) == (False, True)
-    assert "call ~/capture_reference" in bench.observer.status("spot/correct", lambda s: "no first picture" in s.message).message
+    assert "call ~/capture_reference" in bench.observer.status("spot/correct", lambda s: "no reference" in s.message).message
 
 
-def test_a_proposal_brings_back_the_first_picture_and_orders_nothing(bench: Bench, tmp_path: Path) -> None:
+def test_a_proposal_leads_to_the_reference_view_and_moves_nothing(bench: Bench, tmp_path: Path) -> None:
     from arm_correction.reference import load_reference
     from tof_ros import messages
 
     first = bench.look("first")
-    done, said = bench.ask("capture_reference")
-    assert done, said
+    done, message = bench.ask("capture_reference")
+    assert done, message
     assert load_reference(bench.node.config.live.reference).stamp_ns == first.stamp_ns
     view = bench.look("back", station=1)
-    done, said = bench.ask("propose")
-    assert done, said
+    done, message = bench.ask("propose")
+    assert done, message
     pose = wait_for(lambda: bench.heard["pose"])[-1]
     delta = messages.matrix(wait_for(lambda: bench.heard["delta"])[-1].pose)
     assert (pose.header.frame_id, messages.to_ns(pose.header.stamp)) == ("spot/body", view.stamp_ns)
@@ -120,7 +120,7 @@ def test_a_stale_view_and_a_robot_that_moved_meanwhile_are_refused_with_the_reas
     done, why = bench.ask("propose")
     assert (done, "moved meanwhile: by 5.0 mm" in why) == (False, True), why
     wait_for(lambda: bench.heard["verdict"][-1].status[0].message.startswith("refused: moved meanwhile"))
-    assert bench.ask("reset") == (True, "the dwells are forgotten, the first picture is kept")
+    assert bench.ask("reset") == (True, "the dwells are discarded, the reference is kept")
 
 
 def test_two_dwells_that_disagree_are_refused(bench: Bench) -> None:
@@ -139,9 +139,9 @@ def test_of_two_commands_at_once_the_second_is_refused(bench: Bench) -> None:
     assert client.wait_for_service(10.0)
     answers = [client.call_async(Trigger.Request()) for _ in range(2)]
     wait_for(lambda: all(a.done() for a in answers))
-    said = sorted((a.result().success, a.result().message) for a in answers)
-    assert [success for success, _ in said] == [False, True], said
-    assert "busy with another command" in said[0][1]
+    results = sorted((a.result().success, a.result().message) for a in answers)
+    assert [success for success, _ in results] == [False, True], results
+    assert "busy with another command" in results[0][1]
 
 
 def test_step_limits_can_be_tightened_live(bench: Bench) -> None:
@@ -167,9 +167,9 @@ def test_connected_it_commands_the_hand_in_the_drivers_own_frame(bench: Bench) -
     time.sleep(0.3)
     bench.look("back")
     bench.look("back")
-    done, said = bench.ask("propose")
-    assert done, said
-    assert said.endswith("sent to /spot/arm_pose_commands")
+    done, message = bench.ask("propose")
+    assert done, message
+    assert message.endswith("sent to /spot/arm_pose_commands")
     command = wait_for(lambda: bench.heard["arm"])[-1]
     assert command.header.frame_id == "body"
     proposal = wait_for(lambda: [m for m in bench.heard["pose"] if m.pose.pose == command.pose])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The first picture on disk, and when it is not the picture of this camera."""
+"""The reference on disk, and its refusal for another camera."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_another_camera_size_and_scene_are_refused() -> None:
         kept.check(view, "xyz")
 
 
-def test_a_damaged_or_missing_reference_is_said_in_a_line(tmp_path: Path) -> None:
+def test_a_damaged_or_missing_reference_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no such reference"):
         load_reference(tmp_path / "none")
     path = save_reference(reference(section()), tmp_path / "first")

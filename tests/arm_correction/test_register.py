@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Registration to the first picture: accuracy near and far, what stays unknown, what is refused."""
+"""Registration to the reference: accuracy near and far, undetermined directions, refusals."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_far_starts_are_found_by_many_starts(motion: np.ndarray) -> None:
     assert degrees < 0.15
 
 
-def test_a_thin_panel_tells_distance_and_two_turns_and_nothing_is_moved_along_the_rest() -> None:
+def test_a_thin_panel_determines_distance_and_two_rotations_and_nothing_else_moves() -> None:
     motion = twist((30, -20, 25), (2.0, -1.5, 3.0))
     found = registered(panel(), motion)
     assert found.unknown.rank == 3
@@ -64,7 +64,7 @@ def test_a_thin_panel_tells_distance_and_two_turns_and_nothing_is_moved_along_th
     assert np.degrees(np.linalg.norm(facing)) < 0.1
 
 
-def test_a_round_post_says_that_turning_about_it_and_sliding_along_it_are_unknown() -> None:
+def test_a_round_post_leaves_rotation_about_it_and_translation_along_it_undetermined() -> None:
     found = registered(post(), twist((15, 0, 10), (0, 0, 1.0)))
     assert found.unknown.rank == 4
     moved = se3.log(found.T_reference_now)
@@ -72,7 +72,7 @@ def test_a_round_post_says_that_turning_about_it_and_sliding_along_it_are_unknow
     np.testing.assert_allclose(upright, 0.0, atol=1e-4)
 
 
-def test_slides_that_the_surfaces_hardly_tell_are_looked_along() -> None:
+def test_weakly_determined_directions_are_searched() -> None:
     """Along a post a collar is all that tells, and the way there leads nowhere downhill."""
     fin = box("fin", (0.12, 0.03, 7.0), at(0.15, 0.0, 0.8, (0, 0, 0.6)))
     marked = Raycaster(scene_of(post().scene.parts[0], fin, box("collar", (0.16, 0.31, 0.05), at(0.08, 0.0, 0.80))))

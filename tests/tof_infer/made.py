@@ -58,17 +58,17 @@ def labelled(number: int, camera: Camera = CAMERA) -> Label:
 
 
 def write_dataset(
-    path: Path, views: int = 8, stations: int = 4, camera: Camera = CAMERA, *, spoil: str = "", spoiled: int = 1, first: int = 0
+    path: Path, views: int = 8, stations: int = 4, camera: Camera = CAMERA, *, damage: str = "", damaged: int = 1, first: int = 0
 ) -> Path:
-    """A dataset of so many walls; `spoil` ruins the first `spoiled` views: `nan` its label, `mask` its mask, `raw` its frame."""
+    """A dataset of so many walls; `damage` destroys the first `damaged` views: `nan` its label, `mask` its mask, `raw` its frame."""
     with DatasetWriter(path, camera, Attributes("cad", "config", "robot", ("wall",))) as writer:
         for k in range(views):
             capture, label = measured(first + k, camera), labelled(first + k, camera)
-            if k < spoiled and spoil == "nan":
+            if k < damaged and damage == "nan":
                 label.depth[:] = np.nan
-            if k < spoiled and spoil == "mask":
+            if k < damaged and damage == "mask":
                 label.mask[:] = 0
-            if k < spoiled and spoil == "raw":
+            if k < damaged and damage == "raw":
                 capture.depth[:] = np.nan
             view = View.of_capture(capture, k * stations // views)
             robot = RobotPose(np.eye(4), np.eye(4))

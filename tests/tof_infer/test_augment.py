@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames drawn anew from a sensor model: its bias, fresh scatter, and nothing invented at edges."""
+"""Frames simulated from a sensor model: its bias, new noise, and measured depth at edges."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_the_bias_is_the_models() -> None:
     np.testing.assert_allclose((drawn.depth - before.label)[INSIDE][valid], want[INSIDE][valid], atol=1e-6)
 
 
-def test_scatter_is_new_each_time_and_as_large_as_the_law_says() -> None:
+def test_noise_is_new_each_time_and_follows_the_photon_law() -> None:
     redraw = Redraw(SensorModel((PhotonLaw(floor_m=0.003, shot_m=0.0),)), CAMERA)
     one, other = redraw(sample(), RNG), redraw(sample(), RNG)
     assert not np.array_equal(one.depth, other.depth, equal_nan=True)
@@ -50,7 +50,7 @@ def test_scatter_is_new_each_time_and_as_large_as_the_law_says() -> None:
 
 
 @pytest.mark.parametrize("lost", [slice(None), INSIDE])
-def test_where_no_amplitude_was_measured_scatter_is_the_usual(lost: slice) -> None:
+def test_without_amplitude_the_noise_is_that_of_the_reference_amplitude(lost: slice) -> None:
     dark = sample()
     dark.amplitude[lost] = np.nan
     reference = float(np.nanmedian(sample().amplitude))
@@ -66,7 +66,7 @@ def test_label_amplitude_and_lost_pixels_stay() -> None:
     assert np.isnan(drawn.depth[2, 3])
 
 
-def test_at_an_edge_what_was_measured_stays() -> None:
+def test_at_an_edge_the_measured_depth_is_kept() -> None:
     before = sample()
     before.label[:, 22:] += 0.3
     drawn = Redraw(SensorModel((RangeOffset(offset_m=0.01),)), CAMERA)(before, RNG)

@@ -48,7 +48,7 @@ def shares(lessons: list[Lesson], doubt: Any) -> list[float]:
 
 
 @pytest.mark.parametrize("louder", [1.0, 4.0])
-def test_frames_of_another_look_get_another_sigma(louder: float) -> None:
+def test_frames_of_different_brightness_get_different_sigmas(louder: float) -> None:
     doubt = teach([lesson(k, louder) for k in range(60)], 0, steps=250)
     for start in (1000, 1001):  # dark ones, bright ones
         one, two = shares([lesson(k, louder) for k in range(start, start + 40, 2)], doubt)

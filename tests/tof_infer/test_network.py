@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The network: what is not there changes nothing, padding changes nothing, and PyTorch and ONNX say the same."""
+"""The network: invalid pixels change nothing, padding changes nothing, and PyTorch and ONNX agree."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_more_padding_changes_only_the_rim() -> None:
 
 @torch.no_grad()
 @pytest.mark.parametrize(("size", "kind"), [((32, 48), "plain"), ((64, 64), "doubting"), ((176, 224), "doubting")])
-def test_onnx_says_what_pytorch_says_at_any_size(tmp_path: Path, size: tuple[int, int], kind: str) -> None:
+def test_onnx_and_pytorch_agree_at_any_size(tmp_path: Path, size: tuple[int, int], kind: str) -> None:
     import onnxruntime as ort
 
     run = net()
@@ -119,7 +119,7 @@ def test_onnx_says_what_pytorch_says_at_any_size(tmp_path: Path, size: tuple[int
 
 
 @torch.no_grad()
-def test_doubt_changes_sigma_alone_and_not_by_what_is_invalid() -> None:
+def test_the_frame_level_correction_changes_sigma_alone_and_ignores_invalid_pixels() -> None:
     run, given = net(), images(1, (32, 48))
     depth, log = run(given)
     run.doubt = doubtful(run)
@@ -166,7 +166,7 @@ def test_losses(kind: str, value: float) -> None:
     assert float(loss_of(kind, one, one * float(np.log(0.01)), given, target)) == pytest.approx(value, rel=1e-4)
 
 
-def test_the_labels_own_sigma_is_not_held_against_the_network() -> None:
+def test_the_labels_own_sigma_adds_to_the_predicted_scale() -> None:
     one = torch.ones(1, 1, 1, 1)
     target = {"label": one * 0.98, "sigma": one * 0.02, "mask": one > 0}
     wide = float(loss_of("normal", one, one * float(np.log(1e-4)), {"depth": one}, target))

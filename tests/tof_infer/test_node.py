@@ -121,7 +121,7 @@ def test_a_frame_all_invalid_is_a_frame(bench: Bench) -> None:
     assert np.isnan(pixels(out["depth"])).all()
 
 
-def test_another_camera_is_refused_and_said_and_the_node_goes_on(bench: Bench, model: Path) -> None:
+def test_another_camera_is_refused_and_reported_and_the_node_continues(bench: Bench, model: Path) -> None:
     other = Camera(44, 30, 60.0, 60.0, 21.5, 14.5, frame_id="hand_depth")
     assert bench.outputs(bench.send(measured(602), other))["done"].source == "refused"
     out = bench.outputs(bench.send(measured(603)))

@@ -42,7 +42,7 @@ def changed(model: Path, out: Path, change: Callable[[Any, dict[str, Any]], None
     return out
 
 
-def test_takes_off_what_it_learnt(model: Path) -> None:
+def test_applies_the_learnt_correction(model: Path) -> None:
     capture = measured(500)
     repaired = opened(model).repair(capture)
     error = np.abs(repaired.depth - wall(500))[repaired.known]
@@ -59,7 +59,7 @@ def test_pixels_without_depth_stay_without(model: Path) -> None:
     assert (repaired.mark == Mark.INVALID).sum() == 1
 
 
-def test_where_it_does_not_know_the_raw_value_stays_and_is_marked(model: Path) -> None:
+def test_where_sigma_is_too_large_the_raw_depth_is_kept_and_marked(model: Path) -> None:
     capture = measured(501)
     repaired = opened(model, max_sigma_mm=0.001).repair(capture)
     kept = repaired.mark == Mark.RAW_KEPT
@@ -68,7 +68,7 @@ def test_where_it_does_not_know_the_raw_value_stays_and_is_marked(model: Path) -
     assert np.isposinf(repaired.sigma[kept]).all()
 
 
-def test_a_range_never_seen_is_not_known(model: Path) -> None:
+def test_a_range_outside_training_keeps_the_raw_depth(model: Path) -> None:
     capture = measured(501)
     capture.depth[10:14, 10:14] = 6.0
     repaired = opened(model).repair(capture)
@@ -83,14 +83,14 @@ def test_a_frame_all_invalid_comes_back_all_invalid(model: Path) -> None:
     assert (repaired.mark == Mark.INVALID).all()
 
 
-def test_nan_and_inf_in_amplitude_are_amplitude_that_is_not_there(model: Path) -> None:
+def test_nan_and_inf_in_amplitude_count_as_missing_amplitude(model: Path) -> None:
     capture = measured(503)
     assert capture.amplitude is not None
-    spoilt, absent = capture.amplitude.copy(), capture.amplitude.copy()
-    spoilt[3:6, 4:9], spoilt[8, 8], spoilt[9, 9], spoilt[9, 10] = np.nan, np.inf, -np.inf, -5.0
+    damaged, absent = capture.amplitude.copy(), capture.amplitude.copy()
+    damaged[3:6, 4:9], damaged[8, 8], damaged[9, 9], damaged[9, 10] = np.nan, np.inf, -np.inf, -5.0
     absent[3:6, 4:9] = absent[8, 8] = absent[9, 9:11] = 0.0
     run = opened(model)
-    a = run.repair(replace(capture, amplitude=spoilt))
+    a = run.repair(replace(capture, amplitude=damaged))
     b = run.repair(replace(capture, amplitude=absent))
     assert np.isfinite(a.depth[np.isfinite(capture.depth)]).all()
     np.testing.assert_array_equal(a.depth, b.depth)
@@ -173,18 +173,18 @@ def test_a_model_from_elsewhere_has_no_card(model: Path, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "said"),
+    ("key", "value", "message"),
     [
-        ("inputs", ["depth"], "takes depth, amplitude, ray, temperature .* its card says depth"),
+        ("inputs", ["depth"], "takes depth, amplitude, ray, temperature .* its card lists depth"),
         ("schema", "other/9", "has schema 'other/9'"),
         ("multiple", 0, "impossible values"),
         ("range_m", [2, 1], "impossible values"),
         ("camera", 7, "its card is damaged"),
     ],
 )
-def test_a_card_that_does_not_fit(model: Path, tmp_path: Path, key: str, value: object, said: str) -> None:
+def test_a_card_that_does_not_fit(model: Path, tmp_path: Path, key: str, value: object, message: str) -> None:
     other = changed(model, tmp_path / "other.onnx", lambda _, card: card.__setitem__(key, value))
-    with pytest.raises(ModelError, match=said):
+    with pytest.raises(ModelError, match=message):
         opened(other)
 
 

@@ -34,7 +34,7 @@ def weights(path: Path) -> list[np.ndarray]:
     return [numpy_helper.to_array(t) for t in onnx.load(path).graph.initializer]
 
 
-def test_learns_an_offset_and_says_so_in_its_card(model: Path) -> None:
+def test_learns_an_offset_and_reports_it_in_its_card(model: Path) -> None:
     card = parse_card(model.with_suffix(".json").read_text(), "card")
     assert card.figures["val_raw_mae_mm"] == pytest.approx(20, abs=1)
     assert card.figures["val_mae_mm"] < 5
@@ -60,10 +60,10 @@ def test_the_same_seed_gives_the_same_weights_also_after_a_kill(dataset: Path, t
 
     with pytest.raises(Killed):
         train([dataset], killed, replace(TINY, epochs=3), say=say)
-    said: list[str] = []
-    train([dataset], killed, replace(TINY, epochs=3), say=said.append)
-    assert "going on after epoch 2" in said
-    assert sum(line.startswith("epoch ") for line in said) == 1
+    lines: list[str] = []
+    train([dataset], killed, replace(TINY, epochs=3), say=lines.append)
+    assert "resuming after epoch 2" in lines
+    assert sum(line.startswith("epoch ") for line in lines) == 1
     for a, b in zip(weights(straight), weights(killed), strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -101,21 +101,21 @@ def test_mixed_cameras_are_refused(tmp_path: Path) -> None:
         train([one, other], tmp_path / "m.onnx", TINY)
 
 
-@pytest.mark.parametrize(("spoil", "reason"), [("nan", "no label"), ("mask", "label masked"), ("raw", "no depth where the label is")])
-def test_a_bad_frame_is_left_out_and_counted(tmp_path: Path, spoil: str, reason: str) -> None:
-    path = write_dataset(tmp_path / "d.zarr", spoil=spoil)
-    said: list[str] = []
-    train([path], tmp_path / "m.onnx", replace(TINY, epochs=1), say=said.append)
-    assert f"{{'{reason}': 1}}" in said[0]
+@pytest.mark.parametrize(("damage", "reason"), [("nan", "no label"), ("mask", "label masked"), ("raw", "no depth where the label is")])
+def test_a_bad_frame_is_left_out_and_counted(tmp_path: Path, damage: str, reason: str) -> None:
+    path = write_dataset(tmp_path / "d.zarr", damage=damage)
+    lines: list[str] = []
+    train([path], tmp_path / "m.onnx", replace(TINY, epochs=1), say=lines.append)
+    assert f"{{'{reason}': 1}}" in lines[0]
 
 
 def test_labels_that_are_all_nan_are_refused(tmp_path: Path) -> None:
-    path = write_dataset(tmp_path / "d.zarr", views=3, stations=3, spoil="nan", spoiled=3)
+    path = write_dataset(tmp_path / "d.zarr", views=3, stations=3, damage="nan", damaged=3)
     with pytest.raises(RefusedError, match=r"nothing to learn from in the training views .*no label"):
         train([path], tmp_path / "m.onnx", TINY)
 
 
-def test_a_missing_chunk_is_an_error_and_no_silence(tmp_path: Path) -> None:
+def test_a_missing_chunk_is_an_error(tmp_path: Path) -> None:
     path = write_dataset(tmp_path / "d.zarr")
     chunk_path(path, "captures", "raw", 3).unlink()
     with pytest.raises(DatasetError, match="committed chunk is missing"):

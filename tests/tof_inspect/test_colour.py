@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Colour as evidence: right whatever the light does, silent where part and background share a colour, said where it is missing."""
+"""Colour as evidence: right under any lighting, none where part and background share a colour, and reported where it is missing."""
 
 from __future__ import annotations
 
@@ -67,17 +67,17 @@ def judged(gone: tuple[str, ...] = (), *, shadow: float = 1.0) -> dict[str, Part
     built = replace(cabinet(), parts=tuple(p for p in cabinet().parts if p.name not in gone), digest="")
     view = replace(seen(built), colour=shot(built, NEW, EYE, shadow=shadow))
     found = inspector().inspect([view], [SURE])
-    assert found.colour == "depth and colour (pairs of a picture of now with a first one: 1)"
+    assert found.colour == "depth and colour (pairs of a current image with a reference image: 1)"
     return {v.name: v for v in found.verdicts}
 
 
 @pytest.mark.parametrize("shadow", [1.0, 0.2])
-def test_another_light_hides_no_colour(shadow: float) -> None:
+def test_colour_is_recognised_under_other_lighting(shadow: float) -> None:
     assert judged(shadow=shadow)["red"].log_colour > 4
     assert judged(("red",), shadow=shadow)["red"].log_colour < -4
 
 
-def test_one_colour_for_part_and_background_says_next_to_nothing() -> None:
+def test_one_colour_for_part_and_background_is_hardly_any_evidence() -> None:
     assert abs(judged()["same"].log_colour) < 1.5
     assert abs(judged(("same",))["same"].log_colour) < 1.5
 
@@ -86,18 +86,18 @@ def test_both_together_are_weighed_as_independent() -> None:
     for v in judged().values():
         assert v.log_ratio == pytest.approx(v.log_depth + v.log_colour)
         assert v.state == "present"
-        assert v.why == "depth and colour: as the CAD has it"
+        assert v.why == "depth and colour: in its place"
     for v in judged(("red", "same")).values():
         assert v.state == "absent"
-        assert v.why == "depth and colour: rather what is behind it"
+        assert v.why == "depth and colour: the background is visible in its place"
 
 
-def test_colour_speaks_of_the_place_in_the_cad_alone() -> None:
+def test_colour_is_evidence_for_the_place_in_the_cad_alone() -> None:
     assert Ratios.of(2.0, 5.0) == Ratios(2.0, 5.0, 7.0)
     assert Ratios.of(-40.0, -10.0, moved=30.0) == Ratios(30.0, -10.0, 30.0)  # it moved: its old place looks as if it were gone
 
 
-def test_the_light_that_was_put_in_comes_out() -> None:
+def test_the_simulated_change_of_lighting_is_estimated() -> None:
     first = inspector().first[0]
     now = Picture.of(
         shot(cabinet(), (OLD[0], (0.45, 0.9, 0.9)), first.T_cell_camera @ np.linalg.inv(BESIDE)),
@@ -113,20 +113,20 @@ def test_the_light_that_was_put_in_comes_out() -> None:
 
 
 @pytest.mark.parametrize(
-    ("first", "colour", "said"),
+    ("first", "colour", "note"),
     [
-        (False, True, "no first picture"),
+        (False, True, "no reference image"),
         (True, False, "no view has a colour image"),
         (True, True, ""),
     ],
 )
-def test_without_colour_depth_alone_judges_and_says_so(first: bool, colour: bool, said: str) -> None:  # noqa: FBT001
+def test_without_colour_depth_alone_judges_and_reports_it(first: bool, colour: bool, note: str) -> None:  # noqa: FBT001
     made = Inspector(Raycaster(cabinet()), first=inspector().first if first else ())
     found = made.inspect([replace(seen(cabinet()), colour=shot(cabinet(), NEW, EYE) if colour else None)], [SURE])
     assert all(v.state == "present" for v in found.verdicts)
-    if said:
+    if note:
         assert found.colour.startswith("depth alone: ")
-        assert said in found.colour
+        assert note in found.colour
         assert all(v.log_colour == 0.0 for v in found.verdicts)
 
 
@@ -136,11 +136,11 @@ def test_colour_can_be_switched_off() -> None:
     assert "switched off" in made.inspect([replace(seen(cabinet()), colour=shot(cabinet(), NEW, EYE))], [SURE]).colour
 
 
-def test_a_picture_that_looks_elsewhere_says_nothing() -> None:
+def test_an_image_of_another_place_is_no_evidence() -> None:
     first = inspector().first[0]
     away = replace(first, T_cell_camera=look(np.array([-0.5, 0.0, 0.8]), np.array([-1.0, 0.0, 0.8])))
     made = Inspector(Raycaster(cabinet()), first=(away,))
-    assert "share too little" in made.inspect([replace(seen(cabinet()), colour=shot(cabinet(), NEW, EYE))], [SURE]).colour
+    assert "overlap too little" in made.inspect([replace(seen(cabinet()), colour=shot(cabinet(), NEW, EYE))], [SURE]).colour
 
 
 def test_a_colour_image_without_its_camera_is_no_picture() -> None:
@@ -148,7 +148,7 @@ def test_a_colour_image_without_its_camera_is_no_picture() -> None:
     assert Picture.of(Colour(np.zeros((4, 4, 3), np.uint8)), EYE) is None
 
 
-def test_saturated_pixels_have_no_tone_and_ratios_keep_under_half_the_light() -> None:
+def test_saturated_pixels_have_no_tone_and_ratios_hold_at_half_the_brightness() -> None:
     grey = np.full((8, 8, 3), (160, 120, 80), np.uint8)
     half = (255 * (0.5 * (grey / 255) ** 2.2) ** (1 / 2.2)).astype(np.uint8)
     np.testing.assert_allclose(tones_of(grey)[4, 4, 1:], tones_of(half)[4, 4, 1:], atol=0.05)

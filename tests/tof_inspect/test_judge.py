@@ -30,44 +30,44 @@ def verdicts(view: View) -> dict[str, PartVerdict]:
 
 
 def test_parts_that_are_there_are_present() -> None:
-    said = verdicts(seen(plate()))
+    verdict_of = verdicts(seen(plate()))
     for name in ("clip", "block"):
-        assert said[name].state == "present"
-        assert said[name].probability > 0.999
-        assert said[name].displaced_mm < 1.0
+        assert verdict_of[name].state == "present"
+        assert verdict_of[name].probability > 0.999
+        assert verdict_of[name].displaced_mm < 1.0
 
 
 def test_parts_that_are_gone_are_absent() -> None:
-    said = verdicts(seen(as_built(plate(), gone=("clip", "block", "buried"))))
+    verdict_of = verdicts(seen(as_built(plate(), gone=("clip", "block", "buried"))))
     for name in ("clip", "block"):
-        assert said[name].state == "absent"
-        assert said[name].probability < 0.001
+        assert verdict_of[name].state == "absent"
+        assert verdict_of[name].probability < 0.001
 
 
 @pytest.mark.parametrize("mm", [(6.0, 0.0, 0.0), (0.0, 8.0, 0.0), (0.0, -5.0, 6.0)])
 def test_a_displaced_part_is_found_with_how_far_it_moved(mm: tuple[float, float, float]) -> None:
-    said = verdicts(seen(as_built(plate(), moved={"block": mm, "buried": mm})))["block"]
-    assert said.state == "displaced"
-    assert abs(said.displaced_mm - np.linalg.norm(mm)) < 3 * said.std_mm
-    assert said.std_mm < 2.0
+    verdict_of = verdicts(seen(as_built(plate(), moved={"block": mm, "buried": mm})))["block"]
+    assert verdict_of.state == "displaced"
+    assert abs(verdict_of.displaced_mm - np.linalg.norm(mm)) < 3 * verdict_of.std_mm
+    assert verdict_of.std_mm < 2.0
 
 
 def test_a_part_within_its_tolerance_is_present() -> None:
-    said = verdicts(seen(as_built(plate(), moved={"block": (0.5, 0.5, 0.0), "buried": (0.5, 0.5, 0.0)})))["block"]
-    assert said.state == "present"
-    assert 0.2 < said.displaced_mm < 1.5
+    verdict_of = verdicts(seen(as_built(plate(), moved={"block": (0.5, 0.5, 0.0), "buried": (0.5, 0.5, 0.0)})))["block"]
+    assert verdict_of.state == "present"
+    assert 0.2 < verdict_of.displaced_mm < 1.5
 
 
 def test_what_cannot_be_seen_is_not_observable_and_never_absent() -> None:
     for built in (plate(), as_built(plate(), gone=("shim", "speck", "behind", "buried"))):
-        said = verdicts(seen(built))
-        assert "behind or inside" in said["behind"].why
-        assert "valid and stand out" in said["speck"].why
+        verdict_of = verdicts(seen(built))
+        assert "behind or inside" in verdict_of["behind"].why
+        assert "valid and distinctive" in verdict_of["speck"].why
         for name in ("shim", "speck", "behind", "buried"):
-            assert said[name].state == "not_observable", name
+            assert verdict_of[name].state == "not_observable", name
 
 
-def test_thirty_valid_pixels_that_stand_out_make_a_part_observable_and_fewer_do_not() -> None:
+def test_thirty_distinctive_pixels_make_a_part_observable_and_fewer_do_not() -> None:
     view = seen(plate())
     whole = verdicts(view)["clip"].pixels
     covered = np.abs(view.depth - seen(as_built(plate(), gone=("clip",))).depth) > 4e-3
@@ -77,18 +77,18 @@ def test_thirty_valid_pixels_that_stand_out_make_a_part_observable_and_fewer_do_
         clip = cols < 70
         drop = np.flatnonzero(clip)[left:]
         depth[rows[drop], cols[drop]] = np.nan
-        said = verdicts(replace(view, depth=depth))["clip"]
-        assert said.pixels <= whole
-        assert said.state == state, (left, said.pixels)
+        verdict_of = verdicts(replace(view, depth=depth))["clip"]
+        assert verdict_of.pixels <= whole
+        assert verdict_of.state == state, (left, verdict_of.pixels)
 
 
-def test_one_wild_reflection_does_not_decide() -> None:
+def test_one_reflection_does_not_decide() -> None:
     view = seen(plate())
     depth = view.depth.copy()
     depth[np.random.default_rng(3).random(depth.shape) < 0.05] = 3.0
-    said = verdicts(replace(view, depth=depth))
-    assert said["clip"].state == "present"
-    assert said["block"].state == "present"
+    verdict_of = verdicts(replace(view, depth=depth))
+    assert verdict_of["clip"].state == "present"
+    assert verdict_of["block"].state == "present"
 
 
 def test_views_are_weighed_together() -> None:

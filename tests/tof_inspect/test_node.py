@@ -85,27 +85,27 @@ def bench(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator
             yield bench
 
 
-def test_without_views_the_service_says_so(bench: Bench) -> None:
+def test_without_views_the_service_reports_it(bench: Bench) -> None:
     answer = bench.observer.trigger("/spot/inspect/judge")
     assert (answer.success, "no view has come yet" in answer.message) == (False, True)
 
 
-def test_a_part_that_is_gone_is_told_on_the_topic_in_diagnostics_and_in_the_file(bench: Bench) -> None:
+def test_a_missing_part_is_reported_on_the_topic_in_diagnostics_and_in_the_file(bench: Bench) -> None:
     for n, built in enumerate((plate(), as_built(plate(), gone=(GONE,)))):
         if n:
             kept = bench.observer.trigger("/spot/inspect/capture_reference")
-            assert (kept.success, kept.message) == (True, "1 first pictures in colour")
+            assert (kept.success, kept.message) == (True, "1 reference images in colour")
             assert bench.observer.trigger("/spot/inspect/reset").success
         bench.source.send(seen(built), colour=painted(built))
         bench.wait_for_views(n + 1)
     answer = bench.observer.trigger("/spot/inspect/judge")
     assert answer.success, answer.message
-    said = {s.name.removeprefix("inspect: "): s for s in wait_for(lambda: bench.heard)[-1].status}
-    told = {p["name"]: p["state"] for p in json.loads((bench.out / "inspection.json").read_text())["parts"]}
-    assert {name: values(s)["state"] for name, s in said.items()} == told
-    assert {name: told[name] for name in (GONE, "block", "behind")} == {GONE: "absent", "block": "present", "behind": "not_observable"}
-    assert float(values(said[GONE])["log_colour"]) < -1.0 < 1.0 < float(values(said["block"])["log_colour"])
-    levels = {name: int.from_bytes(s.level, "big") for name, s in said.items()}
+    status = {s.name.removeprefix("inspect: "): s for s in wait_for(lambda: bench.heard)[-1].status}
+    states = {p["name"]: p["state"] for p in json.loads((bench.out / "inspection.json").read_text())["parts"]}
+    assert {name: values(s)["state"] for name, s in status.items()} == states
+    assert {name: states[name] for name in (GONE, "block", "behind")} == {GONE: "absent", "block": "present", "behind": "not_observable"}
+    assert float(values(status[GONE])["log_colour"]) < -1.0 < 1.0 < float(values(status["block"])["log_colour"])
+    levels = {name: int.from_bytes(s.level, "big") for name, s in status.items()}
     assert (levels[GONE], levels["block"], levels["behind"]) == (2, 0, 3)
     assert (bench.out / "inspection.html").is_file()
     assert "parts absent: 1" in bench.observer.status("spot/inspect", lambda s: "absent" in s.message).message

@@ -27,16 +27,16 @@ def test_page_and_json(tmp_path: Path) -> None:
     inspector = Inspector(Raycaster(named), InspectConfig())
     view = seen(as_built(scene, gone=("clip",)))
     page = write(inspector, inspector.inspect([view], [SURE]), tmp_path / "out", "a & b").read_text()
-    told = json.loads((tmp_path / "out" / "inspection.json").read_text())
-    assert told["schema"] == "toftwin.inspection/1"
-    assert {p["name"]: p["state"] for p in told["parts"]}["<b>clip</b>"] == "absent"
-    assert told["counts"] == {"present": 1, "absent": 1, "displaced": 0, "not_observable": 4}
+    data = json.loads((tmp_path / "out" / "inspection.json").read_text())
+    assert data["schema"] == "toftwin.inspection/1"
+    assert {p["name"]: p["state"] for p in data["parts"]}["<b>clip</b>"] == "absent"
+    assert data["counts"] == {"present": 1, "absent": 1, "displaced": 0, "not_observable": 4}
     assert "<b>" not in page
     assert "&lt;b&gt;clip" in page
     assert "a &amp; b" in page
     assert page.count("data:image/png;base64") >= 3
     assert "http" not in page
-    assert told["evidence"] == "depth alone: no first picture in colour is given"
+    assert data["evidence"] == "depth alone: no reference image in colour is given"
     assert "log ratio of depth" in page
 
 

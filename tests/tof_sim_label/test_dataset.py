@@ -114,7 +114,7 @@ def test_captures_of_a_view_that_never_came_are_freed_on_continuing(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("camera", "attributes", "said"),
+    ("camera", "attributes", "message"),
     [
         (replace(CAMERA, width=13), ATTRIBUTES, "camera 12x8"),
         (replace(CAMERA, fx=10.5), ATTRIBUTES, "fx 10.00"),
@@ -123,9 +123,9 @@ def test_captures_of_a_view_that_never_came_are_freed_on_continuing(tmp_path: Pa
         (CAMERA, replace(ATTRIBUTES, parts=("sill",)), "parts"),
     ],
 )
-def test_what_was_made_otherwise_is_not_appended(tmp_path: Path, camera: object, attributes: object, said: str) -> None:
+def test_frames_with_other_attributes_are_not_appended(tmp_path: Path, camera: object, attributes: object, message: str) -> None:
     fill(tmp_path / "d")
-    with pytest.raises(DatasetError, match=said):
+    with pytest.raises(DatasetError, match=message):
         DatasetWriter(tmp_path / "d", camera, attributes)  # type: ignore[arg-type]
 
 
@@ -177,7 +177,7 @@ def test_a_missing_or_damaged_chunk_is_an_error_not_nan(tmp_path: Path) -> None:
         data.frame("views/label", 0)
 
 
-def test_names_and_numbers_that_do_not_exist_are_said(tmp_path: Path) -> None:
+def test_unknown_names_and_numbers_are_errors(tmp_path: Path) -> None:
     fill(tmp_path / "d")
     data = open_dataset(tmp_path / "d")
     for wrong in ("views/depht", "depth", "nothing/depth"):

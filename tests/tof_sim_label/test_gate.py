@@ -34,7 +34,7 @@ def test_a_plane_as_z_passes_and_as_distance_along_the_ray_is_refused() -> None:
         RadialGate().check(replace(blank, depth=z_to_radial(CAMERA, plane())))
 
 
-def test_the_question_is_dropped_where_nothing_is_flat() -> None:
+def test_the_check_ends_where_nothing_is_flat() -> None:
     gate, blank = RadialGate(), view(0, camera=CAMERA)
     nothing = replace(blank, depth=np.full(CAMERA.shape, np.nan, np.float32))
     for _ in range(TRIES):
@@ -42,7 +42,7 @@ def test_the_question_is_dropped_where_nothing_is_flat() -> None:
     gate.check(replace(blank, depth=z_to_radial(CAMERA, plane())))
 
 
-def test_once_z_is_sure_nothing_is_asked_again() -> None:
+def test_once_z_is_certain_the_check_ends() -> None:
     gate, blank = RadialGate(), view(0, camera=CAMERA)
     gate.check(replace(blank, depth=plane()))
     gate.check(replace(blank, depth=z_to_radial(CAMERA, plane())))

@@ -80,7 +80,7 @@ def test_incidence_is_the_angle_to_the_normal(caster: Raycaster) -> None:
     np.testing.assert_allclose(np.cos(label.incidence[plate]), cosine[plate], atol=1e-5)
 
 
-def test_the_mask_is_the_cad_and_says_nothing_where_it_is_not(caster: Raycaster) -> None:
+def test_the_mask_is_empty_where_the_cad_is_missed(caster: Raycaster) -> None:
     view, _ = seen(caster)
     label = label_view(view, POSED, caster)
     np.testing.assert_array_equal(label.mask == 1, label.sigma <= 0.01)
@@ -89,7 +89,7 @@ def test_the_mask_is_the_cad_and_says_nothing_where_it_is_not(caster: Raycaster)
     assert label.part.dtype == np.int16
 
 
-def test_a_dropout_keeps_its_label(caster: Raycaster) -> None:
+def test_a_pixel_without_return_keeps_its_label(caster: Raycaster) -> None:
     view, _ = seen(caster)
     view.depth[20:40, 30:50] = np.nan
     label = label_view(view, POSED, caster)

@@ -86,7 +86,7 @@ def test_a_spheres_mesh_is_round_to_a_hundredth_of_a_millimetre(depth: Image) ->
     assert np.abs(ball.surface.distance(middles)).max() < 0.05e-3
 
 
-def test_nothing_flat_or_round_is_said() -> None:
+def test_a_scene_without_planes_and_spheres_is_refused() -> None:
     noise = np.random.default_rng(0).uniform(0.5, 2.0, CAMERA.shape).astype(np.float32)
     with pytest.raises(RefusedError, match="no plane and no sphere"):
         fit_primitives(noise, CAMERA)

@@ -57,7 +57,7 @@ def step(T: Float, fine: int = 12) -> Rendering:
 
 @pytest.fixture(scope="module")
 def errors() -> Float:
-    """(n, H, W) label errors of 300 poses drawn from the covariance the label is told."""
+    """(n, H, W) label errors of 300 poses drawn from the covariance that the label is given."""
     rng = np.random.default_rng(2)
     true = step(np.eye(4)).depth
     draws = rng.multivariate_normal(np.zeros(6), POSE, 300)

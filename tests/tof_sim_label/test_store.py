@@ -40,7 +40,7 @@ with DatasetWriter(path, CAMERA, ATTRIBUTES) as writer:
 
 
 def acknowledged(lines: list[str], what: str) -> int:
-    """How many frames of a kind the recorder had been told were kept."""
+    """Number of frames of a kind that were acknowledged to the recorder."""
     return max((int(line.split()[1]) + 1 for line in lines if line.startswith(what)), default=0)
 
 
@@ -57,16 +57,16 @@ def must_be_whole(path: Path, captures: int, views: int) -> None:
     np.testing.assert_array_equal(data.column("captures/stamp_ns"), 1_000 + np.arange(data.captures))
 
 
-def test_a_killed_recorder_loses_no_frame_it_was_told_is_kept(tmp_path: Path, repository: Path) -> None:
+def test_a_killed_recorder_loses_no_acknowledged_frame(tmp_path: Path, repository: Path) -> None:
     path, dice = tmp_path / "d", random.Random(7)
     for _ in range(4):
         with subprocess.Popen([sys.executable, "-c", RECORDER, path], stdout=subprocess.PIPE, text=True, cwd=repository) as recorder:
             assert recorder.stdout is not None
-            said = [recorder.stdout.readline()]
+            lines = [recorder.stdout.readline()]
             time.sleep(dice.uniform(0.0, 0.15))
             recorder.send_signal(signal.SIGKILL)
-            said += rest(recorder.stdout)
-        must_be_whole(path, acknowledged(said, "capture"), acknowledged(said, "view"))
+            lines += rest(recorder.stdout)
+        must_be_whole(path, acknowledged(lines, "capture"), acknowledged(lines, "view"))
 
 
 def rest(stream: IO[str]) -> list[str]:
@@ -107,7 +107,7 @@ def system_calls(monkeypatch: pytest.MonkeyPatch) -> SystemCalls:
 
 @pytest.mark.parametrize("kind", ["capture", "view"])
 def test_a_disk_that_fills_at_any_write_costs_the_frame_alone(tmp_path: Path, system_calls: SystemCalls, kind: str) -> None:
-    path, said = tmp_path / "d", set[str]()
+    path, messages = tmp_path / "d", set[str]()
     with DatasetWriter(path, CAMERA, ATTRIBUTES) as writer:
         append_one(writer, kind)
         for fails_at in range(1, 1000):
@@ -116,7 +116,7 @@ def test_a_disk_that_fills_at_any_write_costs_the_frame_alone(tmp_path: Path, sy
             try:
                 append_one(writer, kind)
             except DatasetError as error:
-                said.add(str(error))
+                messages.add(str(error))
                 data = open_dataset(path)
                 # Failing after the rename that commits is the one case in which the frame is there.
                 assert data.captures + data.views in {kept, kept + 1}
@@ -124,7 +124,7 @@ def test_a_disk_that_fills_at_any_write_costs_the_frame_alone(tmp_path: Path, sy
                 break
         system_calls.start()
     assert fails_at > 20, "every file of the frame was made to fail"
-    assert said == {
+    assert messages == {
         f"{path}: cannot be written (No space left on device); every frame before is kept; free some space or name another folder"
     }
     with DatasetWriter(path, CAMERA, ATTRIBUTES) as writer:

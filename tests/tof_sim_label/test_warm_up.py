@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @pytest.mark.parametrize(
     "scene", [scene_of(box("box", (0.4, 0.5, 0.3), np.eye(4))), scene_of(box("speck", (1e-3, 1e-3, 1e-3), np.eye(4)))], ids=["box", "speck"]
 )
-def test_any_scene_is_looked_at_once(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_warm_up_works_for_any_scene(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     flush, seen = LabelStream.flush, list[Labelled]()
 
     def noted(stream: LabelStream) -> None:

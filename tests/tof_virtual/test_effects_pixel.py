@@ -84,7 +84,7 @@ def test_interference_strikes_some_captures_and_has_both_signs() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_noise_adds_three_millimetres_of_scatter_and_no_bias(seed: int) -> None:
+def test_noise_adds_three_millimetres_of_noise_and_no_bias(seed: int) -> None:
     made = session({"noise": 1.0}, seed=seed, plan__captures=1)
     photons = np.random.default_rng(0)
     calm, wild = [], []
@@ -108,7 +108,7 @@ def test_phase_wrap_is_a_whole_unambiguous_range() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_dropout_loses_a_tenth_where_its_truth_says_so(seed: int) -> None:
+def test_dropout_loses_a_tenth_at_the_pixels_in_its_truth(seed: int) -> None:
     made = session({"dropout": 1.0}, seed=seed)
     plain = np.stack([expose(made.moment(i), ()).depth for i in range(4)])
     lost = np.isfinite(plain) & ~np.isfinite(np.stack([expose(made.moment(i), made.effects).depth for i in range(4)]))

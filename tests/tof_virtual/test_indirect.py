@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Traced second bounces: a V corner against path tracing (TOF_EFFECTS, A.7) and against plain quadrature."""
+"""Traced second bounces: a V of 90 degrees against path tracing (docs/effects.md, multipath) and against plain quadrature."""
 
 from __future__ import annotations
 

@@ -47,11 +47,11 @@ def test_a_fitted_sensor_acts_on_every_frame(tmp_path: Path) -> None:
     assert np.nanmedian(depth["sensed"] - depth["plain"]) == pytest.approx(0.02, abs=0.0025), "20 mm along the ray, less along the axis"
 
 
-def test_json_says_what_was_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_describes_the_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", *SMALL, "--out", str(tmp_path / "a"), "--effect", "quantization", "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["views"] == 2
-    assert said["effects"]["quantization"]["size"] == pytest.approx(0.0103923, rel=1e-5)
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["views"] == 2
+    assert shown["effects"]["quantization"]["size"] == pytest.approx(0.0103923, rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -64,20 +64,20 @@ def test_json_says_what_was_recorded(tmp_path: Path, capsys: pytest.CaptureFixtu
         (["--set", "plan.views=0"], "below 1"),
     ],
 )
-def test_wrong_calls_are_said_in_one_line_and_leave_nothing(
+def test_wrong_calls_give_one_line_and_leave_nothing(
     flags: list[str],
     line: str,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(["simulate", *SMALL, "--out", str(tmp_path / "bag"), *flags]) == 2
-    said = capsys.readouterr().err
-    assert line in said
-    assert said.count("\n") == 1
+    shown = capsys.readouterr().err
+    assert line in shown
+    assert shown.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
 
 def test_settings_are_listed_with_their_bounds(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "--settings"]) == 0
-    said = capsys.readouterr().out
-    assert f"plan.range_min_m = {config().plan.range_min_m:g} m [0.1 .. 10]" in said
+    shown = capsys.readouterr().out
+    assert f"plan.range_min_m = {config().plan.range_min_m:g} m [0.1 .. 10]" in shown

@@ -70,4 +70,4 @@ def test_the_hand_comes_back_and_the_missing_battery_is_told(
     states = {p["name"]: p["state"] for p in told["parts"]}
     assert states.pop("sensor") in ("present", "not_observable")  # hardly in the picture
     assert states == {"pump": "present", "battery": "absent", "regulator": "present"}
-    assert told["evidence"] == "depth and colour (pairs of a picture of now with a first one: 1)"
+    assert told["evidence"] == "depth and colour (pairs of a current image with a reference image: 1)"

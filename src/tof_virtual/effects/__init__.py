@@ -49,7 +49,7 @@ EFFECTS: dict[str, type[Effect]] = {
 
 
 def adapt(config: VirtualConfig, strengths: Mapping[str, float]) -> VirtualConfig:
-    """The configuration with what these effects need to show (a moving hand, a warm-up)."""
+    """The configuration that these effects need to be visible (a moving hand, a warm-up)."""
     for name, effect in EFFECTS.items():
         if strengths.get(name, 0) > 0:
             config = effect.adapt(config)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects of where things are: parts off their CAD, a lens off its calibration, a camera off its mount, stamps, motion."""
+"""Geometric effects: parts off their CAD, a lens off its calibration, a camera off its mount, stamps, motion."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def refine(vertices: Float, faces: NDArray[Any], pieces: int = 10, most: int = 3
 
 
 class Intrinsics(Effect):
-    """The lens is not what CameraInfo says: focal length, principal point, radial distortion, in a random mixture."""
+    """The lens differs from CameraInfo: focal length, principal point, radial distortion, in a random mixture."""
 
     name, unit, start, limit = "intrinsics", "1 = 1 % focal length, 3 px, k1 of 0.02", 0.5, 6.0
     geometric = True
@@ -134,7 +134,7 @@ class Intrinsics(Effect):
 
 
 class HandEye(Effect):
-    """The camera does not sit on the hand as TF says: one constant X, 0.1 degree per millimetre."""
+    """The camera's mounting on the hand differs from TF: one constant X, 0.1 degree per millimetre."""
 
     name, unit, start, limit = "hand_eye", "m", 3e-3, 0.03
     geometric = True
@@ -153,7 +153,7 @@ class HandEye(Effect):
 
 
 class TimeSync(Effect):
-    """Images are stamped early or late, so that TF is looked up at another time; shows in motion alone."""
+    """Images are stamped early or late, so that TF is looked up at another time; visible in motion only."""
 
     name, unit, start, limit = "time_sync", "s", 0.02, 0.2
     geometric = True
@@ -184,7 +184,7 @@ class Motion(Effect):
     @override
     @classmethod
     def adapt(cls, config: VirtualConfig) -> VirtualConfig:
-        # each capture is looked at five times: fewer rays at the edges keep it quick
+        # each capture is rendered five times: fewer rays at the edges keep it fast
         return moving(replace(config, camera=replace(config.camera, subsamples=min(config.camera.subsamples, 3))))
 
     @override

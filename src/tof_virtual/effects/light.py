@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects on the way of the light: gloss, translucency, footprints over two surfaces, scatter in the lens."""
+"""Effects on the path of the light: gloss, translucency, footprints over two surfaces, scattering in the lens."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 class Specular(Effect):
-    """A coat that shines: near the mirror direction a lobe is added that may saturate the pixel.
+    """A glossy coat: near the mirror direction a lobe is added that may saturate the pixel.
 
-    The lobe comes off the coat itself while the matt light travels a little in the paint, which the calibration holds
-    for zero: highlights are measured too near by up to `size`. Blinn-Phong lobe, exponent 2 / roughness^2 - 2.
+    The coat itself reflects the lobe, while diffuse light travels a little way inside the paint. The calibration takes that
+    path as zero, so highlights are measured too near by up to `size`. Blinn-Phong lobe, exponent 2 / roughness^2 - 2.
     """
 
     name, unit, start, limit = "specular", "m of paint", 5e-3, 0.1
@@ -44,7 +44,7 @@ class Specular(Effect):
         roughness = np.minimum(soup.roughness[rays.face], self._roughness)
         exponent = 2 / np.clip(roughness, 0.03, 1) ** 2 - 2
         cosine = np.where(hit, rays.cosine, 0.0)
-        # radiance of the lobe over that of the matt light, both of the same irradiance
+        # radiance of the lobe over that of the diffuse light, both for the same irradiance
         lobe = self._gloss * (exponent + 2) / 2 * cosine ** (exponent - 1) / np.maximum(soup.albedo[rays.face], 0.02)
         lobe = np.where(hit, lobe, 0.0)
         echo.strength *= 1 + lobe
@@ -52,7 +52,7 @@ class Specular(Effect):
 
 
 class Subsurface(Effect):
-    """One part is translucent: light returns from within, later and with a tail."""
+    """One part is translucent: light returns from inside, later and with a tail."""
 
     name, unit, start, limit = "subsurface", "m of delay", 3e-3, 0.2
     local = True
@@ -73,7 +73,7 @@ class Subsurface(Effect):
     def reflect(self, echo: Echo, rays: Rays, moment: Moment) -> None:
         inside = (rays.face >= 0) & (moment.world.soup.body[rays.face] == self._part)
         cosine = np.where(inside, rays.cosine, 0.0)
-        # light that enters aslant leaves sooner; the tail of the response takes contrast away
+        # light at oblique incidence leaves earlier; the tail of the response reduces the contrast
         delay = self.size * (0.7 + 0.3 * cosine)
         echo.distance = np.where(inside, echo.distance + delay, echo.distance)
         echo.strength = np.where(inside, echo.strength / np.hypot(1, 4 * delay), echo.strength)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Multipath: light that reached the seen point by way of other surfaces, traced in the scene as it stands."""
+"""Multipath: light that reached the visible point via other surfaces, traced in the true scene."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tof_virtual.sight import Sight
 
 KEPT = 32
-"""Views whose indirect light is kept."""
+"""Number of views whose indirect light is cached."""
 
 
 class Multipath(Effect):

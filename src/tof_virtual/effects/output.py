@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects on the number that comes out: offsets, lobes, scatter, losses, units and rounding."""
+"""Effects on the output: offsets, wrapped phase, noise, losses, units and rounding."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class RangeOffset(Effect):
-    """All distances are too long, or too short, by one length."""
+    """All distances are too long, or too short, by one constant."""
 
     name, unit, start = "range_offset", "m", UNIT_M
 
@@ -38,13 +38,13 @@ class RangeOffset(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Threshold:
-    """A soft bound: half of the pixels at `at` are taken, nearly all `width` beyond."""
+    """A soft bound: half of the pixels at `at` are selected, nearly all of those `width` beyond."""
 
     at: float
     width: float
 
     def probability(self, values: Float) -> Float:
-        """Share taken (P,) where `values` lie below the bound."""
+        """Selected share (P,) where `values` lie below the bound."""
         return np.asarray(1 / (1 + np.exp(np.clip((values - self.at) / self.width, -50, 50))))
 
 
@@ -101,7 +101,7 @@ class PhaseWrap(Effect):
 
 
 class Noise(Effect):
-    """Scatter that no photon law predicts: the same at all amplitudes, in bursts, by rows, or of a few restless pixels."""
+    """Noise that no photon law predicts: the same at all amplitudes, in bursts, by rows, or of a few unstable pixels."""
 
     name, unit, start = "noise", "m", UNIT_M
     natural = True
@@ -111,14 +111,14 @@ class Noise(Effect):
     def draw(self, rng: np.random.Generator) -> None:
         self._manner = str(rng.choice(["floor", "bursts", "rows", "telegraph"]))
         shape = (self.config.camera.height, self.config.camera.width)
-        self._restless = rng.uniform(size=shape).ravel() < 0.05
+        self._unstable = rng.uniform(size=shape).ravel() < 0.05
 
     @override
     def params(self) -> dict[str, Any]:
         return {"manner": self._manner, "sigma_m": self.size}
 
     def _burst(self, rng: np.random.Generator) -> float:
-        """How restless a capture is (mean square about 1)."""
+        """Relative noise of a capture (mean square about 1)."""
         return 1.6 if rng.uniform() < 0.39 else 0.05
 
     @override
@@ -127,11 +127,11 @@ class Noise(Effect):
         if self._manner == "bursts":
             sigma *= self._burst(self.rng(10 + moment.index))
         elif self._manner == "telegraph":
-            sigma *= np.where(self._restless, np.sqrt(20), 0.0)
+            sigma *= np.where(self._unstable, np.sqrt(20), 0.0)
         return np.where(np.isfinite(moment.sight.z), sigma, np.nan)
 
     @override
-    def scatter(self, distance: Float, amplitude: Float, moment: Moment) -> Float:
+    def add_noise(self, distance: Float, amplitude: Float, moment: Moment) -> Float:
         rng = self.rng(10 + moment.index)
         factor = self._burst(rng) if self._manner == "bursts" else 1.0
         pixel = rng.standard_normal(distance.size)
@@ -139,7 +139,7 @@ class Noise(Effect):
             height, width = moment.sight.shape
             pixel = 0.5 * pixel + np.sqrt(0.75) * np.repeat(rng.standard_normal(height), width)
         elif self._manner == "telegraph":
-            pixel = np.where(self._restless, np.sqrt(20) * np.sign(pixel), 0.0)
+            pixel = np.where(self._unstable, np.sqrt(20) * np.sign(pixel), 0.0)
         return np.asarray(distance + self.size * factor * pixel)
 
 
@@ -197,7 +197,7 @@ class RadialDepth(Effect):
 
 
 class DepthScale(Effect):
-    """Depth is stored in a unit that is not quite the millimetre."""
+    """Depth is stored in a unit slightly different from the millimetre."""
 
     name, unit, start, limit = "depth_scale", "share", 0.004, 0.2
 

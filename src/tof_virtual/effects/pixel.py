@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects in the pixel: harmonics of the modulation, run times, charge that comes late, light of another emitter."""
+"""Effects in the pixel: harmonics of the modulation, run times, late charge, light of another emitter."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Wiggling(Effect):
-    """The modulation is no sine: its third and fifth harmonic alias in four taps into an error of four periods."""
+    """The modulation is not a pure sine: its third and fifth harmonic alias in four taps into an error of four periods."""
 
     name, unit, start, limit = "wiggling", "harmonic content", 0.018, 0.5
 
@@ -102,7 +102,7 @@ class TemperatureDrift(Effect):
 
 
 class AmplitudeBias(Effect):
-    """Walk: the less charge, the later (or sooner) it is read; a phase that goes with the logarithm of the amplitude."""
+    """Walk error: a low charge is read later (or sooner) than a high one; the phase depends on the logarithm of the amplitude."""
 
     name, unit, start, limit = "amplitude_bias", "rad per ln A", 0.015, 1.0
 

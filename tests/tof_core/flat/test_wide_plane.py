@@ -38,7 +38,7 @@ def ball(radius: float, distance: float) -> Image:
     return noisy(np.where(root > 0, (b - np.sqrt(np.maximum(root, 0))) / a, np.nan))
 
 
-def test_a_table_in_two_pieces_tells_both_ways() -> None:
+def test_a_table_in_two_pieces_decides_both_ways() -> None:
     z, radial = wide_bend(table(), CAMERA), wide_bend(z_to_radial(CAMERA, table()), CAMERA)
     assert z is not None
     assert radial is not None
@@ -48,11 +48,11 @@ def test_a_table_in_two_pieces_tells_both_ways() -> None:
 
 
 @pytest.mark.parametrize(("radius", "distance"), [(0.1, 0.8), (0.2, 1.0), (0.3, 1.0)])
-def test_a_ball_says_nothing(radius: float, distance: float) -> None:
+def test_a_sphere_is_no_evidence(radius: float, distance: float) -> None:
     assert wide_bend(ball(radius, distance), CAMERA) is None
 
 
-def test_few_pixels_say_nothing() -> None:
+def test_few_pixels_are_no_evidence() -> None:
     few = np.full(CAMERA.shape, np.nan, np.float32)
     few[10:14, 10:14] = 1.0
     assert wide_bend(few, CAMERA) is None
