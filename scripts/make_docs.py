@@ -100,7 +100,13 @@ def services_of(module: Any) -> list[str]:
 def _services(module: Any) -> str:
     rows = [f"| `~/{name}` | {SERVICES[name]} |" for name in services_of(module)]
     return "\n".join(
-        ["All are `std_srvs/Trigger`; the message of the answer reports what was done, or why not.", "", "| service | what |", "|---|---|", *rows]
+        [
+            "All are `std_srvs/Trigger`; the message of the answer reports what was done, or why not.",
+            "",
+            "| service | what |",
+            "|---|---|",
+            *rows,
+        ]
     )
 
 
@@ -156,8 +162,12 @@ def nodes_index() -> str:
         "`ROS_LOCALHOST_ONLY`, `ROS_STATIC_PEERS`, `ROS_DISCOVERY_SERVER`, `CYCLONEDDS_URI` or `ZENOH_SESSION_CONFIG_URI` is set; its first line names the range. A node logs `active, hears ...` "
         "once it has subscribed. `toftwin node --auto` subscribes to the only camera that is published, whatever the names of its topics."
     )
-    faults = "Faults of a robot, how the nodes handle them, and the tests: [pains and faults](../pains.md). Terms: [glossary](../glossary.md)."
-    return f"# Nodes\n\n{MADE}\n\n{listed}\n\n{faults}\n\n## Discovery range\n\n{reach}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
+    faults = (
+        "Faults of a robot, how the nodes handle them, and the tests: [pains and faults](../pains.md). Terms: [glossary](../glossary.md)."
+    )
+    return (
+        f"# Nodes\n\n{MADE}\n\n{listed}\n\n{faults}\n\n## Discovery range\n\n{reach}\n\n## Quality of service\n\n{text}\n\n{qos_table()}\n"
+    )
 
 
 def qos_table() -> str:
