@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.config import param, section
+from tof_gap.limits.report import ReportLimits
 from tof_gap.limits.seen import EvidenceLimits, MissingLimits, NoiseLimits
 from tof_gap.solve.judge import SelectConfig
 
@@ -26,6 +27,7 @@ class GapConfig:
     select: SelectConfig = section(SelectConfig, "when an effect is believed")
     noise: NoiseLimits = section(NoiseLimits, "when there is more noise than photons make")
     missing: MissingLimits = section(MissingLimits, "when missing pixels are an effect")
+    report: ReportLimits = section(ReportLimits, "what the report states")
 
     @property
     def hand_sd(self) -> Float:

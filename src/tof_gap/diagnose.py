@@ -86,13 +86,13 @@ def diagnose(
         found = read(conclude(joint, begun.views, caster, config, split, rng))
 
     progress("what no named effect explains")
-    unexplained = look(found, caster.scene)
+    unexplained = look(found, caster.scene, config.report)
     verdict = sorted({*found.names, *(("unknown",) if unexplained.structured else ())}) or ["none"]
     solved, left = found.solved, found.figures.left()
     return Diagnosis(
         tuple(verdict),
         found,
-        explainable(solved.evidence, left, split.fit, split.held_out, found.gap),
+        explainable(solved.evidence, left, split, found.gap, config.report.explainable),
         unexplained,
         too_few(len(views)) if few else untested(joint, found, config),
         own_law(solved.evidence, [f.effect for f in found.findings], config.noise),

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gap watched live: each view is judged by what it cannot owe to its pose, and growth is told at a stated false-alarm rate.
+"""The gap watched live: of each view, the part that pose error cannot cause; growth is reported at a stated false-alarm rate.
 
 How to feed it (no ROS here)::
 
     watch = GapWatch(Raycaster(scene), WatchConfig())
-    said = watch.add(view, T_cell_camera, pose_cov)   # once per view, in order of time, at the label's pose
-    said.state       # "learning", "steady" or "grown": the level of /diagnostics (OK, OK, WARN)
-    said.message     # one line for it
-    said.residual    # (H, W) metres, measured minus rendered: the topic gap/residual
+    seen = watch.add(view, T_cell_camera, pose_cov)   # once per view, in order of time, at the label's pose
+    seen.state       # "learning", "steady" or "grown": the level of /diagnostics (OK, OK, WARN)
+    seen.message     # one line for it
+    seen.residual    # (H, W) metres, measured minus rendered: the topic gap/residual
 
 `pose_cov` is the label's: (6, 6) of a right perturbation of the camera (from a PoseWithCovariance by `se3.cov_right`). A view whose pose was
 refused must not be added. `watch.restart()` forgets the baseline, as after a repair, another camera or another scene.
@@ -23,9 +23,9 @@ import numpy as np
 
 from tof_core.config import param, section
 from tof_core.errors import RefusedError
+from tof_core.stats import blocks
 from tof_gap.limits.seen import EvidenceLimits
 from tof_gap.seen.residual import gather
-from tof_gap.tell.shrink import BLOCK_PX
 from tof_scene.render import render
 from tof_sensor.geometry import pose_columns
 
@@ -35,25 +35,38 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
     from tof_scene.raycast import Raycaster
 
-POSE_SD = np.repeat([0.001, np.radians(0.1)], 3)
-"""What a pose without covariance may be wrong by: the arm's own error (DESIGN section 3)."""
-
 
 @dataclass(frozen=True, slots=True)
 class WatchConfig:
-    """When a growing gap is told."""
+    """When a growing gap is reported."""
 
-    baseline: int = param(20, "views that say what is usual, before anything is told", low=6, high=1000)
-    views_per_alarm: int = param(1000, "healthy views per false alarm, on average, at least", low=20)
+    baseline: int = param(20, "views of the baseline, before growth is tested", low=6, high=1000, why="p-values down to 5 %")
+    views_per_alarm: int = param(
+        1000, "healthy views per false alarm, on average, at least", low=20, why="with a dwell in ten seconds, one in three hours"
+    )
+    calm_views: int = param(5, "usual views in a row that end an alarm", low=1, why="one usual view is no end of a growth")
+    calm: float = param(0.25, "p-value above which a view is usual", low=0.0, high=1.0, why="three of four healthy views")
+    arm_mm: float = param(1.0, "position error of a pose without covariance", unit="mm", low=1e-3, why="the arm's own error")
+    arm_deg: float = param(0.1, "rotation error of a pose without covariance", unit="deg", low=1e-4, why="the arm's own error")
+    block_px: int = param(
+        16, "side of a block of pixels that err alike", unit="px", low=2, high=256, why="pixels share errors, blocks less so"
+    )
+    block_pixels: int = param(40, "pixels of a block", low=1, why="a sixth of the block; its mean is known to a sixth of the noise")
+    blocks: int = param(6, "blocks of a view", low=2, why="the pose has six unknowns")
     evidence: EvidenceLimits = section(EvidenceLimits, "which pixels count")
+
+    @property
+    def pose_cov(self) -> Float:
+        """(6, 6) covariance of a pose that states none."""
+        return np.diag(np.repeat([self.arm_mm * 1e-3, np.radians(self.arm_deg)], 3) ** 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Watched:
-    """What one view says.
+    """What one view shows.
 
-    gap_mm: RMS of block means above what scatter and pose allow, 0 where they allow all of it; floor_mm: what they
-    allow; usual_mm: median gap of the baseline (NaN while learning); alarm: 0 to 1, at 1 growth is told.
+    gap_mm: RMS of block means above the floor, 0 where they do not exceed it; floor_mm: their RMS from noise and pose error
+    alone; usual_mm: median gap of the baseline (NaN while learning); alarm: 0 to 1, at 1 growth is reported.
     """
 
     state: str
@@ -67,29 +80,30 @@ class Watched:
     @property
     def message(self) -> str:
         """One line for diagnostics."""
-        seen = f"gap {self.gap_mm:.2f} mm (scatter and pose allow {self.floor_mm:.2f})"
+        seen = f"gap {self.gap_mm:.2f} mm (noise and pose error: {self.floor_mm:.2f})"
         if self.state == "learning":
-            return f"learning what is usual, {self.views} views so far: {seen}"
+            return f"learning the baseline, {self.views} views so far: {seen}"
         usual = f"usual {self.usual_mm:.2f} mm over {self.views} views"
         return f"the gap grows: {seen}, {usual}: run toftwin gap on a recording" if self.state == "grown" else f"{seen}, {usual}"
 
 
 BETS = ((0.1, 0.5), (0.3, 0.5))
-"""(quantile q, stake) of each bet that a new view lies in the pool's upper share q: pays 1 - stake + stake / q there, 1 - stake elsewhere."""
+"""(quantile q, stake) of each bet that a new view lies in the baseline's upper share q: pays 1 - stake + stake / q there, 1 - stake elsewhere.
+
+The false-alarm rate holds for any bets."""
 
 
 @dataclass(slots=True)
 class GrowthTest:
-    """Whether values grow, told by ranks alone: whatever their law is.
+    """Whether values grow, by their ranks alone: whatever their distribution is.
 
     The rank of a new value among all before it gives a p-value that is uniform while values are exchangeable, so a bet on small
     ones wins nothing on average. The bets' fortunes are restarted as in Shiryaev and Roberts' rule (Vovk 2021, "conformal
-    e-detectors"): R = (R + 1) e. E[R] then grows by one per view at most, so the mean run to R = `limit` is at least `limit`.
-    While told, new values do not enter the pool; it ends when five in a row lie below the pool's 0.75 quantile.
+    e-detectors"): R = (R + 1) e. E[R] then grows by one per view at most, so the mean run to R = `views_per_alarm` is at least `views_per_alarm`.
+    During an alarm, new values do not enter the pool; it ends when `calm_views` in a row have a p-value above `calm`.
     """
 
-    learn: int
-    limit: float
+    config: WatchConfig
     grown: bool = False
     alarm: float = 0.0
     _pool: list[float] = field(default_factory=list)
@@ -100,7 +114,7 @@ class GrowthTest:
     @property
     def learning(self) -> bool:
         """Whether the baseline is still gathered."""
-        return len(self._pool) < self.learn
+        return len(self._pool) < self.config.baseline
 
     @property
     def usual(self) -> float:
@@ -112,13 +126,13 @@ class GrowthTest:
         if not self.learning:
             p = self._p_value(value)
             if self.grown:
-                self._calm = self._calm + 1 if p > 0.25 else 0
-                if self._calm < 5:
+                self._calm = self._calm + 1 if p > self.config.calm else 0
+                if self._calm < self.config.calm_views:
                     return
                 self.grown, self._calm, self._fortune = False, 0, [0.0] * len(BETS)
             else:
                 self._fortune = [(r + 1) * (1 - s + (s / q if p <= q else 0.0)) for r, (q, s) in zip(self._fortune, BETS, strict=True)]
-            self.alarm = min(float(np.mean(self._fortune)) / self.limit, 1.0)
+            self.alarm = min(float(np.mean(self._fortune)) / self.config.views_per_alarm, 1.0)
             self.grown = self.alarm >= 1.0
             if self.grown:
                 return
@@ -141,13 +155,13 @@ class GapWatch:
         self.restart()
 
     def restart(self) -> None:
-        """Forget what is usual."""
-        self._test = GrowthTest(self.config.baseline, float(self.config.views_per_alarm))
+        """Forget the baseline."""
+        self._test = GrowthTest(self.config)
         self._camera = None
         self._views = 0
 
     def add(self, view: View, T_cell_camera: Float, pose_cov: Float | None = None) -> Watched:
-        """Judge the next view at its solved pose.
+        """Judge the next view at its estimated pose.
 
         Args:
             view: a capture or a dwell, unfiltered.
@@ -160,7 +174,7 @@ class GapWatch:
         if self._camera not in (None, view.camera):
             raise RefusedError("the camera's calibration changed", where="gap", todo="its baseline is of another camera: call ~/reset")
         (evidence,) = gather([view], [render(self.caster, view.camera, T_cell_camera)], self.caster, self.config.evidence)
-        gap2, floor2 = unowed(evidence, np.diag(POSE_SD**2) if pose_cov is None else np.asarray(pose_cov, float))
+        gap2, floor2 = gap_beyond_pose(evidence, self.config.pose_cov if pose_cov is None else np.asarray(pose_cov, float), self.config)
         self._camera = view.camera
         self._test.add(gap2)
         self._views += 1
@@ -177,37 +191,32 @@ class GapWatch:
         )
 
 
-MIN_BLOCKS = 6
-BLOCK_PIXELS = 40
+def gap_beyond_pose(view: ViewEvidence, pose_cov: Float, config: WatchConfig) -> tuple[float, float]:
+    """(gap, floor) in m^2: mean square of block means above that of noise and pose error; and that of noise and pose error.
 
-
-def unowed(view: ViewEvidence, pose_cov: Float) -> tuple[float, float]:
-    """(gap, floor) in m^2: mean square of block means that neither scatter nor the pose's posterior owes; and what those do.
-
-    The pose's share is taken off first, within its covariance. The gap is signed: at the floor it scatters about 0.
+    The most likely pose error within its covariance (6, 6) is subtracted first. The gap is signed: at the floor its mean is 0.
 
     Raises:
         RefusedError: too few blocks of the view see the CAD.
     """
-    rows, columns = np.nonzero(view.smooth)
-    _, block = np.unique(rows // BLOCK_PX * 1000 + columns // BLOCK_PX, return_inverse=True)
-    n = np.bincount(block)
-    enough = n >= BLOCK_PIXELS
-    if enough.sum() < MIN_BLOCKS:
+    by_block = blocks(view.smooth, config.block_px)
+    n = by_block.count
+    enough = n >= config.block_pixels
+    if enough.sum() < config.blocks:
         msg = f"only {int(enough.sum())} blocks of pixels see the CAD"
         raise RefusedError(msg, where="gap", todo="views that see parts of the scene can be watched")
 
     def mean(values: Float) -> Float:
-        return np.asarray(np.bincount(block, values) / n)[enough]
+        return by_block.mean(values)[enough]
 
     J = pose_columns(view.frame)[view.smooth]
     A = np.stack([mean(J[:, k]) for k in range(6)], axis=1)
     e, white2 = mean(view.residual[view.smooth]), mean(view.sigma[view.smooth] ** 2) / n[enough]
-    # The pose's most likely share under its own covariance and white scatter; what it may still owe is floor.
+    # The most likely pose error under its covariance and white noise; its posterior belongs to the floor.
     W = A / white2[:, None]
     posterior = np.linalg.inv(A.T @ W + np.linalg.inv(pose_cov + 1e-14 * np.eye(6)))
     left = e - A @ (posterior @ (W.T @ e))
     weight = n[enough] / n[enough].sum()
     pose2 = np.einsum("bi,ij,bj->b", A, posterior, A)
-    # Fitting the pose takes its share out of the scatter too.
+    # Fitting the pose removes its share of the noise too.
     return float(weight @ (left**2 - (white2 - pose2))), float(weight @ (white2 + pose2))

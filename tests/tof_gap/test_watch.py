@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gap watched live: growth is told, at the stated false-alarm rate, and a pose's own error is no gap."""
+"""The gap watched live: growth is reported at the stated false-alarm rate, and pose error is no gap."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ CAMERA = Camera(112, 86, 105.0, 105.0, 55.5, 42.5)
 POSE_COV = np.diag(np.repeat([0.001, np.radians(0.1)], 3) ** 2)
 
 
-def run_length(limit: float, rng: np.random.Generator) -> int:
+def run_length(limit: int, rng: np.random.Generator) -> int:
     """Views until a false alarm, at most 600."""
-    test = GrowthTest(20, limit)
+    test = GrowthTest(WatchConfig(baseline=20, views_per_alarm=limit))
     for n, value in enumerate(rng.exponential(size=600)):
         test.add(float(value))
         if test.grown:
@@ -37,15 +37,15 @@ def run_length(limit: float, rng: np.random.Generator) -> int:
 
 def test_false_alarms_are_no_more_than_stated() -> None:
     rng = np.random.default_rng(4)
-    lengths = [run_length(100.0, rng) for _ in range(100)]
+    lengths = [run_length(100, rng) for _ in range(100)]
     assert np.mean(lengths) > 100.0
     assert min(lengths) < 600  # The test is not deaf.
 
 
 @pytest.mark.parametrize(("baseline", "most"), [(20, 12), (60, 7)])
-def test_growth_is_told_within_a_few_views_and_ends_with_it(baseline: int, most: int) -> None:
+def test_growth_is_reported_within_a_few_views_and_ends_with_it(baseline: int, most: int) -> None:
     rng = np.random.default_rng(5)
-    test = GrowthTest(20, 1000.0)
+    test = GrowthTest(WatchConfig(baseline=20, views_per_alarm=1000))
     for value in rng.normal(size=baseline):
         test.add(float(value))
     for _ in range(most):
@@ -70,7 +70,7 @@ def poses(n: int, rng: np.random.Generator) -> list[Float]:
 
 
 def seen(caster: Raycaster, T: Float, rng: np.random.Generator, wave_m: float = 0.0) -> View:
-    """A capture with 2 mm of scatter, and a gap that waves over the image."""
+    """A capture with 2 mm of noise, and a gap that waves over the image."""
     depth = render(caster, CAMERA, T).depth
     row, column = np.mgrid[: CAMERA.height, : CAMERA.width]
     gap = wave_m * np.sqrt(2) * np.sin(2 * np.pi * column / 56) * np.sin(2 * np.pi * row / 43) * np.sqrt(2)
@@ -78,21 +78,21 @@ def seen(caster: Raycaster, T: Float, rng: np.random.Generator, wave_m: float = 
     return View.of_capture(Capture(0, CAMERA, measured, np.zeros(depth.shape, np.uint8)))
 
 
-def test_a_view_says_its_gap_and_a_pose_error_is_none(caster: Raycaster) -> None:
+def test_a_wave_is_a_gap_and_a_pose_error_is_none(caster: Raycaster) -> None:
     rng = np.random.default_rng(6)
     (T,) = poses(1, rng)
     watch = GapWatch(caster, WatchConfig())
     assert watch.add(seen(caster, T, rng), T, POSE_COV).gap_mm < 0.25
     off = T @ se3.exp([0.001, -0.001, 0.001, 0.001, 0.001, 0])
     assert watch.add(seen(caster, T, rng), off, POSE_COV).gap_mm < 0.5
-    said = watch.add(seen(caster, T, rng, 0.005), T, POSE_COV)
+    wavy = watch.add(seen(caster, T, rng, 0.005), T, POSE_COV)
     # What the means of 16-pixel blocks keep of that wave.
-    assert said.gap_mm == pytest.approx(5.0 * np.sinc(16 / 56) * np.sinc(16 / 43), rel=0.15)
-    assert said.state == "learning"
-    assert said.residual.shape == CAMERA.shape
+    assert wavy.gap_mm == pytest.approx(5.0 * np.sinc(16 / 56) * np.sinc(16 / 43), rel=0.15)
+    assert wavy.state == "learning"
+    assert wavy.residual.shape == CAMERA.shape
 
 
-def test_a_gap_that_grows_is_told(caster: Raycaster) -> None:
+def test_a_gap_that_grows_is_reported(caster: Raycaster) -> None:
     rng = np.random.default_rng(7)
     watch = GapWatch(caster, WatchConfig(baseline=12, views_per_alarm=30))
     states = [watch.add(seen(caster, T, rng), T, POSE_COV).state for T in poses(13, rng)]
@@ -123,7 +123,7 @@ def test_a_view_beside_the_scene_is_refused(caster: Raycaster) -> None:
 
 
 @pytest.mark.dds
-def test_what_a_node_said_is_forgotten_with_its_baseline(caster: Raycaster, ros_domain: int) -> None:
+def test_figures_of_a_node_are_reset_with_its_baseline(caster: Raycaster, ros_domain: int) -> None:
     from tof_gap.node import make_node
     from tof_ros import messages
     from tof_ros.environment import parameter_overrides, ros_context

@@ -54,7 +54,7 @@ def test_what_a_bare_session_cannot_test_is_said(bare: tuple[str, str], tmp_path
     assert why["motion"] == why["time_sync"] == "no view was taken in motion"
     assert why["temperature_drift"] == "temperature steady or unknown, and under 60 s"
     assert report["verdict"] == ["none"]
-    assert report["gap"]["floor_from"].startswith("5 of 5 views are of one capture: scatter among neighbours")
+    assert report["gap"]["floor_from"].startswith("5 of 5 views are of one capture: noise from differences of neighbouring pixels")
     assert "5 of 5 views are of one capture" in (tmp_path / "report.html").read_text()
 
 

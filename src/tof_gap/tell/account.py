@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from tof_gap.tell.figures import Figures
     from tof_gap.tell.shrink import Shrink
 
-WORSENS = 0.05
-"""Share of the gap by which held-out views come out better without an effect that is not there."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cause:
@@ -56,12 +53,12 @@ class Account:
 
     @property
     def worsens(self) -> str | None:
-        """The cause without which the held-out gap shrinks most and by `WORSENS` more: it was fitted to another effect's errors."""
+        """The cause without which the held-out gap shrinks most and by `worsens` more: it was fitted to another effect's errors."""
         if self.gap.shrink is None:
             return None
         without = {c.named.name: c.left_out - self.gap.shrink for c in self.causes if c.left_out is not None}
         worst = max(without, key=without.__getitem__, default=None)
-        return worst if worst is not None and without[worst] > WORSENS else None
+        return worst if worst is not None and without[worst] > self.figures.limits.shrink.worsens else None
 
 
 def account(
@@ -86,7 +83,7 @@ def account(
     gated = () if along_ray is None else (along_ray,)
     found = gated if alone else (*gated, *_findings(solved, config))
     findings = tuple(f for f in found if f.name not in left_out)
-    counted = figures(solved, findings, rng)
+    counted = figures(solved, findings, rng, config.report)
     if along_ray is not None and along_ray.share is not None:
         counted = replace(counted, residual=[r + share for r, share in zip(counted.residual, along_ray.share, strict=True)])
     gap = counted.shrink(list(counted.maps))

@@ -12,6 +12,7 @@ from tof_gap.seen.pattern import single_pixels, without_pattern
 from tof_gap.tell.shrink import Shrink, blocks, measure
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.quantization import Quantization
 from tof_sensor.geometry import pose_columns
 
@@ -19,12 +20,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tof_core.arrays import Float, Mask
+    from tof_gap.limits.report import ReportLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solved import Solved
-
-COMMON_LEFT = 0.5
-"""Of scatter that neighbours have in common (rows, beats), what its description may leave."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,8 +31,9 @@ class Figures:
     """What every figure of a session is made of; lists are per view, images (H, W).
 
     residual: metres before any effect, NaN where a pixel does not count; floors: m^2; maps: metres per effect; common: metres of
-    scatter that neighbours share (part of the floors); edge: pixels that count only where mixing claims them; held: held-out views;
-    unsure2: m^2 along the ray by which the map of a fixed pattern may be wrong; step_m: of the depth code, where that was named.
+    noise that neighbours share (part of the floors); edge: pixels that count only where `flying_pixels` is named; held: held-out
+    views; unsure2: m^2 along the ray, variance of the error of a fixed pattern's map; step_m: metres between depth codes, where
+    `quantization` is named; rng: for resampling; limits: how the figures are computed.
     """
 
     residual: Sequence[Float]
@@ -45,6 +45,7 @@ class Figures:
     unsure2: Float
     step_m: float
     rng: np.random.Generator
+    limits: ReportLimits
 
     def total(self, names: Sequence[str], view: int) -> Float:
         """(H, W) metres that the named effects add in a view."""
@@ -57,26 +58,29 @@ class Figures:
 
     @property
     def alike_m(self) -> float:
-        """Metres by which neighbours err alike though that was named: a step of the depth code, what rows or beats leave."""
-        return float(np.hypot(self.step_m / np.sqrt(12), COMMON_LEFT * np.sqrt(np.mean(np.square(np.nan_to_num(self.common))))))
+        """Metres of error that neighbours share and that is named: the depth code's step, and what maps of rows or stripes leave."""
+        return float(
+            np.hypot(self.step_m / np.sqrt(12), self.limits.shrink.common_left * np.sqrt(np.mean(np.square(np.nan_to_num(self.common)))))
+        )
 
     def shrink(self, names: Sequence[str]) -> Shrink:
-        """Before and after taking the named effects off, on the held-out views."""
+        """Figures before and after subtracting the named effects, on the held-out views."""
         before = [self.residual[v] for v in self.held]
         after = [b - self.total(names, v) for b, v in zip(before, self.held, strict=True)]
         unsure2 = float(self.unsure2.mean()) if FixedPattern.NAME in names else 0.0
         if FlyingPixels.NAME in names:
             unsure2 += self._mixed_left(after)
-        return measure(blocks(before, after, [self.floors[v] for v in self.held]), self.rng, unsure2=unsure2)
+        held_out = blocks(before, after, [self.floors[v] for v in self.held], self.limits.block_px)
+        return measure(held_out, self.rng, self.limits.shrink, unsure2)
 
     def _mixed_left(self, after: Sequence[Float]) -> float:
-        """m^2, over all pixels, that is left of mixing: half a pixel of pose decides it, and no other effect is there to have it."""
+        """m^2 over all pixels: energy left at mixed pixels, which half a pixel of pose decides and no other effect explains."""
         left = [np.where(np.isfinite(a), a * a - self.floors[v], 0.0) for a, v in zip(after, self.held, strict=True)]
         pixels = sum(int(np.isfinite(a).sum()) for a in after)
         return max(float(sum(e[self.edge[v]].sum() for e, v in zip(left, self.held, strict=True))), 0.0) / max(pixels, 1)
 
 
-def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generator) -> Figures:
+def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generator, limits: ReportLimits) -> Figures:
     """The figures of views at the solution's poses."""
     views, maps, fit_views = solved.evidence, solved.maps, solved.split.fit
     unsure2, quiet = np.zeros(views[0].residual.shape), views
@@ -87,7 +91,7 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
     common = np.sum([nothing, *(f.common for f in findings if f.common is not None)], axis=0)
     return Figures(
         residual=[used(v, findings) for v in views],
-        # Scatter that is named is no bias to be taken off: it belongs to the floor.
+        # Named noise is no bias to be subtracted: it belongs to the floor.
         floors=[f + np.nan_to_num(c) ** 2 for f, c in zip(floor2(quiet, solved.camera_covs), common, strict=True)],
         maps={**maps, **{f.name: list(f.share) for f in findings if f.corrects and f.share is not None}},
         common=list(common),
@@ -96,16 +100,17 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
         unsure2=unsure2,
         step_m=max((f.effect.step_m for f in findings if isinstance(f.effect, Quantization)), default=0.0),
         rng=rng,
+        limits=limits,
     )
 
 
 def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
-    """(H, W) the residual on the pixels that count: edges and gross errors only where an effect claims them."""
+    """(H, W) the residual on the pixels that count: gross errors and edges only where an effect explains them; NaN elsewhere."""
     names = {f.name for f in findings}
     keep = view.smooth.copy()
-    if "phase_wrap" in names:
+    if PhaseWrap.NAME in names:
         keep |= view.gross & ~view.edge
-    if "flying_pixels" in names:
+    if FlyingPixels.NAME in names:
         keep |= view.edge & (view.rendering.mixed > 0) & (view.rendering.mixed < view.limits.own_share) & np.isfinite(view.residual)
     return np.where(keep, view.residual, np.nan)
 

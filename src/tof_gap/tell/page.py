@@ -59,7 +59,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str) 
             "cad": pictures.on_the_cad(d, left),
             "how_far": pictures.how_far(d),
             "views": pictures.views(d, left),
-            "by": pictures.by_quantity(by_quantity(d.evidence, d.residual, d.floor2)),
+            "by": pictures.by_quantity(by_quantity(d.evidence, d.residual, d.floor2, d.config.report.where.bins)),
         },
         regions=content["where"]["regions"],
         causes=[c | {"fitted": _fitted(c)} for c in content["causes"]],

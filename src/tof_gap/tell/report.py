@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report's files: `gap.json`, `gap_maps.npz` and `sensor.yaml` (DESIGN section 4)."""
+"""The report's files: `gap.json`, `gap_maps.npz` and `sensor.yaml` (docs/gap.md)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ def region_maps(diagnosis: Diagnosis, caster: Raycaster) -> list[Ints]:
 
 def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str]) -> dict[str, Any]:
     """The whole of `gap.json`."""
-    found = regions(d.evidence, d.residual, d.floor2, maps, caster.scene)
+    limits = d.config.report.where
+    found = regions(d.evidence, d.residual, d.floor2, maps, caster.scene, d.config.report)
     content: dict[str, Any] = _finite(
         {
             "schema": SCHEMA,
@@ -46,8 +47,8 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str])
             | {"explainable": d.explainable, "dispersion": _dispersion(d), "missing": _missing(d), "floor_from": _floor_from(d)},
             "causes": [_cause(c) for c in d.causes] + [_finding(f) for f in d.findings],
             "where": {
-                "regions": [asdict(r) for r in found[:40]],
-                "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2).items()},
+                "regions": [asdict(r) for r in found[: limits.regions]],
+                "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2, limits.bins).items()},
             },
             "unexplained": asdict(d.unexplained),
             "not_testable": d.not_testable,
@@ -111,14 +112,14 @@ def _plain(value: Any) -> Any:
 
 
 def _floor_from(d: Diagnosis) -> str:
-    """What the floor's scatter was taken from, in words."""
+    """What the floor's noise was estimated from, in words."""
     single = sum(v.view.captures == 1 for v in d.evidence)
     how = f"{single} of {len(d.evidence)} views are of one capture: " if single else ""
-    return f"{how}scatter among neighbours of like amplitude, and what the poses leave open"
+    return f"{how}noise from differences of neighbouring pixels of like amplitude, and the uncertainty of the poses"
 
 
 def _dispersion(d: Diagnosis) -> dict[str, float]:
-    """Scatter against the photon law that the session has beside what was named of it: before, and with that taken off."""
+    """Noise over the photon law of the session's unnamed noise: all of it, and without the named part."""
     law, seen = d.law, [v for v in d.evidence if v.smooth.any()]
     if law is None or not seen:
         return {"before": np.nan, "after": np.nan}
@@ -130,10 +131,10 @@ def _dispersion(d: Diagnosis) -> dict[str, float]:
 
 
 def _missing(d: Diagnosis) -> dict[str, float]:
-    """Share of CAD pixels without depth that is not foreseen: before, and after the named loss."""
+    """Share of CAD pixels without depth: all of them, and without those that the named loss predicts."""
     gone = float(np.mean([np.mean(~np.isfinite(v.view.depth[v.frame.valid])) for v in d.evidence if v.frame.valid.any()]))
-    foreseen = sum(float(np.nanmean(f.share)) for f in d.findings if f.share is not None and f.effect.EVIDENCE is Evidence.MISSING)
-    return {"before": gone, "after": max(gone - foreseen, 0.0)}
+    predicted = sum(float(np.nanmean(f.share)) for f in d.findings if f.share is not None and f.effect.EVIDENCE is Evidence.MISSING)
+    return {"before": gone, "after": max(gone - predicted, 0.0)}
 
 
 def _pose(d: Diagnosis) -> dict[str, Any]:
@@ -166,7 +167,7 @@ def _finite(value: Any) -> Any:
 
 
 def sensor_model(d: Diagnosis) -> SensorModel:
-    """The fitted sensor: every named effect, and the photon law that the rest of the session's scatter obeys."""
+    """The fitted sensor: every named effect, and the photon law of the remaining noise."""
     effects = [e for c in d.causes for e in c.named.effects] + [f.effect for f in d.findings]
     return SensorModel((*effects, *([] if d.law is None else [d.law])))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far: the gap on held-out views before and after, against the floor, with intervals."""
+"""How far the gap shrinks: RMS on held-out views before and after, against the floor, with its interval."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.stats import blocks as squares
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Ints
-
-BLOCK_PX = 16
-"""Side of the blocks of the bootstrap: neighbours share errors, blocks less so."""
+    from tof_core.arrays import Float
+    from tof_gap.limits.report import ShrinkLimits
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,21 +57,19 @@ class HeldOut:
         return Errors(1e3 * float(np.sqrt(square)), 1e3 * float(absolute), 1e3 * float(mean))
 
 
-def blocks(before: Sequence[Float], after: Sequence[Float], floor2: Sequence[Float]) -> HeldOut:
-    """Sum errors (H, W) of each held-out view by blocks; NaN pixels do not count."""
-    parts = [_block_sums(b, a, f) for b, a, f in zip(before, after, floor2, strict=True)]
+def blocks(before: Sequence[Float], after: Sequence[Float], floor2: Sequence[Float], block_px: int) -> HeldOut:
+    """Sum errors (H, W) of each held-out view by squares of `block_px` pixels; NaN pixels do not count."""
+    parts = [_block_sums(b, a, f, block_px) for b, a, f in zip(before, after, floor2, strict=True)]
     joined = [np.concatenate(p, axis=-1) for p in zip(*parts, strict=True)]
     return HeldOut(*joined)
 
 
-def _block_sums(before: Float, after: Float, floor2: Float) -> tuple[Float, Float, Float, Float]:
+def _block_sums(before: Float, after: Float, floor2: Float, block_px: int) -> tuple[Float, Float, Float, Float]:
     seen = np.isfinite(before) & np.isfinite(after) & np.isfinite(floor2)
-    rows, columns = np.nonzero(seen)
-    block: Ints = (rows // BLOCK_PX) * (before.shape[1] // BLOCK_PX + 1) + columns // BLOCK_PX
-    _, block = np.unique(block, return_inverse=True)
+    by_block = squares(seen, block_px)
 
     def total(values: Float) -> Float:
-        return np.asarray(np.bincount(block, values[seen]) if len(block) else np.zeros(0), float)
+        return by_block.sum(values[seen])
 
     def moments(e: Float) -> Float:
         return np.stack([total(e), total(np.abs(e)), total(e * e)])
@@ -79,38 +77,32 @@ def _block_sums(before: Float, after: Float, floor2: Float) -> tuple[Float, Floa
     return total(seen.astype(float)), moments(before), moments(after), total(floor2)
 
 
-SCATTER_KNOWN = 0.03
-"""How well the scatter's own variance, most of the floor, is known (relative)."""
-RESOLUTION = 0.005
-"""Half a point of shrink: blocks do not tell what rounding of the depth code and of the floor leave open."""
+def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, unsure2: float = 0.0) -> Shrink:
+    """RMS, MAE and bias before and after, and the shrink with the 95 % interval of what the true effects would give.
 
-
-def measure(held_out: HeldOut, rng: np.random.Generator, rounds: int = 400, unsure2: float = 0.0) -> Shrink:
-    """The figures with an interval of the shrink that the effects themselves would give.
-
-    It is that of a block bootstrap, widened by how well the floor is known; and where many coefficients were told from few
-    views, so that they are wrong by `unsure2` (m^2), what is left of that is not the effects' and may be won.
+    The interval is that of a block bootstrap, widened by the error of the floor. Where many coefficients were estimated from few
+    views, their maps have an error of variance `unsure2` (m^2): the true effects would shrink the gap by up to that much more.
     """
     before, after = held_out.errors("before"), held_out.errors("after")
     floor2 = float(held_out.floor2.sum() / max(held_out.n.sum(), 1.0))
-    value = _ratio(before.rmse, after.rmse, floor2)
+    value = _shrink(before.rmse, after.rmse, floor2, limits.above_floor)
     ci = None
     if value is not None:
-        draws = rng.multinomial(len(held_out.n), np.full(len(held_out.n), 1 / len(held_out.n)), size=rounds).astype(float)
+        draws = rng.multinomial(len(held_out.n), np.full(len(held_out.n), 1 / len(held_out.n)), size=limits.rounds).astype(float)
         n = draws @ held_out.n
         b2, a2, f2 = draws @ held_out.before[2] / n, draws @ held_out.after[2] / n, draws @ held_out.floor2 / n
         ratios = 1 - (a2 - f2) / np.maximum(b2 - f2, 1e-12)
         low, high = np.quantile(ratios, [0.025, 0.975])
         above = (before.rmse * 1e-3) ** 2 - floor2
-        floor = abs(value) * SCATTER_KNOWN * floor2 / above
-        half = [float(np.hypot(max(side, RESOLUTION), floor)) for side in (value - low, high - value)]
+        floor = abs(value) * limits.noise_known * floor2 / above
+        half = [float(np.hypot(max(side, limits.resolution), floor)) for side in (value - low, high - value)]
         ci = (value - half[0], value + half[1] + unsure2 / above)
     return Shrink(before, after, 1e3 * float(np.sqrt(floor2)), value, ci)
 
 
-def _ratio(before_mm: float, after_mm: float, floor2: float) -> float | None:
-    """The shrink, or None where before exceeds the floor by less than 2 %."""
+def _shrink(before_mm: float, after_mm: float, floor2: float, above_floor: float) -> float | None:
+    """The shrink, or None where the RMS before exceeds the floor by less than the share `above_floor`."""
     b2, a2 = (before_mm * 1e-3) ** 2, (after_mm * 1e-3) ** 2
-    if not b2 > floor2 * 1.02**2:
+    if not b2 > floor2 * (1.0 + above_floor) ** 2:
         return None
     return float(1 - (a2 - floor2) / (b2 - floor2))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What no named effect explains: is it structured, where is it, what does it depend on?"""
+"""What no named effect explains: whether it is structured, where it lies, what it depends on."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.tell.shrink import BLOCK_PX, SCATTER_KNOWN
+from tof_core.stats import blocks
 from tof_gap.tell.where import by_quantity
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -16,28 +16,23 @@ from tof_sensor.effects.phase_wrap import PhaseWrap
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
+    from tof_gap.limits.report import ReportLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
     from tof_scene.scene import Scene
 
-STRUCTURED_MM = 0.7
-"""Block-mean error above the floor from which what is left has structure worth a name..."""
-STRUCTURED_SHARE = 0.12
-"""... and its share of the whole gap's energy above the floor."""
-MISFIT_SHARE = 0.25
-"""Of the chi-square above the floor at the solution's poses, what a sufficient answer may leave at most."""
-ARMS_ALIKE = 22.5
-"""Chi-square of six that one session in a thousand exceeds: arms that err alike by more are off their mount."""
+HAND = "hand"
+"""What arm errors that all views share depend on: the place of the camera on the hand."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unexplained:
     """What is left above the floor.
 
-    structured: blocks agree that something is left; depends_on: quantities that it varies with, most first; where:
-    parts that carry it, most first.
+    rmse_mm: RMS of block means above the floor; structured: whether that is more than the named effects' maps leave;
+    depends_on: quantities that it varies with, most first; where: parts that carry it, most first.
     """
 
     rmse_mm: float
@@ -46,66 +41,85 @@ class Unexplained:
     where: tuple[str, ...]
 
 
-def look(found: Account, scene: Scene) -> Unexplained:
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockMeans:
+    """Per block of one part (b,): pixels, mean error in metres, its variance in m^2 if errors were white, and the part."""
+
+    pixels: Ints
+    mean: Float
+    white2: Float
+    part: Ints
+
+    @property
+    def excess2(self) -> Float:
+        """(b,) m^2 by which the squared mean exceeds that of white errors."""
+        return np.asarray(self.mean**2 - self.white2)
+
+
+def look(found: Account, scene: Scene, limits: ReportLimits) -> Unexplained:
     """Judge what the named effects leave, against the floor.
 
-    It is structured where block means agree that something is left. Where neighbours err alike by a named noise (steps, rows, beats),
-    that much structure is the noise's own. Structured besides: pixels off by more than any bias, away from edges, unless
+    It is structured where block means exceed what white noise gives them. Where a named noise is shared by neighbours (steps, rows,
+    stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias, away from edges, unless
     `phase_wrap` was named, here and where the solution was linearised; effects that show in noise, loss or edges and may not be
     named; an error that only a free function of an observable describes; small effects that explain much only together; a joint
     fit that leaves a share of what it was to explain; arm errors that are alike in every view.
     """
-    solved, figures, gap = found.solved, found.figures, found.gap
+    solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, left, floor2 = solved.evidence, figures.left(), figures.floors
-    block, mean, expected, part = _block_means(views, left, floor2)
-    if len(block) == 0:
+    means = block_means(views, left, floor2, limits.block_px, limit.block_pixels)
+    if len(means.pixels) == 0:
         return Unexplained(0.0, structured=False, depends_on=(), where=())
-    excess2 = np.average(mean**2 - expected, weights=block)
-    size = 1e3 * float(np.sqrt(max(excess2, 0.0)))
-    before2 = max((gap.before.rmse**2 - gap.floor_mm**2), 1e-9)
+    size = 1e3 * float(np.sqrt(max(float(np.average(means.excess2, weights=means.pixels)), 0.0)))
+    before2 = max(gap.before.rmse**2 - gap.floor_mm**2, 1e-9)
     gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
-    gross = 0.0 if gross_named else min(_gross_share(v) for v in (views, solved.linearised))
-    blocks_agree = size > np.hypot(STRUCTURED_MM, 1e3 * figures.alike_m) and size**2 > STRUCTURED_SHARE * before2
-    depends_on = (*solved.depends_on, "hand") if solved.arms_alike > ARMS_ALIKE else solved.depends_on
-    unexplained = misfit(views, figures.residual, left, _noise2(found)) > MISFIT_SHARE
-    structured = blocks_agree or gross > GROSS_SHARE or bool(depends_on) or bool(solved.small_together) or unexplained
-    energy = np.bincount(part, block * np.maximum(mean**2 - expected, 0), len(scene.parts))
+    gross = 0.0 if gross_named else min(gross_share(v) for v in (views, solved.linearised))
+    depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
+    structured = (
+        (size > np.hypot(limit.mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)
+        or gross > limit.gross_share
+        or bool(depends_on or solved.small_together or found.withheld)
+        or misfit(views, figures.residual, left, _noise2(found), limits.shrink.noise_known) > limit.misfit
+    )
+    if not structured:
+        return Unexplained(size, structured=False, depends_on=(), where=())
+    energy = np.bincount(means.part, means.pixels * np.maximum(means.excess2, 0), len(scene.parts))
     if found.withheld:
-        structured = True
-        energy = np.sum([_carried(views, f, len(scene.parts)) for f in found.withheld], axis=0)
-    order = [i for i in np.argsort(-energy) if energy[i] > 0.1 * energy.sum()]
+        energy = np.sum([carried(views, f, len(scene.parts)) for f in found.withheld], axis=0)
+    order = [int(i) for i in np.argsort(-energy) if energy[i] > limit.part_share * energy.sum()]
     return Unexplained(
         size,
-        structured=bool(structured),
-        depends_on=(depends_on or _depends_on(views, left, floor2)) if structured else (),
-        where=tuple(scene.parts[int(i)].name for i in order[:4]) if structured else (),
+        structured=True,
+        depends_on=depends_on or _depends_on(views, left, floor2, limits),
+        where=tuple(scene.parts[i].name for i in order[: limit.parts]),
     )
 
 
 def _noise2(found: Account) -> list[Float]:
-    """(H, W) m^2 per view that no bias need explain: floor, named noise (not white perhaps, but named), and the pattern's own doubt."""
+    """(H, W) m^2 per view that no bias need explain: the floor, the named noise, and the variance of the pattern's map."""
     nothing = np.zeros((len(found.figures.floors), *found.figures.floors[0].shape))
     named = [np.nan_to_num(f.share) ** 2 for f in found.findings if f.effect.EVIDENCE is Evidence.SCATTER and f.share is not None]
     return [f + s + found.figures.unsure2 for f, s in zip(found.figures.floors, np.sum([nothing, *named], axis=0), strict=True)]
 
 
-def misfit(views: Sequence[ViewEvidence], before: Sequence[Float], left: Sequence[Float], floor2: Sequence[Float]) -> float:
-    """Of what chi-square per pixel exceeds the floor before anything is taken off, the share that is left; 0 where that is no misfit."""
+def misfit(
+    views: Sequence[ViewEvidence], before: Sequence[Float], left: Sequence[Float], floor2: Sequence[Float], noise_known: float
+) -> float:
+    """Chi-square per pixel above the floor that is left, over that before anything is subtracted.
+
+    0 where what is left exceeds the floor by less than the error of the noise variance, `noise_known`.
+    """
 
     def excess(errors: Sequence[Float]) -> float:
         each = [(e**2 / f)[v.smooth & np.isfinite(e)] for v, e, f in zip(views, errors, floor2, strict=True)]
         return float(np.concatenate(each).mean()) - 1.0
 
     after = excess(left)
-    return 0.0 if after < SCATTER_KNOWN else after / max(excess(before), after)
+    return 0.0 if after < noise_known else after / max(excess(before), after)
 
 
-GROSS_SHARE = 0.004
-"""Pixels away from edges that may be grossly off in a sound session (what stands in the cell beside the CAD)."""
-
-
-def _carried(views: Sequence[ViewEvidence], finding: Finding, parts: int) -> Float:
-    """(parts,) energy of what a finding does, by the part that it does it to."""
+def carried(views: Sequence[ViewEvidence], finding: Finding, parts: int) -> Float:
+    """(parts,) m^2: summed squares of what a finding adds, by the part that it adds it to."""
     out = np.zeros(parts)
     for v, share in zip(views, finding.share if finding.share is not None else [], strict=False):
         seen = np.isfinite(share) & (v.rendering.part >= 0)
@@ -113,40 +127,33 @@ def _carried(views: Sequence[ViewEvidence], finding: Finding, parts: int) -> Flo
     return out
 
 
-def _gross_share(views: Sequence[ViewEvidence]) -> float:
+def gross_share(views: Sequence[ViewEvidence]) -> float:
+    """Mean over the views of the share of gross pixels away from edges."""
     return float(np.mean([(v.gross & ~v.edge).sum() / max((np.isfinite(v.residual) & ~v.edge).sum(), 1) for v in views]))
 
 
-def _block_means(
-    views: Sequence[ViewEvidence],
-    left: Sequence[Float],
-    floor2: Sequence[Float],
-) -> tuple[Float, Float, Float, np.ndarray[tuple[int], np.dtype[np.int64]]]:
-    """Per block and part: pixels, mean error, its variance if errors were white, and the part."""
-    n_all, mean_all, var_all, part_all = [], [], [], []
+def block_means(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], block_px: int, least: int) -> BlockMeans:
+    """Mean errors (H, W per view) of squares of `block_px` pixels, each part by itself, with at least `least` pixels."""
+    found: list[tuple[Ints, Float, Float, Ints]] = []
     for v, e, f in zip(views, left, floor2, strict=True):
         seen = np.isfinite(e) & (v.rendering.part >= 0)
-        rows, columns = np.nonzero(seen)
-        part = v.rendering.part[seen].astype(np.int64)
-        key = ((rows // BLOCK_PX) * 1000 + columns // BLOCK_PX) * 1000 + part
-        unique, which = np.unique(key, return_inverse=True)
-        n = np.bincount(which)
-        enough = n >= 40
-        n_all.append(n[enough].astype(float))
-        mean_all.append((np.bincount(which, e[seen]) / n)[enough])
-        var_all.append((np.bincount(which, f[seen]) / n**2)[enough])
-        part_all.append((unique % 1000)[enough])
-    return np.concatenate(n_all), np.concatenate(mean_all), np.concatenate(var_all), np.concatenate(part_all)
+        by_block = blocks(seen, block_px, v.rendering.part[seen].astype(np.int64))
+        n, part = by_block.count, by_block.keys[-1]
+        enough = n >= least
+        found.append((n[enough], by_block.mean(e[seen])[enough], (by_block.sum(f[seen]) / n**2)[enough], part[enough]))
+    pixels, mean, white2, part = (np.concatenate(column) for column in zip(*found, strict=True))
+    return BlockMeans(pixels, mean, white2, part)
 
 
-def _depends_on(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float]) -> tuple[str, ...]:
-    """Quantities whose bins' means carry a tenth or more of what is left, most first."""
-    carried = {}
-    for name, bins in by_quantity(views, left, floor2).items():
-        n = np.array([b.pixels for b in bins], float)
-        if len(n) < 3:
+def _depends_on(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], limits: ReportLimits) -> tuple[str, ...]:
+    """Quantities whose bins' means carry the share `quantity_share` or more of what is left, most first."""
+    limit, share = limits.unexplained, {}
+    for name, bins in by_quantity(views, left, floor2, limits.where.bins).items():
+        if len(bins) < limit.quantity_bins:
             continue
+        n = np.array([b.pixels for b in bins], float)
         mean, square, floor = (np.array([getattr(b, k) for b in bins]) for k in ("bias_mm", "rmse_mm", "floor_mm"))
         above = max(float(n @ (square**2 - floor**2)), 1e-9)
-        carried[name] = float(n @ (mean - np.average(mean, weights=n)) ** 2) / above
-    return tuple(k for k, s in sorted(carried.items(), key=lambda kv: -kv[1]) if s > 0.1)[:4]
+        share[name] = float(n @ (mean - np.average(mean, weights=n)) ** 2) / above
+    most = sorted(share.items(), key=lambda item: -item[1])
+    return tuple(name for name, s in most if s > limit.quantity_share)[: limit.quantities]

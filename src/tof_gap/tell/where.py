@@ -10,17 +10,15 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.special import ndtr
 
-from tof_gap.tell.shrink import BLOCK_PX
+from tof_core.stats import grouped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float, Ints
+    from tof_gap.limits.report import ReportLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_scene.scene import Scene
-
-FALSE_DISCOVERY = 0.05
-"""Share of named regions that may be there by chance (Benjamini and Hochberg)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,17 +52,18 @@ def regions(
     floor2: Sequence[Float],
     region: Sequence[Ints],
     scene: Scene,
+    limits: ReportLimits,
 ) -> list[Region]:
     """Regions whose gap is more than chance, largest share first; `gap` (H, W) metres per view.
 
-    A region's evidence are the means of its blocks (BLOCK_PX a side): their chi-square against the
+    A region's evidence are the means of its blocks (`block_px` a side): their chi-square against the
     floor is turned into a p-value, and the false discovery rate over all regions is held.
     """
     ids = np.unique(np.concatenate([r[r >= 0] for r in region]))
-    rows = [_region_sums(int(i), views, gap, floor2, region) for i in ids]
+    rows = [_region_sums(int(i), views, gap, floor2, region, limits.block_px) for i in ids]
     excess = np.array([max(r[1] - r[2], 0.0) for r in rows])
     whole = max(float(excess.sum()), 1e-18)
-    named = _discoveries(np.array([r[4] for r in rows]), FALSE_DISCOVERY)
+    named = _discoveries(np.array([r[4] for r in rows]), limits.where.false_discovery)
     out = []
     for i, (n, e2, _, mean, _, part), share, seen in zip(ids, rows, excess / whole, named, strict=True):
         if seen and share > 0:
@@ -79,9 +78,10 @@ def _region_sums(
     gap: Sequence[Float],
     floor2: Sequence[Float],
     region: Sequence[Ints],
+    block_px: int,
 ) -> tuple[float, float, float, float, float, int]:
     """(pixels, sum e^2, sum floor^2, mean e, p-value, part) of one region."""
-    e, f2, block, part = [], [], [], 0
+    e, f2, view, row, column, part = [], [], [], [], [], 0
     for k, (v, g, f, r) in enumerate(zip(views, gap, floor2, region, strict=True)):
         here = (r == i) & np.isfinite(g)
         if not here.any():
@@ -89,17 +89,17 @@ def _region_sums(
         rows, columns = np.nonzero(here)
         e.append(g[here])
         f2.append(f[here])
-        block.append((k * 1000 + rows // BLOCK_PX) * 1000 + columns // BLOCK_PX)
+        view.append(np.full(len(rows), k))
+        row.append(rows // block_px)
+        column.append(columns // block_px)
         part = int(np.bincount(v.rendering.part[here].astype(np.int64)).argmax())
     if not e:
         return 1.0, 0.0, 0.0, 0.0, 1.0, part
     all_e, all_f2 = np.concatenate(e), np.concatenate(f2)
-    _, which = np.unique(np.concatenate(block), return_inverse=True)
-    n = np.bincount(which)
-    mean2 = (np.bincount(which, all_e) / n) ** 2
-    z = mean2 / (np.bincount(which, all_f2) / n**2)
+    blocks = grouped(np.concatenate(view), np.concatenate(row), np.concatenate(column))
+    z = blocks.mean(all_e) ** 2 / (blocks.sum(all_f2) / blocks.count**2)
     # Sum of chi-squares by Wilson and Hilferty's cube root.
-    m = len(n)
+    m = len(blocks.count)
     cube = (z.sum() / m) ** (1 / 3)
     p = float(ndtr((1 - 2 / (9 * m) - cube) / np.sqrt(2 / (9 * m))))
     return float(len(all_e)), float((all_e**2).sum()), float(all_f2.sum()), float(all_e.mean()), p, part
@@ -119,9 +119,9 @@ def by_quantity(
     views: Sequence[ViewEvidence],
     gap: Sequence[Float],
     floor2: Sequence[Float],
-    bins: int = 12,
+    bins: int,
 ) -> dict[str, list[Bin]]:
-    """The gap against each quantity of DESIGN section 4, in bins of equal pixel numbers."""
+    """The gap against each quantity that may cause it, in bins of equal pixel numbers."""
     e, f = np.concatenate([g.ravel() for g in gap]), np.concatenate([x.ravel() for x in floor2])
     return {name: _bins(np.concatenate([q.ravel() for q in maps]), e, f, bins) for name, maps in _quantities(views).items()}
 

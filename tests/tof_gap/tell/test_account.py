@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
+from tof_gap.limits.report import ReportLimits
 from tof_gap.solved import Named
 from tof_gap.tell.account import Account, Cause
 from tof_gap.tell.shrink import Errors, Shrink
@@ -19,7 +21,8 @@ def account(shrink: float | None, **left_out: float | None) -> Account:
     gap = Shrink(NOTHING, NOTHING, 0.0, shrink, None)
     causes = tuple(Cause(Named(name, (), (), (), 1.0), gap, without) for name, without in left_out.items())
     unused = cast("Any", None)
-    return Account(unused, causes, (), (), unused, gap)
+    figures = cast("Any", SimpleNamespace(limits=ReportLimits()))
+    return Account(unused, causes, (), (), figures, gap)
 
 
 @pytest.mark.parametrize(

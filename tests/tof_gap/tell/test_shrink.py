@@ -6,9 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tof_gap.tell.shrink import blocks, measure
+from tof_gap.limits.report import ReportLimits, ShrinkLimits
+from tof_gap.tell.shrink import HeldOut, blocks, measure
 
 RNG = np.random.default_rng(8)
+LIMITS = ShrinkLimits()
 SHAPE = (64, 64)
 
 
@@ -18,8 +20,13 @@ def maps(bias: float, noise: float, left: float) -> tuple[list, list, list]:  # 
     return [s + bias for s in scatter], [s + left * bias for s in scatter], [np.full(SHAPE, noise**2)] * 3
 
 
+def sums(before: list, after: list, floor2: list) -> HeldOut:  # type: ignore[type-arg]
+    """Sums over blocks of the usual size."""
+    return blocks(before, after, floor2, ReportLimits().block_px)
+
+
 def test_a_bias_taken_off_by_half_shrinks_the_excess_by_three_quarters() -> None:
-    result = measure(blocks(*maps(0.004, 0.002, 0.5)), RNG)
+    result = measure(sums(*maps(0.004, 0.002, 0.5)), RNG, LIMITS)
     assert result.shrink == pytest.approx(0.75, abs=0.03)
     assert result.before.bias == pytest.approx(4.0, abs=0.1)
     assert result.before.rmse == pytest.approx(np.hypot(4, 2), abs=0.1)
@@ -29,7 +36,7 @@ def test_a_bias_taken_off_by_half_shrinks_the_excess_by_three_quarters() -> None
 
 
 def test_at_the_floor_there_is_no_shrink_to_state() -> None:
-    result = measure(blocks(*maps(0.0, 0.002, 1.0)), RNG)
+    result = measure(sums(*maps(0.0, 0.002, 1.0)), RNG, LIMITS)
     assert result.shrink is None
     assert result.ci95 is None
 
@@ -37,12 +44,12 @@ def test_at_the_floor_there_is_no_shrink_to_state() -> None:
 def test_pixels_without_depth_do_not_count() -> None:
     before, after, floor = maps(0.004, 0.001, 0.0)
     before[0][:32] = np.nan
-    assert blocks(before, after, floor).n.sum() == 3 * 64 * 64 - 32 * 64
+    assert sums(before, after, floor).n.sum() == 3 * 64 * 64 - 32 * 64
 
 
 def test_what_a_map_may_be_wrong_by_may_still_be_won() -> None:
-    sums = blocks(*maps(0.004, 0.002, 0.25))
-    sure, unsure = (measure(sums, np.random.default_rng(0), unsure2=u) for u in (0.0, 1e-6))
+    held_out = sums(*maps(0.004, 0.002, 0.25))
+    sure, unsure = (measure(held_out, np.random.default_rng(0), LIMITS, u) for u in (0.0, 1e-6))
     assert sure.ci95 is not None
     assert unsure.ci95 is not None
     assert unsure.ci95[0] == sure.ci95[0]
@@ -50,7 +57,7 @@ def test_what_a_map_may_be_wrong_by_may_still_be_won() -> None:
 
 
 def test_under_much_scatter_the_interval_says_that_the_floor_is_not_known_better() -> None:
-    little, much = (measure(blocks(*maps(0.004, noise, 0.0)), RNG).ci95 for noise in (0.0005, 0.008))
+    little, much = (measure(sums(*maps(0.004, noise, 0.0)), RNG, LIMITS).ci95 for noise in (0.0005, 0.008))
     assert little is not None
     assert much is not None
     assert np.diff(little) < 0.02

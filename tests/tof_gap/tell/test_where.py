@@ -1,12 +1,68 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where: discoveries keep their rate; the page escapes what comes from outside."""
+"""Where the gap lies: regions with their share, discoveries at their rate, and bins of quantities."""
 
 from __future__ import annotations
 
-import numpy as np
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_gap.limits.report import ReportLimits
 from tof_gap.tell.page import sentence
-from tof_gap.tell.where import _discoveries
+from tof_gap.tell.where import _discoveries, by_quantity, regions
+
+NOISE_M = 0.002
+FLOOR2 = [np.full(SHAPE, NOISE_M**2)] * VIEWS
+SCENE: Any = SimpleNamespace(parts=[SimpleNamespace(name="panel")])
+
+
+def halves() -> list[np.ndarray]:
+    """Region 4 on the left half of every view, region 9 on the right."""
+    region = np.full(SHAPE, 4, np.int32)
+    region[:, SHAPE[1] // 2 :] = 9
+    return [region] * VIEWS
+
+
+def gap(right_m: float, columns: slice = slice(SHAPE[1] // 2, None)) -> list[np.ndarray]:
+    """Noise, and a constant gap on some columns."""
+    rng = np.random.default_rng(5)
+    bias = np.zeros(SHAPE)
+    bias[:, columns] = right_m
+    return [rng.normal(0, NOISE_M, SHAPE) + bias for _ in range(VIEWS)]
+
+
+def test_the_region_with_the_gap_has_its_share_and_bias() -> None:
+    (found,) = regions(views(np.random.default_rng(1)), gap(0.003), FLOOR2, halves(), SCENE, ReportLimits())
+    assert (found.id, found.part, found.name) == (9, "panel", "panel, face 9")
+    assert found.share == pytest.approx(1.0, abs=0.01)
+    assert found.bias_mm == pytest.approx(3.0, abs=0.02)
+    assert found.rmse_mm == pytest.approx(np.hypot(3, 2), abs=0.02)
+    assert found.pixels == VIEWS * SHAPE[0] * SHAPE[1] // 2
+
+
+def test_noise_alone_discovers_no_region() -> None:
+    assert regions(views(np.random.default_rng(1)), gap(0.0), FLOOR2, halves(), SCENE, ReportLimits()) == []
+
+
+def test_energy_is_shared_between_regions() -> None:
+    quarter = SHAPE[1] // 4
+    both = regions(views(np.random.default_rng(1)), gap(0.003, slice(quarter, None)), FLOOR2, halves(), SCENE, ReportLimits())
+    assert [r.id for r in both] == [9, 4]
+    assert [r.share for r in both] == pytest.approx([2 / 3, 1 / 3], abs=0.01)
+
+
+def test_bins_of_a_quantity_hold_equal_numbers_and_the_mean_gap() -> None:
+    found = by_quantity(views(np.random.default_rng(1)), gap(0.003), FLOOR2, bins=4)
+    columns = found["column"]
+    assert [b.pixels for b in columns] == [VIEWS * SHAPE[0] * SHAPE[1] // 4] * 4
+    assert [b.bias_mm for b in columns] == pytest.approx([0.0, 0.0, 3.0, 3.0], abs=0.05)
+    assert [b.floor_mm for b in columns] == pytest.approx([2.0] * 4)
+    assert columns[0].low == 0.0
+    assert columns[-1].high == SHAPE[1] - 1
+    assert found["speed_m_s"] == [], "a quantity that does not vary has no bins"
 
 
 def test_false_discoveries_stay_below_their_rate() -> None:
@@ -21,16 +77,16 @@ def test_small_p_values_are_found_among_many() -> None:
 
 
 def test_the_verdict_reads_as_a_sentence() -> None:
-    gap = {"shrink": 0.97}
-    assert sentence({"verdict": ["none"], "gap": gap}).startswith("Camera and simulation agree")
-    one = sentence({"verdict": ["multipath"], "gap": gap})
+    shrunk = {"shrink": 0.97}
+    assert sentence({"verdict": ["none"], "gap": shrunk}).startswith("Camera and simulation agree")
+    one = sentence({"verdict": ["multipath"], "gap": shrunk})
     assert one == "Camera and simulation differ by multipath, which explains 97% of the gap."
-    two = sentence({"verdict": ["amplitude_bias|wiggling", "multipath"], "gap": gap})
+    two = sentence({"verdict": ["amplitude_bias|wiggling", "multipath"], "gap": shrunk})
     assert two == "Camera and simulation differ by amplitude bias or wiggling and multipath, which together explain 97% of the gap."
     clue = {"depends_on": ["amplitude", "x_m", "z_m"], "where": ["floor", "wall"]}
-    assert sentence({"verdict": ["unknown"], "gap": gap, "unexplained": clue}) == (
+    assert sentence({"verdict": ["unknown"], "gap": shrunk, "unexplained": clue}) == (
         "Camera and simulation differ, and no effect known here explains how. "
         "It goes with amplitude and place in the cell; it shows most on floor and wall."
     )
     nowhere: dict[str, list[str]] = {"depends_on": [], "where": []}
-    assert sentence({"verdict": ["multipath", "unknown"], "gap": gap, "unexplained": nowhere}).endswith("no effect known here explains.")
+    assert sentence({"verdict": ["multipath", "unknown"], "gap": shrunk, "unexplained": nowhere}).endswith("no effect known here explains.")

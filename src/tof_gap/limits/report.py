@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers that decide what the report states: how far the gap shrinks, where it lies, what stays unexplained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tof_core.config import param, section
+
+
+@dataclass(frozen=True, slots=True)
+class ShrinkLimits:
+    """How far the gap shrinks, with its interval."""
+
+    above_floor: float = param(
+        0.02, "RMS above the floor, relative, below which there is no gap to shrink", low=0.0, why="the floor is not known better"
+    )
+    noise_known: float = param(0.03, "error of the noise variance, relative", low=0.0, high=1.0, why="bins of amplitude interpolate it")
+    resolution: float = param(0.005, "half width of the interval", low=0.0, high=1.0, why="rounding of the depth code and of the floor")
+    rounds: int = param(400, "bootstrap resamples of the blocks", low=50, high=100_000, why="a 2.5 % quantile rests on ten of them")
+    common_left: float = param(
+        0.5, "of noise that neighbours share, what its map may leave", low=0.0, high=1.0, why="rows and stripes are known coarsely"
+    )
+    worsens: float = param(
+        0.05, "shrink that is won without an effect which is then dropped", low=0.0, why="a shrink has sampling errors of some points"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class UnexplainedLimits:
+    """When what no named effect explains has structure: verdict `unknown`."""
+
+    mm: float = param(0.7, "RMS of block means above the floor", unit="mm", low=0.0, why="what inexact maps of named effects leave")
+    share: float = param(
+        0.12, "the same, of the whole gap's energy above the floor", low=0.0, high=1.0, why="maps of named effects are never exact"
+    )
+    misfit: float = param(0.25, "of the chi-square above the floor, what the named effects may leave", low=0.0, high=1.0, why="the same")
+    arms: float = param(22.5, "chi-square (6 degrees of freedom) of what all arm errors share", low=0.0, why="chance: 1 session in 1000")
+    gross_share: float = param(
+        0.004, "share of gross pixels away from edges", low=0.0, high=1.0, why="tools and cables stand beside the CAD"
+    )
+    block_pixels: int = param(40, "pixels of a block", low=1, why="a sixth of the block; its mean is known to a sixth of the noise")
+    part_share: float = param(0.1, "of what is left, share of a part that is reported", low=0.0, high=1.0, why="brevity")
+    parts: int = param(4, "parts that are reported", low=1, why="brevity")
+    quantity_share: float = param(0.1, "of what is left, share that a quantity's bin means carry", low=0.0, high=1.0, why="brevity")
+    quantity_bins: int = param(3, "bins of such a quantity", low=2, why="two show no dependence")
+    quantities: int = param(4, "quantities that are reported", low=1, why="brevity")
+
+
+@dataclass(frozen=True, slots=True)
+class WhereLimits:
+    """Which regions carry the gap."""
+
+    false_discovery: float = param(
+        0.05, "share of reported regions that are chance", low=0.0, high=1.0, why="usual level (Benjamini and Hochberg 1995)"
+    )
+    regions: int = param(40, "regions that are reported", low=1, why="brevity")
+    bins: int = param(12, "bins of a quantity, with equal numbers of pixels", low=2, high=100, why="a curve that can be read")
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainableLimits:
+    """The most that any model could explain."""
+
+    features: int = param(400, "random features of the ridge regression", low=10, high=10_000, why="time and memory")
+    inputs: float = param(
+        0.4, "share of the inputs that a feature combines", low=0.05, high=1.0, why="a function of one input must be within reach"
+    )
+    cell_px: int = param(
+        6, "side of the cells whose means are fitted", unit="px", low=1, high=64, why="white noise averages out, smooth errors stay"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ReportLimits:
+    """What the report states."""
+
+    block_px: int = param(
+        16, "side of a block of pixels that err alike", unit="px", low=2, high=256, why="pixels share errors, blocks less so"
+    )
+    shrink: ShrinkLimits = section(ShrinkLimits, "how far")
+    unexplained: UnexplainedLimits = section(UnexplainedLimits, "what is left")
+    where: WhereLimits = section(WhereLimits, "where")
+    explainable: ExplainableLimits = section(ExplainableLimits, "what any model could explain")

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What no named effect explains: its size, its part, and each condition that makes it `unknown`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_core.config import updated
+from tof_gap.limits.report import ReportLimits
+from tof_gap.seen.finding import Finding
+from tof_gap.tell.shrink import Errors, Shrink
+from tof_gap.tell.unexplained import block_means, carried, gross_share, look, misfit
+from tof_sensor.effects.noise import Noise
+from tof_sensor.effects.phase_wrap import PhaseWrap
+
+if TYPE_CHECKING:
+    from tof_gap.seen.residual import ViewEvidence
+
+NOISE_M = 0.002
+FAR_PART = 1203
+"""Number of a part of a large assembly."""
+
+
+def session(part: int = 0) -> tuple[ViewEvidence, ...]:
+    """Views whose right half is another part."""
+    out = []
+    for v in views(np.random.default_rng(1)):
+        numbers = np.zeros(SHAPE, np.int16)
+        numbers[:, SHAPE[1] // 2 :] = part
+        out.append(replace(v, frame=replace(v.frame, rendering=replace(v.rendering, part=numbers))))
+    return tuple(out)
+
+
+def left_over(size_m: float) -> list[np.ndarray]:
+    """White noise, and on the right half of every view a constant error."""
+    rng = np.random.default_rng(2)
+    bias = np.zeros(SHAPE)
+    bias[:, SHAPE[1] // 2 :] = size_m
+    return [rng.normal(0, NOISE_M, SHAPE) + bias for _ in range(VIEWS)]
+
+
+def account(seen: tuple[ViewEvidence, ...], left: list[np.ndarray], before_mm: float = 3.0, **changes: Any) -> Any:
+    """What `look` reads of an account."""
+    figures = SimpleNamespace(
+        left=lambda: left, floors=[np.full(SHAPE, NOISE_M**2)] * VIEWS, residual=left, alike_m=0.0, unsure2=np.zeros(SHAPE)
+    )
+    solved = SimpleNamespace(evidence=seen, linearised=seen, depends_on=(), small_together=(), arms_alike=0.0)
+    error = Errors(before_mm, before_mm, 0.0)
+    found: dict[str, Any] = {"findings": (), "withheld": (), "gap": Shrink(error, error, 1e3 * NOISE_M, None, None)}
+    for name, value in changes.items():
+        for owner in (figures, solved):
+            if hasattr(owner, name):
+                setattr(owner, name, value)
+        if name in found:
+            found[name] = value
+    return SimpleNamespace(figures=figures, solved=solved, **found)
+
+
+def parts(count: int) -> Any:
+    """A scene of so many parts."""
+    return SimpleNamespace(parts=[SimpleNamespace(name=f"part_{i}") for i in range(count)])
+
+
+def test_a_part_beyond_a_thousand_is_reported_by_its_own_name() -> None:
+    found = look(account(session(FAR_PART), left_over(0.003)), parts(FAR_PART + 1), ReportLimits())
+    assert found.structured
+    assert found.where == ("part_1203",)
+
+
+def test_block_means_are_those_of_one_part_each() -> None:
+    means = block_means(session(FAR_PART), left_over(0.003), [np.full(SHAPE, NOISE_M**2)] * VIEWS, 16, 40)
+    assert set(means.part.tolist()) == {0, FAR_PART}
+    assert means.mean[means.part == FAR_PART].mean() == pytest.approx(0.003, rel=0.01)
+    assert means.mean[means.part == 0].mean() == pytest.approx(0.0, abs=2e-5)
+    np.testing.assert_allclose(means.white2, NOISE_M**2 / means.pixels)
+    assert means.pixels.min() >= 40
+    assert means.pixels.max() == 256
+
+
+def test_the_size_is_that_of_the_block_means_above_the_floor() -> None:
+    found = look(account(session(), left_over(0.003)), parts(1), ReportLimits())
+    # Seven blocks lie side by side: three without the error, one half in it, three in it.
+    assert found.rmse_mm == pytest.approx(np.sqrt((1.5**2 + 3 * 3.0**2) / 7), rel=0.02)
+    assert look(account(session(), left_over(0.0)), parts(1), ReportLimits()).rmse_mm < 0.05
+
+
+@pytest.mark.parametrize(
+    ("changes", "structured"),
+    [
+        ({}, False),
+        ({"depends_on": ("row",)}, True),
+        ({"small_together": ("wiggling",)}, True),
+        ({"arms_alike": 22.4}, False),
+        ({"arms_alike": 22.6}, True),
+    ],
+)
+def test_what_the_solution_states_makes_it_unknown(changes: dict[str, Any], *, structured: bool) -> None:
+    found = look(account(session(), left_over(0.0), **changes), parts(1), ReportLimits())
+    assert found.structured is structured
+    if "arms_alike" in changes:
+        assert found.depends_on == (("hand",) if structured else ())
+
+
+@pytest.mark.parametrize(("size_mm", "before_mm", "structured"), [(0.9, 2.1, False), (1.1, 2.1, True), (1.1, 4.0, False)])
+def test_block_means_must_exceed_a_size_and_a_share_of_the_gap(size_mm: float, before_mm: float, *, structured: bool) -> None:
+    limits = updated(ReportLimits(), {"unexplained.mm": 0.7, "unexplained.share": 0.12, "unexplained.misfit": 1.0})
+    assert look(account(session(), left_over(1e-3 * size_mm), before_mm), parts(1), limits).structured is structured
+
+
+def test_structure_of_a_named_noise_is_its_own() -> None:
+    limits = updated(ReportLimits(), {"unexplained.misfit": 1.0})
+    assert look(account(session(), left_over(0.0015)), parts(1), limits).structured
+    assert not look(account(session(), left_over(0.0015), alike_m=0.002), parts(1), limits).structured
+
+
+def test_gross_pixels_count_unless_they_are_wrapped_phase() -> None:
+    seen = session()
+    gross = np.zeros(SHAPE, bool)
+    gross[20:30, 20:30] = True
+    off = tuple(replace(v, gross=gross) for v in seen)
+    share = float(np.mean([100 / (np.isfinite(v.residual) & ~v.edge).sum() for v in seen]))
+    assert gross_share(off) == pytest.approx(share)
+    assert look(account(off, left_over(0.0)), parts(1), ReportLimits()).structured
+    wrapped = Finding(PhaseWrap(), 1.0)
+    assert not look(account(off, left_over(0.0), findings=(wrapped,)), parts(1), ReportLimits()).structured
+    assert not look(account(off, left_over(0.0), linearised=seen), parts(1), ReportLimits()).structured, "gross at both poses or not at all"
+
+
+def test_noise_that_may_not_be_named_is_unexplained_where_it_is() -> None:
+    share = np.zeros((VIEWS, *SHAPE))
+    share[:, :, SHAPE[1] // 2 :] = 0.004
+    withheld = Finding(Noise(extra_m=0.004), 1.0, share=share)
+    found = look(account(session(7), left_over(0.0), withheld=(withheld,)), parts(8), ReportLimits())
+    assert found.structured
+    assert found.where == ("part_7",)
+    energy = carried(session(7), withheld, 8)
+    assert energy[7] == pytest.approx(VIEWS * SHAPE[0] * (SHAPE[1] // 2) * 0.004**2)
+    assert energy[0] == 0.0
+
+
+def test_misfit_is_the_share_of_the_chi_square_above_the_floor() -> None:
+    seen, floor2 = session(), [np.full(SHAPE, 1e-6)] * VIEWS
+    ones = [np.full(SHAPE, 1e-3)] * VIEWS
+    assert misfit(seen, [np.sqrt(5) * e for e in ones], [np.sqrt(2) * e for e in ones], floor2, 0.03) == pytest.approx(0.25)
+    assert misfit(seen, [np.sqrt(5) * e for e in ones], [np.sqrt(1.02) * e for e in ones], floor2, 0.03) == 0.0
+    assert misfit(seen, ones, [2.0 * e for e in ones], floor2, 0.03) == 1.0, "more than there was is all of it"
+
+
+def test_nothing_measured_leaves_nothing() -> None:
+    empty = [np.full(SHAPE, np.nan)] * VIEWS
+    found = look(account(session(), empty), parts(1), ReportLimits())
+    assert (found.rmse_mm, found.structured) == (0.0, False)
+    assert found.where == ()
