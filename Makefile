@@ -5,8 +5,6 @@ SHELL := /bin/sh
 PY := .venv/bin/python
 ARGS ?=
 
-# Tests share two cores between two workers; a pool per worker would only make them wait for each other.
-ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 # Nothing here talks to another host's ROS unless asked to.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
@@ -24,8 +22,9 @@ setup-dev:  ## make .venv for tests, benchmarks and training (once; test does it
 demo: setup  ## set up, then record a virtual session, replay, label, report: out/demo/
 	@.venv/bin/toftwin demo $(ARGS)
 
-test: setup-dev  ## set up, then run the tests (ARGS="-k preproc")
-	@$(ONE_THREAD) $(PY) -m pytest -n 2 --dist loadfile $(ARGS)
+test: setup-dev  ## set up, run the tests (ARGS="-k preproc"), then lint
+	@$(PY) -m pytest -n 2 --dist loadfile --durations=25 $(ARGS)
+	@$(MAKE) --no-print-directory lint
 
 bench: setup-dev  ## print the figures and their bars, at most 20 minutes (ARGS="--only NAME --write")
 	@$(PY) -m benchmarks $(ARGS)

@@ -18,6 +18,7 @@ from tof_core.camera import radial_to_z
 from tof_core.capture import Capture, Colour
 from tof_core.decode import camera_from_info, check_size, decode_amplitude, decode_colour, decode_depth, depth_from_points, stamp_ns
 from tof_core.errors import CameraError, TransformError
+from tof_core.joined import Joined
 from tof_core.reasons import Reason
 
 if TYPE_CHECKING:
@@ -32,39 +33,6 @@ if TYPE_CHECKING:
 
 NO_INFO, FROZEN, LATE, NO_TRANSFORM = "no camera_info", "frozen", "late", "no transform"
 """Why frames are skipped: the keys of `CaptureBuilder.skipped`."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Joined:
-    """Messages waiting to join a depth image: stamps ascending beside their messages."""
-
-    stamps: list[int]
-    messages: list[Any]
-
-    def put(self, msg: Any) -> None:
-        stamp = stamp_ns(msg)
-        i = bisect_right(self.stamps, stamp)
-        if i == 0 or self.stamps[i - 1] != stamp:
-            self.stamps.insert(i, stamp)
-            self.messages.insert(i, msg)
-
-    def nearest(self, stamp: int, within_ns: int) -> Any | None:
-        """The message nearest to a stamp; of two as near, the earlier."""
-        i = bisect_right(self.stamps, stamp)
-        near = [j for j in (i - 1, i) if 0 <= j < len(self.stamps)]
-        best = min(near, key=lambda j: abs(self.stamps[j] - stamp), default=-1)
-        return self.messages[best] if best >= 0 and abs(self.stamps[best] - stamp) <= within_ns else None
-
-    def settled(self, stamp: int) -> bool:
-        """Whether nothing that is still to come can be nearer: one is exact, or one is later."""
-        return bool(self.stamps) and self.stamps[-1] >= stamp
-
-    def forget_before(self, stamp: int) -> None:
-        """Drop what can join nothing any more, but keep the last one before."""
-        old = bisect_right(self.stamps, stamp) - 1
-        if old > 0:
-            del self.stamps[:old]
-            del self.messages[:old]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +84,7 @@ class CaptureBuilder:
     def reset(self) -> None:
         """Forget what waits (the clock was set back); the camera is kept."""
         self._frames: deque[_Frame] = deque()
-        self._amplitude, self._colour = _Joined([], []), _Joined([], [])
+        self._amplitude, self._colour = Joined([], []), Joined([], [])
         self._temperatures: list[tuple[int, float]] = []
         self._colour_camera: Camera | None = None
         self.last_stamp, self._newest, self.overdue = -(2**62), -(2**62), -(2**62)

@@ -18,7 +18,7 @@ from tof_core.stats import MAD_TO_STD
 from tof_preproc.quantum import mean_error2
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Bytes, Image, Ints
+    from tof_core.arrays import Bytes, Float, Image, Ints
     from tof_preproc.config import PreprocConfig
     from tof_preproc.stack import Stack
 
@@ -102,7 +102,7 @@ def _code(stage: str, config: PreprocConfig) -> int:
 
 
 @njit(cache=True)
-def _quantile(s, p, lo, hi, q):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _quantile(s: Image, p: int, lo: int, hi: int, q: float) -> float:
     """Quantile, linear between order statistics (NumPy's default)."""
     at = lo + q * (hi - lo - 1)
     i = int(at)
@@ -111,7 +111,7 @@ def _quantile(s, p, lo, hi, q):  # type: ignore[no-untyped-def]  # noqa: ANN001,
 
 
 @njit(cache=True)
-def _moments(s, p, lo, hi):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _moments(s: Image, p: int, lo: int, hi: int) -> tuple[float, float]:
     """Mean and sum of squared deviations."""
     base, total, squares = np.float64(s[p, lo]), 0.0, 0.0
     for i in range(lo + 1, hi):
@@ -122,7 +122,7 @@ def _moments(s, p, lo, hi):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN
 
 
 @njit(cache=True)
-def _mad(s, p, lo, hi, centre):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _mad(s: Image, p: int, lo: int, hi: int, centre: float) -> float:
     """Median absolute deviation: walk inwards from both ends past the larger half."""
     i, j = lo, hi - 1
     last = before = 0.0
@@ -139,7 +139,7 @@ def _mad(s, p, lo, hi, centre):  # type: ignore[no-untyped-def]  # noqa: ANN001,
 
 
 @njit(cache=True, inline="always")
-def _bounds(code, s, p, lo, hi, numbers, law, quantum):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _bounds(code: int, s: Image, p: int, lo: int, hi: int, numbers: Float, law: float, quantum: float) -> tuple[float, float]:
     """Lowest and highest value that a stage keeps."""
     if code <= IQR_BAND:
         q1, q3 = _quantile(s, p, lo, hi, numbers[0]), _quantile(s, p, lo, hi, numbers[1])
@@ -156,7 +156,7 @@ def _bounds(code, s, p, lo, hi, numbers, law, quantum):  # type: ignore[no-untyp
 
 
 @njit(cache=True)
-def _equation_1(times, n, p, low, high):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _equation_1(times: Image, n: int, p: int, low: float, high: float) -> tuple[float, float]:
     """The paper's running value over depths (N, P) in order of time within [low, high], and its squared weights' sum."""
     value, weight2 = 0.0, 0.0
     for i in range(n):
@@ -167,11 +167,12 @@ def _equation_1(times, n, p, low, high):  # type: ignore[no-untyped-def]  # noqa
 
 
 @njit(cache=True, inline="always")
-def _centre(method, mean, s, times, n, p, lo, hi):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _centre(method: int, mean: float, s: Image, times: Image, n: int, p: int, lo: int, hi: int) -> tuple[float, float]:
     """The accumulated value and its variance in units of one capture's."""
     k = hi - lo
     if method == PAPER:
-        return _equation_1(times, n, p, s[p, lo], s[p, hi - 1])
+        value: tuple[float, float] = _equation_1(times, n, p, s[p, lo], s[p, hi - 1])
+        return value
     if method == MEDIAN:
         # Variance of a normal median: pi/2 times the mean's for many, the mean's own for one or two.
         return _quantile(s, p, lo, hi, 0.5), (1.0 + (np.pi / 2 - 1) * max(k - 1.0, 0.0) / (k + 0.3)) / k
@@ -179,14 +180,14 @@ def _centre(method, mean, s, times, n, p, lo, hi):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True)
-def _variance(own, k, law, quantum):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _variance(own: float, k: int, law: float, quantum: float) -> float:
     """One capture's variance: the pixel's own sum of squares over k captures, drawn towards the law's while k is small."""
     pooled = law * law if k < 2 else (PRIOR_DOF * law * law + own) / (PRIOR_DOF + k - 1)
     return max(pooled, quantum * quantum / 12)
 
 
 @njit(cache=True)
-def _why(reasons, n, p, votes):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _why(reasons: Bytes, n: int, p: int, votes: Ints) -> int:
     """The commonest reason over the captures (N, P); `votes` brings those of the stages over time."""
     for i in range(n):
         votes[reasons[i, p]] += 1
@@ -198,7 +199,9 @@ def _why(reasons, n, p, votes):  # type: ignore[no-untyped-def]  # noqa: ANN001,
 
 
 @njit(cache=True, inline="always")
-def _reject(s, p, m, codes, fewest, numbers, law, quantum, votes):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _reject(
+    s: Image, p: int, m: int, codes: Ints, fewest: Ints, numbers: Float, law: float, quantum: float, votes: Ints
+) -> tuple[int, int]:
     """[lo, hi) that the stages over time leave of m depths, at least one; votes[16 + stage] counts what each rejects."""
     lo, hi = 0, m
     for c in range(codes.size):
@@ -215,7 +218,19 @@ def _reject(s, p, m, codes, fewest, numbers, law, quantum, votes):  # type: igno
 
 
 @njit(cache=True, error_model="numpy")
-def _accumulate(n, s, counts, times, reasons, law, quantum, codes, fewest, numbers, method):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _accumulate(
+    n: int,
+    s: Image,
+    counts: Ints,
+    times: Image,
+    reasons: Bytes,
+    law: Image,
+    quantum: float,
+    codes: Ints,
+    fewest: Ints,
+    numbers: Float,
+    method: int,
+) -> tuple[Image, Image, Image, Ints, Bytes, Ints]:
     """Over pixels (P,); the arrays that `Accumulated` names, and per stage the depths it rejected."""
     pixels = counts.size
     depth = np.full(pixels, np.float32(np.nan))

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Image
+    from tof_core.arrays import Float, Image, Ints
     from tof_core.camera import Camera
 
 NOWHERE = 1e6
@@ -59,7 +59,7 @@ def _pitch(camera: Camera) -> float:
 
 
 @njit(cache=True)
-def _fill(cloud, depth, rays, radius, pad):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _fill(cloud: Image, depth: Image, rays: Float, radius: int, pad: int) -> int:
     """Points (3, H + 2 radius, W + 2 pad) of a depth image; how many there are."""
     points = 0
     for v in range(depth.shape[0]):
@@ -74,16 +74,16 @@ def _fill(cloud, depth, rays, radius, pad):  # type: ignore[no-untyped-def]  # n
 
 
 @njit(cache=True, fastmath=True)
-def _reach2(x, y, z, pitch, radius):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _reach2(x: np.float32, y: np.float32, z: np.float32, pitch: float, radius: int) -> np.float32:
     """Squared distance below which no point outside the window of this radius can be."""
     off = np.float32((radius + 1) * pitch)
     ray = np.sqrt(x * x + y * y + z * z) / z
-    reach = z * off / (ray + off)
+    reach: np.float32 = z * off / (ray + off)
     return reach * reach
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _inside(cloud, pitch, k, radius, pad, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _inside(cloud: Image, pitch: float, k: int, radius: int, pad: int, out: Image) -> Ints:
     """Fill `out` where the window holds the k nearest; return the other pixels (n, 2)."""
     height, width = out.shape
     d2 = np.empty(((2 * radius + 1) ** 2, LANES), np.float32)
@@ -120,7 +120,7 @@ def _inside(cloud, pitch, k, radius, pad, out):  # type: ignore[no-untyped-def] 
 
 
 @njit(cache=True, fastmath=True)
-def _window(cloud, v, at, radius, x, y, z, d2):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _window(cloud: Image, v: int, at: int, radius: int, x: Image, y: Image, z: Image, d2: Image) -> None:
     """Squared distances (window, LANES) of LANES pixels of a row to all pixels of their windows."""
     o = 0
     for dv in range(2 * radius + 1):
@@ -134,7 +134,7 @@ def _window(cloud, v, at, radius, x, y, z, d2):  # type: ignore[no-untyped-def] 
 
 
 @njit(cache=True, fastmath=True)
-def _select(d2, k, hi, mean, lo, n_lo, n_hi, at, n, total):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _select(d2: Image, k: int, hi: Image, mean: Image, lo: Image, n_lo: Image, n_hi: Image, at: Image, n: Image, total: Image) -> None:
     """`mean` root of the k least d2 of each lane, or -1 where fewer than k lie within `hi` or the k-th is not pinned down.
 
     The k-th least is bracketed by counting, all lanes at once. Points of a surface lie evenly over its area, so their
@@ -155,7 +155,7 @@ def _select(d2, k, hi, mean, lo, n_lo, n_hi, at, n, total):  # type: ignore[no-u
 
 
 @njit(cache=True, fastmath=True)
-def _secant(lo, hi, n_lo, n_hi, at, k):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _secant(lo: Image, hi: Image, n_lo: Image, n_hi: Image, at: Image, k: float) -> None:
     for c in range(LANES):
         part = (k - np.float32(0.5) - n_lo[c]) / np.maximum(n_hi[c] - n_lo[c], np.float32(1.0))
         part = np.minimum(np.maximum(part, np.float32(0.05)), np.float32(0.95))
@@ -163,7 +163,7 @@ def _secant(lo, hi, n_lo, n_hi, at, k):  # type: ignore[no-untyped-def]  # noqa:
 
 
 @njit(cache=True, fastmath=True)
-def _bracket(lo, hi, n_lo, n_hi, at, n, k):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _bracket(lo: Image, hi: Image, n_lo: Image, n_hi: Image, at: Image, n: Image, k: float) -> None:
     for c in range(LANES):
         below = n[c] < k
         lo[c] = at[c] if below else lo[c]
@@ -173,7 +173,7 @@ def _bracket(lo, hi, n_lo, n_hi, at, n, k):  # type: ignore[no-untyped-def]  # n
 
 
 @njit(cache=True, fastmath=True)
-def _count(d2, limit, n):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _count(d2: Image, limit: Image, n: Image) -> None:
     n[:] = np.float32(0.0)
     for o in range(d2.shape[0]):
         row = d2[o]
@@ -182,7 +182,7 @@ def _count(d2, limit, n):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
 
 
 @njit(cache=True, fastmath=True)
-def _sums(d2, lo, hi, below, between):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _sums(d2: Image, lo: Image, hi: Image, below: Image, between: Image) -> None:
     """Sums of roots up to lo, and from there up to hi."""
     below[:], between[:] = np.float32(0.0), np.float32(0.0)
     for o in range(d2.shape[0]):
@@ -194,7 +194,7 @@ def _sums(d2, lo, hi, below, between):  # type: ignore[no-untyped-def]  # noqa: 
 
 
 @njit(cache=True)
-def _boxes(cloud, radius, pad, height, width):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _boxes(cloud: Image, radius: int, pad: int, height: int, width: int) -> Image:
     """Bounds (rows, columns, 6) of the points of each tile; an empty tile's are far away."""
     boxes = np.empty(((height + TILE - 1) // TILE, (width + TILE - 1) // TILE, 6), np.float32)
     boxes[..., :3], boxes[..., 3:] = NOWHERE, -NOWHERE
@@ -210,7 +210,7 @@ def _boxes(cloud, radius, pad, height, width):  # type: ignore[no-untyped-def]  
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _outwards(cloud, pitch, k, radius, pad, rest, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _outwards(cloud: Image, pitch: float, k: int, radius: int, pad: int, rest: Ints, out: Image) -> None:
     """Search ring after ring of tiles for the pixels (n, 2) whose neighbours are further off."""
     height, width = out.shape
     boxes = _boxes(cloud, radius, pad, height, width)
@@ -236,15 +236,16 @@ def _outwards(cloud, pitch, k, radius, pad, rest, out):  # type: ignore[no-untyp
 
 
 @njit(cache=True, fastmath=True)
-def _box_distance2(boxes, r, c, x, y, z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _box_distance2(boxes: Image, r: int, c: int, x: np.float32, y: np.float32, z: np.float32) -> np.float32:
     dx = max(boxes[r, c, 0] - x, x - boxes[r, c, 3], np.float32(0.0))
     dy = max(boxes[r, c, 1] - y, y - boxes[r, c, 4], np.float32(0.0))
     dz = max(boxes[r, c, 2] - z, z - boxes[r, c, 5], np.float32(0.0))
-    return dx * dx + dy * dy + dz * dz
+    distance2: np.float32 = dx * dx + dy * dy + dz * dz
+    return distance2
 
 
 @njit(cache=True, fastmath=True)
-def _merge(cloud, row, column, x, y, z, least):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _merge(cloud: Image, row: int, column: int, x: float, y: float, z: float, least: Image) -> None:
     """Merge a tile's points into the sorted least squared distances; what lies beyond the raster is nowhere."""
     last = least.size - 1
     for v in range(row, min(row + TILE, cloud.shape[1])):

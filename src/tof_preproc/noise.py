@@ -19,7 +19,7 @@ from scipy.optimize import nnls
 from scipy.special import chdtr, chdtri
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float, Image
+    from tof_core.arrays import Float, Image, Ints
     from tof_preproc.stack import Stack
 
 BINS = 12
@@ -91,7 +91,7 @@ def law_of_dwell(stack: Stack, amplitude: Image | None, quantum: float) -> Noise
 
 
 @njit(cache=True)
-def _moments(ordered, some, n):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _moments(ordered: Image, some: Ints, n: int) -> tuple[Float, Float]:
     """Mean and unbiased variance of the first n values of some rows."""
     means, variances, row, strands = np.empty(some.size), np.empty(some.size), np.empty(n), np.empty(8)
     for i in range(some.size):
@@ -105,7 +105,7 @@ def _moments(ordered, some, n):  # type: ignore[no-untyped-def]  # noqa: ANN001,
 
 
 @njit(cache=True)
-def _sum(row, r):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _sum(row: Float, r: Float) -> float:
     """Sum in eight strands, as NumPy adds up to 128 values: less rounding than one strand, and the same bits as NumPy."""
     whole = row.size - row.size % 8
     total = 0.0

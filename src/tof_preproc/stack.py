@@ -41,7 +41,7 @@ class Stack:
 
 
 @njit(cache=True)
-def _insert(ordered, count, depth):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _insert(ordered: Image, count: Ints, depth: Image) -> None:
     for p in range(depth.size):
         z = depth[p]
         if np.isnan(z):

@@ -17,7 +17,7 @@ from tof_core.reasons import Reason
 from tof_core.stats import SECOND_DIFFERENCE_STD
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float, Image
+    from tof_core.arrays import Float, Image, Ints, Mask
     from tof_core.camera import Camera
     from tof_preproc.config import PreprocConfig
     from tof_preproc.frame import Frame
@@ -71,7 +71,7 @@ def _gradient(values: Float, axis: int) -> Float:
 
 
 @njit(cache=True, error_model="numpy")
-def _cosine(inverse, x, y, across, down, skew_x, skew_y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _cosine(inverse: Image, x: Image, y: Image, across: Image, down: Image, skew_x: Image, skew_y: Image) -> Image:
     """Of 1/z (H + 2, W + 2) with a rim of NaN."""
     height, width = x.shape
     out = np.empty((height, width), np.float32)
@@ -88,7 +88,7 @@ def _cosine(inverse, x, y, across, down, skew_x, skew_y):  # type: ignore[no-unt
 
 
 @njit(cache=True)
-def _gentler(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _gentler(a: np.float32, b: np.float32) -> np.float32:
     """The slope nearer to zero; zero where the two disagree in sign; the other where one is unknown (NaN)."""
     a_known, b_known = a == a, b == b  # noqa: PLR0124
     a0, b0 = a if a_known else (b if b_known else np.float32(0)), b if b_known else (a if a_known else np.float32(0))
@@ -97,7 +97,7 @@ def _gentler(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 
 @njit(cache=True, error_model="numpy")
-def _mixed(depth, sigma, axes, ratio, pitch):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _mixed(depth: Image, sigma: Image, axes: Ints, ratio: float, pitch: float) -> Mask:
     """Pixels (H, W) that, along a row or a column, lie at a step or a hole and continue neither side of it."""
     height, width = depth.shape
     out = np.zeros((height, width), np.bool_)
@@ -122,7 +122,7 @@ def _mixed(depth, sigma, axes, ratio, pitch):  # type: ignore[no-untyped-def]  #
 
 
 @njit(cache=True, error_model="numpy")
-def _goes_with(z, next_one, one_after, noise, slope):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _goes_with(z: float, next_one: float, one_after: float, noise: float, slope: float) -> bool:
     """Whether a depth equals the next pixel's or is in line with the next two; with one neighbour any slope fits.
 
     (Being in line with one pixel of each side proves nothing: a half-mixed pixel is.)
@@ -136,7 +136,7 @@ def _goes_with(z, next_one, one_after, noise, slope):  # type: ignore[no-untyped
 
 
 @njit(cache=True)
-def _at(depth, v, u):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _at(depth: Image, v: int, u: int) -> np.float32:
     """Depth at a pixel, NaN outside the raster."""
     inside = 0 <= v < depth.shape[0] and 0 <= u < depth.shape[1]
     return depth[v, u] if inside else np.float32(np.nan)

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What CONTRIBUTING.md promises of the code itself: the size of files and functions, and a type for every argument."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+SOURCES = sorted((Path(__file__).parents[1] / "src").rglob("*.py"))
+FILE_LINES, FUNCTION_LINES = 300, 60
+
+
+def functions(path: Path) -> list[ast.FunctionDef | ast.AsyncFunctionDef]:
+    return [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)]
+
+
+def test_files_and_functions_stay_small() -> None:
+    lines = {str(path): len(path.read_text().splitlines()) for path in SOURCES}
+    assert len(lines) > 300
+    assert {path: n for path, n in lines.items() if n > FILE_LINES} == {}
+    sizes = {f"{path}: {f.name}": (f.end_lineno or 0) - f.lineno + 1 for path in SOURCES for f in functions(path)}
+    assert {name: n for name, n in sizes.items() if n > FUNCTION_LINES} == {}
+
+
+def test_every_argument_and_result_has_a_type() -> None:
+    untyped = []
+    for path in SOURCES:
+        for f in functions(path):
+            a = f.args
+            given = [*a.posonlyargs, *a.args, *a.kwonlyargs, *(x for x in (a.vararg, a.kwarg) if x is not None)]
+            without = [x.arg for x in given if x.annotation is None and x.arg not in ("self", "cls")]
+            if without or (f.returns is None and f.name != "__init__"):
+                untyped.append(f"{path}:{f.lineno} {f.name}({', '.join(without)})")
+    assert untyped == []
