@@ -30,8 +30,8 @@ def session(bag: Path) -> tuple[ColumnStore, list[Float]]:
     from tof_align.session import near
     from tof_core import se3
     from tof_gap.config import GapConfig
+    from tof_gap.limits.solve import SelectLimits
     from tof_gap.solve.columns import ColumnStore
-    from tof_gap.solve.judge import SelectConfig
     from tof_gap.solve.start import observe
     from tof_scene.raycast import Raycaster
     from tof_sensor.geometry import pose_columns
@@ -57,7 +57,7 @@ def session(bag: Path) -> tuple[ColumnStore, list[Float]]:
             arm.append(chain.arm[v] @ se3.exp(step))
         chain = replace(chain, arm=np.array(arm))
     evidence = observe(views, caster, chain, gap, footprints=False)
-    store = ColumnStore(evidence, deal(chain.station.tolist(), SelectConfig().folds))
+    store = ColumnStore(evidence, deal(chain.station.tolist(), SelectLimits().folds))
     return store, [v.residual.ravel()[v.pixels] / v.sigma.ravel()[v.pixels] for v in evidence]
 
 

@@ -165,8 +165,8 @@ def _session(truth: Truth) -> tuple[ColumnStore, Chain]:
     from tof_align.folds import deal
     from tof_core.se3 import inverse
     from tof_gap.config import GapConfig
+    from tof_gap.limits.solve import SelectLimits
     from tof_gap.solve.columns import ColumnStore
-    from tof_gap.solve.judge import SelectConfig
     from tof_gap.solve.start import observe
     from tof_scene.raycast import Raycaster
     from toftwin.diagnosis import GapPipelineConfig
@@ -183,6 +183,6 @@ def _session(truth: Truth) -> tuple[ColumnStore, Chain]:
     evidence = observe(views, caster, replace(seed, arm=arm), GapConfig())
     # The true map takes the residual's place; priors hold around the true poses.
     true = replace(seed, robot=truth.arrays["T_cell_camera"].astype(float))
-    store = ColumnStore(evidence, deal(true.station.tolist(), SelectConfig().folds))
+    store = ColumnStore(evidence, deal(true.station.tolist(), SelectLimits().folds))
     store.scene = caster.scene  # type: ignore[attr-defined]
     return store, true

@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.config import param, section
 from tof_gap.limits.report import ReportLimits
 from tof_gap.limits.seen import EvidenceLimits, MissingLimits, NoiseLimits
-from tof_gap.solve.judge import SelectConfig
+from tof_gap.limits.solve import SelectLimits, SolveLimits
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
@@ -24,7 +24,8 @@ class GapConfig:
     hand_mm: float = param(0.05, "X where hand-eye is not the hypothesis: calibrated", unit="mm", low=1e-4)
     hand_deg: float = param(0.005, "the same, rotation", unit="deg", low=1e-5)
     evidence: EvidenceLimits = section(EvidenceLimits, "which pixels count")
-    select: SelectConfig = section(SelectConfig, "when an effect is believed")
+    solve: SolveLimits = section(SolveLimits, "poses and linearisation")
+    select: SelectLimits = section(SelectLimits, "when an effect is believed")
     noise: NoiseLimits = section(NoiseLimits, "when there is more noise than photons make")
     missing: MissingLimits = section(MissingLimits, "when missing pixels are an effect")
     report: ReportLimits = section(ReportLimits, "what the report states")

@@ -33,13 +33,11 @@ if TYPE_CHECKING:
     from tof_align.config import AlignConfig
     from tof_core.capture import View
     from tof_gap.config import GapConfig
+    from tof_gap.limits.solve import SolveLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.solve.joint import Joint
     from tof_gap.tell.account import Account
     from tof_scene.raycast import Raycaster
-
-MIN_VIEWS = 4
-"""Views below which nothing but `radial_depth` can be named."""
 
 
 def diagnose(
@@ -63,20 +61,20 @@ def diagnose(
         bends: whether wide planes of a view bend as distances taken for z do; poses of few views would bend with them.
 
     Raises:
-        RefusedError: too few views, or a session that fits the scene nowhere. Fewer than `MIN_VIEWS` carry one answer alone: that
+        RefusedError: too few views, or a session that fits the scene nowhere. Fewer than `solve.views` carry one answer alone: that
             depth is distance along the ray.
     """
-    check(views)
-    few, rng = len(views) < MIN_VIEWS, np.random.default_rng(config.evidence.seed)
+    check(views, config.solve.views)
+    few, rng = len(views) < config.solve.views, np.random.default_rng(config.evidence.seed)
 
     progress("first poses: depth or distance along the ray")
     first = (start(views, caster, config, align), None) if RadialDepth.NAME in left_out else gate(views, caster, config, align, bends)
     begun, along_ray = first
-    check_enough(views, along_ray)
+    check_enough(views, along_ray, config.solve.views)
 
     progress("poses and effects together")
     joint = solve(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
-    split = dealt(joint.chain)
+    split = dealt(joint.chain, config.solve)
 
     progress("noise, loss and edges; the gap on held-out views")
     read = partial(account, config=config, rng=rng, along_ray=along_ray, alone=few, left_out=left_out)
@@ -114,11 +112,11 @@ def untested(joint: Joint, found: Account, config: GapConfig) -> dict[str, str]:
     return not_testable(joint.views, config.noise) | (beside_motion if found.solved.names(Motion.NAME) else {})
 
 
-def check(views: Sequence[View]) -> None:
-    """Refuse sessions that cannot carry a diagnosis."""
+def check(views: Sequence[View], least: int) -> None:
+    """Refuse sessions that cannot carry a diagnosis; `least` views do."""
     if not views:
         raise RefusedError(
-            "0 views are too few to diagnose", where="session", todo=f"record at least {MIN_VIEWS} still views from different poses"
+            "0 views are too few to diagnose", where="session", todo=f"record at least {least} still views from different poses"
         )
     cameras = {v.camera for v in views}
     if len(cameras) > 1:
@@ -128,16 +126,16 @@ def check(views: Sequence[View]) -> None:
         raise RefusedError("no view has a robot pose", where="session", todo="record /tf and /tf_static with the images")
 
 
-def check_enough(views: Sequence[View], along_ray: Finding | None) -> None:
+def check_enough(views: Sequence[View], along_ray: Finding | None, least: int) -> None:
     """Refuse few views that do not even show distance along the ray."""
-    if len(views) < MIN_VIEWS and along_ray is None:
+    if len(views) < least and along_ray is None:
         msg = f"{len(views)} views are too few to diagnose"
-        raise RefusedError(msg, where="session", todo=f"record at least {MIN_VIEWS} still views from different poses")
+        raise RefusedError(msg, where="session", todo=f"record at least {least} still views from different poses")
 
 
-def dealt(chain: Chain) -> Split:
-    """Every third view of each station is held out; of very few nothing is fitted, and all are judged."""
-    if len(chain.station) < MIN_VIEWS:
+def dealt(chain: Chain, limits: SolveLimits) -> Split:
+    """One of every `held_out` views of each station is held out; with fewer than `views`, nothing is fitted and all are judged."""
+    if len(chain.station) < limits.views:
         return Split((), tuple(range(len(chain.station))))
-    fold = deal(chain.station.tolist(), 3)
+    fold = deal(chain.station.tolist(), limits.held_out)
     return Split(tuple(np.flatnonzero(fold != 1).tolist()), tuple(np.flatnonzero(fold == 1).tolist()))

@@ -74,4 +74,4 @@ def test_motion_is_not_absent_but_untestable(session: tuple[str, Path, dict[str,
 
 def test_too_few_views_are_refused() -> None:
     with pytest.raises(RefusedError, match="too few to diagnose"):
-        check([])
+        check([], 4)

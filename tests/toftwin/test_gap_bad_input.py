@@ -101,11 +101,11 @@ def test_what_is_left_is_said_as_far_as_it_is_known(where: tuple[str, ...], depe
 
 def test_mixed_cameras_are_refused() -> None:
     posed = [replace(v.view, robot=RobotPose(np.eye(4), np.eye(4))) for v in views(np.random.default_rng(1))]
-    check(posed)
+    check(posed, 4)
     with pytest.raises(RefusedError, match="2 different cameras"):
-        check([*posed, replace(posed[0], camera=replace(CAMERA, fx=CAMERA.fx + 1))])
+        check([*posed, replace(posed[0], camera=replace(CAMERA, fx=CAMERA.fx + 1))], 4)
     with pytest.raises(RefusedError, match="no view has a robot pose"):
-        check([replace(v, robot=None) for v in posed])
+        check([replace(v, robot=None) for v in posed], 4)
 
 
 def test_one_range_cannot_show_a_wiggle() -> None:

@@ -107,7 +107,7 @@ def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Seque
     )
 
 
-def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generator, rounds: int = 300) -> float:
+def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generator) -> float:
     """Share of resampled sets of views in which the member still wins its place.
 
     Views are drawn with replacement; a win is held-out chi-square above the selection's threshold.
@@ -115,7 +115,7 @@ def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generat
     chosen = joint.selection.chosen
     rest = [m for i, m in enumerate(chosen.members) if i != place]
     won = judge.score(rest, chosen.inflate).held_out - chosen.held_out
-    draws = rng.integers(0, len(won), size=(rounds, len(won)))
+    draws = rng.integers(0, len(won), size=(judge.config.rounds, len(won)))
     return float((won[draws].sum(axis=1) > judge.gain(chosen.members[place])).mean())
 
 
@@ -128,11 +128,13 @@ def free_share(joint: Joint, view: ViewEvidence) -> Float:
     return out
 
 
-def shares(causes: Sequence[Named], views: Sequence[ViewEvidence], chain: Chain, caster: Raycaster) -> dict[str, list[Float]]:
+def shares(
+    causes: Sequence[Named], views: Sequence[ViewEvidence], chain: Chain, caster: Raycaster, other_surface_m: float
+) -> dict[str, list[Float]]:
     """Per named effect its (H, W) metres of z in every view; `chain` is where the views are seen from."""
 
     def of_view(cause: Named, v: int, view: ViewEvidence) -> Float:
-        total = np.sum([_bias(e, view, v, chain, caster) for e in cause.effects], axis=0)
+        total = np.sum([_bias(e, view, v, chain, caster, other_surface_m) for e in cause.effects], axis=0)
         return np.where(view.frame.valid, total, np.nan)
 
     return {c.name: in_threads(partial(of_view, c), range(len(views)), views) for c in causes}
@@ -144,7 +146,7 @@ def without_pixels(causes: Sequence[Named]) -> list[Named]:
     return [replace(c, effects=tuple(replace(e, pixels="") for e in c.effects if isinstance(e, FixedPattern))) for c in patterns]
 
 
-def _bias(effect: Effect, view: ViewEvidence, v: int, chain: Chain, caster: Raycaster) -> Float:
+def _bias(effect: Effect, view: ViewEvidence, v: int, chain: Chain, caster: Raycaster, other_surface_m: float) -> Float:
     """(H, W) metres that an effect adds to a view; where the camera is off its mount, or its lens another, rendered.
 
     Where another surface comes into view by that, to first order only.
@@ -158,8 +160,4 @@ def _bias(effect: Effect, view: ViewEvidence, v: int, chain: Chain, caster: Rayc
         return linear
     there = render(caster, camera, chain.pose(v), footprints=False)
     exact = there.depth - view.frame.depth
-    return np.where((there.part == view.rendering.part) & (np.abs(exact - linear) < OTHER_SURFACE_M), exact, linear)
-
-
-OTHER_SURFACE_M = 0.02
-"""Metres between a step and its first order beyond which another surface has come into view."""
+    return np.where((there.part == view.rendering.part) & (np.abs(exact - linear) < other_surface_m), exact, linear)

@@ -43,8 +43,9 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     with_effects = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
     evidence = observe(views, caster, final, config, concavity=True)
     causes = tuple(named(joint, split.fit, judge, rng))
-    maps = shares(causes, evidence, final, caster)
-    smooth = maps | shares(without_pixels(causes), evidence, final, caster)
+    other_m = config.solve.joint.other_surface_mm * 1e-3
+    maps = shares(causes, evidence, final, caster, other_m)
+    smooth = maps | shares(without_pixels(causes), evidence, final, caster, other_m)
     moved = Motion.NAME in maps
     return Solved(
         chain=final,

@@ -19,7 +19,7 @@ from tof_gap.solve.columns import ColumnStore, Design, build
 from tof_gap.solve.free import unknowns
 from tof_gap.solve.select import Selection, narrowed, select
 from tof_gap.solve.shapes import refined
-from tof_gap.solve.start import NEAR, check_fit, farthest, moved, observe
+from tof_gap.solve.start import check_fit, farthest, moved, observe
 from tof_scene.render import render
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.motion import Motion
@@ -37,9 +37,6 @@ if TYPE_CHECKING:
     from tof_gap.solve.start import Start
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
-
-ROUNDS = 3
-"""Linearisations at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,17 +68,18 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     asks all, as whatever stands in for motion takes the cameras away.
     """
     views, chain, evidence, wider_px = begun.views, begun.chain, begun.evidence, 0
-    check_fit(evidence)
+    limits = config.solve.joint
+    check_fit(evidence, config.solve.start)
     if any(smear(v.frame, v.limits.blur) == 0 for v in evidence) and _mixes(views, caster, chain, config):
-        wider_px = MIXED_PX
+        wider_px = limits.mixed_px
         evidence = observe(views, caster, chain, config, footprints=False, wider_px=wider_px)
     joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
-    for _ in range(ROUNDS - 1):
+    for _ in range(limits.rounds - 1):
         (after, late_s), lens = solution(joint), lens_of(joint)
         seen = observe(_through(lens, views), caster, after, config, footprints=False, concavity=True, wider_px=wider_px)
         joint, store = _linearised(_as_recorded(seen, late_s, lens), caster, after, config, left_out)
         joint = replace(joint, late_s=late_s)
-        if farthest(after, solution(joint)[0], NEAR) <= 1.0 and _alike(lens, lens_of(joint), views[0].camera):
+        if farthest(after, solution(joint)[0], limits) <= 1.0 and _alike(lens, lens_of(joint), views[0].camera, limits.lens_px):
             break
     if not joint.design.candidates:
         return joint
@@ -98,15 +96,9 @@ def without(joint: Joint, name: str, config: GapConfig) -> Joint:
     return replace(joint, selection=narrowed(joint.design, config.select, joint.selection, rest))
 
 
-MIXED_PX = 1
-"""Pixels by which edges reach farther where pixels mix: footprints that are not traced do not tell which."""
-MIXED_EVERY = 3
-"""Of so many views one is looked at to see whether pixels mix."""
-
-
 def _mixes(views: Sequence[View], caster: Raycaster, chain: Chain, config: GapConfig) -> bool:
     """Whether edges show pixels that lie on neither surface."""
-    some = range(0, len(views), MIXED_EVERY)
+    some = range(0, len(views), config.solve.joint.mixed_every)
     renderings = in_threads(lambda i: render(caster, views[i].camera, chain.pose(i)), some)
     return mixing(gather([views[i] for i in some], renderings, caster, config.evidence), config.missing) is not None
 
@@ -142,14 +134,10 @@ def _through(lens: Intrinsics | None, views: Sequence[View]) -> Sequence[View]:
     return views if lens is None else [replace(v, camera=lens.camera(v.camera)) for v in views]
 
 
-LENS_PX = 0.3
-"""Pixels by which two lenses may differ that need not be told apart."""
-
-
-def _alike(one: Intrinsics | None, other: Intrinsics | None, stated: Camera) -> bool:
-    """Whether two lenses look along the same rays."""
+def _alike(one: Intrinsics | None, other: Intrinsics | None, stated: Camera, lens_px: float) -> bool:
+    """Whether two lenses look along the same rays, to within `lens_px` pixels."""
     rays = [(stated if lens is None else lens.camera(stated)).rays() for lens in (one, other)]
-    return one is other or bool(np.abs(rays[0] - rays[1]).max() < LENS_PX * stated.pixel_angle)
+    return one is other or bool(np.abs(rays[0] - rays[1]).max() < lens_px * stated.pixel_angle)
 
 
 def _as_recorded(evidence: Sequence[ViewEvidence], late_s: float, lens: Intrinsics | None) -> tuple[ViewEvidence, ...]:

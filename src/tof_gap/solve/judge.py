@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.folds import Folds, deal
-from tof_core.config import param
 from tof_gap.solve.candidates import HAND_EYE
 from tof_gap.solve.free import Unknown
 from tof_sensor.effects.cad_deviation import CadDeviation
@@ -20,31 +19,8 @@ if TYPE_CHECKING:
 
     from tof_align.columns import ColumnFit
     from tof_core.arrays import Float, Ints
+    from tof_gap.limits.solve import SelectLimits
     from tof_gap.solve.columns import Design
-
-
-@dataclass(frozen=True, slots=True)
-class SelectConfig:
-    """When an effect is believed."""
-
-    gain: float = param(
-        30.0, "held-out chi-square an effect must win (discrepancy taken out); one that is tried at n shapes pays 2 ln n besides", low=1.0
-    )
-    hand_gain: float = param(14.0, "the same for hand-eye: the arms' own spread, which is known, speaks for it, and not pixels", low=1.0)
-    share: float = param(0.015, "of the visible gap's energy that an effect must explain, left out of all", low=0.0, high=1.0)
-    mends: float = param(
-        0.1, "of what a member could take over of the others' maps, what it must win to be no mending of theirs", low=0.0, high=1.0
-    )
-    tie_left: float = param(0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0)
-    tie_gain: float = param(20.0, "held-out chi-square by which tied effects may differ at most", low=0.0)
-    most: int = param(5, "effects named at most", low=1, high=12)
-    unknown: float = param(25.0, "held-out chi-square that a function of an observable pays for not being a named effect", low=0.0)
-    crowd_share: float = param(0.15, "of the visible gap's energy that an effect beyond the second must explain", low=0.0, high=1.0)
-    crowd_least: float = param(
-        0.06, "of the explained chi-square, what such effects must explain together to be unknown", low=0.0, high=1.0
-    )
-    unknown_share: float = param(0.03, "of the explained chi-square that it pays besides, and must win to stay", low=0.0, high=1.0)
-    folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +45,7 @@ MANIFOLD = (CadDeviation.NAME, Unknown.NAME)
 class Selector:
     """Held-out scores of hypotheses over one design."""
 
-    def __init__(self, design: Design, config: SelectConfig) -> None:
+    def __init__(self, design: Design, config: SelectLimits) -> None:
         """Deal the views into folds, every station in every fold as evenly as it goes."""
         self.design, self.config = design, config
         self.folds = deal(design.system.chain.station.tolist(), config.folds)
@@ -133,7 +109,7 @@ class Selector:
         return self.design.system.fit(self.columns(members), inflate=hypothesis.inflate, free_hand=self.frees_hand(members))
 
     def plausible(self, hypothesis: Hypothesis) -> bool:
-        """Whether every coefficient lies within its parameter's bounds, give or take two of its errors, and what makes the effect shows."""
+        """Whether every coefficient lies within its parameter's bounds, give or take `margin` standard errors, and what makes the effect shows."""
         solution = self.fit(hypothesis)
         sd = np.sqrt(np.diag(solution.theta_cov))
         for effect, group, at in self.design.placed(hypothesis.members):
@@ -146,7 +122,7 @@ class Selector:
             ):
                 return False
             low, high = effect.bounds
-            value, error = solution.theta[at] / self.design.scale[group], 2 * sd[at] / self.design.scale[group]
+            value, error = solution.theta[at] / self.design.scale[group], self.config.margin * sd[at] / self.design.scale[group]
             if ((value + error < low) | (value - error > high)).any():
                 return False
         return True

@@ -24,11 +24,6 @@ if TYPE_CHECKING:
     from tof_gap.solve.start import Start
     from tof_scene.raycast import Raycaster
 
-BETTER = 0.6
-"""Read as radial, the session must miss the CAD by less than this share of what it misses read as z."""
-LEAST_M = 0.004
-"""Below this median miss nothing is that wrong (radial for z is tens of millimetres at the corners)."""
-
 
 def gate(
     views: Sequence[View],
@@ -44,11 +39,11 @@ def gate(
     """
     begun = start(views, caster, config, align)
     as_z = median_miss(begun.evidence)
-    if as_z < LEAST_M:
+    if as_z < config.solve.gate.least_mm * 1e-3:
         return begun, None
     converted = [replace(v, depth=radial_to_z(v.camera, v.depth)) for v in views]
     other = start(converted, caster, config, align)
-    if median_miss(other.evidence) > BETTER * as_z and not all(bends(v) for v in views):
+    if median_miss(other.evidence) > config.solve.gate.better * as_z and not all(bends(v) for v in views):
         return begun, None
     share = np.stack([(v.depth - c.depth).astype(np.float64) for v, c in zip(views, converted, strict=True)])
     note = "the depth image holds distance along the ray"

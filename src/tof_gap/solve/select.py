@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from tof_align.columns import ColumnFit
     from tof_core.arrays import Float
+    from tof_gap.limits.solve import SelectLimits
     from tof_gap.solve.columns import Design
-    from tof_gap.solve.judge import SelectConfig
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +39,7 @@ class Selection:
     """Effects that each explained a little beside two others: together they draw something else."""
 
 
-def select(design: Design, config: SelectConfig) -> Selection:
+def select(design: Design, config: SelectLimits) -> Selection:
     """Add, exchange and drop effects until nothing is won; then say which could be exchanged."""
     judge = Selector(design, config)
     current = judge.score((), judge.inflation(()))
@@ -52,7 +52,7 @@ def select(design: Design, config: SelectConfig) -> Selection:
     return _described(judge, current, crowd)
 
 
-def narrowed(design: Design, config: SelectConfig, selection: Selection, members: Sequence[int]) -> Selection:
+def narrowed(design: Design, config: SelectLimits, selection: Selection, members: Sequence[int]) -> Selection:
     """The selection with these of its members alone, fitted anew."""
     judge = Selector(design, config)
     return _described(judge, _rescored(judge, members), selection.crowd)
@@ -68,17 +68,17 @@ def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
         if judge.repeats(i, current.members):
             continue
         trial = judge.score((*current.members, i), current.inflate)
-        if current.score - trial.score < judge.gain(i) or not _steady(current, trial, judge.gain(i)):
+        if current.score - trial.score < judge.gain(i) or not _steady(current, trial, judge.gain(i), judge.config):
             continue
         if (best is None or trial.score < best.score) and judge.plausible(trial):
             best = trial
     return None if best is None else _rescored(judge, best.members)
 
 
-def _steady(before: Hypothesis, after: Hypothesis, gain: float) -> bool:
-    """Whether the win is no single view's: with the best view taken away it is a quarter of it still, or all that is asked."""
+def _steady(before: Hypothesis, after: Hypothesis, gain: float, limits: SelectLimits) -> bool:
+    """Whether the win is no single view's: without the best view, a share of it remains, or all that is asked."""
     won = before.held_out - after.held_out
-    return bool(won.sum() - won.max() > min(0.25 * won.sum(), gain) or len(won) < 4)
+    return bool(won.sum() - won.max() > min(limits.steady * won.sum(), gain) or len(won) < limits.steady_views)
 
 
 def _exchange(judge: Selector, current: Hypothesis) -> Hypothesis:
@@ -92,7 +92,7 @@ def _exchange(judge: Selector, current: Hypothesis) -> Hypothesis:
                 if i in current.members or judge.repeats(i, rest):
                     continue
                 trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
-                if trial.score < current.score - 1.0 and judge.plausible(trial):
+                if trial.score < current.score - judge.config.exchange and judge.plausible(trial):
                     current = trial
                     improved = True
     return _rescored(judge, current.members)
@@ -108,7 +108,7 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
             for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
             if gain < judge.gain(current.members[i])
             or v * v < judge.share(current.members[i]) * total
-            or gain < judge.config.mends * _mendable(judge, current, i)
+            or gain < judge.config.absorbed * _mendable(judge, current, i)
             or gain < _rough(judge, current, i, lost)
         ]
         if not weak:
@@ -166,10 +166,13 @@ def _without_crowd(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tu
     ones make up for what the maps of the others are not exact in, and are nothing by themselves.
     """
     whole, crowd = current, list[str]()
-    while len(named := [i for i, m in enumerate(current.members) if not judge.nameless(m) and not judge.frees_hand([m])]) > 2:
+    while (
+        len(named := [i for i, m in enumerate(current.members) if not judge.nameless(m) and not judge.frees_hand([m])])
+        > judge.config.named_freely
+    ):
         _, visible = _worth(judge, current)
         least = min(named, key=lambda i: visible[i])
-        if visible[least] ** 2 >= judge.config.crowd_share * float((visible**2).sum()):
+        if visible[least] ** 2 >= judge.config.small_share * float((visible**2).sum()):
             break
         crowd.append(judge.design.candidates[current.members[least]].name)
         current = _rescored(judge, [m for i, m in enumerate(current.members) if i != least])
@@ -177,7 +180,7 @@ def _without_crowd(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tu
         return whole, ()  # One part more that deviates is no effect more.
     without = judge.score(current.members, whole.inflate).score - whole.score
     explained = judge.score((), whole.inflate).score - whole.score
-    return current, tuple(crowd) if without > judge.config.crowd_least * explained else ()
+    return current, tuple(crowd) if without > judge.config.small_together * explained else ()
 
 
 def _described(judge: Selector, current: Hypothesis, crowd: tuple[str, ...]) -> Selection:
@@ -199,10 +202,6 @@ def _described(judge: Selector, current: Hypothesis, crowd: tuple[str, ...]) -> 
     )
 
 
-TIE_SHARE = 0.35
-"""Of what a member is worth, the part that a stand-in may lose."""
-
-
 def _stand_ins(judge: Selector, current: Hypothesis, place: int, worth: float) -> tuple[int, ...]:
     """Candidates of other names that the data cannot tell from the member at `place`, which is `worth` that much chi-square."""
     d, config = judge.design, judge.config
@@ -214,7 +213,9 @@ def _stand_ins(judge: Selector, current: Hypothesis, place: int, worth: float) -
         if candidate.name in taken or judge.nameless(i):
             continue
         trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
-        if trial.score - current.score > min(config.tie_gain, max(TIE_SHARE * worth, 4.0)) or not judge.plausible(trial):
+        if trial.score - current.score > min(config.tie_gain, max(config.tie_share * worth, config.tie_least)) or not judge.plausible(
+            trial
+        ):
             continue
         if not _hides(judge, current, place, member, i, rest):
             continue

@@ -27,10 +27,8 @@ if TYPE_CHECKING:
     from tof_align.config import AlignConfig
     from tof_core.capture import View
     from tof_gap.config import GapConfig
+    from tof_gap.limits.solve import JointLimits, StartLimits
     from tof_scene.raycast import Raycaster
-
-NEAR = (2e-3, 0.2)
-"""Metres and degrees that a camera may move before its view is rendered, and its columns made, anew."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,53 +45,43 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
     samples = [sample(v, align.weights) for v in views]
     chain = near(samples, chain_of(samples, align.priors), caster, align)
     evidence = observe(views, caster, chain, config, footprints=False)
-    for _ in range(2):
+    for _ in range(config.solve.start.rounds):
         if moving(evidence):
             break  # Edges, which these poses are found by, are given up from here on.
         design = build(ColumnStore(evidence, chain.station), [], chain, config.hand_sd)
-        before, chain = chain, moved(chain, design.system.fit(np.zeros(0, np.int64), inflate=START_INFLATE))
+        before, chain = chain, moved(chain, design.system.fit(np.zeros(0, np.int64), inflate=config.solve.start.inflate))
         evidence = observe(views, caster, chain, config, footprints=False)
-        if farthest(before, chain, NEAR) <= 1.0:
+        if farthest(before, chain, config.solve.joint) <= 1.0:
             break
     return Start(views, chain, evidence)
 
 
-def farthest(one: Chain, other: Chain, unit: tuple[float, float]) -> float:
-    """The largest step of any camera between two chains, in units of (metres, degrees)."""
+def farthest(one: Chain, other: Chain, limits: JointLimits) -> float:
+    """The largest step of any camera between two chains; 1 is the step up to which nothing is rendered anew."""
     steps = [se3.distance(one.pose(v), other.pose(v)) for v in range(len(one.station))]
-    return max(max(metres / unit[0], degrees / unit[1]) for metres, degrees in steps)
+    return max(max(metres / (limits.near_mm * 1e-3), degrees / limits.near_deg) for metres, degrees in steps)
 
 
-def check_fit(views: Sequence[ViewEvidence]) -> None:
+def check_fit(views: Sequence[ViewEvidence], limits: StartLimits) -> None:
     """Refuse a session that fits the scene nowhere, naming a wrong unit where that is the cause.
 
     Raises:
-        RefusedError: fewer than half of the pixels that see the CAD lie within the gross bound of it.
+        RefusedError: of the pixels that see the CAD, fewer than `near_share` lie within the gross bound of it.
     """
     both = [np.isfinite(v.residual) & ~v.edge for v in views]
     total = sum(int(b.sum()) for b in both)
     near = sum(int((b & ~v.gross).sum()) for v, b in zip(views, both, strict=True))
-    enough = min(MIN_PIXELS, VIEW_PIXELS * len(views))
-    if total >= enough and near >= 0.5 * total:
+    enough = min(limits.pixels, limits.view_pixels * len(views))
+    if total >= enough and near >= limits.near_share * total:
         return
     ratio = float(
         np.median(np.concatenate([(1 + v.residual / v.frame.depth)[b] for v, b in zip(views, both, strict=True)] or [np.ones(1)]))
     )
-    if total >= enough and not 0.8 < ratio < 1.25:
+    if total >= enough and not 1.0 / limits.unit_ratio < ratio < limits.unit_ratio:
         msg = f"depth is {ratio:.3g} times what the scene expects"
         raise RefusedError(msg, where="session", todo="check the unit of the depth image (--depth-scale) and the scene's scale")
     msg = f"only {near} of {total} pixels that see the CAD lie near it: the session fits this scene nowhere"
     raise RefusedError(msg, where="session", todo="check the scene, its placement (--initial-pose) and the robot's TF")
-
-
-MIN_PIXELS = 2000
-"""Pixels on the CAD over the session below which nothing can be said."""
-
-VIEW_PIXELS = 500
-"""The same for each of a few views."""
-
-START_INFLATE = 100.0
-"""Weight of pixels while effects are unknown: neighbours share errors, the arm's prior must hold."""
 
 
 def observe(

@@ -10,10 +10,10 @@ import pytest
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, chain, rendering, views
 from tof_align.folds import deal
+from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve.candidates import Candidate
 from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.free import observed, unknown_columns, unknown_share, unknowns
-from tof_gap.solve.judge import SelectConfig
 from tof_gap.solve.select import select
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.fixed_pattern import FixedPattern
@@ -32,8 +32,8 @@ def selection(extra: Float) -> tuple[Selection, list[Candidate]]:
     """What is chosen where `extra` (V, H, W) metres along the ray are added to photon noise."""
     seen = views(np.random.default_rng(5), extra)
     tested = [Candidate(e.NAME, e) for e in NAMED] + [Candidate(u.NAME, u, u.quantity) for u in unknowns(seen)]
-    store = ColumnStore(seen, deal([0] * VIEWS, SelectConfig().folds))
-    return select(build(store, tested, chain(), HAND_SD), SelectConfig()), tested
+    store = ColumnStore(seen, deal([0] * VIEWS, SelectLimits().folds))
+    return select(build(store, tested, chain(), HAND_SD), SelectLimits()), tested
 
 
 def radial() -> Float:

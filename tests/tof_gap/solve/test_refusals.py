@@ -12,8 +12,9 @@ from tests.tof_sensor.plane import plane_frame
 from tof_core.capture import Capture, View
 from tof_core.errors import RefusedError
 from tof_gap.limits.seen import EvidenceLimits
+from tof_gap.limits.solve import StartLimits
 from tof_gap.seen.residual import ViewEvidence, gather
-from tof_gap.solve.start import MIN_PIXELS, check_fit
+from tof_gap.solve.start import check_fit
 
 
 def evidence(factor: float, offset: float = 0.0, repeat: int = 3) -> tuple[ViewEvidence, ...]:
@@ -26,15 +27,15 @@ def evidence(factor: float, offset: float = 0.0, repeat: int = 3) -> tuple[ViewE
 
 
 def test_a_session_on_its_scene_passes() -> None:
-    assert 3 * plane_frame().depth.size > MIN_PIXELS
-    check_fit(evidence(1.0, 0.004))
+    assert 3 * plane_frame().depth.size > StartLimits().pixels
+    check_fit(evidence(1.0, 0.004), StartLimits())
 
 
 def test_a_wrong_unit_is_named() -> None:
     with pytest.raises(RefusedError, match=r"depth is 10 times what the scene expects.*--depth-scale"):
-        check_fit(evidence(10.0))
+        check_fit(evidence(10.0), StartLimits())
 
 
 def test_another_scene_is_refused() -> None:
     with pytest.raises(RefusedError, match="fits this scene nowhere"):
-        check_fit(evidence(1.0, 0.15))
+        check_fit(evidence(1.0, 0.15), StartLimits())

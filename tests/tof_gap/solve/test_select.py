@@ -12,10 +12,11 @@ from tof_align.chain import Chain
 from tof_align.columns import ColumnSystem
 from tof_align.config import Priors
 from tof_align.mixed import Normal
+from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve.candidates import HAND_EYE, Candidate
 from tof_gap.solve.columns import Design
 from tof_gap.solve.free import Unknown
-from tof_gap.solve.judge import SelectConfig, Selector
+from tof_gap.solve.judge import Selector
 from tof_gap.solve.select import select
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
@@ -75,7 +76,7 @@ def names(d: Design, members: tuple[int, ...]) -> list[str]:
 
 def test_what_was_added_is_chosen_and_nothing_else() -> None:
     d = design(plain(RangeOffset(), DepthScale(), TemperatureDrift()), [0.3, 0.0, 0.5])
-    found = select(d, SelectConfig())
+    found = select(d, SelectLimits())
     assert names(d, found.chosen.members) == ["range_offset", "temperature_drift"]
     assert found.crowd == ()
 
@@ -83,27 +84,27 @@ def test_what_was_added_is_chosen_and_nothing_else() -> None:
 def test_a_named_effect_goes_before_a_free_form_that_does_as_well() -> None:
     d = design([*plain(RangeOffset()), Candidate("unknown", FREE)], [0.0, 0.4], copies=(1, 0))
     # The free form is the truth here, but the named one is nearly it: what it misses is less than the price.
-    assert names(d, select(d, SelectConfig()).chosen.members) == ["range_offset"]
+    assert names(d, select(d, SelectLimits()).chosen.members) == ["range_offset"]
     far = design([*plain(RangeOffset()), Candidate("unknown", FREE)], [0.0, 0.4])
-    assert names(far, select(far, SelectConfig()).chosen.members) == ["unknown"]
-    assert select(far, SelectConfig()).unknown == ("range_m",)
+    assert names(far, select(far, SelectLimits()).chosen.members) == ["unknown"]
+    assert select(far, SelectLimits()).unknown == ("range_m",)
 
 
 def test_small_effects_beyond_the_second_are_a_crowd() -> None:
     effects = plain(RangeOffset(), DepthScale(), TemperatureDrift(), Wiggling(), Multipath(), Subsurface(part=0))
-    found = select(d := design(effects, [0.6, 0.5, 0.2, 0.2, 0.2, 0.0]), SelectConfig())
+    found = select(d := design(effects, [0.6, 0.5, 0.2, 0.2, 0.2, 0.0]), SelectLimits())
     assert names(d, found.chosen.members) == ["depth_scale", "range_offset"]
     assert set(found.crowd) == {"temperature_drift", "wiggling", "multipath"}
     # Three of a size are three effects, and one that hardly shows makes up for a map that is not exact.
-    three = select(d := design(effects, [0.5, 0.5, 0.5, 0.0, 0.0, 0.0]), SelectConfig())
+    three = select(d := design(effects, [0.5, 0.5, 0.5, 0.0, 0.0, 0.0]), SelectLimits())
     assert len(three.chosen.members) == 3
     assert three.crowd == ()
     # A second part that deviates is no effect more.
     parts = plain(RangeOffset(), CadDeviation(part=0), CadDeviation(part=1))
-    both = select(d := design(parts, [0.6, 0.5, 0.2]), SelectConfig())
+    both = select(d := design(parts, [0.6, 0.5, 0.2]), SelectLimits())
     assert len(both.chosen.members) == 3
     assert both.crowd == ()
-    trifle = select(design(effects, [1.5, 1.2, 0.12, 0.0, 0.0, 0.0]), SelectConfig(share=0.0))
+    trifle = select(design(effects, [1.5, 1.2, 0.12, 0.0, 0.0, 0.0]), SelectLimits(share=0.0))
     assert len(trifle.chosen.members) == 2
     assert trifle.crowd == ()
 
@@ -111,9 +112,9 @@ def test_small_effects_beyond_the_second_are_a_crowd() -> None:
 def test_who_wins_but_a_little_of_what_could_be_taken_from_others_mends_them_and_is_not_there() -> None:
     near = plain(Wiggling(), Subsurface(part=0), DepthScale())
     # The second is nearly the first: what is missing of it in the residual speaks for it, though little beside all that both could be.
-    mended = select(d := design(near, [6.0, 0.9, 0.0], copies=(0, 1)), SelectConfig(share=0.0))
+    mended = select(d := design(near, [6.0, 0.9, 0.0], copies=(0, 1)), SelectLimits(share=0.0))
     assert names(d, mended.chosen.members) == ["wiggling"]
-    taken = select(d, SelectConfig(share=0.0, mends=0.0))
+    taken = select(d, SelectLimits(share=0.0, absorbed=0.0))
     assert names(d, taken.chosen.members) == ["subsurface", "wiggling"]
 
 
@@ -123,29 +124,29 @@ def test_what_nearly_one_view_alone_sees_is_believed_where_the_others_say_enough
     quiet, seen = (design(plain(CadDeviation(part=0)), [s]) for s in (strength, nearer * strength))
     wider = np.diag([*np.ones(12), nearer, *np.ones(7)])
     d = with_products(quiet, [wider @ seen.system.normal.gram[0] @ wider, *quiet.system.normal.gram[1:]])
-    assert names(d, select(d, SelectConfig(share=0.0)).chosen.members) == expected
+    assert names(d, select(d, SelectLimits(share=0.0)).chosen.members) == expected
 
 
 def test_what_a_rough_map_leaves_is_nobodys() -> None:
     trifle = 0.15  # 4800 pixels: about 110 of chi-square, of which a rough map of 0.65 may leave 120
-    beside = select(d := design(plain(Multipath(), DepthScale()), [0.65, trifle]), SelectConfig(share=0.0))
+    beside = select(d := design(plain(Multipath(), DepthScale()), [0.65, trifle]), SelectLimits(share=0.0))
     assert names(d, beside.chosen.members) == ["multipath"]
-    exact = select(d := design(plain(TemperatureDrift(), DepthScale()), [0.65, trifle]), SelectConfig(share=0.0))
+    exact = select(d := design(plain(TemperatureDrift(), DepthScale()), [0.65, trifle]), SelectLimits(share=0.0))
     assert names(d, exact.chosen.members) == ["depth_scale", "temperature_drift"]
 
 
 def test_of_two_that_explain_alike_the_one_tried_at_fewer_shapes_is_chosen() -> None:
     many = [Candidate("wiggling", Wiggling(modulation_mhz=f)) for f in (60.0, 70.0, 80.0, 90.0)]
     d = design([*plain(DepthScale()), *many], [0.4, 0, 0, 0, 0], copies=(0, 1))
-    judge = Selector(d, SelectConfig())
+    judge = Selector(d, SelectLimits())
     assert judge.score([1], 1.0).price == pytest.approx(2 * np.log(4))
     assert judge.score([0], 1.0).price == 0.0
 
 
 def test_hand_eye_needs_less_than_what_pixels_speak_for() -> None:
     d = design([Candidate(HAND_EYE, None), *plain(RangeOffset())], [0.0, 0.0])
-    judge = Selector(d, SelectConfig())
-    assert judge.gain(0) == SelectConfig().hand_gain < judge.gain(1)
+    judge = Selector(d, SelectLimits())
+    assert judge.gain(0) == SelectLimits().hand_gain < judge.gain(1)
     assert judge.share(0) == 0.0
 
 
@@ -159,7 +160,7 @@ def test_arms_that_all_err_alike_speak_of_their_mount() -> None:
         r = pose[:, 12:] @ np.array([0.02, 0, 0, 0, 0, 0]) + 0.01 * rng.normal(size=PIXELS)
         G.append(products(pose / 0.01, C / 0.01, r / 0.01))
     off = with_products(quiet, G)
-    alike = [Selector(d, SelectConfig()).arms_alike(Selector(d, SelectConfig()).score([], 1.0)) for d in (quiet, off)]
+    alike = [Selector(d, SelectLimits()).arms_alike(Selector(d, SelectLimits()).score([], 1.0)) for d in (quiet, off)]
     assert alike[0] < 6.0
     assert alike[1] == pytest.approx(VIEWS * 2.0**2, rel=0.1)
 
@@ -176,4 +177,4 @@ def test_hand_eye_is_not_named_where_motion_shifts_what_poses_are_known_by(effec
     both = (*quiet.candidates, Candidate(HAND_EYE, None))
     system = system_of(G, np.repeat([1e-3, 1e-6, 10.0], [6, 6, 1]), np.full(6, 1e-4))
     d = replace(quiet, candidates=both, groups=(quiet.groups[0], np.zeros(0, int)), system=system)
-    assert names(d, select(d, SelectConfig()).chosen.members) == expected
+    assert names(d, select(d, SelectLimits()).chosen.members) == expected

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers that decide the solution: first poses, linearisation, and which effects are selected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tof_core.config import param, section
+
+
+@dataclass(frozen=True, slots=True)
+class GateLimits:
+    """When the depth image holds distance along the ray."""
+
+    better: float = param(
+        0.6, "median residual read as distance along the ray, over that read as depth", low=0.0, high=1.0, why="a few views bend poses"
+    )
+    least_mm: float = param(
+        4.0, "median residual read as depth", unit="mm", low=0.0, why="the wrong reading gives tens of millimetres at the corners"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class StartLimits:
+    """First poses, before any effect is considered, and whether the session fits the scene at all."""
+
+    rounds: int = param(2, "linearisations at most", low=1, why="bases are near already")
+    inflate: float = param(
+        100.0, "divisor of the pixels' weight", low=1.0, why="unmodelled errors are shared by neighbours: the robot's prior must hold"
+    )
+    pixels: int = param(2000, "pixels on the CAD, of the session", low=6, why="fewer do not determine poses")
+    view_pixels: int = param(500, "pixels on the CAD per view, of a short session", low=6, why="the same")
+    near_share: float = param(
+        0.5, "share of those pixels that are not gross", low=0.0, high=1.0, why="else most of what is seen is not the CAD"
+    )
+    unit_ratio: float = param(
+        1.25,
+        "median ratio of measured and rendered depth, or its inverse, of a wrong unit",
+        low=1.0,
+        why="the nearest wrong unit is the foot, 3.3",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class JointLimits:
+    """Linearisation of poses and effects."""
+
+    rounds: int = param(3, "linearisations at most", low=1, why="steps shrink fast")
+    near_mm: float = param(
+        2.0, "step of a camera below which nothing is rendered anew", unit="mm", low=1e-3, why="columns change by less than noise"
+    )
+    near_deg: float = param(0.2, "the same, rotation", unit="deg", low=1e-4, why="2 mm at 0.6 m")
+    lens_px: float = param(
+        0.3, "difference of two lenses below which nothing is rendered anew", unit="px", low=1e-3, why="a pixel sees one surface point"
+    )
+    mixed_px: int = param(
+        1, "width added to edge bands where pixels mix", unit="px", low=0, high=10, why="rendering without footprints does not show which"
+    )
+    mixed_every: int = param(3, "of so many views, one is tested for mixed pixels", low=1, why="all views have the same optics")
+    other_surface_mm: float = param(
+        20.0, "difference of a rendered map from its first order", unit="mm", low=0.1, why="beyond, another surface is in view"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class SelectLimits:
+    """When an effect is believed."""
+
+    gain: float = param(
+        30.0, "held-out chi-square that an effect must win; one tried in n forms pays 2 ln n besides", low=1.0, why="inexact maps win some"
+    )
+    hand_gain: float = param(14.0, "the same for hand-eye", low=1.0, why="its evidence are the arm errors, whose prior is known")
+    share: float = param(
+        0.015, "of the visible gap's energy, what an effect must explain", low=0.0, high=1.0, why="less changes a gap of 3 mm by 0.02 mm"
+    )
+    absorbed: float = param(
+        0.1,
+        "minimum gain, of the chi-square that an effect could absorb from the others",
+        low=0.0,
+        high=1.0,
+        why="maps of the others are never exact",
+    )
+    steady: float = param(
+        0.25, "of the gain, what must remain without the best view", low=0.0, high=1.0, why="an effect shows in more than one view"
+    )
+    steady_views: int = param(4, "views of a session in which that is asked", low=2, why="fewer cannot spare one")
+    exchange: float = param(
+        1.0, "held-out chi-square for which one member is exchanged for another", low=0.0, why="rounding; exchanges end"
+    )
+    margin: float = param(
+        2.0,
+        "standard errors by which a coefficient may lie beyond its bounds",
+        low=0.0,
+        why="estimates of a value at its bound scatter beyond it",
+    )
+    tie_left: float = param(
+        0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0, why="half of its size"
+    )
+    tie_gain: float = param(
+        20.0, "held-out chi-square by which tied effects differ at most", low=0.0, why="less than what makes an effect believed"
+    )
+    tie_share: float = param(
+        0.35, "the same, of what the member wins", low=0.0, high=1.0, why="a weak member is not known from a strong one"
+    )
+    tie_least: float = param(4.0, "difference that is no evidence, whatever the member wins", low=0.0, why="two standard deviations")
+    most: int = param(5, "effects named at most", low=1, high=12, why="more are rarely separable")
+    unknown: float = param(25.0, "held-out chi-square that a free function of an observable pays", low=0.0, why="it has up to twelve knots")
+    unknown_share: float = param(
+        0.03,
+        "of the explained chi-square, what it pays besides, and must win to stay",
+        low=0.0,
+        high=1.0,
+        why="maps of effects are never exact",
+    )
+    small_share: float = param(
+        0.15, "of the visible gap's energy, what an effect beyond the second must explain", low=0.0, high=1.0, why="coincidence"
+    )
+    small_together: float = param(
+        0.06, "of the explained chi-square, what such effects explain together", low=0.0, high=1.0, why="beyond, it is `unknown`"
+    )
+    named_freely: int = param(2, "effects of which small ones are believed", low=1, high=12, why="two causes are usual")
+    folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50, why="two of twelve views each")
+    rounds: int = param(300, "resamples of the views behind a confidence", low=20, high=100_000, why="confidence is known to 3 points")
+
+
+@dataclass(frozen=True, slots=True)
+class SolveLimits:
+    """First poses and linearisation."""
+
+    views: int = param(
+        4, "views below which nothing but `radial_depth` is named", low=2, why="fewer leave none to hold out at two stations"
+    )
+    held_out: int = param(3, "of so many views, one is held out", low=2, high=50, why="most views fit, and every figure rests on several")
+
+    gate: GateLimits = section(GateLimits, "distance along the ray, or depth")
+    start: StartLimits = section(StartLimits, "first poses")
+    joint: JointLimits = section(JointLimits, "linearisation")
