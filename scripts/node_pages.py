@@ -29,7 +29,9 @@ class NodeText:
 
 IMAGE, INFO = "sensor_msgs/Image", "sensor_msgs/CameraInfo"
 DEPTH = Topic(
-    "`depth/hand/image` (`input.depth_topic`)", IMAGE, "16UC1 in counts of `input.depth_scale`, or 32FC1 in metres; 0 and 65535 are invalid"
+    "`depth/hand/image` (`input.depth_topic`)",
+    IMAGE,
+    "16UC1 in counts of `input.depth_scale`, or 32FC1 in metres; 0 and 65535 are invalid; a name that ends in `/compressedDepth` or `/compressed` is heard as a CompressedImage",
 )
 CAMERA = Topic("`depth/hand/camera_info` (`input.info_topic`)", INFO, "intrinsics; the newest message applies")
 AMPLITUDE = Topic("`ir/hand/image` (`input.amplitude_topic`)", IMAGE, "optional; frames wait for it once it has been received")

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.bag_files import deserialize
+from tof_core.compressed import encoding_said
 from tof_core.errors import BagError, TransformError
-from tof_core.topics import IMAGE, POINTS, TF
+from tof_core.topics import COMPRESSED, IMAGE, POINTS, TF
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -105,9 +106,10 @@ class BagIndex:
         kind = self._files.topics[name].type
         if kind == TF:
             transforms.add_message(deserialize(self._files, name, raw), static=is_latched(name))
-        elif kind == IMAGE and name not in self.encodings:
+        elif kind in (IMAGE, COMPRESSED) and name not in self.encodings:
             first: Any = deserialize(self._files, name, raw)
-            self.encodings[name], self.frame_ids[name] = first.encoding, first.header.frame_id.lstrip("/")
+            self.frame_ids[name] = first.header.frame_id.lstrip("/")
+            self.encodings[name] = first.encoding if kind == IMAGE else encoding_said(first.format)
 
     def _message(self, name: str, log_ns: int, raw: bytes) -> RawMessage:
         info = self._files.topics[name]
@@ -115,7 +117,7 @@ class BagIndex:
         return RawMessage(name, info.type, stamp if stamp > 0 else log_ns + self._shift_ns, log_ns, raw, info.qos)
 
     def _key(self, name: str, stamp: int) -> tuple[int, int, int]:
-        return stamp, int(self._files.topics[name].type in (IMAGE, POINTS)), self._number[name]
+        return stamp, int(self._files.topics[name].type in (IMAGE, COMPRESSED, POINTS)), self._number[name]
 
     def _keys(self, names: list[str]) -> list[tuple[int, int, int]]:
         """The keys of all messages of some topics, sorted."""

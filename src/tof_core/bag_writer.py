@@ -91,6 +91,11 @@ class BagWriter:
         fields = image_fields(array, encoding)
         self._message(topic, "sensor_msgs/msg/Image", stamp_ns, header=self._header(stamp_ns, frame_id), **fields)
 
+    def compressed_image(self, topic: str, data: bytes, kind: str, frame_id: str, stamp_ns: int) -> None:
+        """A `sensor_msgs/CompressedImage`; `kind` is its format, such as `16UC1; compressedDepth png` or `rgb8; jpeg compressed bgr8`."""
+        header, packed = self._header(stamp_ns, frame_id), np.frombuffer(data, np.uint8)
+        self._message(topic, "sensor_msgs/msg/CompressedImage", stamp_ns, header=header, format=kind, data=packed)
+
     def camera_info(self, topic: str, camera: Camera, stamp_ns: int, frame_id: str = "") -> None:
         """A `sensor_msgs/CameraInfo` in the camera's own frame, or in `frame_id`."""
         roi = self._new("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)

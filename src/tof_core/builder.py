@@ -16,10 +16,25 @@ import numpy as np
 
 from tof_core.camera import radial_to_z
 from tof_core.capture import Capture, Colour
+<<<<<<< HEAD
 from tof_core.decode import camera_from_info, check_size, decode_amplitude, decode_colour, decode_depth, depth_from_points, stamp_ns
 from tof_core.errors import CameraError, TransformError
 from tof_core.joined import Joined
+=======
+from tof_core.decode import (
+    camera_from_info,
+    check_size,
+    decode_amplitude,
+    decode_colour,
+    decode_depth,
+    depth_from_points,
+    image_size,
+    stamp_ns,
+)
+from tof_core.errors import CameraError, DecodeError, TransformError
+>>>>>>> 589be53 (core: compressedDepth and compressed colour are read, from bags and live)
 from tof_core.reasons import Reason
+from tof_core.topics import is_rectified
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -34,6 +49,9 @@ if TYPE_CHECKING:
 NO_INFO, FROZEN, LATE, NO_TRANSFORM = "no camera_info", "frozen", "late", "no transform"
 """Why frames are skipped: the keys of `CaptureBuilder.skipped`."""
 
+ANY_SIZE = (0, 0)
+"""Of a frame that need not wait for a CameraInfo of its size: a cloud, or what cannot be read."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Frame:
@@ -42,6 +60,15 @@ class _Frame:
     stamp: int
     msg: Any
     cloud: bool
+    size: tuple[int, int]
+
+
+def _size_of(msg: Any) -> tuple[int, int]:
+    """Height and width; of an image whose headers cannot be read none: decoding it will say why."""
+    try:
+        return image_size(msg)
+    except DecodeError:
+        return ANY_SIZE
 
 
 class CaptureBuilder:
@@ -152,7 +179,7 @@ class CaptureBuilder:
             return
         self._last_content = content
         self._newest = max(self._newest, stamp)
-        self._frames.append(_Frame(stamp, msg, cloud))
+        self._frames.append(_Frame(stamp, msg, cloud, ANY_SIZE if cloud else _size_of(msg)))
         if len(self._frames) > 1 and self._frames[-2].stamp > stamp:
             self._frames = deque(sorted(self._frames, key=lambda f: f.stamp))
 
@@ -161,7 +188,7 @@ class CaptureBuilder:
             return True
         return (
             self.camera is not None
-            and (frame.cloud or (frame.msg.height, frame.msg.width) == self.camera.shape)  # else it overtook its camera_info
+            and frame.size in (ANY_SIZE, self.camera.shape)  # else it overtook its camera_info
             and (not self.topics.amplitude or self._amplitude.settled(frame.stamp))
             and (not self.topics.colour or self._colour.settled(frame.stamp))
             and self._tf_settled(frame)
@@ -266,7 +293,7 @@ class CaptureBuilder:
 
     def _camera_of(self, msg: Any, where: str, image_topic: str) -> Camera:
         """The camera of a CameraInfo; the same numbers give the same object, so its rays are computed once."""
-        rectified = image_topic.rpartition("/")[2].startswith("image_rect")
+        rectified = is_rectified(image_topic)
         camera = camera_from_info(msg, where, rectified=rectified)
         key = repr(camera).encode()
         return self._cameras.setdefault(key, camera)

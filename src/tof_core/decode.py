@@ -15,6 +15,7 @@ import numpy as np
 from tof_core.bounds import LARGEST_RASTER
 from tof_core.camera import Camera
 from tof_core.clouds import depth_from_points as depth_from_points  # noqa: PLC0414 (one place to decode from)
+from tof_core.compressed import size_of, unpacked
 from tof_core.encode import encoding_of
 from tof_core.errors import CameraError, DecodeError
 from tof_core.reasons import Reason
@@ -35,11 +36,26 @@ def stamp_ns(msg: Any) -> int:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
+def image_size(msg: Any, where: str = "") -> tuple[int, int]:
+    """Height and width of a `sensor_msgs/Image`, or of a `CompressedImage` by its headers."""
+    return (int(msg.height), int(msg.width)) if hasattr(msg, "encoding") else size_of(msg, where)
+
+
 def pixels(msg: Any, where: str = "") -> NDArray[Any]:
-    """The raster of a `sensor_msgs/Image` in its own type: (H, W) or (H, W, channels), a view where possible."""
-    if not hasattr(msg, "encoding"):
-        what = "is a compressed image, which is not read" if hasattr(msg, "format") else "is no sensor_msgs/Image"
-        raise DecodeError(what, where=where, todo="record the raw image topic")
+    """The raster of an image in its own type: (H, W) or (H, W, channels), a view where possible."""
+    return _raster(msg, where)[0]
+
+
+def _raster(msg: Any, where: str) -> tuple[NDArray[Any], str]:
+    """The raster of a `sensor_msgs/Image` or `CompressedImage`, and its encoding."""
+    if hasattr(msg, "encoding"):
+        return _raw(msg, where), str(msg.encoding)
+    if hasattr(msg, "format"):
+        return unpacked(msg, where)
+    raise DecodeError("is no sensor_msgs/Image", where=where, todo="name the image topic")
+
+
+def _raw(msg: Any, where: str) -> NDArray[Any]:
     kind = encoding_of(msg.encoding, where)
     dtype = np.dtype(f"{'>' if msg.is_bigendian else '<'}{kind.element}")
     height, width, step = int(msg.height), int(msg.width), int(msg.step)
@@ -66,14 +82,14 @@ def _buffer(data: Any) -> Bytes:
 def decode_depth(msg: Any, where: str = "", *, scale: float = 0.001) -> tuple[Image, Bytes]:
     """Depth (H, W) in metres, NaN invalid, and the reason map (H, W).
 
-    Integer images: `scale` metres a count (REP 118: 1 mm); 0 is no return, 65535 saturated.
+    Raw or compressed. Integer images: `scale` metres a count (REP 118: 1 mm); 0 is no return, 65535 saturated.
     32FC1: NaN and +inf are no return (REP 117: nothing seen), -inf is out of range (too close).
     REP 118 allows 0.0 as a depth of zero. No camera measures that, and publishers write 0.0 for
     "no depth", so it counts as no return. A negative depth is out of range.
     """
-    raster = pixels(msg, where)
-    if msg.encoding not in DEPTH_ENCODINGS:
-        what = f"encoding '{msg.encoding}' holds no depth"
+    raster, encoding = _raster(msg, where)
+    if encoding not in DEPTH_ENCODINGS:
+        what = f"encoding '{encoding}' holds no depth"
         raise DecodeError(what, where=where, todo=f"use a topic with {', '.join(DEPTH_ENCODINGS)}")
     if raster.dtype.kind == "u":
         metres, reasons = _count_tables(scale)
@@ -104,22 +120,22 @@ def _float_depth(raster: NDArray[Any]) -> tuple[Image, Bytes]:
 
 def decode_amplitude(msg: Any, where: str = "") -> Image:
     """Amplitude or infrared (H, W) float32 in the camera's own counts."""
-    raster = pixels(msg, where)
-    if msg.encoding not in AMPLITUDE_ENCODINGS:
-        what = f"encoding '{msg.encoding}' holds no amplitude"
+    raster, encoding = _raster(msg, where)
+    if encoding not in AMPLITUDE_ENCODINGS:
+        what = f"encoding '{encoding}' holds no amplitude"
         raise DecodeError(what, where=where, todo=f"use a topic with {', '.join(AMPLITUDE_ENCODINGS)}")
     return raster.astype(np.float32)
 
 
 def decode_colour(msg: Any, where: str = "") -> Bytes:
     """Colour (H, W, 3) uint8 RGB; grey images give three equal channels, alpha is dropped."""
-    raster = pixels(msg, where)
-    if msg.encoding not in COLOUR_ENCODINGS:
-        what = f"encoding '{msg.encoding}' holds no colour"
+    raster, encoding = _raster(msg, where)
+    if encoding not in COLOUR_ENCODINGS:
+        what = f"encoding '{encoding}' holds no colour"
         raise DecodeError(what, where=where, todo=f"use a topic with {', '.join(COLOUR_ENCODINGS)}")
     if raster.ndim == 2:
         return np.repeat(raster[..., None], 3, axis=-1)
-    order = [2, 1, 0] if msg.encoding.startswith("bgr") else [0, 1, 2]
+    order = [2, 1, 0] if encoding.startswith("bgr") else [0, 1, 2]
     return np.ascontiguousarray(raster[..., order])
 
 

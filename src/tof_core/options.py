@@ -15,7 +15,7 @@ NOT_WANTED = "none"
 class BagOptions:
     """Topics, frames and units of a recording; an empty name is found by type and sibling."""
 
-    depth_topic: str = param("", "depth image (sensor_msgs/Image)")
+    depth_topic: str = param("", "depth image (sensor_msgs/Image, or a compressed one of image_transport)")
     info_topic: str = param("", "the depth camera's calibration (sensor_msgs/CameraInfo)")
     points_topic: str = param("", "point cloud to use instead of a depth image (sensor_msgs/PointCloud2)")
     amplitude_topic: str = param("", "amplitude or infrared image; 'none' leaves it out")

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
+from tof_core.compressed import DEPTH_TRANSPORT
 from tof_core.decode import AMPLITUDE_ENCODINGS, COLOUR_ENCODINGS, DEPTH_ENCODINGS
 from tof_core.errors import NoTopicError, TopicError
 from tof_core.options import NOT_WANTED, BagOptions
@@ -24,6 +25,9 @@ POINTS = "sensor_msgs/msg/PointCloud2"
 TEMPERATURE = "sensor_msgs/msg/Temperature"
 TF = "tf2_msgs/msg/TFMessage"
 
+TRANSPORTS = (DEPTH_TRANSPORT, "compressed")
+"""How image_transport names the compressed topics beside a raw one."""
+
 DEPTH_WORDS = frozenset({"depth", "distance", "range"})
 AMPLITUDE_WORDS = frozenset({"ir", "amplitude", "infra", "infrared", "intensity", "nir"})
 COLOUR_WORDS = frozenset({"camera", "color", "colour", "rgb"})
@@ -31,6 +35,21 @@ DERIVED_WORDS = frozenset({"registered", "confidence", "mask", "sigma", "noise",
 """Images made from a depth image, or beside it: candidates only where there is no other."""
 OWN_WORDS = frozenset({"preproc", "label", "infer"})
 """Rooms whose nodes publish depth images and clouds."""
+
+
+def is_compressed(topic: str) -> bool:
+    """Whether a topic has image_transport's name of a compressed one."""
+    return topic.rpartition("/")[2] in TRANSPORTS
+
+
+def base_topic(topic: str) -> str:
+    """The raw topic beside which image_transport publishes a compressed one; any other as it is."""
+    return topic.rpartition("/")[0] if is_compressed(topic) else topic
+
+
+def is_rectified(topic: str) -> bool:
+    """Whether an image topic has image_proc's name of a rectified one: its CameraInfo's P holds, not K and D."""
+    return base_topic(topic).rpartition("/")[2].startswith("image_rect")
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +126,7 @@ class _Finder:
 
     def candidates(self) -> list[str]:
         """Depth images, else clouds, else images that no word claims."""
-        unnamed = [t for t in self._of_type(IMAGE) if not _words(t) & (AMPLITUDE_WORDS | COLOUR_WORDS | DERIVED_WORDS)]
+        unnamed = [t for t in self._rasters() if not _words(t) & (AMPLITUDE_WORDS | COLOUR_WORDS | DERIVED_WORDS)]
         return self._images(DEPTH_WORDS, DEPTH_ENCODINGS, "") or self._of_type(POINTS) or unnamed
 
     def _depth_or_points(self) -> tuple[str, str]:
@@ -119,16 +138,21 @@ class _Finder:
             return self._one(images, "depth image", "--depth-topic", ""), ""
         if clouds := self._of_type(POINTS):
             return "", self._one(clouds, "point cloud", "--points-topic", "")
-        packed = self._of_type(COMPRESSED)
-        todo = f"compressed images are not read ({packed[0]}); record the raw topic" if packed else self._all()
-        raise TopicError("has no depth image and no point cloud", where=self.where, todo=todo)
+        raise TopicError("has no depth image and no point cloud", where=self.where, todo=self._all())
+
+    def _rasters(self) -> list[str]:
+        """Image topics; a compressed one only where its raw topic is not there, and compressedDepth before compressed."""
+        raw, packed = self._of_type(IMAGE), self._of_type(COMPRESSED)
+        bases = {base_topic(t) for t in packed if t.endswith(DEPTH_TRANSPORT)}
+        wanted = [t for t in packed if t.endswith(DEPTH_TRANSPORT) or base_topic(t) not in bases]
+        return sorted(raw + [t for t in wanted if base_topic(t) not in raw])
 
     def _images(self, words: frozenset[str], encodings: Sequence[str], depth: str) -> list[str]:
         """Image topics with one of the words that the other kinds do not claim first."""
         others = (DEPTH_WORDS | AMPLITUDE_WORDS) - words if words is COLOUR_WORDS else DEPTH_WORDS - words
         fitting = [
             t
-            for t in self._of_type(IMAGE)
+            for t in self._rasters()
             if t != depth and _words(t) & words and not _words(t) & others and self.encodings.get(t, encodings[0]) in encodings
         ]
         return [t for t in fitting if not _words(t) & DERIVED_WORDS] or fitting
@@ -136,7 +160,7 @@ class _Finder:
     def _unnamed_depth(self) -> list[str]:
         """Images that no word claims, but whose encoding can hold depth and that have a CameraInfo."""
         named = AMPLITUDE_WORDS | COLOUR_WORDS | DERIVED_WORDS
-        return [t for t in self._of_type(IMAGE) if self.encodings.get(t) in DEPTH_ENCODINGS and self._sibling(t) and not _words(t) & named]
+        return [t for t in self._rasters() if self.encodings.get(t) in DEPTH_ENCODINGS and self._sibling(t) and not _words(t) & named]
 
     def _one(self, candidates: list[str], what: str, flag: str, beside: str) -> str:
         """The only candidate, the one with spot_ros2's name, or the one nearest to `beside`; else an error."""
@@ -163,9 +187,12 @@ class _Finder:
         if not name:
             return ""
         found = name if name in self.types else "/" + name.lstrip("/")
+        packed = [f"{found}/{transport}" for transport in TRANSPORTS if self.types.get(f"{found}/{transport}") == COMPRESSED]
+        if found not in self.types and packed:
+            return packed[0]
         if found not in self.types:
             raise NoTopicError(f"has no topic '{name}' ({flag})", where=self.where, todo=self._all())
-        if kind and self.types[found] != kind:
+        if kind and self.types[found] not in {kind, COMPRESSED if kind == IMAGE else kind}:
             raise NoTopicError(f"topic '{found}' ({flag}) is a {self.types[found]}, not a {kind}", where=self.where)
         return found
 
@@ -178,6 +205,7 @@ class _Finder:
 
     def _sibling(self, topic: str) -> str:
         """`camera_info` in the namespace of a topic, or under the topic itself."""
+        topic = base_topic(topic)
         names = (f"{topic.rpartition('/')[0]}/camera_info", f"{topic}/camera_info") if topic else ()
         return next((n for n in names if self.types.get(n) == INFO), "")
 
@@ -189,7 +217,8 @@ class _Finder:
 
 
 def _words(topic: str) -> frozenset[str]:
-    return frozenset(re.split(r"[^a-z]+", topic.lower()))
+    depth = {"depth"} if topic.endswith(f"/{DEPTH_TRANSPORT}") else set()
+    return frozenset(re.split(r"[^a-z]+", base_topic(topic).lower())) | depth
 
 
 def _nearness(topic: str, other: str) -> int:

@@ -16,7 +16,7 @@ from tof_core.errors import RefusedError, ToftwinError
 from tof_core.jump import BackwardJump
 from tof_core.live import ManagedOptions
 from tof_core.options import NOT_WANTED, BagOptions
-from tof_core.topics import Topics
+from tof_core.topics import Topics, base_topic
 from tof_infer.config import InferConfig
 from tof_infer.frames import Mark
 from tof_infer.session import Session
@@ -80,10 +80,10 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._arrivals: dict[int, float] = {}
         self._jump = BackwardJump()
         sensor = qos.sensor(reliable=self.config.live.reliable, depth=32)
-        self.input(self._topics.depth, Image, self._frame, sensor, frames="input.depth_topic")
+        self.input(self._topics.depth, messages.image_class(self._topics.depth), self._frame, sensor, frames="input.depth_topic")
         self.input(self._topics.info, CameraInfo, self._info, sensor)
         if self._topics.amplitude:
-            self.input(self._topics.amplitude, Image, self._amplitude, sensor)
+            self.input(self._topics.amplitude, messages.image_class(self._topics.amplitude), self._amplitude, sensor)
         if self._topics.temperature:
             self.input(self._topics.temperature, Temperature, self._builder.temperature, sensor)
         self.timer(PERIOD_S, self._tick)
@@ -92,7 +92,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
         """Release the network."""
         del self._session
 
-    def _frame(self, message: Image) -> None:
+    def _frame(self, message: Any) -> None:
         self._arrivals[stamp_ns(message)] = self.tally.arrived()
         self._patience.start(stamp_ns(message))
         self._builder.depth(message)
@@ -104,7 +104,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._builder.info(message)
         self._advance()
 
-    def _amplitude(self, message: Image) -> None:
+    def _amplitude(self, message: Any) -> None:
         # Seen for the first time: from now on it is waited for.
         self._builder.topics = self._topics
         self._builder.amplitude(message)
@@ -173,7 +173,7 @@ def _topics(options: BagOptions) -> Topics:
     return Topics(
         depth=depth,
         points="",
-        info=options.info_topic or f"{depth.rpartition('/')[0]}/camera_info",
+        info=options.info_topic or f"{base_topic(depth).rpartition('/')[0]}/camera_info",
         amplitude=_wanted(options.amplitude_topic, "ir/hand/image"),
         temperature=_wanted(options.temperature_topic, "hand/temperature"),
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tof_core.config import param, section
 from tof_core.options import NOT_WANTED, BagOptions
-from tof_core.topics import Topics
+from tof_core.topics import Topics, base_topic
 from tof_preproc.stream import StreamConfig
 
 
@@ -38,7 +38,7 @@ def input_topics(options: BagOptions) -> Topics:
     return Topics(
         depth=depth,
         points=options.points_topic if cloud else "",
-        info=options.info_topic or f"{(depth or options.points_topic).rpartition('/')[0]}/camera_info",
+        info=options.info_topic or f"{base_topic(depth or options.points_topic).rpartition('/')[0]}/camera_info",
         amplitude=_wanted(options.amplitude_topic, "ir/hand/image"),
         temperature=_wanted(options.temperature_topic, "hand/temperature"),
     )

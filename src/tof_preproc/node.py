@@ -78,19 +78,20 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
 
     def _raw_topics(self) -> list[tuple[str, type[Any]]]:
         t = self._topics
-        raw = [(t.depth, Image), (t.points, PointCloud2), (t.info, CameraInfo), (t.amplitude, Image), (t.temperature, Temperature)]
+        images = [(name, messages.image_class(name)) for name in (t.depth, t.amplitude)]
+        raw = [*images, (t.points, PointCloud2), (t.info, CameraInfo), (t.temperature, Temperature)]
         return [(name, kind) for name, kind in raw if name] + [("/tf", TFMessage), ("/tf_static", TFMessage)]
 
     def _subscribe(self) -> None:
         t, sensor = self._topics, qos.sensor(reliable=self.config.live.reliable, depth=32)
         builder = self._stream.builder
         if t.depth:
-            self.input(t.depth, Image, lambda m: self._frame(m, builder.depth), sensor, frames="input.depth_topic")
+            self.input(t.depth, messages.image_class(t.depth), lambda m: self._frame(m, builder.depth), sensor, frames="input.depth_topic")
         else:
             self.input(t.points, PointCloud2, lambda m: self._frame(m, builder.points), sensor, frames="input.points_topic")
         self.input(t.info, CameraInfo, self._info, sensor)
         if t.amplitude:
-            self.input(t.amplitude, Image, self._amplitude, sensor)
+            self.input(t.amplitude, messages.image_class(t.amplitude), self._amplitude, sensor)
         if t.temperature:
             self.input(t.temperature, Temperature, builder.temperature, sensor)
         self.hearing.begin()
@@ -108,7 +109,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         self._last_info, self._since_info = time.monotonic(), 0
         self._advance()
 
-    def _amplitude(self, message: Image) -> None:
+    def _amplitude(self, message: Any) -> None:
         builder = self._stream.builder
         if not builder.topics.amplitude:  # seen for the first time: from now on it is waited for
             builder.topics = replace(builder.topics, amplitude=self._topics.amplitude)

@@ -6,13 +6,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo
 
 from tof_core.capture import Colour
 from tof_core.decode import camera_from_info, decode_colour, stamp_ns
 from tof_core.errors import DecodeError, TransformError
 from tof_core.options import NOT_WANTED
-from tof_ros import qos
+from tof_core.topics import base_topic
+from tof_ros import messages, qos
 
 if TYPE_CHECKING:
     from tof_core.camera import Camera
@@ -31,13 +32,13 @@ class ColourFeed:
         self._chain, self._join_ns = chain, round(options.colour_join_s * 1e9)
         self._topic = options.colour_topic
         self._camera: Camera | None = None
-        self._image: Image | None = None
+        self._image: Any = None
         if self._topic != NOT_WANTED:
-            info = options.colour_info_topic or f"{self._topic.rpartition('/')[0]}/camera_info"
-            node.input(self._topic, Image, self._take, qos.sensor(depth=4))
+            info = options.colour_info_topic or f"{base_topic(self._topic).rpartition('/')[0]}/camera_info"
+            node.input(self._topic, messages.image_class(self._topic), self._take, qos.sensor(depth=4))
             node.input(info, CameraInfo, lambda m: self._take_info(m, info), qos.sensor(depth=4))
 
-    def _take(self, message: Image) -> None:
+    def _take(self, message: Any) -> None:
         self._image = message
 
     def _take_info(self, message: CameraInfo, where: str) -> None:

@@ -9,16 +9,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, PoseStamped, PoseWithCovarianceStamped, TransformStamped
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField, RegionOfInterest, TimeReference
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField, RegionOfInterest, TimeReference
 from std_msgs.msg import Header
 
 from tof_core import encode, se3
+from tof_core.topics import is_compressed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tof_core.arrays import Float
     from tof_core.camera import Camera
+
+
+def image_class(topic: str) -> type[Any]:
+    """The class of an image topic's messages: image_transport's names say which are compressed."""
+    found: type[Any] = CompressedImage if is_compressed(topic) else Image
+    return found
 
 
 def to_stamp(stamp_ns: int) -> Time:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tests.tof_core import packing
 from tof_core.camera import Camera
 from tof_core.clouds import depth_from_points
 from tof_core.decode import camera_from_info, check_size, decode_amplitude, decode_colour, decode_depth
@@ -128,3 +129,38 @@ def cloud_seeds(folder: Path) -> list[bytes]:
             seeds.append(head + described + bytes(fields["data"]))
         seeds.append(CLOUD.pack(3, 0, 2, 3, 0, 12, 2) + described + bytes(fields["data"])[:72])
     return seeds
+
+
+FORMATS = (
+    "16UC1; compressedDepth png",
+    "16UC1; compressedDepth rvl",
+    "32FC1; compressedDepth png",
+    "rgb8; jpeg compressed bgr8",
+    "png",
+    "",
+)
+
+
+def compressed(folder: Path) -> Callable[[bytes], None]:
+    """Decode a compressed image as depth, amplitude or colour; the first byte chooses format and way."""
+    del folder
+    ways: tuple[Callable[..., Any], ...] = (decode_depth, decode_amplitude, decode_colour)
+
+    def run(data: bytes) -> None:
+        if not data:
+            return
+        way, kind = divmod(data[0], len(FORMATS))
+        with contextlib.suppress(ToftwinError):
+            ways[way % len(ways)](SimpleNamespace(format=FORMATS[kind], data=data[1:]), "/topic")
+
+    return run
+
+
+def compressed_seeds(folder: Path) -> list[bytes]:
+    """One good image of each format."""
+    del folder
+    counts = np.arange(24, dtype=np.uint16).reshape(4, 6) * 300
+    colour = np.zeros((8, 8, 3), np.uint8)
+    packed = [packing.depth(counts), packing.depth(counts, kind="rvl"), packing.depth(counts, a=10100.0, b=-1009.0)]
+    packed += [packing.jpeg(colour), packing.png(colour)]
+    return [bytes([number]) + data for number, data in enumerate(packed)]

@@ -41,6 +41,7 @@ TARGETS = {
     t.name: t
     for t in (
         Target("image", "messages", 10_000_000, ("tof_core",)),
+        Target("compressed", "messages", 10_000_000, ("tof_core",)),
         Target("cloud", "messages", 10_000_000, ("tof_core",)),
         Target("config", "texts", 10_000_000, ("tof_core", "toftwin.options", "tof_sensor")),
         Target("scene", "texts", 10_000_000, ("tof_core", "tof_scene")),

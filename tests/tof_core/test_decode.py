@@ -140,8 +140,8 @@ def test_sizes_that_do_not_fit_the_bytes_are_refused(field: str, value: int) -> 
         decode_depth(msg)
 
 
-def test_a_compressed_image_is_refused_in_one_line() -> None:
-    with pytest.raises(DecodeError, match="compressed image") as caught:
+def test_a_compressed_image_that_is_none_is_refused_in_one_line() -> None:
+    with pytest.raises(DecodeError, match="format 'png' is not read; publish compressedDepth") as caught:
         decode_depth(SimpleNamespace(format="png", data=b"123"), "/depth/compressed")
     assert "\n" not in str(caught.value)
 

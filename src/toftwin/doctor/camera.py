@@ -6,8 +6,9 @@ from __future__ import annotations
 from math import atan, degrees
 from typing import TYPE_CHECKING, Any
 
-from tof_core.decode import camera_from_info
+from tof_core.decode import camera_from_info, image_size
 from tof_core.errors import CameraError
+from tof_core.topics import is_rectified
 from toftwin.doctor.finding import mend, note, ok, refused
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ CALIBRATE = "calibrate, or let the driver publish the K of this raster"
 def camera_of(topics: Topics, streams: dict[str, Stream]) -> tuple[Camera | None, list[Finding]]:
     """The depth camera, and what is said of its CameraInfo; None where it cannot be used."""
     infos = streams[topics.info].kept
-    rectified = topics.depth.rpartition("/")[2].startswith("image_rect")
+    rectified = is_rectified(topics.depth)
     try:
         cameras = [camera_from_info(m, topics.info, rectified=rectified) for m in infos]
     except CameraError as error:
@@ -74,7 +75,7 @@ def plausible(camera: Camera) -> Iterator[Finding]:
 
 
 def _of_image(camera: Camera, images: list[Any], topics: Topics) -> Iterator[Finding]:
-    sizes = {(int(m.width), int(m.height)) for m in images}
+    sizes = {image_size(m, topics.depth)[::-1] for m in images}
     if wrong := sizes - {(camera.width, camera.height)}:
         width, height = min(wrong)
         what = f"{topics.depth} is {width}x{height}, its CameraInfo {camera.width}x{camera.height}"

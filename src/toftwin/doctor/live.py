@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from tof_core.errors import ToftwinError
-from tof_core.topics import IMAGE, INFO, POINTS, TEMPERATURE, TF
+from tof_core.topics import COMPRESSED, IMAGE, INFO, POINTS, TEMPERATURE, TF
 from toftwin.doctor.bag import examine_bag
 from toftwin.doctor.finding import mend, note, ok
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tof_scene.scene import Scene
     from toftwin.doctor.finding import Finding
 
-KINDS = (IMAGE, INFO, POINTS, TEMPERATURE, TF)
+KINDS = (IMAGE, COMPRESSED, INFO, POINTS, TEMPERATURE, TF)
 
 SILENT = "start the driver's streams; on another host: is the network's firewall open for UDP, and large messages not cut (MTU)?"
 

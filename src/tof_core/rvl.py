@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""RVL, the lossless depth code of compressedDepth topics (Wilson, "Fast Lossless Depth Image Compression", ISS 2017)."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from tof_core.errors import DecodeError
+from tof_core.png import check_raster
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_SIZE = struct.Struct("<II")  # columns, rows
+
+
+def rvl_size(data: bytes, where: object = "") -> tuple[int, int]:
+    """Width and height in pixels as the image's first eight bytes say, checked by `check_raster`.
+
+    Raises:
+        DecodeError: cut off, or too large.
+    """
+    if len(data) < _SIZE.size:
+        raise DecodeError("is cut off within its header", where=where)
+    width, height = _SIZE.unpack_from(data)
+    check_raster(width, height, where)
+    return width, height
+
+
+def decode_rvl(data: bytes, where: object = "") -> NDArray[np.uint16]:
+    """The counts (H, W) uint16 of an RVL image with its size before it.
+
+    Raises:
+        DecodeError: cut off, too large, or damaged.
+    """
+    width, height = rvl_size(data, where)
+    words = np.frombuffer(data, "<u4", count=(len(data) - _SIZE.size) // 4, offset=_SIZE.size)
+    counts = np.zeros(width * height, np.uint16)
+    if not _unpack(words, counts):
+        raise DecodeError(f"is no RVL image of {width}x{height} pixels, or is cut off", where=where)
+    return counts.reshape(height, width)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def _unpack(words: NDArray[np.uint32], counts: NDArray[np.uint16]) -> bool:
+    """Runs of zeros and of differences until all pixels are there; false where the words end before, or a run reaches beyond.
+
+    A value is a chain of nibbles, the most significant of a word first: three bits each, least significant first, the fourth bit
+    says that another follows. Differences are in zigzag (0, -1, 1, -2, ...).
+    """
+    total, ends = counts.size, words.size * 8
+    nibble, pixel, previous = 0, 0, 0
+    left, phase = 0, 0  # phase 0: a run of zeros is next, 1: a run of differences, 2: within one
+    while pixel < total:
+        value, shift = 0, 0
+        while True:
+            if nibble >= ends or shift > 30:
+                return False
+            bits = (int(words[nibble >> 3]) >> (28 - 4 * (nibble & 7))) & 15
+            nibble += 1
+            value |= (bits & 7) << shift
+            shift += 3
+            if bits < 8:
+                break
+        if phase == 2:
+            previous = (previous + ((value >> 1) ^ -(value & 1))) & 0xFFFF
+            counts[pixel] = previous
+            pixel += 1
+            left -= 1
+            if left == 0:
+                phase = 0
+        else:
+            if value > total - pixel:
+                return False
+            if phase == 0:
+                pixel += value
+                phase = 1
+            else:
+                left = value
+                phase = 2 if value else 0
+    return True
