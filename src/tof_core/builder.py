@@ -16,11 +16,6 @@ import numpy as np
 
 from tof_core.camera import radial_to_z
 from tof_core.capture import Capture, Colour
-<<<<<<< HEAD
-from tof_core.decode import camera_from_info, check_size, decode_amplitude, decode_colour, decode_depth, depth_from_points, stamp_ns
-from tof_core.errors import CameraError, TransformError
-from tof_core.joined import Joined
-=======
 from tof_core.decode import (
     camera_from_info,
     check_size,
@@ -32,7 +27,7 @@ from tof_core.decode import (
     stamp_ns,
 )
 from tof_core.errors import CameraError, DecodeError, TransformError
->>>>>>> 589be53 (core: compressedDepth and compressed colour are read, from bags and live)
+from tof_core.joined import Joined
 from tof_core.reasons import Reason
 from tof_core.topics import is_rectified
 
