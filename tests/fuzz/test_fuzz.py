@@ -11,7 +11,17 @@ import pytest
 from tests.fuzz.targets import TARGETS
 
 FOUND = Path(__file__).parent / "found"
-MUTATIONS = {"image": 4000, "cloud": 3000, "config": 800, "scene": 800, "mesh": 300, "bag": 60, "dataset": 60, "onnx": 300}
+MUTATIONS = {
+    "image": 4000,
+    "compressed": 5_000,
+    "cloud": 3000,
+    "config": 800,
+    "scene": 800,
+    "mesh": 300,
+    "bag": 60,
+    "dataset": 60,
+    "onnx": 300,
+}
 NASTY = (b"\x00", b"\xff" * 4, b"\xff\xff\xff\x7f", b"[" * 64, b"&a *a", b"9" * 400, b"1e999", b"!!int ", b"\n", b"../")
 
 
