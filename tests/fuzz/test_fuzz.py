@@ -13,7 +13,7 @@ from tests.fuzz.targets import TARGETS
 FOUND = Path(__file__).parent / "found"
 MUTATIONS = {
     "image": 4000,
-    "compressed": 5_000,
+    "compressed": 300,
     "cloud": 3000,
     "config": 800,
     "scene": 800,
