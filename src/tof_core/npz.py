@@ -53,12 +53,12 @@ def _check_sizes(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], 
     for name, member in members.items():
         with archive.open(member) as file:
             shape, _, dtype = _header(file)
-            said = prod(shape) * dtype.itemsize
+            stated = prod(shape) * dtype.itemsize
             if dtype.hasobject:
                 raise DatasetError(f"array {name} holds Python objects", where=path, todo="arrays of numbers are read")
-            if min(shape, default=0) < 0 or said != member.file_size - file.tell():
-                raise DatasetError(f"array {name} has not the {said} bytes that its header says", where=path)
-        total += said
+            if min(shape, default=0) < 0 or stated != member.file_size - file.tell():
+                raise DatasetError(f"array {name} has not the {stated} bytes that its header states", where=path)
+        total += stated
         if total > allowed:
             raise DatasetError(f"holds arrays of more than {allowed} bytes", where=path, todo="is the file damaged?")
 

@@ -105,7 +105,7 @@ def fit_primitives(depth: Image, camera: Camera, config: PrimitiveConfig | None 
             found.append(Fitted(surface, patch, float(np.sqrt(np.mean(surface.distance(p[inlier]) ** 2)))))
             left &= ~inlier
         else:
-            left &= ~agreeing  # scattered pixels are not a surface
+            left &= ~agreeing  # a few pixels here and there are not a surface
     if not found:
         msg = "no plane and no sphere found"
         raise RefusedError(msg, where="depth image", todo="give a scene.yaml with CAD instead")
