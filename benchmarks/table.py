@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 HEADER = """# Figures
 
 Each row was printed by the command beside it, on the machine named in its section. `make bench` prints the short ones,
-`make bench-long` the long ones; `ARGS=--write` renews this page, row by row.
+`make bench-long` the long ones; `ARGS=--write` renews this page, row by row. Terms: [glossary](glossary.md).
 """
 COLUMNS = "| what | measured | bar | met | command | remark |\n|---|---|---|---|---|---|\n"
 MET = {True: "yes", False: "**no**", None: ""}

@@ -97,6 +97,7 @@ def page(rows: Sequence[Row], command: str) -> str:
     missed = "\n".join(f"- {line}" for line in misses(rows)) or "- none"
     drawn = ", ".join(f"{n} {kind}" for kind, n in sorted(kinds.items()))
     return f"""# The gap diagnosis on sessions whose effect is withheld
+Terms are in the [glossary](glossary.md).
 
 `{command}` draws the cases, seals the answers, diagnoses the bags alone and scores: {drawn}.
 Shares carry Wilson's 95 % interval.
