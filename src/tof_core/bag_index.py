@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.bag_files import deserialize
-from tof_core.compressed import encoding_said
+from tof_core.compressed import stated_encoding
 from tof_core.errors import BagError, TransformError
 from tof_core.topics import COMPRESSED, IMAGE, POINTS, TF
 
@@ -109,7 +109,7 @@ class BagIndex:
         elif kind in (IMAGE, COMPRESSED) and name not in self.encodings:
             first: Any = deserialize(self._files, name, raw)
             self.frame_ids[name] = first.header.frame_id.lstrip("/")
-            self.encodings[name] = first.encoding if kind == IMAGE else encoding_said(first.format)
+            self.encodings[name] = first.encoding if kind == IMAGE else stated_encoding(first.format)
 
     def _message(self, name: str, log_ns: int, raw: bytes) -> RawMessage:
         info = self._files.topics[name]

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 DEPTH_TRANSPORT = "compressedDepth"
 _CONFIG = struct.Struct("<iff")
-"""Before a compressedDepth image: format (not used, the text says it), and the two parameters of an inverse depth."""
+"""Before a compressedDepth image: format (not used: the text contains it), and the two parameters of an inverse depth."""
 JPEG = b"\xff\xd8\xff"
 READ = "compressedDepth with PNG or RVL, compressed with JPEG or PNG"
 
 
 class Format(NamedTuple):
-    """What `CompressedImage.format` says: the raw image's encoding (empty where it is not said), and whether it is compressedDepth, as RVL."""
+    """Content of `CompressedImage.format`: encoding of the raw image (empty if absent), and whether it is compressedDepth, as RVL."""
 
     encoding: str
     depth: bool
@@ -38,7 +38,7 @@ def format_of(text: str) -> Format:
     return Format(known, DEPTH_TRANSPORT.lower() in text.lower(), "rvl" in transport.lower())
 
 
-def encoding_said(text: str) -> str:
+def stated_encoding(text: str) -> str:
     """The raw image's encoding as a `CompressedImage.format` says it, or what images of that kind hold."""
     kind = format_of(text)
     return kind.encoding or ("16UC1" if kind.depth else "bgr8")
@@ -97,14 +97,14 @@ def unpacked(msg: Any, where: str = "") -> tuple[NDArray[Any], str]:
     return np.where((counts > 0) & (metres > 0) & np.isfinite(metres), metres, np.float32(np.nan)), "32FC1"
 
 
-def _encoding_of(raster: NDArray[Any], said: str, where: str) -> str:
-    """The encoding of a decoded JPEG or PNG: colour in the order blue, green, red; of grey ones what the format said, where it fits."""
+def _encoding_of(raster: NDArray[Any], stated: str, where: str) -> str:
+    """The encoding of a decoded JPEG or PNG: colour in the order blue, green, red; for grey images the stated encoding, where it fits."""
     channels = raster.shape[2] if raster.ndim == 3 else 1
     fits = {("u1", 1): "mono8", ("u2", 1): "16UC1", ("u1", 3): "bgr8", ("u1", 4): "bgra8"}
     element = f"{raster.dtype.kind}{raster.dtype.itemsize}"
     if (found := fits.get((element, channels))) is None:
         raise DecodeError(f"holds {channels} channels of {raster.dtype}", where=where, todo=f"publish {READ}, or the raw topic")
-    return said if channels == 1 and said and ENCODINGS[said] == (element, 1) else found
+    return stated if channels == 1 and stated and ENCODINGS[stated] == (element, 1) else found
 
 
 def _jpeg_size(data: bytes, where: str) -> tuple[int, int]:
