@@ -28,7 +28,7 @@ FIRST = look(np.array([0.85, 0.15, 0.95]), np.array([0.0, 0.0, 0.8]))
 def seen(
     caster: Raycaster, T: Float, *, believed: Float | None = None, noise_mm: float = 0.7, seed: int = 0, camera: Camera = CAMERA
 ) -> View:
-    """The view from T as 10 captures would give it; the robot believes `believed` (default: the truth)."""
+    """The view from T as 10 captures would give it; the robot's own pose is `believed` (default: the truth)."""
     rays = camera.rays().reshape(-1, 3) @ T[:3, :3].T
     z = caster.cast(T[:3, 3], rays).t.reshape(camera.shape)
     z = z + np.random.default_rng(seed).normal(size=z.shape) * noise_mm * 1e-3
@@ -52,7 +52,7 @@ def reference(caster: Raycaster, T: Float = FIRST) -> Reference:
 
 
 def registered(caster: Raycaster, motion: Float, *, seed: int = 0) -> Registration:
-    """From FIRST moved by `motion` (4, 4) in its own axes; the robot believes it had not moved."""
+    """From FIRST moved by `motion` (4, 4) in its own axes; the robot's own pose has not changed."""
     view = seen(caster, FIRST @ motion, believed=FIRST, seed=seed)
     ref = reference(caster)
     return register(make_matcher(reference_surface(ref, CONFIG), view, CONFIG), np.eye(4))
@@ -64,7 +64,7 @@ def twist(mm: tuple[float, float, float], deg: tuple[float, float, float] = (0.0
 
 
 def post() -> Raycaster:
-    """A round post before nothing: turning about it and sliding along it cannot be seen."""
+    """A round post without background: rotation about it and translation along it are not observable."""
     angle = np.linspace(0, 2 * np.pi, 161)[:-1]
     ring = np.stack([0.15 * np.cos(angle), 0.15 * np.sin(angle)], axis=1)
     vertices = np.concatenate([np.insert(ring, 2, -3.0, axis=1), np.insert(ring, 2, 4.0, axis=1)])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The closed loop against the virtual robot, which obeys with its own error."""
+"""The closed loop with the virtual robot, which moves with its own error."""
 
 from __future__ import annotations
 

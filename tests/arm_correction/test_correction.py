@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The proposal: frames, hand-eye, covariance, and every reason not to move."""
+"""The proposal: frames, hand-eye, covariance, and every reason for a refusal."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ def test_a_jump_of_tf_costs_nothing_while_the_base_stands(jump_m: float) -> None
 
 
 def test_a_jump_of_the_whole_chain_is_refused() -> None:
-    """A driver without a body frame says only where the camera is; metres off, no start is near."""
+    """Without a body frame only the camera's pose is known; if it is metres off, no start is near."""
     out = Corrector(CONFIG, reference=reference(section())).propose([moved(believed=at(0.0, 3.0, 0.0) @ FIRST)])["reference"]
     assert not out.accepted
     assert out.step == (0.0, 0.0)

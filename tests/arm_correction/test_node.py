@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `correct` over DDS: what it proposes, what it refuses, and that nothing moves unless it is connected."""
+"""The node `correct` over DDS: proposals, refusals, and no motion unless it is connected."""
 
 from __future__ import annotations
 

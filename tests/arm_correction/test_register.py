@@ -73,7 +73,7 @@ def test_a_round_post_leaves_rotation_about_it_and_translation_along_it_undeterm
 
 
 def test_weakly_determined_directions_are_searched() -> None:
-    """Along a post a collar is all that tells, and the way there leads nowhere downhill."""
+    """Along a post only a collar determines the position, and no descent leads there."""
     fin = box("fin", (0.12, 0.03, 7.0), at(0.15, 0.0, 0.8, (0, 0, 0.6)))
     marked = Raycaster(scene_of(post().scene.parts[0], fin, box("collar", (0.16, 0.31, 0.05), at(0.08, 0.0, 0.80))))
     matcher = make_matcher(reference_surface(reference(marked), CONFIG), seen(marked, FIRST, believed=FIRST), CONFIG)

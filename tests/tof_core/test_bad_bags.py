@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags that are damaged, unfinished or none: one line that says what, and nothing lost that was whole."""
+"""Damaged, unfinished and missing bags: one line of error, and no complete message is lost."""
 
 from __future__ import annotations
 

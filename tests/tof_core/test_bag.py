@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags that our writer wrote come back as they were: frames by stamp, joined, posed."""
+"""Bags from the project's writer are read back unchanged: frames in order of stamps, joined, with poses."""
 
 from __future__ import annotations
 

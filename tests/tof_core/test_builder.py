@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Captures from messages as they arrive live: in any order the same, waiting only for what may still come."""
+"""Captures from live messages: independent of their order, and waiting only for messages that may still arrive."""
 
 from __future__ import annotations
 

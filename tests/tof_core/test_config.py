@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration: one table, unknown keys refused, every value checked before it counts."""
+"""Configuration: one table, unknown keys refused, every value checked before use."""
 
 from __future__ import annotations
 

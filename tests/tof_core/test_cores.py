@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work shared out by threads: in order, errors and all."""
+"""Work in threads: results in order, exceptions passed on."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images come out as they were meant, whatever their encoding, byte order and row padding."""
+"""Images are decoded correctly for every encoding, byte order and row padding."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML, digests, progress, metrics, errors: small, and everywhere."""
+"""YAML, digests, progress, metrics and errors."""
 
 from __future__ import annotations
 

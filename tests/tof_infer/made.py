@@ -33,7 +33,7 @@ def wall(number: int, camera: Camera = CAMERA) -> Image:
 
 
 def measured(number: int, camera: Camera = CAMERA) -> Capture:
-    """What the camera makes of it: 20 mm too far, 2 mm of noise, one pixel lost."""
+    """The camera's measurement: 20 mm too far, 2 mm of noise, one pixel lost."""
     rng = np.random.default_rng([number, 2])
     true = wall(number, camera)
     depth = (true + OFFSET_M + rng.normal(0, 2e-3, true.shape)).astype(np.float32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a whole frame tells of sigma: found where it is so, and not where it is not."""
+"""Frame-level correction of sigma: learnt where the frame predicts errors, zero where it does not."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CELLS, PIXELS = (4, 6), 400
 
 
 def lesson(number: int, louder: float) -> Lesson:
-    """A frame, bright or not; errors of bright ones are `louder` times what their scale says, by a Laplace law."""
+    """A frame, bright or not; errors of bright frames are `louder` times their scale, with a Laplace distribution."""
     rng = np.random.default_rng(number)
     cells = torch.from_numpy(rng.normal(0, 0.3, (3, *CELLS)).astype(np.float32))
     bright = number % 2

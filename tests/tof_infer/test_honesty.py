@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sigma holds what it says, whatever the tails of the errors; the limit keeps flying pixels out."""
+"""Calibrated sigma covers 68 and 95 % for any tails of the errors; the limit excludes flying pixels."""
 
 from __future__ import annotations
 

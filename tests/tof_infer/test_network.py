@@ -68,7 +68,7 @@ def images(number: int, size: tuple[int, int]) -> dict[str, Tensor]:
 
 @torch.no_grad()
 def test_invalid_values_do_not_matter() -> None:
-    """NaN, inf, 0 and negative are all the same absence."""
+    """NaN, inf, 0 and negative values all count as missing."""
     run, given = net(), images(1, (32, 48))
     depth, log = run(given)
     for nothing in (0.0, float("inf"), -1.0, 1e9):

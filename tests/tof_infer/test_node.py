@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `infer` live, over DDS: the same numbers as the session gives, marked where it does not know, silent about nothing."""
+"""The node `infer` over DDS: same numbers as the session, uncertain pixels marked, every frame accounted for."""
 
 from __future__ import annotations
 

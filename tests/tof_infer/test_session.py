@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A network at work: what it does not know stays raw and is marked; files and cameras that are not its own are refused."""
+"""Inference: uncertain pixels keep the raw depth and are marked; foreign files and cameras are refused."""
 
 from __future__ import annotations
 

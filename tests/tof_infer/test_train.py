@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Training: learns what can be learnt, goes on after a kill as if nothing had happened, refuses what cannot be trained on."""
+"""Training: learns a known error, continues identically after an interruption, refuses unusable data."""
 
 from __future__ import annotations
 

@@ -39,14 +39,14 @@ def plate() -> Scene:
 
 
 def as_built(scene: Scene, gone: tuple[str, ...] = (), moved: Mapping[str, tuple[float, float, float]] | None = None) -> Scene:
-    """The scene as it stands: without some parts, others moved by millimetres."""
+    """The scene as built: without some parts, others moved by millimetres."""
     shift = {name: np.array(mm) * 1e-3 for name, mm in (moved or {}).items()}
     parts = [replace(p, vertices=p.vertices + shift.get(p.name, 0.0)) for p in scene.parts if p.name not in gone]
     return replace(scene, parts=tuple(parts), digest="")
 
 
 def seen(built: Scene, *, noise_mm: float = 1.0, seed: int = 0, T: Float = EYE) -> View:
-    """What the camera measures of it."""
+    """The camera's measurement of a scene."""
     rays = CAMERA.rays().reshape(-1, 3) @ T[:3, :3].T
     z = Raycaster(built).cast(T[:3, 3], rays).t.reshape(CAMERA.shape)
     z = z + np.random.default_rng(seed).normal(size=z.shape) * noise_mm * 1e-3

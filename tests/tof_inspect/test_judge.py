@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Verdicts on parts: there, gone, moved, or not to be seen."""
+"""Verdicts on parts: present, absent, displaced, not observable."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page and its JSON say the same, and nothing a part is called runs as a script."""
+"""The page and its JSON agree, and a part's name never runs as a script."""
 
 from __future__ import annotations
 

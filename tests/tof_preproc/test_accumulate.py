@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Equation 1 to the letter, the bands over time, and averages whose error is what they say."""
+"""Equation 1 as printed, the outlier filters over time, and averages with a correct standard error."""
 
 from __future__ import annotations
 

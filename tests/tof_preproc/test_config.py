@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The order is checked, presets stand for what they say, and every parameter is described."""
+"""The order is checked, presets are expanded, and every parameter is described."""
 
 from __future__ import annotations
 

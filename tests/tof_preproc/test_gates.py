@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Range, amplitude and the robot's own mask: who goes, who stays, and why."""
+"""Range, amplitude and the robot's own mask: which pixels are removed, and with which reason."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise of one capture, from one frame or many, is the noise that was put in."""
+"""The estimated noise of one capture, from one frame or many, equals the simulated noise."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Preprocessing works on every real capture there is, and keeps what a person would keep."""
+"""Preprocessing of all real captures: surfaces are kept, visible outliers removed."""
 
 from __future__ import annotations
 

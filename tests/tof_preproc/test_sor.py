@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`paper` is Open3D's filter; `scaled` removes what lies alone and nothing that is merely far or flat."""
+"""`paper` equals Open3D's filter; `scaled` removes isolated points, and no far or grazing surface."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Incidence is the angle that geometry has; mixed pixels go, surfaces stay."""
+"""Incidence is the geometric angle; mixed pixels are removed, surfaces are kept."""
 
 from __future__ import annotations
 

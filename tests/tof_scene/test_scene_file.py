@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""scene.yaml: what it may say, and one line with file and line for all it may not."""
+"""scene.yaml: every allowed key, and one line of error with file and line number for everything else."""
 
 from __future__ import annotations
 

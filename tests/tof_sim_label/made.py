@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small captures, views and labels whose every value names its own number."""
+"""Small captures, views and labels whose values encode their number."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The BOP export says the same as the dataset, in BOP's units and layout."""
+"""The BOP export contains the dataset's values in BOP's units and layout."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Radial depth declared as z is refused by its cause; z passes, and so does what says nothing."""
+"""Radial depth declared as z is refused with its cause; z passes, and so does depth without evidence."""
 
 from __future__ import annotations
 

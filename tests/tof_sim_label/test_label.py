@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A label is the CAD from where the camera was; its mask leaves out what is not the CAD."""
+"""A label is the CAD rendered at the camera's pose; its mask excludes everything that is not the CAD."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Planes and spheres are found where they are, from depth as a camera gives it."""
+"""Planes and spheres are fitted correctly to depth with a camera's noise."""
 
 from __future__ import annotations
 

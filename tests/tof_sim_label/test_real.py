@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Real captures: a room fitted once and met again, radial depth refused, two foreign sessions labelled."""
+"""Real captures: a room fitted once and recognised again, radial depth refused, two foreign sessions labelled."""
 
 from __future__ import annotations
 

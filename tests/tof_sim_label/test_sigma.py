@@ -26,7 +26,7 @@ POSE = np.diag([0.4e-3, 0.4e-3, 0.8e-3, 0.5e-3, 0.5e-3, 0.5e-3]) ** 2
 
 
 def step(T: Float, fine: int = 12) -> Rendering:
-    """The step seen from T, with `fine` x `fine` rays a pixel: what a renderer would say of it."""
+    """The step seen from T, with `fine` x `fine` rays a pixel: as a renderer would compute it."""
     camera = CAMERA.scaled(fine)
     rays, origin = camera.rays() @ T[:3, :3].T, T[:3, 3]
     near = (NEAR @ (np.array([0.0, 0.0, 0.8]) - origin)) / (rays @ NEAR)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A frame appended is a frame kept: kills between any two writes, and disks that fill up at any of them."""
+"""An appended frame is never lost: processes killed between any two writes, and disks that fill at any of them."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_a_killed_recorder_loses_no_acknowledged_frame(tmp_path: Path, repositor
 
 
 def rest(stream: IO[str]) -> list[str]:
-    """Whole lines that were still in the pipe; a last one that the kill cut is dropped."""
+    """Complete lines left in the pipe; an incomplete last line is dropped."""
     return [line for line in stream.read().splitlines(keepends=True) if line.endswith("\n")]
 
 
@@ -158,7 +158,7 @@ def append_one(writer: DatasetWriter, kind: str) -> None:
 
 
 def in_a_child_that_dies(at: int, system_calls: SystemCalls, work: Callable[[], None]) -> bool:
-    """Do the work in a fork that kills itself at that system call; whether it got to its end."""
+    """Do the work in a forked process that kills itself at that system call; returns whether it finished."""
     child = os.fork()
     if child == 0:
         system_calls.start(dies_at=at)

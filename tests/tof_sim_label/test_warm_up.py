@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Warming up labels one small view of whatever scene there is, and never fails for it."""
+"""Warming up labels one small view of any scene, and never fails."""
 
 from __future__ import annotations
 

@@ -60,19 +60,19 @@ def looking(x: float, y: float = 0.0, z: float = 0.8) -> Float:
 
 
 def config(**extra: object) -> VirtualConfig:
-    """A small session; settings with double underscores for dots."""
+    """A small session; double underscores in names stand for dots."""
     small = {"camera.width": 80, "camera.height": 60, "plan.views": 4, "output.encoding": "32FC1"}
     return from_mapping(VirtualConfig, small | {k.replace("__", "."): v for k, v in extra.items()})
 
 
 def session(effects: dict[str, float], bodies: list[Body] | None = None, **extra: object) -> Session:
-    """A planned session with its effects at the size that their strength asks for."""
+    """A planned session with its effects at the size of their strength."""
     made = Session(bodies or bench(), config(**extra), effects)
     calibrate(made)
     return made
 
 
 def biases(made: Session, name: str) -> Float:
-    """(V, P) what an effect adds, per capture."""
+    """(V, P) bias of an effect, per capture."""
     effect = next(e for e in made.effects if e.name == name)
     return np.stack([made.bias(i, effect) for i in range(len(made.shutters))])

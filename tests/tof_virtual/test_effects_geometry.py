@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The signature of each effect of where things are."""
+"""The signature of each geometric effect."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The signature of each effect on the way of the light, on noise-free frames."""
+"""The signature of each effect on the path of the light, on noise-free frames."""
 
 from __future__ import annotations
 

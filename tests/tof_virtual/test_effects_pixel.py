@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The signature of each effect in the pixel and of the number that comes out, on noise-free frames."""
+"""The signature of each effect in the pixel and in the output, on noise-free frames."""
 
 from __future__ import annotations
 

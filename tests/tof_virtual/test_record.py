@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a recorded session holds: topics, frames, stamps, and a null camera without bias."""
+"""Content of a recorded session: topics, frames, stamps, and a camera without effects and without bias."""
 
 from __future__ import annotations
 
