@@ -14,6 +14,7 @@ from tof_core.bag_files import deserialize, open_files
 from tof_core.bag_index import BagIndex, RawMessage
 from tof_core.builder import CaptureBuilder
 from tof_core.errors import BagError, TransformError
+from tof_core.motion import is_still
 from tof_core.options import BagOptions
 from tof_core.placement import Placement
 from tof_core.robot import RobotChain
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from tof_core.bag_files import BagFiles
     from tof_core.camera import Camera
     from tof_core.capture import Capture
+    from tof_core.motion import MotionConfig
 
 __all__ = ["BagOptions", "BagReader", "CaptureBuilder", "Placement", "RawMessage", "open_bag"]
 
@@ -143,6 +145,13 @@ class BagReader:
                 builder.last_error = str(error)
             yield from builder.ready()
         yield from builder.ready(final=True)
+
+    def still(self, capture: Capture, gate: MotionConfig) -> bool:
+        """Whether the camera stood still around a capture, by TF; a capture without a robot pose counts as still."""
+        if capture.robot is None:
+            return True
+        cell, _ = self.chain.resolve(capture.camera.frame_id)
+        return is_still(self.transforms, cell, capture.camera.frame_id, capture.stamp_ns, gate)
 
     def messages(self, topics: tuple[str, ...] = ()) -> Iterator[RawMessage]:
         """Messages of the named topics (all where none is), by header stamp, static transforms first."""

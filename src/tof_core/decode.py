@@ -91,10 +91,13 @@ def decode_depth(msg: Any, where: str = "", *, scale: float = 0.001) -> tuple[Im
     if encoding not in DEPTH_ENCODINGS:
         what = f"encoding '{encoding}' holds no depth"
         raise DecodeError(what, where=where, todo=f"use a topic with {', '.join(DEPTH_ENCODINGS)}")
-    if raster.dtype.kind == "u":
-        metres, reasons = _count_tables(scale)
-        return metres[raster], reasons[raster]
-    return _float_depth(raster)
+    return depth_of_counts(raster, scale) if raster.dtype.kind == "u" else _float_depth(raster)
+
+
+def depth_of_counts(raster: NDArray[Any], scale: float = 0.001) -> tuple[Image, Bytes]:
+    """Depth (H, W) in metres and reason map (H, W) of unsigned counts of `scale` metres each; 0 is no return, 65535 saturated."""
+    metres, reasons = _count_tables(scale)
+    return metres[raster], reasons[raster]
 
 
 @lru_cache(maxsize=4)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +28,7 @@ from tof_sensor.effects.radial_depth import RadialDepth
 from tof_sensor.registry import VOCABULARY
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from tof_align.chain import Chain
     from tof_align.config import AlignConfig
@@ -47,7 +48,8 @@ def diagnose(
     align: AlignConfig,
     left_out: frozenset[str] = frozenset(),
     progress: Callable[[str], None] = lambda _: None,
-    bends: Callable[[View], bool] = lambda _: False,
+    *,
+    untestable: Mapping[str, str] = MappingProxyType({}),
 ) -> Diagnosis:
     """Diagnose a session.
 
@@ -58,17 +60,18 @@ def diagnose(
         align: the robot's priors.
         left_out: effects not to be considered (a test of `unknown`).
         progress: called with the name of each step.
-        bends: whether wide planes of a view bend as distances taken for z do; poses of few views would bend with them.
+        untestable: effects that this kind of session cannot have, each with the reason; none of them is considered.
 
     Raises:
         RefusedError: too few views, or a session that fits the scene nowhere. Fewer than `solve.views` carry one answer alone: that
             depth is distance along the ray.
     """
     check(views, config.solve.views)
+    left_out = left_out | untestable.keys()
     few, rng = len(views) < config.solve.views, np.random.default_rng(config.evidence.seed)
 
     progress("first poses: depth or distance along the ray")
-    first = (start(views, caster, config, align), None) if RadialDepth.NAME in left_out else gate(views, caster, config, align, bends)
+    first = (start(views, caster, config, align), None) if RadialDepth.NAME in left_out else gate(views, caster, config, align)
     begun, along_ray = first
     check_enough(views, along_ray, config.solve.views)
 
@@ -92,7 +95,7 @@ def diagnose(
         found,
         explainable(solved.evidence, left, split, found.gap, config.report.explainable),
         unexplained,
-        too_few(len(views)) if few else untested(joint, found, config),
+        too_few(len(views)) if few else untested(joint, found, config) | dict(untestable),
         own_law(solved.evidence, [f.effect for f in found.findings], config.noise),
         config,
     )

@@ -53,6 +53,20 @@ class _ShowSettings(argparse.Action):
         parser.exit()
 
 
+def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
+    """`--scene`, or `--board` in its place."""
+    parser.add_argument("--scene", type=Path, metavar="FILE", help="scene.yaml of the cell")
+    parser.add_argument(
+        "--board",
+        metavar="BOARD",
+        help="no CAD and no robot: a calibration board, found in the amplitude image. 5x7x0.030 (inner corners x inner corners x square in "
+        "metres), charuco:6x8x0.030x0.022 (squares, square, marker) or apriltag:4x6x0.040x0.010 (tags, tag, gap)",
+    )
+    parser.add_argument(
+        "--calibrate", action="store_true", help="with --board: fit the lens to the board's corners instead of CameraInfo's"
+    )
+
+
 def add_config_arguments(parser: argparse.ArgumentParser, settings: Callable[[], type[Any]] | None = None) -> None:
     """`--config FILE.yaml`, `--set key=value` and `--settings`, which shows the class that `settings` loads."""
     group = parser.add_argument_group("configuration")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from tof_align.config import AlignConfig
 from tof_core.config import section
-from tof_core.motion import StationTracker, is_still
+from tof_core.motion import StationTracker
 from tof_preproc.preprocessor import accumulate_views
 from tof_preproc.stream import StreamConfig
 from tof_sim_label.config import LabelConfig
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from tof_core.bag import BagReader
     from tof_core.capture import Capture, View
+    from toftwin.boarded import BoardSource
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +39,7 @@ class PipelineConfig(StreamConfig):
 class ViewStream:
     """Views of a bag, one per dwell; `members` holds the captures of the view given out last."""
 
-    reader: BagReader
+    reader: BagReader | BoardSource
     config: StreamConfig
     need_tf: bool = True
     members: list[Capture] = field(default_factory=list)
@@ -55,10 +56,7 @@ class ViewStream:
 
     def still(self, capture: Capture) -> bool:
         """The motion gate."""
-        if capture.robot is None:
-            return True
-        cell, _ = self.reader.chain.resolve(capture.camera.frame_id)
-        return is_still(self.reader.transforms, cell, capture.camera.frame_id, capture.stamp_ns, self.config.still)
+        return self.reader.still(capture, self.config.still)
 
 
 def _noted(captures: Iterable[Capture], taken: list[Capture]) -> Iterator[Capture]:
@@ -67,7 +65,7 @@ def _noted(captures: Iterable[Capture], taken: list[Capture]) -> Iterator[Captur
         yield capture
 
 
-def raw_views(reader: BagReader, config: StreamConfig) -> list[View]:
+def raw_views(reader: BagReader | BoardSource, config: StreamConfig) -> list[View]:
     """All views of a bag accumulated but unfiltered: what a diagnosis of the sensor must see."""
     unfiltered = replace(config, preproc=replace(config.preproc, order="accumulate"))
     return list(ViewStream(reader, unfiltered))

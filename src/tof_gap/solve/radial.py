@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.camera import radial_to_z
+from tof_core.flat.wide_plane import wide_bend
 from tof_gap.seen.finding import Finding
 from tof_gap.solve.start import start
 from tof_sensor.effects.radial_depth import RadialDepth
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from tof_align.config import AlignConfig
     from tof_core.arrays import Float
@@ -30,12 +31,11 @@ def gate(
     caster: Raycaster,
     config: GapConfig,
     align: AlignConfig,
-    bends: Callable[[View], bool] = lambda _: False,
 ) -> tuple[Start, Finding | None]:
     """The views as z, brought to the CAD, and `radial_depth` where they were not z.
 
     Both readings are brought to the CAD with the robot's priors; the one that misses it by less is believed. Few views leave poses
-    that bend with them: there `bends` decides, which says whether a wide plane in a view bends as distances taken for z do.
+    that bend with them: there wide planes of the views decide, which bend where distances are taken for z.
     """
     begun = start(views, caster, config, align)
     as_z = median_miss(begun.evidence)
@@ -43,11 +43,17 @@ def gate(
         return begun, None
     converted = [replace(v, depth=radial_to_z(v.camera, v.depth)) for v in views]
     other = start(converted, caster, config, align)
-    if median_miss(other.evidence) > config.solve.gate.better * as_z and not all(bends(v) for v in views):
+    if median_miss(other.evidence) > config.solve.gate.better * as_z and not all(_bends(v) for v in views):
         return begun, None
     share = np.stack([(v.depth - c.depth).astype(np.float64) for v, c in zip(views, converted, strict=True)])
     note = "the depth image holds distance along the ray"
     return other, Finding(RadialDepth(share=1.0), 1.0, share=share, corrects=True, note=note)
+
+
+def _bends(view: View) -> bool:
+    """Whether the widest plane of a view bends as distances taken for z do."""
+    found = wide_bend(view.depth, view.camera)
+    return found is not None and found.radial
 
 
 def median_miss(evidence: Sequence[ViewEvidence]) -> float:

@@ -24,10 +24,10 @@ EXAMPLE = "toftwin gap session/bag --scene cell/scene.yaml --out out/gap"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments
+    from toftwin.options import add_bag_arguments, add_config_arguments, add_scene_arguments
 
-    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
-    parser.add_argument("--scene", type=Path, required=True, metavar="FILE", help="scene.yaml of the cell")
+    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file; with --board also a folder of PNG pairs")
+    add_scene_arguments(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the report")
     parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml of what is known already; only the rest is diagnosed")
     parser.add_argument(
@@ -80,16 +80,15 @@ def run(args: argparse.Namespace) -> int:
     from tof_gap.tell.report import write
     from tof_sensor.model import load_model
     from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
-    from toftwin.inputs import opened
+    from toftwin.inputs import source
     from toftwin.options import load_config
 
     config = load_config(GapPipelineConfig, args)
     left_out = _effects(args.leave_out)
     known = load_model(args.sensor) if args.sensor else None
     say = _Said(args.json)
-    with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
-        assert scene is not None
-        diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=left_out, say=say)
+    with source(args, config) as (reader, scene):
+        diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=left_out, progress=say)
     say("advice and report")
     content = write(diagnosis, caster, args.out, advise(diagnosis, caster))
     page = write_page(diagnosis, content, args.out, Path(args.bag).name)

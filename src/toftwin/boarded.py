@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A session before a calibration board: no TF and no CAD, poses from the board's corners in the amplitude image."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.bag import open_bag
+from tof_core.board.corners import find_corners
+from tof_core.board.pose import board_pose, calibrated
+from tof_core.capture import RobotPose, View
+from tof_core.cores import in_threads
+from tof_core.errors import RefusedError
+from tof_core.image_folder import is_image_folder, read_image_folder
+from tof_scene.board import board_scene
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from tof_align.config import AlignConfig, Priors
+    from tof_core.arrays import Float
+    from tof_core.board.pose import BoardPose
+    from tof_core.board.spec import Board
+    from tof_core.camera import Camera
+    from tof_core.capture import Capture
+    from tof_core.motion import MotionConfig
+    from tof_core.options import BagOptions
+    from tof_scene.scene import Scene
+
+WHITE_ALBEDO = 0.8
+"""Albedo taken for the paper: only the ratio of the squares' albedos shows in amplitudes of unknown gain."""
+HELD_MM, HELD_DEG = 1e-2, 1e-3
+"""Prior deviations of base and hand-eye before a board: there is neither."""
+NOT_TESTABLE = {
+    "cad_deviation": "the board is taken to be flat and whole",
+    "hand_eye": "poses come from the board's corners, not from an arm",
+}
+"""Effects that a session before a board cannot test, with the reason."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardSession:
+    """Views with the poses that the board gives them, the board as a scene, and what is known of the poses.
+
+    skipped: stamps of captures in which the board was not found; lens_std (9,): of a calibrated lens, None where CameraInfo's was kept.
+    """
+
+    views: tuple[View, ...]
+    scene: Scene
+    poses: tuple[BoardPose, ...]
+    skipped: tuple[int, ...]
+    camera: Camera
+    lens_std: Float | None = None
+
+    def align(self, config: AlignConfig) -> AlignConfig:
+        """The alignment's settings with the corners' covariance as the arm's prior, base and hand-eye held."""
+        return replace(config, priors=self.priors(config.priors))
+
+    def priors(self, priors: Priors) -> Priors:
+        """Deviations of the poses: along the optical axis and about the axes, median over the views."""
+        sd = np.sqrt(np.median([np.diag(p.cov) for p in self.poses], axis=0))
+        return replace(
+            priors,
+            base_mm=HELD_MM,
+            base_deg=HELD_DEG,
+            hand_eye_mm=HELD_MM,
+            hand_eye_deg=HELD_DEG,
+            arm_mm=1e3 * float(sd[2]),
+            arm_deg=float(np.degrees(sd[3:].max())),
+        )
+
+
+class BoardSource:
+    """Captures before a board in the place of a bag: each is a view of its own, since the board or the camera is held by hand."""
+
+    def __init__(self, captures: Sequence[Capture], board: Board, *, calibrate: bool = False) -> None:
+        """Find the board in every capture; errors as of `board_session`."""
+        self.session = board_session(captures, board, calibrate=calibrate)
+        posed = {v.stamp_ns: v.robot for v in self.session.views}
+        self._captures = [replace(c, camera=self.camera, robot=posed[c.stamp_ns]) for c in captures if c.stamp_ns in posed]
+        self.skipped, self.last_error = Counter(board=len(self.session.skipped)), ""
+        self.note = f"the board is seen in {len(posed)} of {len(captures)} captures"
+
+    @property
+    def camera(self) -> Camera:
+        """The camera, its lens fitted where that was asked for."""
+        return self.session.camera
+
+    @property
+    def frame_count(self) -> int:
+        """How many captures see the board."""
+        return len(self._captures)
+
+    def captures(self, *, need_tf: bool = True) -> Iterator[Capture]:  # noqa: ARG002 (as a bag's reader is called)
+        """The captures that see the board, with the pose that it gives them."""
+        return iter(self._captures)
+
+    def still(self, capture: Capture, gate: MotionConfig) -> bool:  # noqa: ARG002 (as a bag's reader is called)
+        """Never: no two captures are known to be from one pose."""
+        return False
+
+
+def read_captures(path: str | Path, options: BagOptions) -> list[Capture]:
+    """Captures of a bag, or of a folder of PNG pairs (`tof_core.image_folder`), without any pose."""
+    if is_image_folder(Path(path)):
+        return read_image_folder(Path(path))
+    with open_bag(path, options) as reader:
+        return list(reader.captures(need_tf=False))
+
+
+def board_session(captures: Sequence[Capture], board: Board, *, calibrate: bool = False) -> BoardSession:
+    """Find the board in every capture.
+
+    Args:
+        captures: depth with amplitude; no robot pose is needed.
+        board: what stands in view.
+        calibrate: fit the lens to the same corners instead of taking CameraInfo's.
+
+    Raises:
+        RefusedError: no amplitude, or the board is found in no capture.
+    """
+    if all(c.amplitude is None for c in captures):
+        raise RefusedError("no capture has an amplitude image", where="--board", todo="record the camera's IR or amplitude topic too")
+    found = in_threads(lambda c: None if c.amplitude is None else find_corners(c.amplitude, board), captures)
+    seen = [(c, f) for c, f in zip(captures, found, strict=True) if f is not None]
+    if not seen:
+        raise RefusedError(
+            f"the board is found in none of {len(captures)} captures", where="--board", todo="count inner corners, and show the board whole"
+        )
+    camera, lens_std = seen[0][0].camera, None
+    if calibrate:
+        camera, lens_std, _ = calibrated(camera, [f for _, f in seen])
+    posed = [(replace(c, camera=camera), f, p) for c, f in seen if (p := board_pose(f, camera)) is not None]
+    if not posed:
+        raise RefusedError(
+            f"the corners of {len(seen)} captures fit no pose of the board through this lens",
+            where="--board",
+            todo="check camera_info and the board's size, or fit the lens (--calibrate)",
+        )
+    views = tuple(replace(View.of_capture(c), robot=RobotPose(np.eye(4), p.T_board_camera)) for c, _, p in posed)
+    black, white, odd_is_black = _albedos([(c, p) for c, _, p in posed], board)
+    scene = board_scene(board, black, white, odd_is_black=odd_is_black)
+    kept = {v.stamp_ns for v in views}
+    return BoardSession(
+        views, scene, tuple(p for *_, p in posed), tuple(c.stamp_ns for c in captures if c.stamp_ns not in kept), camera, lens_std
+    )
+
+
+def _albedos(posed: Sequence[tuple[Capture, BoardPose]], board: Board) -> tuple[float, float, bool]:
+    """Albedo of black and of white squares, and whether the odd ones are black, from the amplitude at the squares' centres."""
+    lower, odd = board.squares
+    centre = np.concatenate([lower + 0.5 * board.extent, np.zeros((len(lower), 1))], axis=1)
+    levels = []
+    for capture, pose in posed:
+        R, t = pose.T_board_camera[:3, :3], pose.T_board_camera[:3, 3]
+        at = (centre - t) @ R
+        column, row = np.rint(capture.camera.project(at)).astype(int).T
+        h, w = capture.depth.shape
+        inside = (column >= 0) & (column < w) & (row >= 0) & (row < h)
+        amplitude = np.full(len(centre), np.nan)
+        assert capture.amplitude is not None
+        amplitude[inside] = capture.amplitude[row[inside], column[inside]]
+        r2 = (at**2).sum(axis=1)
+        levels.append(amplitude * r2 * np.sqrt(r2) / np.abs((centre - t)[:, 2]))
+    level = np.nanmedian(np.stack(levels), axis=0)
+    even, other = (float(np.nanmedian(level[odd == k])) if (odd == k).any() else np.nan for k in (0, 1))
+    if not np.isfinite(other):
+        return WHITE_ALBEDO, WHITE_ALBEDO, False
+    dark, light = min(even, other), max(even, other)
+    return WHITE_ALBEDO * dark / max(light, 1e-12), WHITE_ALBEDO, other < even

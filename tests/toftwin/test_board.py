@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin gap --board`: a camera before a checkerboard, without robot and CAD."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.tof_core.board.drawn import CAMERA, draw, pose
+from tof_align.config import Priors
+from tof_core.board.spec import Board
+from tof_core.capture import Capture
+from tof_core.errors import RefusedError
+from tof_scene.board import BLACK, WHITE
+from toftwin.boarded import HELD_MM, BoardSource, board_session
+from toftwin.cli import main
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+BOARD = Board.parse("5x7x0.030")
+NOISE_M, WALK_M = 0.0015, 0.012
+"""Noise of a pixel at an amplitude of 4000 (photons: it goes as the root of amplitude); by how much dark squares are measured farther than white ones (metres)."""
+PLAIN = replace(CAMERA, distortion=())
+
+
+def captures(count: int = 10, *, walk_m: float = WALK_M, seed: int = 0) -> list[Capture]:
+    """Views of the board from poses that differ in distance and tilt."""
+    rng = np.random.default_rng(seed)
+    rays, out = PLAIN.rays(), []
+    for k in range(count):
+        T = pose(0.36 + 0.03 * k, tilt=tuple(rng.uniform(-0.4, 0.4, 3)))
+        direction = rays @ T[:3, :3].T
+        z = -T[2, 3] / direction[..., 2]
+        lit = draw(BOARD, T, PLAIN) / z**2
+        depth = z + walk_m * np.log(lit.max() / lit) / np.log(8.0) + NOISE_M * np.sqrt(4000.0 / lit) * rng.standard_normal(z.shape)
+        reason = np.zeros(z.shape, np.uint8)
+        out.append(Capture(k * 10**9, PLAIN, depth.astype(np.float32), reason, amplitude=lit.astype(np.float32)))
+    return out
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The captures as PNG pairs."""
+    path = tmp_path_factory.mktemp("board")
+    for k, c in enumerate(captures()):
+        assert c.amplitude is not None
+        cv2.imwrite(str(path / f"depth_{k:03}.png"), np.rint(1e3 * c.depth).astype(np.uint16))
+        cv2.imwrite(str(path / f"ir_{k:03}.png"), np.rint(2.0 * c.amplitude).clip(0, 65535).astype(np.uint16))
+    K = [PLAIN.fx, 0.0, PLAIN.cx, 0.0, PLAIN.fy, PLAIN.cy, 0.0, 0.0, 1.0]
+    (path / "camera.yaml").write_text(
+        json.dumps(
+            {"image_width": PLAIN.width, "image_height": PLAIN.height, "camera_matrix": {"data": K}, "distortion_model": "plumb_bob"}
+        )
+    )
+    return path
+
+
+def test_the_board_is_the_scene_and_gives_the_poses() -> None:
+    session = board_session(captures(4), BOARD)
+    assert len(session.views) == 4
+    white, black = session.scene.part(WHITE), session.scene.part(BLACK)
+    assert white.material.albedo / black.material.albedo == pytest.approx(8.0, rel=0.1)
+    priors = session.priors(Priors())
+    assert priors.base_mm == HELD_MM
+    assert 0.005 < priors.arm_mm < 2.0
+    for view in session.views:
+        assert view.robot is not None
+        assert view.robot.T_cell_camera[2, 3] < 0
+
+
+def test_captures_without_the_board_are_counted_and_left_out() -> None:
+    some = captures(3)
+    blind = replace(some[1], amplitude=np.full(PLAIN.shape, 100.0, np.float32))
+    source = BoardSource([some[0], blind, some[2]], BOARD)
+    assert source.frame_count == 2
+    assert source.skipped["board"] == 1
+    assert "2 of 3" in source.note
+
+
+def test_no_amplitude_and_no_board_are_refusals() -> None:
+    some = captures(2)
+    with pytest.raises(RefusedError, match="no capture has an amplitude image"):
+        board_session([replace(c, amplitude=None) for c in some], BOARD)
+    with pytest.raises(RefusedError, match="found in none of 2"):
+        board_session(some, Board.parse("4x9x0.030"))
+
+
+def test_gap_names_what_goes_with_amplitude_and_nothing_else(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["gap", str(folder), "--board", "5x7x0.030", "--out", str(tmp_path / "gap"), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["verdict"] == ["amplitude_bias"]
+    assert report["gap"]["shrink"] > 0.9
+    assert "flat and whole" in report["not_testable"]["cad_deviation"]
+    assert (tmp_path / "gap" / "sensor.yaml").exists()
+
+
+def test_scene_and_board_exclude_each_other(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["gap", str(folder), "--out", str(tmp_path)]) == 2
+    assert "neither a scene nor a board" in capsys.readouterr().err
+    assert main(["gap", str(folder), "--board", "5x7x0.030", "--scene", "x.yaml", "--out", str(tmp_path)]) == 2
+    assert main(["gap", str(folder), "--board", "5x7", "--out", str(tmp_path)]) == 2
