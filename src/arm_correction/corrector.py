@@ -132,7 +132,7 @@ class Corrector:
     @contextmanager
     def _alone(self) -> Iterator[None]:
         if not self._busy.acquire(blocking=False):
-            raise RefusedError("busy with another command", where="correction", todo="ask again once it is answered")
+            raise RefusedError("busy with another command", where="correction", todo="repeat the command once the other one is done")
         try:
             yield
         finally:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names for the array types that cross room borders (shapes stand in docstrings)."""
+"""Array types used between rooms; the docstrings of their users give the shapes."""
 
 from __future__ import annotations
 

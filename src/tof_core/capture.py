@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RobotPose:
-    """Where the robot believes its camera is, from TF at the image's stamp.
+    """The robot's own estimate of its camera pose, from TF at the image's stamp.
 
     `T_cell_body` is the identity where the chain has no body frame (one station), and then
     `T_body_camera` is the whole chain from the cell to the camera.

@@ -33,7 +33,7 @@ class Joined:
         return self.messages[best] if best >= 0 and abs(self.stamps[best] - stamp) <= within_ns else None
 
     def settled(self, stamp: int) -> bool:
-        """Whether nothing that is still to come can be nearer: one is exact, or one is later."""
+        """Whether no later message can be nearer: one stamp is equal, or one is later."""
         return bool(self.stamps) and self.stamps[-1] >= stamp
 
     def forget_before(self, stamp: int) -> None:

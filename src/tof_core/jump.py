@@ -16,13 +16,13 @@ class BackwardJump:
         self._late: list[int] = []
 
     def late(self, stamp_ns: int, newest_ns: int) -> None:
-        """A frame came after a newer one had been given out."""
+        """Record a frame that arrived after a newer one had been output."""
         if stamp_ns < newest_ns - JUMP_NS:
             rising = not self._late or stamp_ns > self._late[-1]
             self._late = [*self._late, stamp_ns] if rising else [stamp_ns]
 
     def clear(self) -> None:
-        """A frame came in order."""
+        """Record a frame that arrived in order."""
         self._late.clear()
 
     def __bool__(self) -> bool:

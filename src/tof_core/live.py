@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ManagedOptions:
-    """Of a node that is configured and activated before it works."""
+    """Options of a managed (lifecycle) node."""
 
     autostart: bool = param(True, "configure and activate at the start; false waits for a lifecycle manager")
 
 
 @dataclass(frozen=True, slots=True)
 class ViewOptions(ManagedOptions):
-    """Of a node that takes the views of `preproc` to the CAD."""
+    """Options of a node that compares the views of `preproc` with the CAD."""
 
     scene: str = param("", "scene.yaml of the cell, its folder, or a built-in scene's name")
     cell_frame: str = param("", "TF frame of the cell; empty: the scene's")
@@ -46,14 +46,14 @@ class ViewOptions(ManagedOptions):
         return (path.parent if path.suffix in {".yaml", ".yml"} else path).name
 
     def chain(self, cell: str = "", placed: Placement | None = None) -> RobotChain:
-        """Frames and transforms, nothing heard yet; `cell` holds where the options name none."""
+        """Frames and an empty transform buffer; `cell` is used where the options name none."""
         transforms = TransformBuffer(self.max_gap_s, keep_s=self.keep_tf_s)
         return RobotChain(transforms, self.cell_frame or cell, self.body_frame, placed)
 
 
 @dataclass(frozen=True, slots=True)
 class ColourViewOptions(ViewOptions):
-    """Of a node that looks at colour beside depth."""
+    """Options of a node that uses colour beside depth."""
 
     colour_topic: str = param("camera/hand/image", "colour image, optional; 'none' leaves it out")
     colour_info_topic: str = param("", "the colour camera's calibration; empty: beside the image")

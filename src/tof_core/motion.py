@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 class StationConfig:
     """Apparent motion of the base within one station."""
 
-    tolerance_mm: float = param(8.0, "the base has moved when its origin went further than this", unit="mm", low=0.1, high=1000.0)
-    tolerance_deg: float = param(0.5, "the base has moved when it turned further than this", unit="deg", low=0.01, high=90.0)
+    tolerance_mm: float = param(8.0, "the base has moved if its origin moved by more than this", unit="mm", low=0.1, high=1000.0)
+    tolerance_deg: float = param(0.5, "the base has moved if it turned by more than this", unit="deg", low=0.01, high=90.0)
 
 
 class StationTracker:
-    """Numbers the stations: stretches in which the base stands still in the cell.
+    """Numbers the stations: intervals in which the base stands still in the cell.
 
     The reference is the station's first pose, so a slow drift cannot carry a station away.
     """
@@ -57,9 +57,9 @@ class StationTracker:
 class MotionConfig:
     """The motion gate: how fast the camera may move while a capture counts as still."""
 
-    window_s: float = param(0.04, "TF is looked at this long before and after the capture's stamp", unit="s", low=0.005, high=1.0)
-    speed_mm_s: float = param(10.0, "faster than this is moving", unit="mm/s", low=0.01, high=10000.0)
-    turn_deg_s: float = param(1.0, "turning faster than this is moving", unit="deg/s", low=0.001, high=1000.0)
+    window_s: float = param(0.04, "interval before and after the capture's stamp over which TF gives the speed", unit="s", low=0.005, high=1.0)
+    speed_mm_s: float = param(10.0, "a faster camera counts as moving", unit="mm/s", low=0.01, high=10000.0)
+    turn_deg_s: float = param(1.0, "a camera that turns faster counts as moving", unit="deg/s", low=0.001, high=1000.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,7 +47,7 @@ def read_npz(path: Path, names: Collection[str] = ()) -> dict[str, NDArray[Any]]
 
 
 def _check_sizes(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], path: Path) -> None:
-    """Refuse headers that say more than is allowed, or other than their member holds."""
+    """Refuse headers that state larger sizes than allowed, or other sizes than their member has."""
     allowed = max(LARGEST_ARRAYS, path.stat().st_size)
     total = 0
     for name, member in members.items():

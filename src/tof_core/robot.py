@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the robot believes its camera is: the chain cell, body, camera from TF."""
+"""The robot's own estimate of its camera pose: the chain cell, body, camera from TF."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class RobotChain:
         return self.pose(camera_frame, self.transforms.latest(cell, camera_frame))
 
     def settled(self, camera_frame: str, stamp_ns: int) -> bool:
-        """Whether a pose that is lacking now will not come: TF joins the frames and has gone past the stamp.
+        """Whether a missing pose will stay missing: TF connects the frames and has passed the stamp.
 
         While it does not join them, a latched transform may still be on its way.
         """

@@ -108,7 +108,7 @@ class TransformBuffer:
         return se3.from_quat(motion[:3], motion[3:])
 
     def settled(self, target: str, source: str, stamp_ns: int) -> bool:
-        """Whether TF between two frames has gone so far past a stamp that a lookup failing now will not succeed later.
+        """Whether TF between two frames has passed a stamp so far that a lookup that fails now will not succeed later.
 
         Other frames do not count: they may be another robot's, by another clock.
         """

@@ -89,7 +89,7 @@ class Pool:
         return int(self.first[-1])
 
     def column(self, name: str) -> Ints:
-        """The stations of all views, numbered through (what a split asks for)."""
+        """The stations of all views, numbered consecutively, as a split needs them."""
         assert name == "views/station"
         return self._station
 

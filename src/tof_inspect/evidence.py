@@ -85,7 +85,7 @@ def weigh(seen: Seen, without: Without, part: int, config: InspectConfig) -> Evi
 
     A pixel's likelihood is a Gaussian of its sigma beside a share `outliers` that is flat over `wide_m` (a mirror, a cable,
     a dropout: no pixel may decide alone). Its log ratio is bounded by that. Sums over cells of `cell_px` pixels are
-    divided by what a shared error of `shared_mm` makes of them.
+    reduced to the size that a shared error of `shared_mm` leaves of them.
     """
     view, whole = seen.view, seen.whole
     covered = whole.part == part

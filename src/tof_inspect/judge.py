@@ -33,7 +33,7 @@ class PartVerdict:
     """Verdict of one part.
 
     state: present, absent, displaced, not_observable; probability: that the part is there (also where it is displaced);
-    pixels: those that stand out, of all views; displaced_mm with std_mm: how far from the CAD, NaN where not asked;
+    pixels: distinctive pixels of all views; displaced_mm with std_mm: distance from the place in the CAD, NaN if not fitted;
     log_depth, log_colour, log_ratio: log likelihood ratios of presence by each and by both (see `Ratios`); why: one line.
     """
 

@@ -50,7 +50,7 @@ class _Tree:
         return cls(Raycaster(some), np.array([*numbers, -1]))
 
     def cast(self, origin: Float, directions: Float, part: int) -> Behind:
-        """First hits with part number `part` of the scene left out: a ray that meets it goes on behind."""
+        """First hits without part number `part` of the scene: a ray that hits this part continues behind it."""
         hits = self.caster.cast(origin, directions)
         t, number, normal = hits.t.copy(), self.numbers[hits.part], hits.normal.copy()
         length = np.linalg.norm(directions, axis=1)

@@ -70,7 +70,7 @@ class IqrConfig:
 
 @dataclass(frozen=True, slots=True)
 class Sigma3Config:
-    """Captures of a pixel further than so many standard deviations from its centre are rejected (THREE_SIGMA)."""
+    """Captures of a pixel further than `ratio` standard deviations from its centre are rejected (THREE_SIGMA)."""
 
     enable: bool = param(True, "reject by standard deviations over time")
     method: str = param(

@@ -66,7 +66,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         ahead_ns = round(self.config.still.window_s * 1e9)
         self._tf = TransformListener(self, self._stream.transforms, self._advance, lambda: self._patience.oldest + ahead_ns)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
-        warm_up()  # the first time ever this compiles for some 20 s: better before frames come than while they wait
+        warm_up()  # the first time this compiles for some 20 s: before frames arrive, not while they wait
         self._subscribe()
         self._say_stages()
         self.timer(PERIOD_S, self._tick)
@@ -124,7 +124,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
             self.jumped()
 
     def _tick(self) -> None:
-        """Give up waiting for what does not come."""
+        """Give out frames whose missing parts did not arrive in time."""
         self._stream.give_up(self._patience.tick())
         self._advance()
 
@@ -202,7 +202,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         out, t = [], self._topics
         if self._since_info >= 10 and self.tally.last_arrival - max(self._last_info, self.tally.first_arrival) > 2.0:
             frames, info = self.resolve_topic_name(t.depth or t.points), self.resolve_topic_name(t.info)
-            out.append(f"{frames} is seen, but no {info} for 2 s: is it published, and heard (QoS)?")
+            out.append(f"{frames} is seen, but no {info} for 2 s: is it published, and does its QoS match?")
         if self._stream.builder.skipped[NO_TRANSFORM]:
             out.append(f"transform: {self._stream.builder.last_error}")
         return out

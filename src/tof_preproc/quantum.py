@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Image
 
 FINEST, COARSEST = 2e-5, 2e-2
-"""Steps looked for, metres: finer ones drown in any noise."""
+"""Range of steps, metres; finer ones are far below any noise."""
 DITHERED = 1.5
 """Variance in squared steps above which the bias is lost in the rounding of the rest (exp(-59), for up to 256 captures)."""
 

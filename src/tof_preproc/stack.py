@@ -20,7 +20,7 @@ class Stack:
     """
 
     def __init__(self, shape: tuple[int, int], room: int, *, in_time: bool) -> None:
-        """Empty; memory is taken page by page, as captures come."""
+        """Empty; memory is allocated page by page as captures arrive."""
         self.ordered: Image = np.empty((shape[0] * shape[1], room), np.float32)
         self.count: Ints = np.zeros(shape, np.uint16)
         self.reasons: Bytes = np.empty((room, shape[0] * shape[1]), np.uint8)

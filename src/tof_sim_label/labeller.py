@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 class LabellerConfig:
     """Configuration of poses and labels."""
 
-    align: AlignConfig = section(AlignConfig, "where the camera was")
-    label: LabelConfig = section(LabelConfig, "what its label holds")
+    align: AlignConfig = section(AlignConfig, "pose of the camera")
+    label: LabelConfig = section(LabelConfig, "uncertainty and mask of the label")
 
 
 Labels = Iterator[tuple[View, Label]]

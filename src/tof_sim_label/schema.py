@@ -57,7 +57,7 @@ COLUMNS: dict[str, dict[str, Column]] = {
         "incidence": Column("f4", IMAGE, "angle between ray and surface normal, radians"),
         "T_cell_camera": Column("f8", (4, 4), "solved pose of the camera"),
         "pose_cov": Column("f8", (6, 6), "its covariance: x y z rotX rotY rotZ, fixed axes of the cell"),
-        "station": Column("i4", (), "stretch in which the base stood still; the unit of every split"),
+        "station": Column("i4", (), "interval in which the base stood still; the unit of every split"),
         "stamp_ns": Column("i8", (), "header stamp of the view's last capture"),
     },
 }

@@ -46,7 +46,7 @@ class Bvh:
         return t, face
 
     def blocked(self, start: Float, end: Float) -> Mask:
-        """Whether something stands between points (N, 3) and (N, 3), both pulled in by a hair."""
+        """Whether a triangle lies between points (N, 3) and (N, 3), both ends shortened slightly."""
         return np.asarray(
             _blocked(self.boxes, self.links, self.triangles, np.ascontiguousarray(start, float), np.ascontiguousarray(end, float))
         )

@@ -64,7 +64,7 @@ class PlanConfig:
     )
     roll_deg: float = param(15.0, "largest roll about the axis", unit="deg", low=0, high=180)
     facing_deg: float = param(0.0, "azimuth of the robot's side, from the cell's x", unit="deg", low=-180, high=180)
-    target: str = param("", "point looked at as 'x,y,z' in the cell, the middle of the subjects if empty")
+    target: str = param("", "target of the views as 'x,y,z' in the cell; empty: the centre of the subjects")
     spread: float = param(0.6, "largest aiming offset from the target, as a share of the subjects' size", low=0, high=1)
     rate_hz: float = param(15.0, "captures a second", unit="Hz", low=0.1, high=1000)
     tf_rate_hz: float = param(50.0, "transforms a second", unit="Hz", low=1, high=1000)
