@@ -57,7 +57,9 @@ class StationTracker:
 class MotionConfig:
     """The motion gate: how fast the camera may move while a capture counts as still."""
 
-    window_s: float = param(0.04, "interval before and after the capture's stamp over which TF gives the speed", unit="s", low=0.005, high=1.0)
+    window_s: float = param(
+        0.04, "interval before and after the capture's stamp over which TF gives the speed", unit="s", low=0.005, high=1.0
+    )
     speed_mm_s: float = param(10.0, "a faster camera counts as moving", unit="mm/s", low=0.01, high=10000.0)
     turn_deg_s: float = param(1.0, "a camera that turns faster counts as moving", unit="deg/s", low=0.001, high=1000.0)
 

@@ -43,7 +43,7 @@ class Block(nn.Module):
 
 
 def convolved(layer: nn.Conv2d, *parts: Tensor) -> Tensor:
-    """What the layer makes of all parts put together, channels after channels."""
+    """Output of the layer for the concatenated parts, without concatenating them."""
     # Plain numbers become constants of the exported graph; otherwise it would slice the weights for each frame.
     weights = torch.split(layer.weight, [int(x.shape[1]) for x in parts], 1)
     biases = (layer.bias, *(None for _ in parts[1:]))
