@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sessions on which the numbers are tried: twelve of the gap check's kind, or those of a folder."""
+
+from __future__ import annotations
+
+import json
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from benchmarks.gap_check.cases import Case
+from benchmarks.gap_check.record import BAGS, record_all
+from tof_scene.raycast import Raycaster
+from toftwin.diagnosis import GapPipelineConfig
+from toftwin.inputs import opened
+from toftwin.pipeline import raw_views
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tof_core.capture import View
+
+SIZE = (160, 122)
+PLAN: tuple[tuple[str, str, dict[str, float], str], ...] = (
+    ("null", "body_section", {}, ""),
+    ("single", "housing", {"wiggling": 1.0}, ""),
+    ("single", "pipework", {"multipath": 1.0}, ""),
+    ("pair", "housing", {"cad_deviation": 1.0, "noise": 1.0}, ""),
+    ("single", "body_section", {"fixed_pattern": 1.0}, ""),
+    ("left-out", "housing", {"lens_scatter": 1.0}, "lens_scatter"),
+    ("single", "pipework", {"flying_pixels": 1.0}, ""),
+    ("single", "body_section", {"hand_eye": 1.0}, ""),
+    ("null", "housing", {}, ""),
+    ("single", "pipework", {"dropout": 1.0}, ""),
+    ("single", "housing", {"motion": 1.0}, ""),
+    ("single", "body_section", {"interference": 1.0}, ""),
+)
+"""Kind, scene, effects at their usual strength, effect withheld from the list; the most telling sessions first."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Session:
+    """Views of a recorded session, its scene, and the effects that may not be named."""
+
+    name: str
+    views: list[View]
+    caster: Raycaster
+    left_out: frozenset[str]
+
+
+def record(folder: Path, count: int) -> None:
+    """Record the first `count` sessions of the plan into `folder`; those that are there are kept."""
+    cases = [
+        Case(f"case{i:04d}", kind, scene, effects, left_out, 1000 + i, 100.0)
+        for i, (kind, scene, effects, left_out) in enumerate(PLAN[:count])
+    ]
+    record_all(cases, folder, SIZE)
+
+
+def load(folder: Path, name: str) -> Session:
+    """One session of a folder of the gap check's layout."""
+    case = folder / BAGS / name
+    config = GapPipelineConfig()
+    with ExitStack() as stack:
+        reader, scene = stack.enter_context(opened(case / "bag", case / "scene" / "scene.yaml", config))
+        assert scene is not None
+        left_out = frozenset(json.loads((case / "list.json").read_text())["left_out"])
+        return Session(name, raw_views(reader, config), Raycaster(scene), left_out)

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One session diagnosed, or aligned, with one number changed; what does not depend on the number is not computed again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+from unittest.mock import patch
+
+import numpy as np
+
+import tof_gap.diagnose as diagnosis
+import tof_gap.solve.start as first
+from benchmarks.limits.names import SECTIONS, Reads
+from tof_align.config import AlignConfig
+from tof_align.session import near, solve_session
+from tof_core import se3
+from tof_core.config import updated
+from tof_core.errors import ToftwinError
+from tof_gap.config import GapConfig
+from tof_gap.solve.joint import solve
+from tof_gap.solve.radial import gate
+from tof_gap.solve.start import start
+from tof_scene.render import render
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from benchmarks.limits.sessions import Session
+    from tof_align.chain import Chain
+    from tof_align.pixels import Sample
+    from tof_core.arrays import Float
+    from tof_core.camera import Camera
+    from tof_scene.raycast import Raycaster
+
+POSES, SOLUTION, REPORT = "poses", "solution", "report"
+"""Stages of a diagnosis; each uses what the one before it found."""
+GATE, START, SOLVE, RENDER, NEAR = gate, start, solve, render, near
+"""What is computed, before any of it is replaced by what is kept."""
+
+
+@dataclass(slots=True)
+class Trials:
+    """A session, which numbers each stage of it reads, and the results of its stages with default numbers."""
+
+    session: Session
+    reads: dict[str, set[str]] = field(default_factory=dict)
+    stage: list[str] = field(default_factory=lambda: [POSES])
+    kept: dict[Any, Any] = field(default_factory=dict)
+    default: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def run_default(self) -> None:
+        """Diagnose and align with default numbers, and note which of them are read."""
+        self.default["gap"] = self._diagnosed(Reads(GapConfig(), self.reads, self.stage))
+        self.stage[0] = "align"
+        self.default["align"] = self._aligned(Reads(AlignConfig(), self.reads, self.stage))
+
+    def is_read(self, of: str, name: str) -> bool:
+        """Whether the session depends on a number at all."""
+        return name in self.reads["align"] if of == "align" else any(name in self.reads.get(s, ()) for s in (POSES, SOLUTION, REPORT))
+
+    def run(self, of: str, name: str, value: float) -> dict[str, Any]:
+        """The outcome with one number changed."""
+        config = updated(SECTIONS[of](), {name: value})
+        if of == "align":
+            return self._aligned(config)
+        return self._diagnosed(config, [POSES, SOLUTION][: self.reused(of, name)])
+
+    def reused(self, of: str, name: str) -> int:
+        """Stages whose results with default numbers can be used again: 0 to 2 of a diagnosis, the most first to be tried."""
+        if of == "align" or name in self.reads.get(POSES, ()):
+            return 0
+        return 1 if name in self.reads.get(SOLUTION, ()) else 2
+
+    def _diagnosed(self, config: Any, keep: list[str] | None = None) -> dict[str, Any]:
+        """Verdict and shrink; `keep`: stages whose results with default numbers are used again."""
+        keep = keep or []
+
+        def staged(stage: str, after: str, function: Callable[..., Any]) -> Callable[..., Any]:
+            def run(*args: Any) -> Any:
+                self.stage[0] = stage
+                if stage not in keep:
+                    found = function(*args)
+                    self.kept.setdefault(stage, found)
+                else:
+                    found = self.kept[stage]
+                self.stage[0] = after
+                return _with_limits(found, config.evidence)
+
+            return run
+
+        with (
+            patch.object(diagnosis, "solve", staged(SOLUTION, REPORT, SOLVE)),
+            patch.object(diagnosis, "gate", staged(POSES, SOLUTION, GATE)),
+            patch.object(diagnosis, "start", staged(POSES, SOLUTION, START)),
+            patch.object(first, "render", self._render),
+            patch.object(first, "near", self._near),
+        ):
+            self.stage[0] = POSES
+            try:
+                d = diagnosis.diagnose(self.session.views, self.session.caster, config, AlignConfig(), self.session.left_out)
+            except ToftwinError as error:
+                return {"verdict": [f"refused: {error}"], "shrink": None}
+        return {"verdict": list(d.verdict), "shrink": d.gap.shrink}
+
+    def _render(self, caster: Raycaster, camera: Camera, pose: Float, *, footprints: bool = True) -> Any:
+        """The CAD from one camera and pose; rendered once, as no number of the gap enters it."""
+        key = ("render", camera, pose.tobytes(), footprints)
+        if key not in self.kept:
+            self.kept[key] = RENDER(caster, camera, pose, footprints=footprints)
+        return self.kept[key]
+
+    def _near(self, samples: Sequence[Sample], chain: Chain, caster: Raycaster, config: AlignConfig) -> Any:
+        """Bases found from afar; searched once per reading of the depth images."""
+        key = ("near", *(float(np.nansum(s.full.depth)) for s in samples))
+        if key not in self.kept:
+            self.kept[key] = NEAR(samples, chain, caster, config)
+        return self.kept[key]
+
+    def _aligned(self, config: Any) -> dict[str, Any]:
+        """Poses and how many of them are accepted."""
+        try:
+            found = solve_session(self.session.views, self.session.caster, config)
+        except ToftwinError as error:
+            return {"accepted": 0, "refused": str(error), "poses": []}
+        return {"accepted": sum(p.accepted for p in found.posed), "poses": [p.T_cell_camera for p in found.posed]}
+
+    def outcome(self, of: str, found: dict[str, Any]) -> dict[str, Any]:
+        """A result against that with default numbers, as JSON holds it."""
+        usual = self.default[of]
+        if of == "gap":
+            return {
+                "verdict": found["verdict"],
+                "changed": found["verdict"] != usual["verdict"],
+                "points": _points(usual["shrink"], found["shrink"]),
+            }
+        moved = [se3.distance(a, b)[0] for a, b in zip(usual["poses"], found["poses"], strict=False)]
+        return {"accepted": found["accepted"], "changed": found["accepted"] != usual["accepted"], "mm": 1e3 * max(moved, default=0.0)}
+
+
+def _points(one: float | None, other: float | None) -> float | None:
+    """Percentage points between two shrinks; None where either is not stated."""
+    return None if one is None or other is None else 100.0 * abs(one - other)
+
+
+def _with_limits(found: Any, evidence: Any) -> Any:
+    """A result of an earlier stage whose views are judged by other limits from here on."""
+    if isinstance(found, tuple):
+        return (_with_limits(found[0], evidence), *found[1:])
+    if hasattr(found, "evidence"):
+        return replace(found, evidence=tuple(replace(v, limits=evidence) for v in found.evidence))
+    return replace(found, views=tuple(replace(v, limits=evidence) for v in found.views))
