@@ -8,20 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.linearise import linearise
-from tof_align.robust import mad, tukey
+from tof_align.robust import tukey
 from tof_core import se3
+from tof_core.stats import robust_std
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tof_align.config import AlignConfig
+    from tof_align.limits import ApproachLimits
     from tof_align.linearise import Linearised
     from tof_align.pixels import Pixels
     from tof_core.arrays import Float
     from tof_scene.raycast import Raycaster
-
-WITNESSES = 100.0
-"""Independent witnesses a view counts for while far: enough to beat a prior, too few to drown it."""
 
 
 def approach(
@@ -43,16 +42,18 @@ def approach(
         config: kernels and verdict limits.
 
     Starts at the robot's pose; where that ends badly, at many others inside the prior; and slides
-    along what the surfaces leave nearly open, since a descent cannot.
+    along the directions that the surfaces determine least, since a descent does not move there.
     """
-    seen = _spread_out(pixels)
+    limits = config.approach
+    seen = _spread_out(pixels, limits.views)
     local = se3.inverse(frame) @ poses
     descend = _descent([pixels[v] for v in seen], local[seen], frame, prior_std, caster, config)
     best, score = descend(np.eye(4), config.weights.kernel_far_mm * 1e-3)
-    if score > 0.5 * _LIMIT or np.max(prior_std / _NEAR) > 1.0:
-        for start in _starts([pixels[v] for v in seen], local[seen], frame, prior_std, caster):
-            motion, found = descend(start, 0.06)
-            if found < 0.95 * score:
+    wide = np.repeat([limits.wide_mm * 1e-3, np.radians(limits.wide_deg)], 3)
+    if score > limits.fits * limits.residual_mm * 1e-3 or np.max(prior_std / wide) > 1.0:
+        for start in _starts([pixels[v] for v in seen], local[seen], frame, prior_std, caster, limits):
+            motion, found = descend(start, limits.start_kernel_mm * 1e-3)
+            if found < limits.better * score:
                 best, score = motion, found
     return _slid(best, score, descend, [pixels[v] for v in seen], local[seen], frame, prior_std, caster, config)
 
@@ -68,35 +69,37 @@ def _slid(
     caster: Raycaster,
     config: AlignConfig,
 ) -> Float:
-    """Look along the three directions that the surfaces tell least, as far as the prior reaches, and descend again.
+    """Score poses along the directions that the surfaces determine least, as far as the prior reaches, and descend again.
 
     A part that is nearly the same everywhere along a direction holds the descent at whatever
     place it reached; its few features count there as outliers. The score sees them.
     """
-    few = [p.thinned(max(200, p.depth.size // 2)) for p in pixels]
+    limits = config.approach
+    few = [p.thinned(max(limits.slide_pixels, p.depth.size // 2)) for p in pixels]
 
     def cost(there: Float) -> float:
-        return _score(few, frame @ there @ local, caster)
+        return _score(few, frame @ there @ local, caster, limits)
 
-    for _ in range(2):
+    for _ in range(limits.slide_rounds):
         before = score
         for direction in _least_known(pixels, motion, local, frame, prior_std, caster, config):
-            slid = _along(direction * prior_std, motion, cost)
-            if cost(slid) > 0.98 * cost(motion):
+            slid = _along(direction * prior_std, motion, cost, limits)
+            if cost(slid) > limits.slide_better * cost(motion):
                 continue
-            candidates = [(_score(pixels, frame @ slid @ local, caster), slid), descend(slid, 0.02)[::-1]]
+            candidates = [(_score(pixels, frame @ slid @ local, caster, limits), slid), descend(slid, limits.slide_kernel_mm * 1e-3)[::-1]]
             found, moved = min(candidates, key=lambda c: c[0])
-            if found < 0.98 * score:
+            if found < limits.slide_better * score:
                 motion, score = moved, found
         if score == before:
             break
     return motion
 
 
-def _along(twist: Float, motion: Float, cost: Callable[[Float], float]) -> Float:
-    """The best place along a direction (6,), within 1.6 of it to either side: 21 looks, then 4 closer ones."""
-    step, best = 0.16, motion
-    for offsets in (np.arange(-10, 11) * step, np.array([-0.6, -0.3, 0.0, 0.3, 0.6]) * step):
+def _along(twist: Float, motion: Float, cost: Callable[[Float], float], limits: ApproachLimits) -> Float:
+    """The best place along a direction (6,), within `slide_reach` of it to either side: evenly spaced looks, then closer ones."""
+    looks, best = limits.slide_looks, motion
+    step = limits.slide_reach / looks
+    for offsets in (np.arange(-looks, looks + 1) * step, CLOSER * step):
         places = [best @ se3.exp(t * twist) for t in offsets]
         best = places[int(np.argmin([cost(p) for p in places]))]
     return best
@@ -111,23 +114,25 @@ def _least_known(
     caster: Raycaster,
     config: AlignConfig,
 ) -> Float:
-    """(3, 6) unit directions, in the prior's deviations, of which the surfaces that agree say least.
+    """(slides, 6) unit directions, in the prior's deviations, that the surfaces which agree determine least.
 
-    What disagrees must not be asked: a feature rendered in the wrong place would tie down the very slide that is needed.
+    Residuals that disagree are left out: a feature rendered in the wrong place would hold the very slide that is needed.
     """
     H = np.zeros((6, 6))
     for p, T in zip(pixels, local, strict=True):
         view = linearise(p, frame @ motion @ T, caster, config.weights)
         J = view.jacobian @ se3.adjoint(se3.inverse(T)) * prior_std
         H += (J * tukey(view.residual, config.verdict.support_mm * 1e-3)[:, None]).T @ J
-    return np.asarray(np.linalg.eigh(H)[1][:, :3].T)
+    return np.asarray(np.linalg.eigh(H)[1][:, : config.approach.slides].T)
 
 
-_LIMIT = 0.03
-_NEAR = np.repeat([0.06, np.radians(3.0)], 3)
+CLOSER = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])
+"""Looks around the best one, in steps of the looks: they reach past the middle to either neighbour."""
+STARTS_SEED = 1
+"""Of the low-discrepancy set: the same starts in every run."""
 
 
-def _spread_out(pixels: Sequence[Pixels], most: int = 6) -> list[int]:
+def _spread_out(pixels: Sequence[Pixels], most: int) -> list[int]:
     """Enough views to find a station by: the first ones spread over the whole."""
     return sorted({int(i) for i in np.linspace(0, len(pixels) - 1, min(most, len(pixels)))})
 
@@ -140,43 +145,47 @@ def _descent(
     caster: Raycaster,
     config: AlignConfig,
 ) -> Callable[[Float, float], tuple[Float, float]]:
+    limits = config.approach
+
     def descend(motion: Float, kernel: float) -> tuple[Float, float]:
-        for _ in range(24):
+        for _ in range(limits.steps):
             views = [linearise(p, frame @ motion @ T, caster, config.weights) for p, T in zip(pixels, local, strict=True)]
             errors = np.concatenate([v.residual for v in views])
-            if len(errors) < 6:
+            if len(errors) < limits.residuals:
                 break
-            step = _step(views, local, motion, prior_std, kernel)
+            step = _step(views, local, motion, prior_std, kernel, limits.independent)
             motion = motion @ se3.exp(step)
-            kernel = max(0.7 * kernel, min(kernel, 3.0 * mad(errors[np.abs(errors) < kernel])), config.weights.kernel_floor_mm * 1e-3)
-            if np.linalg.norm(step[:3]) < 2e-4 and np.linalg.norm(step[3:]) < 2e-4 and kernel < 0.03:
+            spread = limits.kernel_sigma * robust_std(errors[np.abs(errors) < kernel])
+            kernel = max(limits.shrink * kernel, min(kernel, spread), config.weights.kernel_floor_mm * 1e-3)
+            still = max(np.linalg.norm(step[:3]), np.linalg.norm(step[3:])) < limits.still_mm * 1e-3
+            if still and kernel < limits.near_kernel_mm * 1e-3:
                 break
-        return motion, _score(pixels, frame @ motion @ local, caster)
+        return motion, _score(pixels, frame @ motion @ local, caster, limits)
 
     return descend
 
 
-def _step(views: Sequence[Linearised], local: Float, motion: Float, prior_std: Float, kernel: float) -> Float:
-    """One Gauss-Newton step of the frame; each view counts as `WITNESSES` pixels of kernel / 3."""
+def _step(views: Sequence[Linearised], local: Float, motion: Float, prior_std: Float, kernel: float, independent: float) -> Float:
+    """One Gauss-Newton step of the frame; each view counts as `independent` pixels with a standard deviation of kernel / 3."""
     H = np.diag(prior_std**-2)
     b = -H @ se3.log(motion)
     for view, T in zip(views, local, strict=True):
         if not len(view.residual):
             continue
         weight = tukey(view.residual, kernel)
-        weight *= WITNESSES / len(weight) / (kernel / 3.0) ** 2
+        weight *= independent / len(weight) / (kernel / 3.0) ** 2
         J = view.jacobian @ se3.adjoint(se3.inverse(T))
         H += (J * weight[:, None]).T @ J
         b += J.T @ (weight * view.residual)
     return np.asarray(np.linalg.solve(H, b))
 
 
-def _score(pixels: Sequence[Pixels], poses: Float, caster: Raycaster) -> float:
-    """Mean of min(|residual|, 30 mm) over all pixels that have a depth; the CAD's misses count in full."""
+def _score(pixels: Sequence[Pixels], poses: Float, caster: Raycaster, limits: ApproachLimits) -> float:
+    """Mean of min(|residual|, `residual_mm`) in metres over all pixels that have a depth; where the ray misses the CAD, the most."""
     total = count = 0.0
     for p, T in zip(pixels, poses, strict=True):
         error = _errors(p.depth.ravel(), p.rays.reshape(-1, 3), T, caster)
-        total, count = total + np.minimum(error, _LIMIT).sum(), count + len(error)
+        total, count = total + np.minimum(error, limits.residual_mm * 1e-3).sum(), count + len(error)
     return total / max(count, 1.0)
 
 
@@ -192,23 +201,22 @@ def _starts(
     frame: Float,
     prior_std: Float,
     caster: Raycaster,
-    *,
-    tried: int = 256,
-    kept: int = 6,
+    limits: ApproachLimits,
 ) -> list[Float]:
     """The most promising of many motions inside the prior (a fixed low-discrepancy set), on few rays."""
     from scipy.stats import qmc  # a second to import, and rarely needed
 
-    sobol = qmc.Sobol(6, scramble=True, seed=1).random(tried)
-    twists = np.clip(qmc.scale(sobol, -1.8 * np.ones(6), 1.8 * np.ones(6)), -1.8, 1.8) * prior_std
-    few = [(p.depth.ravel()[::9], p.rays.reshape(-1, 3)[::9]) for p in pixels[:3]]
+    reach, stride, most = limits.reach, limits.start_stride, limits.start_residual_mm * 1e-3
+    sobol = qmc.Sobol(6, scramble=True, seed=STARTS_SEED).random(limits.starts)
+    twists = np.clip(qmc.scale(sobol, -reach * np.ones(6), reach * np.ones(6)), -reach, reach) * prior_std
+    few = [(p.depth.ravel()[::stride], p.rays.reshape(-1, 3)[::stride]) for p in pixels[: limits.start_views]]
     scores = [
         np.mean(
             [
-                np.minimum(_errors(z, r, frame @ se3.exp(x) @ T, caster), 0.15).mean() if np.isfinite(z).any() else 0.15
+                np.minimum(_errors(z, r, frame @ se3.exp(x) @ T, caster), most).mean() if np.isfinite(z).any() else most
                 for (z, r), T in zip(few, local, strict=False)
             ]
         )
         for x in twists
     ]
-    return [se3.exp(twists[i]) for i in np.argsort(scores)[:kept]]
+    return [se3.exp(twists[i]) for i in np.argsort(scores)[: limits.kept]]

@@ -42,7 +42,7 @@ class _Kept:
     T_cell_camera: Float
     gram: Float
     arm: Float
-    told: verdicts.Witness
+    information: verdicts.Information
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,11 +122,13 @@ class SessionAligner:
         kept = _pin(fit, seen)
         moved = fit.chain.moved(kept.x, kept.own)
         explained = unmodelled(fit.chain, fit.basis, fit.lin, kept, len(self._kept)).sum(axis=1)
-        told = verdicts.witness_of(fit.lin, fit.weights, self.config, explained).moved(fit.chain.links(len(self._kept))[0][:, :6])
-        verdict = self._judge(taken, fit, explained, told, moved, seen)
+        information = verdicts.information_of(fit.lin, fit.weights, self.config, explained).moved(
+            fit.chain.links(len(self._kept))[0][:, :6]
+        )
+        verdict = self._judge(taken, fit, explained, information, moved, seen)
         if not verdict.accepted:
             return self._refused(predicted, verdict.reason)
-        self._remember(taken, moved, fit, told)
+        self._remember(taken, moved, fit, information)
         T = moved.pose(-1)
         return Posed(
             T, se3.cov_fixed_axes(T, camera_cov(fit.chain, fit.answer, len(self._kept) - 1)), seen.at(T[:3, 3]), verdict=verdict.reason
@@ -136,7 +138,7 @@ class SessionAligner:
         """Gauss-Newton on the new view and the window; the answer's step is not taken yet."""
         last = len(self._kept)
         basis = self._basis or basis_of([lin], replace(self.config.discrepancy, centres=0), widen=1.6)
-        weights = weigh(lin, first_look(lin), self.config.weights)
+        weights = weigh(lin, first_look(lin, self.config.weights.shared), self.config.weights)
         fit = self._solved(chain, basis, lin, weights)
         for _ in range(STEPS - 1):
             if np.abs(camera_step(chain, fit.answer, last)).max() < 1e-4:
@@ -149,15 +151,15 @@ class SessionAligner:
         return fit
 
     def _judge(
-        self, taken: Sample, fit: _Fit, explained: Float, told: verdicts.Witness, moved: Chain, seen: Observability
+        self, taken: Sample, fit: _Fit, explained: Float, information: verdicts.Information, moved: Chain, seen: Observability
     ) -> verdicts.Verdict:
         T_robot = _robot(taken)
         before = verdicts.fit_of(linearise(taken.coarse, T_robot, self.caster, self.config.weights), self.config)
         after = verdicts.fit_of(fit.lin, self.config, explained)
         for k in self._kept:
-            told = told + k.told
+            information = information + k.information
         prior = np.diag(self.config.priors.base**-2)
-        disputed = most_disputed(seen, fit.chain.frame(0), told.agreeing, told.everyone, prior)
+        disputed = most_disputed(seen, fit.chain.frame(0), information.agreeing, information.everyone, prior)
         return verdicts.judge(before, after, T_robot, moved.pose(-1), _prior_cov(fit.chain), seen.names, self.config, disputed)
 
     def _predicted(self, taken: Sample) -> Chain:
@@ -191,10 +193,10 @@ class SessionAligner:
         prior = np.diag(self.config.priors.base**2)
         return observe_block(answer.cov[:6, :6], prior, chain.frame(0), centre, self.config.verdict)
 
-    def _remember(self, taken: Sample, moved: Chain, fit: _Fit, told: verdicts.Witness) -> None:
+    def _remember(self, taken: Sample, moved: Chain, fit: _Fit, information: verdicts.Information) -> None:
         self._basis, self._sizes, self._chain = fit.basis, dict(fit.answer.sizes), moved
         self._kept = [replace(k, arm=arm) for k, arm in zip(self._kept, moved.arm, strict=False)]
-        self._kept.append(_Kept(taken, fit.lin.T_cell_camera, fit.gram, moved.arm[-1], told))
+        self._kept.append(_Kept(taken, fit.lin.T_cell_camera, fit.gram, moved.arm[-1], information))
         if len(self._kept) > self.window:
             self._fold(self._kept[:1])
             self._kept = self._kept[1:]

@@ -147,9 +147,9 @@ class ColumnSystem:
         """Poses and the coefficients of some columns over all views."""
         return ColumnFit(active, solve(self.chosen(active, inflate=inflate, free_hand=free_hand), {}), self.poses)
 
-    def inflation(self, active: Ints, *, free_hand: bool = False) -> float:
+    def inflation(self, active: Ints, neighbours: float, *, free_hand: bool = False) -> float:
         """By how much the data's weight is divided: errors that neighbours share count once (`discrepancy.shared_inflation`)."""
-        return shared_inflation(self.fit(active, free_hand=free_hand).energy, float(self.pixels.sum()))
+        return shared_inflation(self.fit(active, free_hand=free_hand).energy, float(self.pixels.sum()), neighbours)
 
     def subset(self, views: Sequence[int]) -> ColumnSystem:
         """The system of some views only; all stations stay."""

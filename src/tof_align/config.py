@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What alignment can be told: priors of the robot, weights of pixels, when to refuse."""
+"""Settings of the alignment: priors of the robot, weights of pixels, discrepancy, when to refuse."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_align.limits import ApproachLimits, SharedLimits
 from tof_core.config import param, section
 
 if TYPE_CHECKING:
@@ -18,12 +19,12 @@ if TYPE_CHECKING:
 class Priors:
     """How far the robot's own pose may be off, one standard deviation per axis."""
 
-    base_mm: float = param(50.0, "where the base really stands, per station", unit="mm", low=1e-3)
-    base_deg: float = param(2.0, "how the base is really turned, per station", unit="deg", low=1e-4)
-    arm_mm: float = param(1.0, "the arm's own error, per view", unit="mm", low=1e-3)
-    arm_deg: float = param(0.1, "the arm's own error, per view", unit="deg", low=1e-4)
-    hand_eye_mm: float = param(3.0, "hand-eye calibration, one per session", unit="mm", low=1e-3)
-    hand_eye_deg: float = param(0.3, "hand-eye calibration, one per session", unit="deg", low=1e-4)
+    base_mm: float = param(50.0, "where the base really stands, per station", unit="mm", low=1e-3, why="navigation of mobile bases")
+    base_deg: float = param(2.0, "how the base is really turned, per station", unit="deg", low=1e-4, why="the same")
+    arm_mm: float = param(1.0, "the arm's own error, per view", unit="mm", low=1e-3, why="calibrated arms; set it to the data sheet")
+    arm_deg: float = param(0.1, "the arm's own error, per view", unit="deg", low=1e-4, why="the same")
+    hand_eye_mm: float = param(3.0, "hand-eye calibration, one per session", unit="mm", low=1e-3, why="usual after a hand-eye calibration")
+    hand_eye_deg: float = param(0.3, "hand-eye calibration, one per session", unit="deg", low=1e-4, why="the same")
 
     @property
     def base(self) -> Float:
@@ -49,47 +50,99 @@ def _six(mm: float, deg: float) -> Float:
 class WeightConfig:
     """How much one pixel counts."""
 
-    pixels: int = param(8000, "pixels of a view that enter the normal equations, on a raster", low=200)
-    last_pixels: int = param(24000, "the same for the last linearisation, where the session's views are few enough", low=200)
-    last_total: int = param(800_000, "most pixels of all views together that the last linearisation holds", low=200)
-    coarse_pixels: int = param(1200, "the same while far from the answer", low=100)
-    live_pixels: int = param(4000, "the same for a live view (causal mode)", low=200)
-    noise_mm: float = param(2.0, "noise of one capture where the view does not tell it", unit="mm", low=1e-3)
-    floor_mm: float = param(0.1, "least noise of a pixel (quantisation)", unit="mm", low=1e-4)
-    kernel: float = param(4.7, "residuals beyond this many robust scales do not count (Tukey)", low=1.0)
-    kernel_floor_mm: float = param(4.0, "the kernel never gets narrower than this", unit="mm", low=0.01)
-    kernel_far_mm: float = param(150.0, "kernel at the start, shrinking from there", unit="mm", low=1.0)
-    grazing_deg: float = param(78.0, "surfaces seen flatter than this do not count", unit="deg", low=10.0, high=90.0)
-    edge_mm: float = param(6.0, "a neighbour on the raster off the surface's plane by more is an edge", unit="mm", low=0.1)
+    pixels: int = param(8000, "pixels of a view that enter the normal equations, on a raster", low=200, why="time")
+    last_pixels: int = param(
+        24000,
+        "the same for the last linearisation, where the session's views are few enough",
+        low=200,
+        why="where noise limits, the pose is better by 1.7",
+    )
+    last_total: int = param(800_000, "most pixels of all views together that the last linearisation holds", low=200, why="memory")
+    coarse_pixels: int = param(1200, "the same while far from the answer", low=100, why="time")
+    live_pixels: int = param(4000, "the same for a live view (causal mode)", low=200, why="time between two frames")
+    noise_mm: float = param(
+        2.0, "noise of one capture where the view does not state it", unit="mm", low=1e-3, why="usual of one capture at 1 m"
+    )
+    floor_mm: float = param(0.1, "least noise of a pixel (quantisation)", unit="mm", low=1e-4, why="a tenth of a 16UC1 code")
+    kernel: float = param(
+        4.7, "residuals beyond this many robust scales do not count (Tukey)", low=1.0, why="95 % efficient on normal residuals"
+    )
+    kernel_floor_mm: float = param(
+        4.0, "the kernel never gets narrower than this", unit="mm", low=0.01, why="two standard deviations of usual noise"
+    )
+    kernel_far_mm: float = param(150.0, "kernel at the start, shrinking from there", unit="mm", low=1.0, why="three base deviations")
+    grazing_deg: float = param(
+        78.0, "surfaces seen flatter than this do not count", unit="deg", low=10.0, high=90.0, why="1 mm of pose is 5 mm of depth"
+    )
+    edge_mm: float = param(
+        6.0,
+        "a neighbour on the raster off the surface's plane by more is an edge",
+        unit="mm",
+        low=0.1,
+        why="three standard deviations of usual noise",
+    )
+    shared: SharedLimits = section(SharedLimits, "errors that neighbouring pixels share")
 
 
 @dataclass(frozen=True, slots=True)
 class DiscrepancyConfig:
-    """What the camera may do that no one modelled: smooth errors whose size the data tell."""
+    """Smooth errors of the camera that no effect describes; their size is estimated from the data."""
 
     enabled: bool = param(True, "estimate smooth errors that neighbours and views share")
-    start_mm: float = param(1.0, "size assumed before the data are asked", unit="mm", low=1e-3)
-    floor_mm: float = param(0.01, "never believed smaller than this", unit="mm", low=1e-5)
-    ceiling_mm: float = param(30.0, "never believed larger than this", unit="mm", low=0.1)
-    range_m: float = param(0.12, "correlation length of errors that depend on range", unit="m", low=0.01)
-    object_m: float = param(0.15, "correlation length of errors that stick to the surface", unit="m", low=0.01)
-    centres: int = param(40, "points of the surface that carry those errors", low=0)
-    image_order: int = param(5, "highest order of errors that are smooth in the image", low=0, high=12)
-    rounds: int = param(15, "rounds that estimate the sizes", low=1)
+    start_mm: float = param(1.0, "size at the start of the estimate", unit="mm", low=1e-3, why="usual bias is millimetres")
+    floor_mm: float = param(0.01, "least size", unit="mm", low=1e-5, why="below any effect")
+    ceiling_mm: float = param(30.0, "largest size", unit="mm", low=0.1, why="beyond, the scene is wrong")
+    range_m: float = param(
+        0.12, "correlation length of errors that depend on range", unit="m", low=0.01, why="a third of a wiggle period at 100 MHz"
+    )
+    object_m: float = param(0.15, "correlation length of errors that stick to the surface", unit="m", low=0.01, why="size of a part")
+    centres: int = param(40, "points of the surface that carry those errors", low=0, why="spread over a part")
+    image_order: int = param(5, "highest order of errors that are smooth in the image", low=0, high=12, why="20 cosines")
+    rounds: int = param(15, "rounds that estimate the sizes", low=1, why="more change little")
+    amplitude: float = param(
+        1.0, "correlation length of errors that depend on amplitude, in ln amplitude", low=0.01, why="a factor of 2.7 in light"
+    )
+    knots: float = param(0.4, "spacing of knots, in correlation lengths", low=0.05, high=2.0, why="the process changes little in between")
+    most_knots: int = param(60, "knots of one observable", low=4, high=1000, why="24 correlation lengths")
 
 
 @dataclass(frozen=True, slots=True)
 class VerdictConfig:
     """When an answer is given, and when not."""
 
-    min_pixels: int = param(200, "fewer pixels on the CAD than this (of the raster) are no view of it", low=6)
-    min_support: float = param(
-        0.5, "least share of those pixels, and of what tells any one direction, that agrees with the CAD", low=0.0, high=1.0
+    min_pixels: int = param(
+        200, "fewer pixels on the CAD than this (of the raster) are no view of it", low=6, why="fewer do not determine six unknowns"
     )
-    support_mm: float = param(15.0, "agreeing means closer than this (and than the kernel)", unit="mm", low=0.1)
-    max_step: float = param(4.0, "largest step from the robot's pose, in its standard deviations", low=0.1)
-    null_ratio: float = param(0.5, "a direction is known when the data are this much surer than the robot", low=1e-3)
-    lever_m: float = param(0.3, "1 rad weighs like this many metres where directions mix", unit="m", low=1e-3)
+    min_support: float = param(
+        0.5,
+        "least share of those pixels, and of the information about any one direction, that agrees with the CAD",
+        low=0.0,
+        high=1.0,
+        why="else most of what is seen is not the CAD",
+    )
+    support_mm: float = param(
+        15.0, "agreeing means closer than this (and than the kernel)", unit="mm", low=0.1, why="usual noise and bias together"
+    )
+    max_step: float = param(
+        4.0, "largest step from the robot's pose, in its standard deviations", low=0.1, why="chance: 1 in 15,000 along one axis"
+    )
+    null_ratio: float = param(
+        0.5,
+        "a direction is known when the data are this much surer than the robot",
+        low=1e-3,
+        why="worse data add little to the robot",
+    )
+    explained: float = param(
+        2.0, "discrepancy, in units of support_mm, beyond which a pixel does not agree", low=0.0, why="it could explain any pose"
+    )
+    fewer: float = param(
+        0.9,
+        "agreeing pixels, over those at the robot's pose, below which a worse score is refused",
+        low=0.0,
+        high=1.0,
+        why="raster and edges move",
+    )
+    lever_m: float = param(0.3, "1 rad weighs like this many metres where directions mix", unit="m", low=1e-3, why="size of a part")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +154,8 @@ class AlignConfig:
         "session: one solution along the chain; per_view: a free pose per view (the paper's); robot: keep the robot's pose",
         choices=("session", "per_view", "robot"),
     )
-    iterations: int = param(4, "linearisations of the fine stage", low=1)
+    iterations: int = param(4, "linearisations of the fine stage", low=1, why="steps shrink fast")
+    approach: ApproachLimits = section(ApproachLimits, "the search from afar")
     priors: Priors = section(Priors, "how far the robot's pose may be off")
     weights: WeightConfig = section(WeightConfig, "how much a pixel counts")
     discrepancy: DiscrepancyConfig = section(DiscrepancyConfig, "errors nobody modelled")

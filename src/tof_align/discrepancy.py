@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What nobody modelled: smooth errors shared by neighbours and by views, as columns with a prior.
+"""Unmodelled errors: smooth, shared by neighbours and by views, as columns with a prior.
 
 A depth camera's systematic errors are functions of few things: range (wiggling), amplitude,
 the place on the part (multipath, deviation), the pixel (fixed pattern), the view (drift), and
@@ -7,7 +7,7 @@ the rest is smooth in the image. Each is a Gaussian process with an exponential 
 Uhlenbeck) covariance, written as a few columns with unit-variance coefficients times one size
 in metres per kind. The sizes are estimated from the data (`mixed`); near zero where there is
 noise only. This is Kennedy and O'Hagan's discrepancy, kept low-rank: without it thousands of
-neighbours with the same error count as thousands of witnesses and drown every prior.
+neighbours with the same error count as thousands of measurements and outweigh every prior.
 """
 
 from __future__ import annotations
@@ -18,15 +18,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.stats import grouped
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_align.config import DiscrepancyConfig
+    from tof_align.limits import SharedLimits
     from tof_align.linearise import Linearised
     from tof_core.arrays import Float
 
 SHARED = ("range", "amplitude", "object", "image")
 """Kinds whose coefficients all views share, in the order of their columns."""
+SPAN = (0.002, 0.998)
+"""Quantiles of an observable between which knots stand: a few gross pixels must not stretch them."""
+SURFACE_STRIDE = 7
+"""Of so many pixels, one is a candidate for a centre on the surface."""
+CHORD_45 = 0.77
+"""Difference of two unit normals 45 degrees apart: one correlation length."""
+FACE_LENGTHS = 5.0
+"""Correlation lengths of what a whole face shares."""
 LOCAL = ("offset", "bend", "smooth")
 """Kinds whose coefficients are one view's own: a constant, cosines of orders 1 and 2, the higher ones."""
 
@@ -76,12 +87,12 @@ def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: f
         return empty_basis()
     ranges = np.concatenate([v.depth * v.ray_length for v in views])
     spread = np.array([1.0 / widen, widen])
-    knots, root = _line(np.outer(ranges, spread).ravel(), step=0.4 * config.range_m, length=config.range_m)
+    knots, root = _line(np.outer(ranges, spread).ravel(), config.range_m, config)
     known = [v.log_amplitude for v in views if v.log_amplitude is not None]
     amplitudes = np.concatenate(known) if len(known) == len(views) else np.zeros(0)
     amplitudes = np.add.outer(amplitudes[np.isfinite(amplitudes)], 2.0 * np.log(spread)).ravel()
-    knots_a, root_a = _line(amplitudes, step=0.4, length=1.0)
-    surface = np.concatenate([_surface(v, config.object_m)[::7] for v in views])
+    knots_a, root_a = _line(amplitudes, config.amplitude, config)
+    surface = np.concatenate([_surface(v, config.object_m)[::SURFACE_STRIDE] for v in views])
     centres = farthest_points(surface, config.centres)
     return Basis(
         knots, root, knots_a, root_a, centres, _inverse_root(_surface_covariance(centres, centres)), config.object_m, config.image_order
@@ -103,7 +114,7 @@ def shared_columns(basis: Basis, view: Linearised) -> Float:
     return np.concatenate(parts, axis=1) if parts else np.zeros((len(view.residual), 0))
 
 
-def unsaid(basis: Basis, view: Linearised, sizes: dict[str, float]) -> Float:
+def beyond_columns(basis: Basis, view: Linearised, sizes: dict[str, float]) -> Float:
     """(n,) deviation, metres, of errors that stick to the surface and that `shared_columns` cannot say.
 
     A few dozen centres write down the smooth part of a rough process; how much is left at each place is known
@@ -111,8 +122,8 @@ def unsaid(basis: Basis, view: Linearised, sizes: dict[str, float]) -> Float:
     """
     if not basis.root_object.size or "object" not in sizes:
         return np.zeros(len(view.residual))
-    said = (_surface_covariance(_surface(view, basis.object_m), basis.centres) @ basis.root_object) ** 2
-    return np.asarray(sizes["object"] * np.sqrt(np.maximum(1.0 - said.sum(axis=1), 0.0)))
+    described = (_surface_covariance(_surface(view, basis.object_m), basis.centres) @ basis.root_object) ** 2
+    return np.asarray(sizes["object"] * np.sqrt(np.maximum(1.0 - described.sum(axis=1), 0.0)))
 
 
 def local_columns(basis: Basis, view: Linearised) -> Float:
@@ -123,12 +134,13 @@ def local_columns(basis: Basis, view: Linearised) -> Float:
     return np.concatenate([np.ones((n, 1)), _image(view, basis.order)], axis=1)
 
 
-def _line(values: Float, *, step: float, length: float) -> tuple[Float, Float]:
+def _line(values: Float, length: float, config: DiscrepancyConfig) -> tuple[Float, Float]:
     """Knots of cubic B-splines over what `values` span, and the root of a Matern 3/2 covariance between them."""
     if len(values) < 2:
         return np.zeros(0), np.zeros((0, 0))
-    low, high = np.quantile(values, [0.002, 0.998])
-    count = int(np.clip(np.ceil((high - low) / step), 1, 60))
+    low, high = np.quantile(values, SPAN)
+    step = config.knots * length
+    count = int(np.clip(np.ceil((high - low) / step), 1, config.most_knots))
     # Values all alike (one pixel, an amplitude without contrast) still need knots that lie apart.
     knots = low + max((high - low) / count, 0.01 * step) * np.arange(-1, count + 2)
     r = np.sqrt(3.0) * np.abs(knots[:, None] - knots[None]) / length
@@ -150,7 +162,7 @@ def _splines(knots: Float, x: Float) -> Float:
 
 def _surface(view: Linearised, length: float) -> Float:
     """(n, 6) where the surface is, in correlation lengths, and how it faces (45 degrees are one)."""
-    return np.concatenate([view.point / length, view.normal / 0.77], axis=1)
+    return np.concatenate([view.point / length, view.normal / CHORD_45], axis=1)
 
 
 def _surface_covariance(x: Float, y: Float) -> Float:
@@ -159,7 +171,7 @@ def _surface_covariance(x: Float, y: Float) -> Float:
     The second half is what a whole face shares; a pose can imitate it, so it must be allowed for.
     """
     place, facing = _square_distance(x[:, :3], y[:, :3]), _square_distance(x[:, 3:], y[:, 3:])
-    return np.asarray(0.5 * np.exp(-np.sqrt(place + facing)) + 0.5 * np.exp(-np.sqrt(place / 25.0 + facing)))
+    return np.asarray(0.5 * np.exp(-np.sqrt(place + facing)) + 0.5 * np.exp(-np.sqrt(place / FACE_LENGTHS**2 + facing)))
 
 
 def _square_distance(x: Float, y: Float) -> Float:
@@ -210,10 +222,10 @@ def fading(i: int, j: int) -> float:
     return float((1.0 + i * i + j * j) ** -0.75)
 
 
-def inflation(view: Linearised, residual: Float, weight: Float, *, block: int = 6) -> float:
-    """By how much the variance of a mean exceeds what independent pixels would give (at least 0.1).
+def inflation(view: Linearised, residual: Float, weight: Float, limits: SharedLimits) -> float:
+    """By how much the variance of a mean exceeds what independent pixels would give (at least `least`).
 
-    residual (n,): what the fit left; weight (n,): inverse variances believed so far. Sums over
+    residual (n,) metres after the fit; weight (n,): inverse variances before this factor. Sums over
     blocks of block x block raster pixels are compared with their expectation; where neighbours
     are independent this is the noise's own scale.
     """
@@ -222,24 +234,19 @@ def inflation(view: Linearised, residual: Float, weight: Float, *, block: int = 
     white = float(e2[used].mean()) if used.any() else 1.0
     _h, w = view.raster
     y, x = np.divmod(view.cell, w)
-    blocks = (y // block) * (-(-w // block)) + x // block
-    full = np.bincount(blocks, weights=used.astype(float)) >= 0.5 * block * block
-    if full.sum() < 6:
-        return max(0.1, white)
-    sums = np.bincount(blocks, weights=np.sqrt(weight) * residual)
-    count = np.bincount(blocks, weights=used.astype(float))
-    together = float((sums[full] ** 2).sum() / count[full].sum())
-    return max(0.1, white, together)
+    blocks = grouped(y // limits.block, x // limits.block)
+    count = blocks.sum(used)
+    full = count >= limits.block_share * limits.block**2
+    if full.sum() < limits.blocks:
+        return max(limits.least, white)
+    together = float((blocks.sum(np.sqrt(weight) * residual)[full] ** 2).sum() / count[full].sum())
+    return max(limits.least, white, together)
 
 
-NEIGHBOURS = 30.0
-"""Drawn pixels that share one error where the residual is structured."""
-
-
-def shared_inflation(energy: float, pixels: float) -> float:
+def shared_inflation(energy: float, pixels: float, neighbours: float) -> float:
     """By how much the variance of each of `pixels` exceeds white noise, from the chi-square `energy` that a fit leaves of them.
 
-    White noise leaves energy = pixels. What is left above is shared by about `NEIGHBOURS` drawn pixels each. The smooth kinds of this
+    White noise leaves energy = pixels. What is left above is shared by about `neighbours` drawn pixels each. The smooth kinds of this
     module are not put beside columns under test: with a free function of range in the model a wiggle is no longer evidence.
     """
-    return 1.0 + max(energy / pixels - 1.0, 0.0) * NEIGHBOURS
+    return 1.0 + max(energy / pixels - 1.0, 0.0) * neighbours

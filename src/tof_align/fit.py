@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_align.discrepancy import basis_of, unsaid
+from tof_align.discrepancy import basis_of, beyond_columns
 from tof_align.linearise import linearise
 from tof_align.mixed import estimate
 from tof_align.robust import first_look, weigh
@@ -83,8 +83,8 @@ class Fitter:
     def _weighed(self, system: SessionSystem[R], before: Mixed | None, columns: list[Float] | None, v: int) -> tuple[Float, Float]:
         view = system.views[v]
         smooth = None if before is None else unmodelled(system.rig, system.basis, view, before, v)
-        left = first_look(view) if before is None else view.residual - system.explained(before, v, columns)
-        rough = 0.0 if before is None else unsaid(system.basis, view, before.sizes)
+        left = first_look(view, self.config.weights.shared) if before is None else view.residual - system.explained(before, v, columns)
+        rough = 0.0 if before is None else beyond_columns(system.basis, view, before.sizes)
         weight = weigh(view, left, self.config.weights, smooth, rough)
         return weight, weighted_gram(view, weight, system.basis, None if columns is None else columns[v])
 

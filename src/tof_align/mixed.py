@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
 
 
+SETTLED = 0.02
+"""Change of ln size in a round below which the sizes are found."""
+LITTLE = 0.05
+"""Share of a kind's coefficients that the data determine below which the fixed point overshoots."""
 DOUBT = 1.0
 """Coefficients of size zero that every kind is taken to have beside its own: one view's single
 offset is no evidence that cameras drift."""
@@ -192,7 +196,7 @@ def estimate(
     answer = solve(normal, sizes, pull)
     for _ in range(rounds if sizes else 0):
         new = {kind: float(np.clip(_size(normal, answer, kind), low, high)) for kind in answer.sizes}
-        still = all(abs(np.log(new[k] / answer.sizes[k])) < 0.02 for k in new)
+        still = all(abs(np.log(new[k] / answer.sizes[k])) < SETTLED for k in new)
         answer = solve(normal, new, pull)
         if still:
             break
@@ -214,7 +218,7 @@ def _size(normal: Normal, answer: Mixed, kind: str) -> float:
         count = len(at) * len(answer.own)
     learnt = count - posterior / variance
     # EM's step where little is learnt: it is slower but never overshoots.
-    if learnt < 0.05 * count:
+    if learnt < LITTLE * count:
         return float(np.sqrt((square + posterior) / (count + DOUBT)))
     return float(np.sqrt(square / (learnt + DOUBT)))
 

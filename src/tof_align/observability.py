@@ -20,6 +20,14 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 AXES = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
+NO_TURN, NO_SLIDE = 0.05, 0.05
+"""Turn, and slide, in a unit direction below which it is described without one: 3 degrees beside it."""
+SCREW = 0.2
+"""Slide along the axis of a turn, of the direction, from which it is described as both."""
+SAME_AXIS_DEG = 8.0
+"""Angle to an axis of the cell within which a direction is called by it."""
+MOST_SLIDE_M, MOST_TURN_DEG = 10.0, 180.0
+"""Standard deviations beyond which nothing is known: larger than a cell, and any turn at all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +105,7 @@ def observe_block(cov: Float, prior: Float, T_cell_frame: Float, centre: Float, 
 
 
 def most_disputed(seen: Observability, T_cell_frame: Float, agreeing: Float, everyone: Float, prior: Float) -> tuple[float, str]:
-    """The known direction of which least is told by what agrees: the share of its information, and the direction in words.
+    """The known direction with the least share of information from pixels that agree: that share, and the direction in words.
 
     A flat wall agrees with itself wherever it is slid to; what would tell the slide are few pixels, and where most of
     those disagree the rest must not vouch for the pose.
@@ -140,23 +148,23 @@ def spread(direction: Float, vectors: Float, std: Float) -> float:
 def _amount(direction: Float, std: float, lever: float) -> str:
     """A standard deviation as mm for slides and degrees for turns; capped where nothing is known."""
     if np.linalg.norm(direction[:3]) >= np.linalg.norm(direction[3:]):
-        return f"±{std * 1000:.3g} mm" if std < 10 else "nothing"
+        return f"±{std * 1000:.3g} mm" if std < MOST_SLIDE_M else "nothing"
     degrees = np.degrees(std / lever)
-    return f"±{degrees:.2g}°" if degrees < 180 else "nothing"
+    return f"±{degrees:.2g}°" if degrees < MOST_TURN_DEG else "nothing"
 
 
 def describe(direction: Float, centre: Float, lever: float) -> str:
     """A unit direction in words: slides along, turns about (through where), or screws."""
     v, w = direction[:3], direction[3:] / lever
     turn = float(np.linalg.norm(w)) * lever
-    if turn < 0.05:
+    if turn < NO_TURN:
         return f"slides along {_axis(v)}"
     axis = w / np.linalg.norm(w)
     pitch = float(v @ axis)
     through = np.round(centre + np.cross(w, v) / (w @ w), 2) + 0.0
-    if abs(pitch) > 0.2 * np.linalg.norm(direction):
+    if abs(pitch) > SCREW * np.linalg.norm(direction):
         return f"slides along and turns about {_axis(axis)}"
-    if np.linalg.norm(v - pitch * axis) < 0.05:
+    if np.linalg.norm(v - pitch * axis) < NO_SLIDE:
         return f"turns about {_axis(axis)}"
     return f"turns about {_axis(axis)} through ({through[0]:.2f}, {through[1]:.2f}, {through[2]:.2f}) m"
 
@@ -164,7 +172,7 @@ def describe(direction: Float, centre: Float, lever: float) -> str:
 def _axis(v: Float) -> str:
     v = v / np.linalg.norm(v)
     nearest = int(np.argmax(np.abs(v)))
-    if abs(v[nearest]) > np.cos(np.radians(8.0)):
+    if abs(v[nearest]) > np.cos(np.radians(SAME_AXIS_DEG)):
         return f"cell {'xyz'[nearest]}"
     v = v * np.sign(v[nearest])
     return f"cell ({v[0]:.2f}, {v[1]:.2f}, {v[2]:.2f})"
@@ -176,7 +184,7 @@ def _tidy(null: Float) -> Float:
         return null.reshape(0, 6)
     _, sizes, mix = np.linalg.svd(null[:, 3:].T, full_matrices=True)
     sizes = np.concatenate([sizes, np.zeros(len(mix) - len(sizes))])
-    slides, turns = mix[sizes < 0.05] @ null, mix[sizes >= 0.05] @ null
+    slides, turns = mix[sizes < NO_TURN] @ null, mix[sizes >= NO_TURN] @ null
     return np.concatenate([_along_axes(slides, slice(0, 3)), _along_axes(turns, slice(3, 6))])
 
 

@@ -247,12 +247,12 @@ def _disputed(
     if config.mode != "session":
         return [(1.0, "") for _ in seen]
     rig = system.rig
-    total = [verdicts.Witness(np.zeros((6, 6)), np.zeros((6, 6))) for _ in seen]
+    total = [verdicts.Information(np.zeros((6, 6)), np.zeros((6, 6))) for _ in seen]
     for v, view in enumerate(system.views):
         explained = system.explained(kept, v, columns)
         if verdicts.fit_of(view, config, explained).support >= config.verdict.min_support:
             station = int(rig.station[v])
-            total[station] += verdicts.witness_of(view, system.weights[v], config, explained).moved(rig.links(v)[0][:, :6])
+            total[station] += verdicts.information_of(view, system.weights[v], config, explained).moved(rig.links(v)[0][:, :6])
     prior = np.diag(config.priors.base**-2)
     return [most_disputed(o, rig.frame(s), t.agreeing, t.everyone, prior) for s, (o, t) in enumerate(zip(seen, total, strict=True))]
 

@@ -119,8 +119,8 @@ def _conclude(
     before = verdicts.fit_of(linearise(fitter.pixels[0], T_prior, fitter.caster, config.weights), config)
     explained = system.explained(kept, 0)
     after = verdicts.fit_of(lin, config, explained)
-    told = verdicts.witness_of(lin, system.weights[0], config, explained)
-    disputed = most_disputed(seen, rig.T, told.agreeing, told.everyone, np.asarray(np.linalg.inv(prior), float))
+    information = verdicts.information_of(lin, system.weights[0], config, explained)
+    disputed = most_disputed(seen, rig.T, information.agreeing, information.everyone, np.asarray(np.linalg.inv(prior), float))
     verdict = verdicts.judge(before, after, T_prior, T, cov_prior, seen.names, config, disputed)
     if not verdict.accepted:
         T, cov = T_prior, prior

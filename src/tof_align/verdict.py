@@ -32,36 +32,36 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Witness:
-    """What a view's pixels tell of a right perturbation of a frame: information (6, 6) of those that agree with the CAD, and of all."""
+class Information:
+    """Information (6, 6) of a view's pixels about a right perturbation of a frame: of those that agree with the CAD, and of all."""
 
     agreeing: Float
     everyone: Float
 
-    def moved(self, links: Float) -> Witness:
+    def moved(self, links: Float) -> Information:
         """The same about a frame whose perturbation moves this one by `links` (6, 6)."""
-        return Witness(links.T @ self.agreeing @ links, links.T @ self.everyone @ links)
+        return Information(links.T @ self.agreeing @ links, links.T @ self.everyone @ links)
 
-    def __add__(self, other: Witness) -> Witness:
-        """What both tell together."""
-        return Witness(self.agreeing + other.agreeing, self.everyone + other.everyone)
+    def __add__(self, other: Information) -> Information:
+        """Of both views together."""
+        return Information(self.agreeing + other.agreeing, self.everyone + other.everyone)
 
 
-def witness_of(view: Linearised, weight: Float, config: AlignConfig, offset: Float | float = 0.0) -> Witness:
-    """What a view tells of its camera; `weight` (n,) and `offset` (n,) as the fit had them."""
+def information_of(view: Linearised, weight: Float, config: AlignConfig, offset: Float | float = 0.0) -> Information:
+    """A view's information about its camera; `weight` (n,) and `offset` (n,) as in the fit."""
     near = _errors(view, config, offset) < config.verdict.support_mm * 1e-3
     plain = view.sigma**-2
-    # Pixels that were cut count as those that agree do: neighbours err together, n of them are not n witnesses.
+    # Pixels that were cut count as those that agree do: neighbours err together, n of them are not n measurements.
     share = float(weight[near].sum() / plain[near].sum()) if near.any() else 1.0
     J = view.jacobian * np.sqrt(share * plain)[:, None]
-    return Witness(J[near].T @ J[near], J.T @ J)
+    return Information(J[near].T @ J[near], J.T @ J)
 
 
 def _errors(view: Linearised, config: AlignConfig, offset: Float | float) -> Float:
-    """(n,) distance from the CAD; where more than twice the limit is explained away, a pixel does not agree."""
+    """(n,) distance from the CAD; where the discrepancy explains more than `explained` times the limit, a pixel does not agree."""
     limit = config.verdict.support_mm * 1e-3
     error = np.abs(view.residual - offset)
-    return np.where(np.abs(offset) < 2.0 * limit, error, np.maximum(error, limit))
+    return np.where(np.abs(offset) < config.verdict.explained * limit, error, np.maximum(error, limit))
 
 
 def fit_of(view: Linearised, config: AlignConfig, offset: Float | float = 0.0) -> Fit:
@@ -101,13 +101,13 @@ def judge(
     cov_prior: Float | None,
     null: tuple[str, ...],
     config: AlignConfig,
-    told: tuple[float, str] = (1.0, ""),
+    disputed: tuple[float, str] = (1.0, ""),
 ) -> Verdict:
     """Accept or refuse, with the first reason that applies.
 
     `cov_prior` (6, 6) is of the right perturbation of `T_seed`; None: nothing is known and no
-    step is too large. `told`: of what tells the direction that is disputed most, the share that
-    agrees with the CAD, and that direction in words (`observability.most_disputed`).
+    step is too large. `disputed`: the known direction in which pixels disagree most: the share of
+    its information that agrees with the CAD, and the direction in words (`observability.most_disputed`).
     """
     limits = config.verdict
     metres, degrees = se3.distance(T_seed, T)
@@ -120,11 +120,11 @@ def judge(
         reason = f"only {fit.pixels} pixels see the CAD (at least {limits.min_pixels})"
     elif fit.support < limits.min_support:
         reason = f"fits nowhere: {100 * fit.support:.0f} % of {fit.pixels} pixels within {limits.support_mm:g} mm of the CAD"
-    elif told[0] < limits.min_support:
-        reason = f"of what tells how it {told[1]}, {100 * told[0]:.0f} % agrees with the CAD: a part is missing, or the pose is wrong"
+    elif disputed[0] < limits.min_support:
+        reason = f"of the pixels that determine how it {disputed[1]}, {100 * disputed[0]:.0f} % agree with the CAD: a part is missing, or the pose is wrong"
     elif step > limits.max_step:
         reason = f"{metres * 1000:.0f} mm and {degrees:.1f}° from the robot's pose, {step:.1f} times what its error allows"
-    elif fit.pixels * fit.support < 0.9 * seed.pixels * seed.support and fit.score > seed.score:
+    elif fit.pixels * fit.support < limits.fewer * seed.pixels * seed.support and fit.score > seed.score:
         reason = f"no better than the robot's pose ({100 * fit.support:.0f} % against {100 * seed.support:.0f} % agree)"
     accepted = not reason
     return Verdict(accepted, reason or _praise(null), seed, fit, metres * 1000, degrees, step, null)

@@ -21,8 +21,14 @@ if TYPE_CHECKING:
 class GapConfig:
     """Gap diagnosis of a session."""
 
-    hand_mm: float = param(0.05, "X where hand-eye is not the hypothesis: calibrated", unit="mm", low=1e-4)
-    hand_deg: float = param(0.005, "the same, rotation", unit="deg", low=1e-5)
+    hand_mm: float = param(
+        0.05,
+        "prior deviation of hand-eye where it is not under test",
+        unit="mm",
+        low=1e-4,
+        why="calibrated; errors show when it is under test",
+    )
+    hand_deg: float = param(0.005, "the same, rotation", unit="deg", low=1e-5, why="the same")
     evidence: EvidenceLimits = section(EvidenceLimits, "which pixels count")
     solve: SolveLimits = section(SolveLimits, "poses and linearisation")
     select: SelectLimits = section(SelectLimits, "when an effect is believed")

@@ -12,16 +12,16 @@ from tests.tof_align.made import CONFIG, one_view, section
 from tof_align.config import DiscrepancyConfig
 from tof_align.discrepancy import (
     LOCAL,
-    NEIGHBOURS,
     SHARED,
     basis_of,
+    beyond_columns,
     farthest_points,
     inflation,
     local_columns,
     shared_columns,
     shared_inflation,
-    unsaid,
 )
+from tof_align.limits import SharedLimits
 from tof_align.linearise import Linearised, linearise
 from tof_align.pixels import take_pixels
 
@@ -107,24 +107,24 @@ def test_white_noise_does_not_inflate_and_neighbours_that_err_together_do(lin: L
     rng = np.random.default_rng(0)
     n = len(lin.residual)
     weight = np.full(n, 1e6)
-    assert inflation(lin, 1e-3 * rng.normal(size=n), weight) == pytest.approx(1.0, abs=0.25)
-    assert inflation(lin, 3e-3 * rng.normal(size=n), weight) == pytest.approx(9.0, rel=0.25)
+    assert inflation(lin, 1e-3 * rng.normal(size=n), weight, SharedLimits()) == pytest.approx(1.0, abs=0.25)
+    assert inflation(lin, 3e-3 * rng.normal(size=n), weight, SharedLimits()) == pytest.approx(9.0, rel=0.25)
     y, x = np.divmod(lin.cell, lin.raster[1])
     together = 1e-3 * rng.normal(size=(40, 40))[y // 4, x // 4]
-    assert inflation(lin, together, weight) > 6.0
+    assert inflation(lin, together, weight, SharedLimits()) > 6.0
 
 
 def test_what_the_columns_cannot_say_is_the_rest_of_the_processs_variance(lin: Linearised) -> None:
     basis = basis_of([lin], D)
-    said = part(shared_columns(basis, lin), basis.shared, SHARED.index("object"))
-    rest = unsaid(basis, lin, {"object": 2e-3})
-    np.testing.assert_allclose((4e-6 * said**2).sum(axis=1) + rest**2, 4e-6, rtol=1e-6)
+    described = part(shared_columns(basis, lin), basis.shared, SHARED.index("object"))
+    rest = beyond_columns(basis, lin, {"object": 2e-3})
+    np.testing.assert_allclose((4e-6 * described**2).sum(axis=1) + rest**2, 4e-6, rtol=1e-6)
     more = basis_of([lin], replace(D, centres=200))
-    assert (unsaid(more, lin, {"object": 2e-3}) ** 2).mean() < 0.6 * (rest**2).mean()
-    assert (unsaid(basis, lin, {}) == 0.0).all()
+    assert (beyond_columns(more, lin, {"object": 2e-3}) ** 2).mean() < 0.6 * (rest**2).mean()
+    assert (beyond_columns(basis, lin, {}) == 0.0).all()
 
 
 def test_white_noise_is_not_inflated_and_what_neighbours_share_counts_once() -> None:
-    assert shared_inflation(980.0, 1000.0) == 1.0
-    assert shared_inflation(1000.0, 1000.0) == 1.0
-    assert shared_inflation(1100.0, 1000.0) == pytest.approx(1.0 + 0.1 * NEIGHBOURS)
+    assert shared_inflation(980.0, 1000.0, 30.0) == 1.0
+    assert shared_inflation(1000.0, 1000.0, 30.0) == 1.0
+    assert shared_inflation(1100.0, 1000.0, 30.0) == pytest.approx(4.0)

@@ -9,7 +9,7 @@ import pytest
 from tests.tof_align.made import CONFIG, ROBOT, one_view, section
 from tof_align.linearise import linearise
 from tof_align.pixels import take_pixels
-from tof_align.verdict import Fit, fit_of, judge, witness_of
+from tof_align.verdict import Fit, fit_of, information_of, judge
 from tof_core import se3
 
 GOOD, BAD = Fit(1000, 0.95, 1e-3, 1e-3), Fit(1000, 0.2, 5e-3, 12e-3)
@@ -69,7 +69,7 @@ def test_each_reason_to_refuse(fit: Fit, T: np.ndarray, reason: str) -> None:
 def test_a_direction_that_most_of_its_pixels_dispute_is_refused_and_named() -> None:
     verdict = judge(GOOD, GOOD, EYE, EYE, COV, (), CONFIG, (0.3, "slides along cell y"))
     assert not verdict.accepted
-    assert verdict.reason.startswith("of what tells how it slides along cell y, 30 % agrees with the CAD")
+    assert verdict.reason.startswith("of the pixels that determine how it slides along cell y, 30 % agree with the CAD")
     assert judge(GOOD, GOOD, EYE, EYE, COV, (), CONFIG, (0.6, "slides along cell y")).accepted
 
 
@@ -78,11 +78,11 @@ def test_a_witness_counts_what_agrees_and_what_would() -> None:
     lin = linearise(take_pixels(view, CONFIG.weights), truth.T_cell_camera, section(), CONFIG.weights)
     weight = 0.1 / lin.sigma**2
     J = lin.jacobian * np.sqrt(weight)[:, None]
-    whole = witness_of(lin, weight, CONFIG)
+    whole = information_of(lin, weight, CONFIG)
     np.testing.assert_allclose(whole.everyone, J.T @ J, rtol=1e-9)
     np.testing.assert_allclose(whole.agreeing, whole.everyone, rtol=1e-9)
     off = np.where(np.arange(len(lin.residual)) % 2 > 0, 0.02, 0.0)
-    half = witness_of(lin, np.where(off > 0, 0.0, weight), CONFIG, off)
+    half = information_of(lin, np.where(off > 0, 0.0, weight), CONFIG, off)
     np.testing.assert_allclose(half.everyone, whole.everyone, rtol=1e-9)
     np.testing.assert_allclose(half.agreeing, J[::2].T @ J[::2], rtol=1e-9)
     twice = (half + half).moved(2.0 * np.eye(6))

@@ -135,4 +135,4 @@ class Selector:
 
     def inflation(self, members: Sequence[int]) -> float:
         """By how much the data's weight is divided, from what the members leave: errors that neighbours share count once."""
-        return self.design.system.inflation(self.columns(members), free_hand=self.frees_hand(members))
+        return self.design.system.inflation(self.columns(members), self.config.neighbours, free_hand=self.frees_hand(members))
