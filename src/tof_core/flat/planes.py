@@ -44,7 +44,9 @@ class PlaneGrower:
     def __init__(self, w: Float, rays: Float, seed: int = 0) -> None:
         """Smooth and measure the noise once."""
         self._random = np.random.default_rng(seed)
-        self._A = np.stack([np.ones(w.shape), rays[..., 0], rays[..., 1]], axis=-1)
+        # A lens calibrated from a small board has no rays in the corners of the image.
+        w = np.where(np.isfinite(rays).all(axis=-1), w, np.nan)
+        self._A = np.nan_to_num(np.stack([np.ones(w.shape), rays[..., 0], rays[..., 1]], axis=-1))
         self._w = _smoothed(w)
         self._tolerance = FLAT + 2.5 * _noise(self._w)
         self._free = np.isfinite(self._w) & np.isfinite(w)

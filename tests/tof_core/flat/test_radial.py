@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,6 +57,14 @@ def test_a_sphere_alone_is_weak_evidence() -> None:
     root = b * b - a * c
     ball = np.where(root > 0, (b - np.sqrt(np.maximum(root, 0))) / a, np.nan)
     assert 0.005 < radial_evidence(noisy(ball), CAMERA).suspicion < 0.995
+
+
+def test_a_lens_without_rays_in_the_corners_is_survived() -> None:
+    runaway = replace(CAMERA, distortion=(0.095, -0.75, -0.004, 0.005, 0.0))
+    assert np.isnan(runaway.rays()).any()
+    found = radial_evidence(noisy(room()), runaway)
+    assert np.isfinite(found.exponent)
+    assert found.planes > 0
 
 
 def test_few_pixels_or_none_are_no_evidence() -> None:
