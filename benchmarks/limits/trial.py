@@ -18,6 +18,7 @@ from tof_core import se3
 from tof_core.config import updated
 from tof_core.errors import ToftwinError
 from tof_gap.config import GapConfig
+from tof_gap.solve.conclude import conclude
 from tof_gap.solve.joint import solve
 from tof_gap.solve.radial import gate
 from tof_gap.solve.start import start
@@ -31,11 +32,13 @@ if TYPE_CHECKING:
     from tof_align.pixels import Sample
     from tof_core.arrays import Float
     from tof_core.camera import Camera
+    from tof_gap.solve.joint import Joint
     from tof_scene.raycast import Raycaster
 
-POSES, SOLUTION, REPORT = "poses", "solution", "report"
+POSES, SOLUTION, CLOSED, REPORT = "poses", "solution", "closed", "report"
+STAGES = (POSES, SOLUTION, CLOSED)
 """Stages of a diagnosis; each uses what the one before it found."""
-GATE, START, SOLVE, RENDER, NEAR = gate, start, solve, render, near
+GATE, START, SOLVE, CONCLUDE, RENDER, NEAR = gate, start, solve, conclude, render, near
 """What is computed, before any of it is replaced by what is kept."""
 
 
@@ -57,20 +60,20 @@ class Trials:
 
     def is_read(self, of: str, name: str) -> bool:
         """Whether the session depends on a number at all."""
-        return name in self.reads["align"] if of == "align" else any(name in self.reads.get(s, ()) for s in (POSES, SOLUTION, REPORT))
+        return name in self.reads["align"] if of == "align" else any(name in self.reads.get(s, ()) for s in (*STAGES, REPORT))
 
     def run(self, of: str, name: str, value: float) -> dict[str, Any]:
         """The outcome with one number changed."""
         config = updated(SECTIONS[of](), {name: value})
         if of == "align":
             return self._aligned(config)
-        return self._diagnosed(config, [POSES, SOLUTION][: self.reused(of, name)])
+        return self._diagnosed(config, list(STAGES[: self.reused(of, name)]))
 
     def reused(self, of: str, name: str) -> int:
-        """Stages whose results with default numbers can be used again: 0 to 2 of a diagnosis, the most first to be tried."""
-        if of == "align" or name in self.reads.get(POSES, ()):
+        """Stages whose results with default numbers can be used again: 0 to 3 of a diagnosis."""
+        if of == "align":
             return 0
-        return 1 if name in self.reads.get(SOLUTION, ()) else 2
+        return next((i for i, stage in enumerate(STAGES) if name in self.reads.get(stage, ())), len(STAGES))
 
     def _diagnosed(self, config: Any, keep: list[str] | None = None) -> dict[str, Any]:
         """Verdict and shrink; `keep`: stages whose results with default numbers are used again."""
@@ -89,8 +92,22 @@ class Trials:
 
             return run
 
+        def closed(joint: Joint, *args: Any) -> Any:
+            key = (CLOSED, id(joint.selection))
+            self.stage[0] = CLOSED
+            if CLOSED not in keep or key not in self.kept:
+                found = CONCLUDE(joint, *args)
+                self.kept.setdefault(key, found)
+                self.kept.setdefault((key, "alive"), joint.selection)
+            else:
+                found = self.kept[key]
+            self.stage[0] = REPORT
+            views = [tuple(replace(v, limits=config.evidence) for v in seen) for seen in (found.evidence, found.linearised)]
+            return replace(found, evidence=views[0], linearised=views[1])
+
         with (
-            patch.object(diagnosis, "solve", staged(SOLUTION, REPORT, SOLVE)),
+            patch.object(diagnosis, "solve", staged(SOLUTION, CLOSED, SOLVE)),
+            patch.object(diagnosis, "conclude", closed),
             patch.object(diagnosis, "gate", staged(POSES, SOLUTION, GATE)),
             patch.object(diagnosis, "start", staged(POSES, SOLUTION, START)),
             patch.object(first, "render", self._render),
