@@ -45,6 +45,8 @@ def node_page(name: str) -> str:
     module, text = import_module(NODES[name]), text_of(name)
     room = DONE[name].partition("/")[0]
     rows = [Topic(f"`{room}/{topic}`", _type(kind), text.outputs.get(topic, "")) for topic, kind in module.OUTPUTS.items()]
+    rows += [Topic(f"`{topic}`", _type(kind), text.outputs.get(topic, "")) for topic, kind in getattr(module, "SHARED", {}).items()]
+    rows += [Topic(*row) for row in text.more]
     rows.append(Topic(f"`{room}/done`", "sensor_msgs/TimeReference", "result of each frame: `kept`, or the reason why it was skipped"))
     managed = "ManagedNode[" in inspect.getsource(module)
     when = "while the node is unconfigured" if managed else "at the start only"

@@ -17,7 +17,7 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class NodeText:
-    """The prose of one node's page; `outputs` by topic, `figures` are the node's own values in its diagnostics."""
+    """The prose of one node's page; `outputs` by topic, `figures` are the node's own values in its diagnostics, `more` rows of what is published."""
 
     short: str
     about: str
@@ -25,6 +25,7 @@ class NodeText:
     outputs: dict[str, str]
     figures: tuple[str, ...]
     warns: str
+    more: tuple[tuple[str, str, str], ...] = ()
 
 
 IMAGE, INFO = "sensor_msgs/Image", "sensor_msgs/CameraInfo"
@@ -45,6 +46,11 @@ VIEWS = [
     Topic("`preproc/camera_info`", INFO, "its camera"),
     Topic("`preproc/dwell`", "sensor_msgs/TimeReference", "the dwell and the station of the view"),
     TRANSFORMS,
+    Topic(
+        "`initialpose`",
+        "geometry_msgs/PoseWithCovarianceStamped",
+        "RViz's 2D Pose Estimate, where TF does not know the cell: in the cell's frame where the body is, in another where the cell is; without height and tilt those stay. The session begins anew",
+    ),
 ]
 
 COLOUR = Topic(

@@ -20,6 +20,7 @@ from tof_ros import messages, qos
 from tof_ros.colour import ColourFeed
 from tof_ros.diagnostics import status
 from tof_ros.managed import ManagedNode
+from tof_ros.placing import Placing
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
@@ -49,6 +50,7 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         super().__init__(NAME, "correction", CorrectNodeConfig, fixed=("live.", "align."), **options)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         self._verdict = ""
+        self._placing = Placing(self)
         self.service("capture_reference", self._capture, slow=True)
         self.service("propose", self._propose, slow=True)
 
@@ -64,10 +66,10 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
     def start(self) -> None:
         """Hear `preproc` and TF."""
         live, scene = self.config.live, self._scene
-        self._chain = live.chain(scene.frame if scene else "", scene.placed_in if scene else None)
+        self._chain = self._placing.chain(live, scene.frame if scene else "", scene.placed_in if scene else None)
         self._dwells = Dwells(2)
         colour = ColourFeed(self, self._chain, live)
-        self._feed = ViewFeed(self, self._chain, live.patience_s, lambda view: self._dwells.add(colour.beside(view)))
+        self._feed = ViewFeed(self, self._chain, live.patience_s, lambda view: self._dwells.add(colour.beside(view)), self._placing.camera)
         self._arm = self.create_publisher(PoseStamped, live.connect, qos.OUTPUT) if live.connect else None
         self.at_stop.append(self._disarm)
 

@@ -12,12 +12,14 @@ from tof_core.capture import View
 from tof_core.config import param
 from tof_core.decode import camera_from_info, pixels
 from tof_core.errors import RefusedError
+from tof_core.placement import parse_placement
 from tof_core.robot import RobotChain
 from tof_core.tf import TransformBuffer
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
+    from tof_core.arrays import Float
     from tof_core.placement import Placement
 
 
@@ -34,6 +36,10 @@ class ViewOptions(ManagedOptions):
 
     scene: str = param("", "scene.yaml of the cell, its folder, or a built-in scene's name")
     cell_frame: str = param("", "TF frame of the cell; empty: the scene's")
+    initial_pose: str = param(
+        "",
+        "where the cell is if TF does not know it: 'FRAME: x y z qx qy qz qw', or without FRAME in the camera's frame; the topic initialpose changes it",
+    )
     body_frame: str = param("", "TF frame of the robot's base; empty: 'body' or 'base_link' on the way")
     max_gap_s: float = param(0.2, "longest gap in TF that is interpolated", unit="s", low=0.001, high=10.0)
     patience_s: float = param(1.0, "longest wait of a view for its transform", unit="s", low=0.2, high=60.0)
@@ -45,10 +51,20 @@ class ViewOptions(ManagedOptions):
         path = Path(self.scene)
         return (path.parent if path.suffix in {".yaml", ".yml"} else path).name
 
-    def chain(self, cell: str = "", placed: Placement | None = None) -> RobotChain:
-        """Frames and an empty transform buffer; `cell` is used where the options name none."""
+    def placement(self) -> Placement | None:
+        """What `initial_pose` says.
+
+        Raises:
+            UsageError: it is no pose.
+        """
+        return parse_placement(self.initial_pose, where="live.initial_pose")
+
+    def chain(
+        self, cell: str = "", placed: Placement | None = None, on_placed: Callable[[str, str, Float], None] | None = None
+    ) -> RobotChain:
+        """Frames and transforms, nothing heard yet; `cell` holds where the options name none."""
         transforms = TransformBuffer(self.max_gap_s, keep_s=self.keep_tf_s)
-        return RobotChain(transforms, self.cell_frame or cell, self.body_frame, placed)
+        return RobotChain(transforms, self.cell_frame or cell, self.body_frame, placed, on_placed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,9 @@ from tof_core.errors import TransformError
 from tof_core.motion import MotionConfig, camera_velocity
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tof_core.arrays import Float
     from tof_core.placement import Placement
     from tof_core.tf import TransformBuffer
 
@@ -29,12 +32,14 @@ class RobotChain:
         cell: TF frame of the cell; empty takes the root above the camera.
         body: TF frame of the base; empty finds `body` or `base_link` on the chain.
         placed: where the cell is, for a robot whose TF does not know it.
+        on_placed: told (parent frame, cell, `T_parent_cell`) when the placement is used because TF does not know the cell.
     """
 
     transforms: TransformBuffer
     cell: str = ""
     body: str = ""
     placed: Placement | None = None
+    on_placed: Callable[[str, str, Float], None] | None = None
 
     def pose(self, camera_frame: str, stamp_ns: int) -> RobotPose:
         """The robot's pose at a stamp.
@@ -100,7 +105,7 @@ class RobotChain:
     def _place(self, cell: str, camera_frame: str) -> None:
         placed = self.placed
         assert placed is not None
-        frame = placed.frame.lstrip("/")
+        frame = placed.frame.lstrip("/") or camera_frame
         if frame != camera_frame and not self.transforms.connected(frame, camera_frame):
             raise TransformError(
                 f"the cell is placed in '{frame}', which TF does not connect with '{camera_frame}'",
@@ -108,3 +113,5 @@ class RobotChain:
                 todo=f"TF has the frames: {', '.join(self.transforms.frames()) or 'none at all'}",
             )
         self.transforms.add(frame, cell, 0, placed.T_frame_cell, static=True)
+        if self.on_placed is not None:
+            self.on_placed(frame, cell, placed.T_frame_cell)

@@ -20,6 +20,7 @@ from tof_gap.live import GapNodeConfig
 from tof_gap.watch import GapWatch
 from tof_ros import messages, qos
 from tof_ros.managed import ManagedNode
+from tof_ros.placing import Placing
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
@@ -46,6 +47,7 @@ class GapNode(ManagedNode[GapNodeConfig]):
         """Nothing loaded yet."""
         super().__init__(NAME, NAME, GapNodeConfig, fixed=("live.", "watch."), **options)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._placing = Placing(self)
         self._forget()
 
     def load(self) -> None:
@@ -61,7 +63,8 @@ class GapNode(ManagedNode[GapNodeConfig]):
         self._forget()
         self._watch = GapWatch(self._caster, self.config.watch)
         self._dwells, self._poses = Dwells(KEPT), deque[PoseWithCovarianceStamped](maxlen=KEPT)
-        self._feed = ViewFeed(self, live.chain(scene.frame, scene.placed_in), live.patience_s, self._take)
+        chain = self._placing.chain(live, scene.frame, scene.placed_in)
+        self._feed = ViewFeed(self, chain, live.patience_s, self._take, self._placing.camera)
         self.input("label/pose", PoseWithCovarianceStamped, self._posed, qos.OUTPUT)
 
     def unload(self) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from visualization_msgs.msg import MarkerArray
 
 from tof_core.errors import RefusedError, UsageError
 from tof_core.live import Dwells
@@ -18,6 +19,8 @@ from tof_ros import messages
 from tof_ros.colour import ColourFeed
 from tof_ros.diagnostics import status
 from tof_ros.managed import ManagedNode
+from tof_ros.markers import GREEN, GREY, ORANGE, RED, part_markers
+from tof_ros.placing import Placing
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
@@ -29,6 +32,9 @@ if TYPE_CHECKING:
 
 NAME = "inspect"
 OUTPUTS = {"verdict": DiagnosticArray}
+SHARED = {"inspect/markers": MarkerArray}
+"""Latched for RViz: the inspected parts, coloured by the last judgement."""
+COLOURS = {"present": GREEN, "displaced": ORANGE, "absent": RED, "not_observable": GREY}
 """Topics under `inspect/`, once per `~/judge`, with the stamp of the last view."""
 CONFIG = InspectNodeConfig
 LEVELS = {
@@ -48,7 +54,9 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         """Nothing loaded yet."""
         super().__init__(NAME, NAME, InspectNodeConfig, fixed=("live.", "align."), **options)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._latched = {name: self.shared(name, kind) for name, kind in SHARED.items()}
         self._counts: dict[str, int] = {}
+        self._placing = Placing(self)
         self.service("capture_reference", self._capture, slow=True)
         self.service("judge", self._judge, slow=True)
 
@@ -62,10 +70,10 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
     def start(self) -> None:
         """Hear `preproc` and TF."""
         live, scene = self.config.live, self._inspector.scene
-        chain = live.chain(scene.frame, scene.placed_in)
+        chain = self._placing.chain(live, scene.frame, scene.placed_in)
         self._dwells = Dwells(live.views)
         colour = ColourFeed(self, chain, live)
-        self._feed = ViewFeed(self, chain, live.patience_s, lambda view: self._dwells.add(colour.beside(view)))
+        self._feed = ViewFeed(self, chain, live.patience_s, lambda view: self._dwells.add(colour.beside(view)), self._placing.camera)
 
     def unload(self) -> None:
         """Release the scene."""
@@ -105,6 +113,11 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
     def _publish(self, found: Inspection) -> None:
         head = messages.header(found.views[-1].stamp_ns, self._inspector.scene.frame)
         self._outputs["verdict"].publish(DiagnosticArray(header=head, status=[_status(v) for v in found.verdicts]))
+        scene = self._inspector.scene
+        parts = [(p.name, p.vertices, p.faces) for p in (scene.part(v.name) for v in found.verdicts)]
+        cell = self.config.live.cell_frame.lstrip("/") or scene.frame
+        colours = {v.name: COLOURS[v.state] for v in found.verdicts}
+        self._latched["inspect/markers"].publish(part_markers(parts, cell, colours, space="inspect"))
 
     def figures(self) -> Mapping[str, str]:
         """Scene, last verdicts, age of TF."""

@@ -109,9 +109,12 @@ class RoomNode(Node, Generic[C]):
 
     def output(self, topic: str, kind: type[Any], profile: QoSProfile = qos.OUTPUT) -> Publisher:
         """A publisher of `<room>/<topic>` whose QoS a user may override."""
-        name = f"{self.room}/{topic}"
-        options, events = QoSOverridingOptions.with_default_policies(), self._mismatches.of_publisher(name)
-        return self.create_publisher(kind, name, profile, qos_overriding_options=options, event_callbacks=events)
+        return self.shared(f"{self.room}/{topic}", kind, profile)
+
+    def shared(self, topic: str, kind: type[Any], profile: QoSProfile = qos.LATCHED) -> Publisher:
+        """A publisher of a topic that is no room's own, latched unless another profile is given."""
+        options, events = QoSOverridingOptions.with_default_policies(), self._mismatches.of_publisher(topic)
+        return self.create_publisher(kind, topic, profile, qos_overriding_options=options, event_callbacks=events)
 
     def input(
         self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile, *, frames: str | None = None

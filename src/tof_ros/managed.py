@@ -104,6 +104,20 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         self._let_go()
         return super().on_shutdown(state)
 
+    def restart(self) -> None:
+        """Begin the session anew with what is loaded."""
+        if not self.active:
+            return
+        self._end()
+        try:
+            self.start()
+        except Exception as error:  # noqa: BLE001  (as on activation)
+            self._end()
+            self._fail("activated", error)
+            return
+        self.active = True
+        self.hearing.begin()
+
     def on_config(self, config: M) -> None:
         """Changed parameters matter once something is loaded; until then `load` will see them."""
         if self.loaded:

@@ -39,9 +39,11 @@ class ViewFeed:
     It ends with what else the node's `start` began.
     """
 
-    def __init__(self, node: ManagedNode[Any], chain: RobotChain, patience_s: float, take: Callable[[View], None]) -> None:
-        """Subscribe; `take` runs in the node's thread."""
-        self._node, self._chain, self._take = node, chain, take
+    def __init__(
+        self, node: ManagedNode[Any], chain: RobotChain, patience_s: float, take: Callable[[View], None], camera: Callable[[str], None]
+    ) -> None:
+        """Subscribe; `take` runs in the node's thread; `camera` is told the frame of each view that comes, also of one that TF does not place."""
+        self._node, self._chain, self._take, self._camera = node, chain, take, camera
         # Patience is counted in this node's own turns: one that was held up finds the missing parts in its queues.
         self._joiner = StampJoiner(REQUIRED, patience_s=math.inf)
         self._joiner.on_incomplete = self._incomplete
@@ -58,6 +60,7 @@ class ViewFeed:
     def _part(self, part: str, message: Any) -> None:
         stamp = stamp_ns(message)
         if part == "depth":
+            self._camera(message.header.frame_id)
             self._arrivals[stamp] = self._node.tally.arrived()
             self._patience.start(stamp)
         if part == "dwell" and "amplitude=1" in message.source:

@@ -17,6 +17,7 @@ class LiveConfig(ViewOptions):
     settle_s: float = param(
         2.5, "a view is labelled after this time without another one; 0: only when the next dwell begins", unit="s", low=0.0, high=3600.0
     )
+    publish_tf: bool = param(True, "publish the cell's frame (latched) if TF lacks it, and CAMERA_aligned of each view")
     record: str = param("", "folder in which ~/start_recording writes a bag of the labels")
 
 

@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Path
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from visualization_msgs.msg import MarkerArray
 
 from tof_core.errors import UsageError
 from tof_ros import messages
 from tof_ros.managed import ManagedNode
+from tof_ros.markers import GREEN, ORANGE, part_markers
 from tof_ros.patience import PERIOD_S
+from tof_ros.placing import Frames, Placing
 from tof_ros.recorder import RecordService
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
@@ -28,6 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tof_core.capture import View
+    from tof_ros.markers import Colour
     from tof_sim_label.label import Label
 
 NAME = "sim_label"
@@ -41,6 +46,10 @@ OUTPUTS = {
     "pose": PoseWithCovarianceStamped,
 }
 """Topics under `label/`, once per view, with the stamp of its last capture."""
+SHARED = {"label/path": Path, "scene/markers": MarkerArray}
+"""Latched topics for RViz: the corrected camera since the session began, and the CAD."""
+LONGEST_PATH = 1000
+"""Poses: a day of views, 60 kB a message."""
 CONFIG = LabelNodeConfig
 
 
@@ -52,6 +61,8 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         super().__init__(NAME, "label", LabelNodeConfig, fixed=("live.",), **options)
         self._verdicts: Counter[str] = Counter()
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._latched = {name: self.shared(name, kind) for name, kind in SHARED.items()}
+        self._placing = Placing(self)
         self.service("capture", self.flush)
         self.service("flush", self.flush)
         RecordService(self, lambda: self.config.live.record, "labels", [(f"label/{name}", kind) for name, kind in OUTPUTS.items()])
@@ -69,10 +80,15 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         """Hear `preproc` and TF; a session begins."""
         live = self.config.live
         self._stream = LabelStream(self._caster, self.config)
-        self._chain = live.chain(self._scene.frame, self._scene.placed_in)
+        self._frames = Frames(self) if live.publish_tf else None
+        on_placed = self._frames.placed if self._frames else None
+        self._chain = self._placing.chain(live, self._scene.frame, self._scene.placed_in, on_placed)
         self._labelled = time.monotonic()
-        self._feed = ViewFeed(self, self._chain, live.patience_s, self._take)
+        self._path = Path(header=messages.header(0, self._cell))
+        self._feed = ViewFeed(self, self._chain, live.patience_s, self._take, self._placing.camera)
         self.timer(PERIOD_S, self._settle)
+        self._colours: dict[str, Colour] = {}
+        self._draw({})
 
     def unload(self) -> None:
         """Release the scene."""
@@ -111,8 +127,27 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
         if self._outputs["points"].get_subscription_count():
             self._outputs["points"].publish(messages.points(view.camera.points(label.depth).astype(np.float32), head))
-        cell = self._chain.cell or self._scene.frame
-        self._outputs["pose"].publish(messages.pose(label.posed.T_cell_camera, label.posed.cov, messages.header(view.stamp_ns, cell)))
+        in_cell = messages.header(view.stamp_ns, self._cell)
+        self._outputs["pose"].publish(messages.pose(label.posed.T_cell_camera, label.posed.cov, in_cell))
+        if self._frames is not None:
+            self._frames.aligned(self._cell, view.camera.frame_id, label.posed.T_cell_camera, view.stamp_ns)
+        self._path.poses = [*self._path.poses[1 - LONGEST_PATH :], messages.pose_stamped(label.posed.T_cell_camera, in_cell)]
+        self._latched["label/path"].publish(self._path)
+        seen = (self._scene.names[n] for n in np.unique(label.part) if n >= 0)
+        self._draw(dict.fromkeys(seen, GREEN if label.posed.accepted else ORANGE))
+
+    @property
+    def _cell(self) -> str:
+        """TF frame of the cell."""
+        return self._chain.cell.lstrip("/") or self._scene.frame
+
+    def _draw(self, seen: dict[str, Colour]) -> None:
+        """Publish the CAD, once and where a colour changes: green on parts of accepted views, orange on others, grey on what was not seen."""
+        colours = {**self._colours, **seen}
+        if colours != self._colours or not colours:
+            self._colours = colours
+            parts = [(part.name, part.vertices, part.faces) for part in self._scene.parts]
+            self._latched["scene/markers"].publish(part_markers(parts, self._cell, colours))
 
     def flush(self) -> str:
         """Label the current view now."""

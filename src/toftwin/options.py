@@ -181,23 +181,9 @@ def _unit(info: config.ParamInfo) -> str:
 
 def parse_placement(text: str | None, camera_frame: str) -> Placement | None:
     """`--initial-pose` as a placement of the cell: in the camera's own frame unless another is named before a colon."""
-    import numpy as np
+    from tof_core import placement
 
-    from tof_core.placement import Placement
-    from tof_core.se3 import from_quat
-
-    if not text:
-        return None
-    frame, colon, numbers = text.rpartition(":")
-    try:
-        values = [float(v) for v in numbers.replace(",", " ").split()]
-    except ValueError:
-        values = []
-    if len(values) not in (3, 7) or not np.isfinite(values).all():
-        raise UsageError(
-            f"'{text}' is not 'x y z qx qy qz qw'", where="--initial-pose", todo="for instance '0 0 0.8 0 0 0 1', or 'odom: 1 0 0 0 0 0 1'"
-        )
-    return Placement(frame.strip() if colon else camera_frame, from_quat(values[:3], values[3:] or (0, 0, 0, 1)))
+    return placement.parse_placement(text or "", camera_frame)
 
 
 def _bounds(info: config.ParamInfo) -> str:

@@ -19,16 +19,17 @@ T_HAND_CAMERA = se3.from_quat((0.06, 0.0, 0.04), (0.5, -0.5, 0.5, -0.5))
 
 
 class ViewSource:
-    """One robot: frames cell, PREFIX/body, PREFIX/hand, and the camera's."""
+    """One robot: frames `root`, PREFIX/body, PREFIX/hand, and the camera's; a root that is not the cell stands at `T_root_cell` (4, 4) from it."""
 
-    def __init__(self, node: Any, prefix: str = "spot") -> None:
+    def __init__(self, node: Any, prefix: str = "spot", *, root: str = "cell", T_root_cell: Float | None = None) -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
         from tf2_msgs.msg import TFMessage
 
         from tof_ros import qos
         from tof_ros.views import KINDS
 
-        self.node, self.prefix = node, prefix
+        self.node, self.prefix, self.root = node, prefix, root
+        self._T_root_cell = np.eye(4) if T_root_cell is None else T_root_cell
         self._out = {part: node.create_publisher(kind, f"{prefix}/preproc/{part}", qos.OUTPUT) for part, kind in KINDS.items()}
         self._label = node.create_publisher(PoseWithCovarianceStamped, f"{prefix}/label/pose", qos.OUTPUT)
         self._tf = node.create_publisher(TFMessage, "/tf", qos.TF)
@@ -50,7 +51,7 @@ class ViewSource:
         T_cell_body = se3.from_quat((0.2, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         T_body_hand = se3.inverse(T_cell_body) @ T_cell_camera @ se3.inverse(T_HAND_CAMERA)
         for stamp in range(stamp_ns - 200_000_000, stamp_ns + 250_000_000, 50_000_000):
-            chain = (("cell", body, T_cell_body), (body, hand, T_body_hand), (hand, camera, T_HAND_CAMERA))
+            chain = ((self.root, body, self._T_root_cell @ T_cell_body), (body, hand, T_body_hand), (hand, camera, T_HAND_CAMERA))
             self._tf.publish(TFMessage(transforms=[messages.transform(a, b, T, stamp) for a, b, T in chain]))
 
     def send(self, view: View, *, age_s: float = 0.0, station: int = 0, colour: Bytes | None = None) -> View:

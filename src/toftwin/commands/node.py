@@ -20,6 +20,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("nodes", nargs="+", metavar="NODE", help=f"one or more of {', '.join(NODES)}")
     parser.add_argument("--scene", default="", metavar="FILE", help="scene.yaml for every node that needs one")
     parser.add_argument(
+        "--initial-pose",
+        default="",
+        metavar="POSE",
+        help="where the cell is if TF does not know it: 'odom: x y z qx qy qz qw' (metres, quaternion); RViz's 2D Pose Estimate changes it",
+    )
+    parser.add_argument(
         "--param",
         action="append",
         default=[],
@@ -49,6 +55,8 @@ def run(args: argparse.Namespace) -> int:
     for name in args.nodes:
         if args.scene and name in WITH_SCENE:
             parameters[name].setdefault("live.scene", args.scene)
+        if args.initial_pose and name in WITH_SCENE:
+            parameters[name].setdefault("live.initial_pose", args.initial_pose)
     if args.auto and not args.list_params:
         import sys
 

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The CAD as RViz and Foxglove draw it: one marker a part, coloured by what is known of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from geometry_msgs.msg import Point
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from tof_ros import messages
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tof_core.arrays import Float, Ints
+
+MOST_TRIANGLES = 20_000
+"""Of one part: what RViz draws fluently, and 1.5 MB of message; finer meshes are drawn coarser."""
+GREY, GREEN, ORANGE, RED, BLUE = (0.6, 0.6, 0.62), (0.25, 0.7, 0.35), (0.95, 0.6, 0.15), (0.85, 0.2, 0.2), (0.35, 0.5, 0.85)
+SOLID, THIN = 0.95, 0.45
+"""Opacity: of a part on which something was found, and of the others."""
+
+Colour = tuple[float, float, float]
+
+
+def part_markers(
+    parts: Sequence[tuple[str, Float, Ints]], frame: str, colours: Mapping[str, Colour], *, space: str = "scene", stamp_ns: int = 0
+) -> MarkerArray:
+    """One triangle list a part.
+
+    Args:
+        parts: name, vertices (N, 3) in metres of the cell, faces (M, 3).
+        frame: TF frame of the cell.
+        colours: of the parts on which something is known; the others are grey.
+        space: the markers' namespace; markers of one namespace and number replace each other.
+        stamp_ns: 0 draws them wherever the frame is now.
+    """
+    return MarkerArray(markers=[_marker(n, part, frame, colours, space, stamp_ns) for n, part in enumerate(parts)])
+
+
+def _marker(number: int, part: tuple[str, Float, Ints], frame: str, colours: Mapping[str, Colour], space: str, stamp_ns: int) -> Marker:
+    name, vertices, faces = part
+    out = Marker(header=messages.header(stamp_ns, frame), ns=space, id=number, type=Marker.TRIANGLE_LIST, action=Marker.ADD, text=name)
+    out.pose.orientation.w = 1.0
+    out.scale.x = out.scale.y = out.scale.z = 1.0
+    r, g, b = colours.get(name, GREY)
+    out.color = ColorRGBA(r=r, g=g, b=b, a=SOLID if name in colours else THIN)
+    out.points = [Point(x=x, y=y, z=z) for x, y, z in coarse(vertices, faces).reshape(-1, 3).tolist()]
+    return out
+
+
+def coarse(vertices: Float, faces: Ints, most: int = MOST_TRIANGLES) -> Float:
+    """Corners (T, 3, 3) of at most `most` triangles: vertices are merged on a grid that grows until few enough are left (Rossignac, Borrel 1993)."""
+    if len(faces) <= most:
+        return np.asarray(vertices[faces], np.float64)
+    low, size = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
+    cells = 1024
+    while True:
+        _, merged, at = np.unique(
+            np.floor((vertices - low) * (cells / size)).astype(np.int64), axis=0, return_index=True, return_inverse=True
+        )
+        corners = at.reshape(-1)[faces]
+        a, b, c = corners.T
+        corners = corners[(a != b) & (b != c) & (c != a)]
+        kept = corners[np.unique(np.sort(corners, axis=1), axis=0, return_index=True)[1]]
+        if len(kept) <= most:
+            return np.asarray(vertices[merged][kept], np.float64)
+        cells //= 2

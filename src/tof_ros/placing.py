@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the cell stands, for a robot whose TF does not know it: a parameter, the scene, or a pose that is drawn in RViz; and TF out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from tf2_msgs.msg import TFMessage
+
+from tof_core import se3
+from tof_core.errors import RefusedError, TransformError
+from tof_core.placement import Placement, is_planar, moved_in_plane
+from tof_ros import messages, qos
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tof_core.arrays import Float
+    from tof_core.live import ViewOptions
+    from tof_core.robot import RobotChain
+    from tof_ros.managed import ManagedNode
+
+TOPIC = "initialpose"
+"""RViz's "2D Pose Estimate" publishes there."""
+
+
+class Placing:
+    """The placement of one node's cell; it outlives the sessions, which a new one begins anew.
+
+    A pose on `initialpose` in the cell's own frame says where the robot's body is in the cell (as nav2 reads it), in any other frame where
+    the cell's origin is. One without height and tilt moves the placement in the plane alone.
+    """
+
+    def __init__(self, node: ManagedNode[Any]) -> None:
+        """Nobody has drawn a pose yet."""
+        self._node = node
+        self._estimate: Placement | None = None
+        self._chain: RobotChain | None = None
+        self._camera = ""
+        self._again = node.create_guard_condition(node.restart)
+
+    def chain(
+        self, live: ViewOptions, cell: str, placed_in: Placement | None, on_placed: Callable[[str, str, Float], None] | None = None
+    ) -> RobotChain:
+        """Frames and transforms of a session that begins, nothing heard yet; from now on `initialpose` is heard.
+
+        `cell` and `placed_in` are the scene's; `on_placed` is told where the cell stands, once it is known not to be in TF.
+        """
+        self._chain = live.chain(cell, self._estimate or live.placement() or placed_in, on_placed)
+        self._node.input(TOPIC, PoseWithCovarianceStamped, self._take, qos.OUTPUT)
+        if self._estimate is not None and self._estimate.frame and on_placed is not None:
+            on_placed(self._estimate.frame, self._chain.cell, self._estimate.T_frame_cell)
+        return self._chain
+
+    def camera(self, frame: str) -> None:
+        """The frame of the views that come."""
+        self._camera = frame.lstrip("/")
+
+    def _take(self, message: PoseWithCovarianceStamped) -> None:
+        frame, T = message.header.frame_id.lstrip("/"), messages.matrix(message.pose.pose)
+        try:
+            self._estimate = self._placed(frame, T)
+        except TransformError as error:
+            raise RefusedError(f"the pose is not taken: {error.what}", where=TOPIC, todo=error.todo) from error
+        x, y, z = self._estimate.T_frame_cell[:3, 3]
+        self._node.get_logger().info(
+            f"the cell is placed at {x:.3f} {y:.3f} {z:.3f} m in '{self._estimate.frame}' ({TOPIC}); the session begins anew"
+        )
+        self._again.trigger()
+
+    def _placed(self, frame: str, T: Float) -> Placement:
+        chain = self._chain
+        assert chain is not None  # heard of only once there is one
+        cell, before = chain.cell.lstrip("/") or "cell", chain.placed
+        if frame != cell:
+            if before is not None and before.frame.lstrip("/") == frame and is_planar(T):
+                T = moved_in_plane(T, before.T_frame_cell)
+            return Placement(frame, T)
+        if not self._camera:
+            raise TransformError("no view has come yet, so the body is not known", todo=f"draw it in a frame other than '{cell}'")
+        pose = chain.latest(self._camera)
+        root = before.frame if before is not None and before.frame else chain.transforms.root(self._camera)
+        T_root_cell = chain.transforms.lookup(root, cell, chain.transforms.latest(root, self._camera))
+        T_cell_body = moved_in_plane(T, pose.T_cell_body) if is_planar(T) else T
+        return Placement(root, T_root_cell @ pose.T_cell_body @ se3.inverse(T_cell_body))
+
+
+class Frames:
+    """TF out: the cell where TF does not know it (latched), and the camera as the CAD corrects it (per view)."""
+
+    def __init__(self, node: ManagedNode[Any]) -> None:
+        """Publish; it ends with what else the node's `start` began."""
+        self._static = node.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
+        self._moving = node.create_publisher(TFMessage, "/tf", qos.TF)
+        self._node = node
+        node.at_stop.append(self.close)
+
+    def placed(self, parent: str, cell: str, T_parent_cell: Float) -> None:
+        """The cell stands there."""
+        self._static.publish(TFMessage(transforms=[messages.transform(parent, cell, T_parent_cell)]))
+
+    def aligned(self, cell: str, camera: str, T_cell_camera: Float, stamp_ns: int) -> None:
+        """A view's camera was there: frame `CAMERA_aligned`."""
+        self._moving.publish(TFMessage(transforms=[messages.transform(cell, f"{camera}_aligned", T_cell_camera, stamp_ns)]))
+
+    def close(self) -> None:
+        """Nothing of it stays latched."""
+        self._node.destroy_publisher(self._static)
+        self._node.destroy_publisher(self._moving)

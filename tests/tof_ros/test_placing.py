@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot whose TF has no cell: placed by a parameter or by a pose drawn in RViz; TF, the CAD and the camera's path are seen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tests.tof_inspect.made import EYE, plate, seen
+from tof_core import se3
+
+pytest.importorskip("rclpy", reason="no ROS 2 here")
+from tests.tof_inspect.test_node import written
+from tests.tof_ros.peers import Observer, wait_for
+from tests.tof_ros.view_source import ViewSource
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from tof_core.arrays import Float
+
+pytestmark = pytest.mark.dds
+T_ODOM_CELL = se3.from_quat((3.0, -1.0, 0.2), (0.0, 0.0, np.sin(0.2), np.cos(0.2)))
+POSE = f"odom: 3 -1 0.2 0 0 {np.sin(0.2)} {np.cos(0.2)}"
+
+
+class Bench:
+    """A `sim_label`, a robot with the frame odom, and somebody who listens late."""
+
+    def __init__(self, context: Any, node: Any) -> None:
+        from tf2_msgs.msg import TFMessage
+
+        from tof_ros import qos
+
+        self.node, self.observer = node, Observer(context)
+        self.source = ViewSource(self.observer.node, root="odom", T_root_cell=T_ODOM_CELL)
+        self.static: dict[tuple[str, str], Float] = {}
+        self.moving: dict[str, str] = {}
+        self.observer.node.create_subscription(TFMessage, "/tf_static", self._latched, qos.TF_STATIC)
+        self.observer.node.create_subscription(TFMessage, "/tf", self._moved, qos.TF)
+
+    def _latched(self, message: Any) -> None:
+        for t in message.transforms:
+            v, q = t.transform.translation, t.transform.rotation
+            self.static[t.header.frame_id, t.child_frame_id] = se3.from_quat((v.x, v.y, v.z), (q.x, q.y, q.z, q.w))
+
+    def _moved(self, message: Any) -> None:
+        self.moving |= {t.child_frame_id: t.header.frame_id for t in message.transforms}
+
+    def late(self, topic: str, kind: Any) -> Any:
+        """The latched message of a topic, as somebody hears it who comes now."""
+        from tof_ros import qos
+
+        heard: list[Any] = []
+        subscription = self.observer.node.create_subscription(kind, topic, heard.append, qos.LATCHED)
+        wait_for(lambda: heard, what=f"for {topic}")
+        self.observer.node.destroy_subscription(subscription)
+        return heard[-1]
+
+    def view(self) -> Any:
+        """Send one view until it is taken."""
+        kept = self.node.tally.kept
+        wait_for(lambda: self.source.matched)
+        view = self.source.send(seen(plate()))
+        wait_for(lambda: self.node.tally.kept > kept, what=str(self.node.tally.skipped))
+        return view
+
+    def draw(self, frame: str, T: Float) -> None:
+        """RViz's 2D Pose Estimate."""
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+
+        from tof_ros import messages, qos
+
+        out = self.observer.node.create_publisher(PoseWithCovarianceStamped, "/spot/initialpose", qos.OUTPUT)
+        wait_for(out.get_subscription_count)
+        out.publish(messages.pose(T, np.zeros((6, 6)), messages.header(0, frame)))
+        wait_for(lambda: any("the session begins anew" in line for line in self.observer.log))
+        self.observer.log.clear()
+
+
+@pytest.fixture
+def started(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., Bench]]:
+    from contextlib import ExitStack
+
+    from tof_ros.environment import parameter_overrides, ros_context
+    from tof_ros.spin import spinning
+    from tof_sim_label.node import make_node
+
+    with ExitStack() as stack:
+        context = stack.enter_context(ros_context(domain=ros_domain))
+
+        def start(**values: Any) -> Bench:
+            overrides = parameter_overrides(
+                {"live.scene": str(written(plate(), tmp_path)), "live.settle_s": 0.5} | {f"live.{k}": v for k, v in values.items()}
+            )
+            node = make_node(context=context, namespace="spot", parameter_overrides=overrides)
+            bench = Bench(context, node)
+            stack.enter_context(spinning([node, bench.observer.node]))
+            wait_for(lambda: node.active)
+            return bench
+
+        yield start
+
+
+def test_a_parameter_places_the_cell_and_all_of_it_can_be_seen(started: Callable[..., Bench]) -> None:
+    from nav_msgs.msg import Path
+    from visualization_msgs.msg import MarkerArray
+
+    bench = started(initial_pose=POSE)
+    markers = bench.late("/spot/scene/markers", MarkerArray).markers
+    assert {m.text for m in markers} == set(plate().names)
+    assert {m.header.frame_id for m in markers} == {"cell"}
+    view = bench.view()
+    wait_for(lambda: ("odom", "cell") in bench.static)
+    np.testing.assert_allclose(bench.static["odom", "cell"], T_ODOM_CELL, atol=1e-9)
+    wait_for(lambda: f"{view.camera.frame_id}_aligned" in bench.moving)
+    assert bench.moving[f"{view.camera.frame_id}_aligned"] == "cell"
+    path = bench.late("/spot/label/path", Path)
+    assert (path.header.frame_id, len(path.poses)) == ("cell", 1)
+    p = path.poses[0].pose.position
+    np.testing.assert_allclose((p.x, p.y, p.z), EYE[:3, 3], atol=0.02)
+    green = [m.text for m in bench.late("/spot/scene/markers", MarkerArray).markers if m.color.g > 1.5 * m.color.r]
+    assert "block" in green
+
+
+def test_a_pose_drawn_in_a_frame_of_tf_places_the_cell_and_begins_the_session_anew(started: Callable[..., Bench]) -> None:
+    bench = started(initial_pose="odom: 0 0 0.2 0 0 0 1")
+    drawn = T_ODOM_CELL.copy()
+    drawn[2, 3] = 0.0
+    bench.draw("odom", drawn)
+    bench.view()
+    wait_for(lambda: ("odom", "cell") in bench.static and np.allclose(bench.static["odom", "cell"], T_ODOM_CELL, atol=1e-9))
+
+
+def test_a_pose_drawn_in_the_cell_says_where_the_body_is(started: Callable[..., Bench]) -> None:
+    wrong = T_ODOM_CELL.copy()
+    wrong[:2, 3] += 0.05
+    bench = started(initial_pose="odom: " + " ".join(str(v) for v in (*wrong[:3, 3], 0, 0, np.sin(0.2), np.cos(0.2))))
+    bench.view()
+    bench.draw("cell", se3.from_quat((0.2, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))  # where the source's body stands
+    bench.view()
+    wait_for(lambda: np.allclose(bench.static["odom", "cell"], T_ODOM_CELL, atol=1e-6), what=str(bench.static))
+
+
+def test_nothing_is_published_where_that_is_turned_off_and_a_pose_that_is_none_is_said(started: Callable[..., Bench]) -> None:
+    bench = started(initial_pose=POSE, publish_tf=False)
+    bench.view()
+    wait_for(lambda: bench.node._path.poses)
+    assert bench.static == {}
+    assert not any(name.endswith("_aligned") for name in bench.moving)
+
+
+def test_a_pose_that_is_none_is_why_the_node_is_not_active(ros_domain: int, tmp_path: Path) -> None:
+    from tof_ros.environment import parameter_overrides, ros_context
+    from tof_ros.spin import spinning
+    from tof_sim_label.node import make_node
+
+    with ros_context(domain=ros_domain) as context:
+        overrides = parameter_overrides({"live.scene": str(written(plate(), tmp_path)), "live.initial_pose": "here"})
+        node = make_node(context=context, parameter_overrides=overrides)
+        with spinning([node]):
+            wait_for(lambda: node.trouble)
+            assert "not activated: live.initial_pose: 'here' is not 'x y z qx qy qz qw'" in node.trouble
