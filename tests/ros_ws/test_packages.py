@@ -114,8 +114,10 @@ def test_views_show_topics_of_the_contract(view: str, packages: Path) -> None:
     text = (packages / "toftwin_bringup" / view).read_text()
     shown = set(topics_of(json.loads(text) if view.endswith("json") else yaml.safe_load(text)))
     published = {f"{DONE[name].partition('/')[0]}/{topic}" for name, module in NODES.items() for topic in import_module(module).OUTPUTS}
-    promised = {"depth/hand/image", "diagnostics"}
-    assert shown <= published | promised
+    latched = {topic for module in NODES.values() for topic in getattr(import_module(module), "SHARED", {})}
+    promised = {"depth/hand/image", "diagnostics", "initialpose"}
+    assert shown <= published | latched | promised
+    assert {"scene/markers", "inspect/markers", "label/path"} <= shown
     assert {"depth/hand/image", "preproc/depth", "label/depth", "gap/residual", "correction/pose"} <= shown
 
 
