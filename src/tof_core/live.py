@@ -62,7 +62,7 @@ class ViewOptions(ManagedOptions):
     def chain(
         self, cell: str = "", placed: Placement | None = None, on_placed: Callable[[str, str, Float], None] | None = None
     ) -> RobotChain:
-        """Frames and transforms, nothing heard yet; `cell` holds where the options name none."""
+        """Frames and an empty transform buffer; `cell` is used where the options name none."""
         transforms = TransformBuffer(self.max_gap_s, keep_s=self.keep_tf_s)
         return RobotChain(transforms, self.cell_frame or cell, self.body_frame, placed, on_placed)
 
