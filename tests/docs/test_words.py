@@ -49,7 +49,7 @@ LIMIT_OF_TERMS = 60
 def sources(repository: Path) -> Iterator[Path]:
     """Code, templates and pages."""
     yield from (p for folder in ("src", "docs") for p in sorted((repository / folder).rglob("*")) if p.suffix in {".py", ".md", ".j2"})
-    yield from (repository / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md"))
+    yield from (repository / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docker/README.md"))
 
 
 def found_in(text: str, permitted: list[str]) -> list[str]:
