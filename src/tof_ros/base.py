@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every node of the graph is made of: parameters, a tally, diagnostics, services, a clock that may jump back."""
+"""Base of every node of the graph: parameters, counts, diagnostics, services, and a clock that may be set back."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class RoomNode(Node, Generic[C]):
     """A node whose parameters are a typed configuration.
 
     Each input frame ends as one message on `<room>/done`: its stamp, and `kept` or the reason why
-    it was skipped. That is what replay waits for, and what a user reads to know a frame's fate.
+    it was skipped. Replay waits for this message, and a user reads from it what happened to a frame.
     `trouble` says why the node does nothing at all; `threads` is how many the node is spun with; `helpers` are small nodes of its own
     (the transform listener), without which it would do nothing and say nothing: where one dies, the node is dead.
     """
@@ -68,7 +68,7 @@ class RoomNode(Node, Generic[C]):
         self.at_end: list[Callable[[], None]] = []
         self._settings = Parameters(self, config, fixed=fixed, locked=locked, on_change=self.on_config)
         self._done = self.output("done", TimeReference)
-        self._diagnostics = Diagnostics(self, self.tally, self.told, self.complaints, lambda: self.trouble, self.hearing.silence)
+        self._diagnostics = Diagnostics(self, self.tally, self.reported, self.complaints, lambda: self.trouble, self.hearing.silence)
         threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False)
         self._jump = self.get_clock().create_jump_callback(threshold, post_callback=lambda _: self.jumped())
         self.service("reset", self.reset)
@@ -93,7 +93,7 @@ class RoomNode(Node, Generic[C]):
         """What is wrong right now."""
         return []
 
-    def told(self) -> Mapping[str, str]:
+    def reported(self) -> Mapping[str, str]:
         """All values for the diagnostics beside the tally."""
         return self.figures()
 
@@ -119,7 +119,7 @@ class RoomNode(Node, Generic[C]):
     def input(
         self, topic: str, kind: type[Any], take: Callable[[Any], None], profile: QoSProfile, *, frames: str | None = None
     ) -> Subscription:
-        """A subscription whose QoS a user may override; a message that cannot be read is said, and the node goes on.
+        """A subscription whose QoS a user may override; a message that cannot be read is logged, and the node continues.
 
         `frames` marks the topic whose messages are the node's frames: the parameter that names another, empty where none does.
         """

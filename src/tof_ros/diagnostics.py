@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node tells about itself once a second: rate, latency, frames seen, kept and skipped by reason."""
+"""Diagnostics of a node, once a second: rate, latency, frames received, kept and skipped by reason."""
 
 from __future__ import annotations
 
@@ -92,17 +92,17 @@ class Diagnostics:
         self._silence = silence
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", qos.OUTPUT)
         self._last_skipped = 0
-        self._said: list[str] = []
+        self._logged: list[str] = []
         node.create_timer(1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish(self) -> None:
         """Send the status now; a warning that is new is logged once."""
         warnings, silence = self._warnings() + self._new_skips(), self._silence()
-        told = [*warnings, *([silence] if silence else [])]
-        for warning in told:
-            if warning.split(":")[0] not in self._said:
+        lines = [*warnings, *([silence] if silence else [])]
+        for warning in lines:
+            if warning.split(":")[0] not in self._logged:
                 self._node.get_logger().warning(warning)
-        self._said = [w.split(":")[0] for w in told]
+        self._logged = [w.split(":")[0] for w in lines]
         message = DiagnosticArray(status=[self._status(warnings, silence)])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)

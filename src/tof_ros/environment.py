@@ -22,7 +22,7 @@ DOMAINS = range(1, 102)
 
 REACH = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 REACH_CHOICES = (REACH, "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "CYCLONEDDS_URI", "ZENOH_SESSION_CONFIG_URI")
-"""A user who sets one of these has said how far discovery reaches."""
+"""A user who sets one of these has chosen the discovery range."""
 TRANSPORT_CHOICES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS")
 """A user who sets one of these has chosen the transports."""
 

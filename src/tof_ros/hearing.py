@@ -60,7 +60,7 @@ class Hearing:
         self._frames = None
 
     def silence(self) -> str:
-        """One line where no frame has come for `SILENT_S`, else nothing; the first frame, and the first after a silence, is said."""
+        """One line if no frame has come for `SILENT_S`, else empty; the first frame, and the first after a silence, is logged."""
         if self._frames is None:
             return ""
         last = max(self._tally.last_arrival, self._since)

@@ -15,7 +15,7 @@ class StampJoiner:
 
     A set is whole when it has all `required` parts and all `expected` ones. A set that has the
     required parts alone is given out once a newer one is whole or it has waited `patience_s`;
-    one that lacks a required part is then dropped and counted in `incomplete`; `on_incomplete` is told its stamp.
+    one that lacks a required part is then dropped and counted in `incomplete`; `on_incomplete` receives its stamp.
     """
 
     def __init__(self, required: Iterable[str], expected: Iterable[str] = (), *, patience_s: float = 0.25, limit: int = 64) -> None:

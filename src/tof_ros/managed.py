@@ -152,10 +152,10 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
 
     @property
     def state(self) -> str:
-        """Where it stands in its life cycle."""
+        """State of the life cycle."""
         return "active" if self.active else "inactive" if self.loaded else "unconfigured"
 
-    def told(self) -> Mapping[str, str]:
+    def reported(self) -> Mapping[str, str]:
         """The state, and once something is loaded the node's own figures."""
         return {"state": self.state, **(self.figures() if self.loaded else {})}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Peers that cannot hear each other: the event that DDS raises, told with topic, policy, peer and remedy."""
+"""Peers with incompatible QoS: the event of DDS, reported with topic, policy, peer and remedy."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 class Mismatches:
     """The incompatible peers of one node's topics.
 
-    A reliable subscription never hears a best-effort publisher, and nothing else would say so. Each event is logged once;
-    `current` repeats it in the diagnostics for as long as such a peer is there.
+    A reliable subscription receives nothing from a best-effort publisher, without any other message. Each event is logged once;
+    `current` repeats it in the diagnostics as long as such a peer exists.
     """
 
     def __init__(self, node: Node) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long frames wait for what belongs to them, in the node's own turns."""
+"""Waiting time of frames for their missing parts, counted in the node's own cycles."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the cell stands, for a robot whose TF does not know it: a parameter, the scene, or a pose that is drawn in RViz; and TF out."""
+"""Pose of the cell for a robot whose TF does not contain it (from a parameter, the scene, or a pose drawn in RViz), and TF output."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Placing:
     ) -> RobotChain:
         """Frames and transforms of a session that begins, nothing heard yet; from now on `initialpose` is heard.
 
-        `cell` and `placed_in` are the scene's; `on_placed` is told where the cell stands, once it is known not to be in TF.
+        `cell` and `placed_in` are the scene's; `on_placed` receives the pose of the cell, once it is certain that TF does not contain it.
         """
         self._chain = live.chain(cell, self._estimate or live.placement() or placed_in, on_placed)
         self._node.input(TOPIC, PoseWithCovarianceStamped, self._take, qos.OUTPUT)

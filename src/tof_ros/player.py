@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays a bag into the running graph over DDS, on the bag's clock, no faster than the graph can take it."""
+"""Plays a bag into the running graph over DDS, with the bag's clock, no faster than the graph can process it."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
     from tof_core.bag import RawMessage
 
 DISCOVERY_S = 1.0
-"""The nodes among themselves have found each other so long after they found us."""
+"""Time after discovering all nodes in which these discover each other, seconds."""
 LOSS_S = 10.0
-"""In real time, where frames are lost, a silent graph is given up so soon: after the 8 s for which a frame may wait for its transform."""
+"""Longest silence of the graph in real time, seconds: more than the 8 s for which a frame may wait for its transform."""
 MERGED = 200
-"""So many transforms' messages travel as one."""
+"""Transform messages that are sent as one."""
 LEAD_NS = 1_000_000_000
 LAST_NS = 2**63 - 1
 
 
 class ReplayError(ToftwinError):
-    """The graph does not listen or does not answer."""
+    """The graph does not subscribe or does not answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class PlayOptions:
 
 @dataclass(slots=True)
 class PlayReport:
-    """What became of the frames: sent, and by first node's answer; `lost` were sent and never answered."""
+    """Results of the frames: sent, and the first node's answers; `lost` were sent and never answered."""
 
     sent: int = 0
     fates: Counter[str] = field(default_factory=Counter)

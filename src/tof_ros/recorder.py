@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes topics to a bag as they come, byte for byte; every message before a crash stays readable."""
+"""Writes topics to a bag as they arrive, byte for byte; every message before a crash stays readable."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tof_ros.base import RoomNode
 
 FLUSH_S = 0.2
-"""What was heard is in the file so soon, also when nothing else comes: a process that is killed loses no more."""
+"""Longest time in seconds until a received message is in the file, also if no other follows: a killed process loses no more."""
 Topic = tuple[str, type[Any]]
 """A topic's name and its message class."""
 

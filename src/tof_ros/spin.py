@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several nodes in one process, each with an executor and a thread of its own: a slow one delays no other."""
+"""Several nodes in one process, each with an executor and a thread of its own: a slow node delays no other."""
 
 from __future__ import annotations
 

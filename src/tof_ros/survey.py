@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a ROS domain publishes: topics, publishers with their QoS, and a short recording."""
+"""Survey of a ROS domain: topics, publishers with their QoS, and a short recording."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The running views of `preproc` as another node hears them: put together by stamp, with the robot's pose from TF."""
+"""The running views of `preproc`, received by another node: joined by stamp, with the robot's pose from TF."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class ViewFeed:
     def __init__(
         self, node: ManagedNode[Any], chain: RobotChain, patience_s: float, take: Callable[[View], None], camera: Callable[[str], None]
     ) -> None:
-        """Subscribe; `take` runs in the node's thread; `camera` is told the frame of each view that comes, also of one that TF does not place."""
+        """Subscribe; `take` runs in the node's thread; `camera` receives the frame of each view, also of a view without a transform."""
         self._node, self._chain, self._take, self._camera = node, chain, take, camera
         # Patience is counted in this node's own turns: one that was held up finds the missing parts in its queues.
         self._joiner = StampJoiner(REQUIRED, patience_s=math.inf)

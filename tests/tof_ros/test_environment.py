@@ -63,7 +63,7 @@ REACHES = {
 
 
 @pytest.mark.parametrize("case", REACHES)
-def test_the_user_s_variables_win_and_what_they_mean_is_said(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_user_s_variables_win_and_their_meaning_is_logged(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     from tof_ros.environment import REACH_CHOICES, keep_to_this_host, reach
 
     given, asked, said = REACHES[case]

@@ -65,9 +65,9 @@ def test_a_model_that_is_missing_leaves_the_node_unconfigured_until_it_is_set_ri
     from diagnostic_msgs.msg import DiagnosticStatus
 
     _, observer = started(infer__model="no/such.onnx")
-    told = observer.status("infer", lambda s: s.level == DiagnosticStatus.ERROR)
-    assert "not configured" in told.message
-    assert "there is no such model" in told.message
+    status = observer.status("infer", lambda s: s.level == DiagnosticStatus.ERROR)
+    assert "not configured" in status.message
+    assert "there is no such model" in status.message
     assert state(observer) == "unconfigured"
     assert not change(observer, "configure")
     assert put(observer, "infer.model", "default").successful

@@ -145,7 +145,7 @@ def test_a_pose_drawn_in_the_cell_says_where_the_body_is(started: Callable[..., 
     wait_for(lambda: np.allclose(bench.static["odom", "cell"], T_ODOM_CELL, atol=1e-6), what=str(bench.static))
 
 
-def test_nothing_is_published_where_that_is_turned_off_and_a_pose_that_is_none_is_said(started: Callable[..., Bench]) -> None:
+def test_nothing_is_published_if_that_is_turned_off_and_an_invalid_pose_is_reported(started: Callable[..., Bench]) -> None:
     bench = started(initial_pose=POSE, publish_tf=False)
     bench.view()
     wait_for(lambda: bench.node._path.poses)
