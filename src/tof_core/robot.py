@@ -32,7 +32,7 @@ class RobotChain:
         cell: TF frame of the cell; empty takes the root above the camera.
         body: TF frame of the base; empty finds `body` or `base_link` on the chain.
         placed: where the cell is, for a robot whose TF does not know it.
-        on_placed: told (parent frame, cell, `T_parent_cell`) when the placement is used because TF does not know the cell.
+        on_placed: called with (parent frame, cell, `T_parent_cell`) when the placement is used because TF does not contain the cell.
     """
 
     transforms: TransformBuffer
