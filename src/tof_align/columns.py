@@ -123,7 +123,7 @@ class ColumnSystem:
         n = self.normal
         take = np.concatenate([self.local(active), np.arange(n.shared, n.gram.shape[1])])
         info, error = self.prior(active, free_hand=free_hand)
-        return replace(n, gram=n.gram[:, take[:, None], take] / inflate, scatter=self.placed(len(active)), info=info, error=error)
+        return replace(n, gram=n.gram[:, take[:, None], take] / inflate, where=self.placed(len(active)), info=info, error=error)
 
     def prior(self, active: Ints, *, free_hand: bool = False) -> tuple[Float, Float]:
         """(g,), (g,) inverse prior variances of poses and of the columns `active`, and how far the state is from the prior's mean."""
@@ -140,7 +140,7 @@ class ColumnSystem:
 
     def placed(self, k: int) -> Ints:
         """(V, s) where each view's shared unknowns stand among the session's when k columns are chosen."""
-        pose = self.normal.scatter[:, : self.normal.shared - self.columns]
+        pose = self.normal.where[:, : self.normal.shared - self.columns]
         return np.concatenate([pose, np.broadcast_to(self.poses + np.arange(k), (len(pose), k))], axis=1)
 
     def fit(self, active: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> ColumnFit:
@@ -154,7 +154,7 @@ class ColumnSystem:
     def subset(self, views: Sequence[int]) -> ColumnSystem:
         """The system of some views only; all stations stay."""
         at, n = np.asarray(views, np.int64), self.normal
-        normal = replace(n, gram=n.gram[at], scatter=n.scatter[at], own_error=n.own_error[at])
+        normal = replace(n, gram=n.gram[at], where=n.where[at], own_error=n.own_error[at])
         return replace(self, chain=self.chain.subset(views), normal=normal, pixels=self.pixels[at], weight=self.weight[at])
 
     def fit_to(self, views: Sequence[int], solution: ColumnFit, *, inflate: float, free_hand: bool) -> ColumnFit:

@@ -32,14 +32,14 @@ class Normal:
     """Normal equations of V views.
 
     gram (V, p, p) with p = s + o + 1: weighted products of [shared | own | residual] columns;
-    scatter (V, s): where each view's shared columns stand among the G global unknowns;
+    where (V, s): where each view's shared columns stand among the G global unknowns;
     info (G,), own_info (o,): inverse prior variances of what has a fixed prior, 0 elsewhere;
     error (G,), own_error (V, o): how far the current state is from the prior's mean.
     kinds: name -> indices among the globals; own_kinds: the same among a view's own.
     """
 
     gram: Float
-    scatter: Ints
+    where: Ints
     info: Float
     own_info: Float
     error: Float
@@ -50,7 +50,7 @@ class Normal:
     @property
     def shared(self) -> int:
         """Shared columns per view."""
-        return int(self.scatter.shape[1])
+        return int(self.where.shape[1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,13 +66,13 @@ class Mixed:
     cov: Float
     gain: Float
     own_cov: Float
-    scatter: Ints
+    where: Ints
     sizes: dict[str, float]
     energy: float
 
     def joint_cov(self, view: int) -> Float:
         """Covariance (s + o, s + o) of a view's shared and own unknowns."""
-        C = self.cov[np.ix_(self.scatter[view], self.scatter[view])]
+        C = self.cov[np.ix_(self.where[view], self.where[view])]
         F = self.gain[view]
         cross = -C @ F.T
         return np.block([[C, cross], [cross.T, self.own_cov[view] + F @ C @ F.T]])
@@ -161,14 +161,14 @@ def solve(normal: Normal, sizes: dict[str, float], pull: tuple[Float, Float] | N
     r = reduce(normal, sizes)
     H, b = (r.H, r.b) if pull is None else (r.H + pull[0], r.b + pull[1])
     cov, x = _solve(H, b)
-    own = r.views.own0 - np.einsum("vij,vj->vi", r.views.gain, x[normal.scatter])
-    return Mixed(x, own, cov, r.views.gain, r.views.own_cov, normal.scatter, dict(sizes), float(r.energy - b @ x))
+    own = r.views.own0 - np.einsum("vij,vj->vi", r.views.gain, x[normal.where])
+    return Mixed(x, own, cov, r.views.gain, r.views.own_cov, normal.where, dict(sizes), float(r.energy - b @ x))
 
 
 def _scatter(normal: Normal, reduced: Float, right: Float) -> tuple[Float, Float]:
     G = normal.info.size
     H, b = np.zeros((G, G)), np.zeros(G)
-    for at, K, r in zip(normal.scatter, reduced, right, strict=True):
+    for at, K, r in zip(normal.where, reduced, right, strict=True):
         H[np.ix_(at, at)] += K
         b[at] += r
     return H, b
@@ -225,6 +225,6 @@ def _size(normal: Normal, answer: Mixed, kind: str) -> float:
 
 def _own_variance(answer: Mixed) -> Float:
     """(V, o) marginal variances of the views' own unknowns."""
-    C = answer.cov[answer.scatter[:, :, None], answer.scatter[:, None, :]]
+    C = answer.cov[answer.where[:, :, None], answer.where[:, None, :]]
     spread = np.einsum("vij,vjk,vik->vi", answer.gain, C, answer.gain, optimize=True)
     return np.asarray(np.diagonal(answer.own_cov, axis1=1, axis2=2) + spread)

@@ -113,7 +113,7 @@ def _log_amplitude(amplitude: Image | None, at: tuple[Ints, ...]) -> Float | Non
 
 
 def view_sigma(view: View, config: WeightConfig, at: tuple[Ints, ...]) -> Float:
-    """Standard error of the pixels `at` in metres, with the scatter of few captures pooled.
+    """Standard error of the pixels `at` in metres, with the noise of few captures pooled.
 
     The variance of n captures is itself uncertain (chi-square, n - 1 degrees of freedom);
     it is averaged with its neighbours', which count as eight captures more.

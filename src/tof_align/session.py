@@ -192,7 +192,7 @@ def _conclude(
     if not any(j.accepted for j in judged):
         raise RefusedError(judged[0].reason, where="alignment", todo="check the scene, its placement and the robot's pose")
     k = 0 if columns is None else columns[0].shape[1]
-    s, end = answer.scatter.shape[1], g + sum(system.basis.shared)
+    s, end = answer.where.shape[1], g + sum(system.basis.shared)
     return SessionSolution(
         posed=tuple(_posed(system, answer, chain, seen, v, judged[v]) for v in range(len(judged))),
         verdicts=judged,
@@ -243,7 +243,7 @@ def _disputed(
     seen: Sequence[Observability],
     config: AlignConfig,
 ) -> list[tuple[float, str]]:
-    """Per station the direction of its base that its views dispute most; views that fit nowhere are no witnesses."""
+    """Per station the direction of its base that its views dispute most; views that fit nowhere do not count."""
     if config.mode != "session":
         return [(1.0, "") for _ in seen]
     rig = system.rig

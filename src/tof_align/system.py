@@ -86,7 +86,7 @@ def camera_cov(rig: Rig, answer: Mixed, v: int) -> Float:
     """(6, 6) of the right perturbation of a camera, from all its links together."""
     shared, own = rig.links(v)
     C = answer.joint_cov(v)
-    at = np.concatenate([np.arange(shared.shape[1]), answer.scatter.shape[1] + np.arange(own.shape[1])])
+    at = np.concatenate([np.arange(shared.shape[1]), answer.where.shape[1] + np.arange(own.shape[1])])
     L = np.concatenate([shared, own], axis=1)
     return np.asarray(L @ C[np.ix_(at, at)] @ L.T)
 
@@ -127,7 +127,7 @@ def assemble(grams: Sequence[Float], rig: Rig, basis: Basis | None, theta_info: 
     info, own_info, error, own_error = rig.prior()
     return Normal(
         gram=np.array([_expand(G, *rig.links(v), m + k, moved[v]) for v, G in enumerate(grams)]),
-        scatter=np.array([np.concatenate([rig.where(v), tail]) for v in range(len(grams))]),
+        where=np.array([np.concatenate([rig.where(v), tail]) for v in range(len(grams))]),
         info=np.concatenate([info, np.zeros(m), theta_info]),
         error=np.concatenate([error, np.zeros(m + k)]),
         own_info=np.concatenate([own_info, np.zeros(q)]),

@@ -26,7 +26,7 @@ def model(
         dense.append(row / noise)
         right.append(y / noise)
     normal = Normal(
-        gram=np.array(blocks), scatter=np.tile(np.arange(7), (views, 1)), info=np.array([1.0, 1, 1, 0, 0, 0, 0]),
+        gram=np.array(blocks), where=np.tile(np.arange(7), (views, 1)), info=np.array([1.0, 1, 1, 0, 0, 0, 0]),
         own_info=np.array([1.0, 1, 0, 0, 0]), error=np.zeros(7), own_error=np.zeros((views, 5)),
         kinds={"shared": np.arange(3, 7)}, own_kinds={"own": np.arange(2, 5)},
     )  # fmt: skip
@@ -49,7 +49,7 @@ def test_eliminating_view_by_view_is_the_dense_solution_with_its_covariance() ->
 
 def test_the_state_so_far_pulls_back_to_the_priors_mean() -> None:
     normal, _, _ = model(np.random.default_rng(1))
-    strong = Normal(normal.gram * 1e-12, normal.scatter, np.ones(7), np.ones(5), np.arange(7.0), np.tile(np.arange(5.0), (5, 1)))
+    strong = Normal(normal.gram * 1e-12, normal.where, np.ones(7), np.ones(5), np.arange(7.0), np.tile(np.arange(5.0), (5, 1)))
     answer = solve(strong, {})
     np.testing.assert_allclose(answer.x, -np.arange(7.0), rtol=1e-4, atol=1e-6)
     np.testing.assert_allclose(answer.own, np.tile(-np.arange(5.0), (5, 1)), rtol=1e-4, atol=1e-6)

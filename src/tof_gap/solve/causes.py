@@ -43,7 +43,7 @@ def named(joint: Joint, fit_views: Sequence[int], judge: Selector, rng: np.rando
     solution = replace(solution, answer=replace(solution.answer, cov=whole.answer.cov))
     out: dict[str, Named] = {}
     for place, (member, (_, _, columns)) in enumerate(zip(chosen.members, design.placed(chosen.members), strict=True)):
-        if judge.nameless(member):
+        if judge.is_free(member):
             continue
         effect, std = _in_units(joint, member, solution, columns, fit_views)
         ties = tuple(design.candidates[i].name for i in selection.ties[place])
@@ -122,7 +122,7 @@ def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generat
 def free_share(joint: Joint, view: ViewEvidence) -> Float:
     """(H, W) metres of what the solution gives to functions of observables: error that shows but has no name."""
     out = np.zeros(view.residual.shape)
-    for effect, coefficients in joint.told():
+    for effect, coefficients in joint.members():
         if isinstance(effect, Unknown):
             out += unknown_share(effect, coefficients, view)
     return out

@@ -67,7 +67,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
             for v, e in enumerate(evidence)
         ],
         depends_on=joint.selection.unknown,
-        small_together=joint.selection.crowd,
+        small_together=joint.selection.small_together,
         # Motion shifts what poses are known by: then arms that err alike say nothing of the mount.
         arms_alike=0.0 if moved else judge.arms_alike(joint.selection.chosen),
         split=split,

@@ -55,7 +55,7 @@ class Joint:
         """(4, 4) X of the solution."""
         return np.asarray(self.chain.hand_eye @ se3.exp(self.selection.fit.hand_eye))
 
-    def told(self) -> Iterator[tuple[Effect | None, Float]]:
+    def members(self) -> Iterator[tuple[Effect | None, Float]]:
         """Of each member of the solution its effect, and its coefficients in their own units."""
         for effect, group, at in self.design.placed(self.selection.chosen.members):
             yield effect, self.selection.fit.theta[at] / self.design.scale[group]
@@ -107,7 +107,7 @@ def solution(joint: Joint) -> tuple[Chain, float]:
     """The chain after the solution's steps, its robot poses at the time that the solution says, and that lateness in seconds."""
     after = moved(joint.chain, joint.selection.fit)
     late_s = 0.0
-    for effect, coefficients in joint.told():
+    for effect, coefficients in joint.members():
         if isinstance(effect, TimeSync | Motion):
             late_s = float(coefficients[0])
     return delayed(after, joint.views, late_s - joint.late_s), late_s
@@ -123,7 +123,7 @@ def delayed(chain: Chain, views: Sequence[ViewEvidence], seconds: float) -> Chai
 
 def lens_of(joint: Joint) -> Intrinsics | None:
     """The intrinsics that the solution has chosen, None where CameraInfo's will do."""
-    for effect, coefficients in joint.told():
+    for effect, coefficients in joint.members():
         if isinstance(effect, Intrinsics):
             return Intrinsics(*np.clip(coefficients, *effect.bounds).tolist())
     return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a hypothesis is worth: its held-out score, what it pays, and whether it is possible."""
+"""Score of a hypothesis: held-out chi-square, the price of its forms, and whether its coefficients are possible."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """A set of candidates with its held-out chi-square per view (V,), and what its members pay for being of many forms."""
+    """A set of candidates (members) with its held-out chi-square per view (V,) and the price of its members' forms."""
 
     members: tuple[int, ...]
     held_out: Float
@@ -39,7 +39,7 @@ class Hypothesis:
 
 
 MANIFOLD = (CadDeviation.NAME, Unknown.NAME)
-"""What may be there more than once: every part deviates by itself."""
+"""Candidates that a hypothesis may hold more than once: every part deviates by itself."""
 
 
 class Selector:
@@ -51,17 +51,17 @@ class Selector:
         self.folds = deal(design.system.chain.station.tolist(), config.folds)
         self._empty: dict[float, float] = {}
         self._folded: dict[float, Folds] = {}
-        self._shapes = Counter(c.name for c in design.candidates)
+        self._forms = Counter(c.name for c in design.candidates)
 
     def gain(self, member: int) -> float:
-        """What a candidate's score must win."""
+        """Held-out chi-square that a candidate must win."""
         return self.config.hand_gain if self.frees_hand([member]) else self.config.gain
 
     def share(self, member: int) -> float:
-        """Of the visible gap's energy that a candidate must explain; hand-eye hardly shows in it, the arms take it up."""
+        """Share of the visible gap's energy that a candidate must explain; hand-eye hardly shows there, since arm errors absorb it."""
         if self.frees_hand([member]):
             return 0.0
-        return self.config.unknown_share if self.nameless(member) else self.config.share
+        return self.config.unknown_share if self.is_free(member) else self.config.share
 
     def columns(self, members: Iterable[int]) -> Ints:
         """Columns of a set of candidates."""
@@ -81,25 +81,25 @@ class Selector:
         return Hypothesis(tuple(members), held_out, inflate, self._price(members, held_out, inflate))
 
     def _price(self, members: Sequence[int], held_out: Float, inflate: float) -> float:
-        """What members pay that could have come in many forms.
+        """Chi-square that members pay for their forms.
 
-        What is tried at many shapes finds one that fits by chance; a form that physics foretells is never exact, one that is drawn freely always is.
+        Of many forms one fits by chance. A form that physics predicts is never exact; a free function always is, so it pays a share besides.
         """
-        shapes = sum(2.0 * float(np.log(self._shapes[self.design.candidates[m].name])) for m in members if not self.nameless(m))
-        free = sum(self.nameless(m) for m in members)
+        forms = sum(2.0 * float(np.log(self._forms[self.design.candidates[m].name])) for m in members if not self.is_free(m))
+        free = sum(self.is_free(m) for m in members)
         if not free:
-            return shapes
+            return forms
         if inflate not in self._empty:
             self._empty[inflate] = self.score((), inflate).score
         explained = self._empty[inflate] - float(held_out.sum())
-        return shapes + free * (self.config.unknown + self.config.unknown_share * max(explained, 0.0))
+        return forms + free * (self.config.unknown + self.config.unknown_share * max(explained, 0.0))
 
-    def nameless(self, member: int) -> bool:
-        """Whether a candidate is a function of an observable and no effect."""
+    def is_free(self, member: int) -> bool:
+        """Whether a candidate is a free function of an observable and no effect."""
         return isinstance(self.design.candidates[member].effect, Unknown)
 
     def repeats(self, member: int, members: Iterable[int]) -> bool:
-        """Whether one of the members is this candidate, or another shape of an effect that cannot be there twice."""
+        """Whether one of the members is this candidate, or another form of an effect that a hypothesis holds once."""
         name = self.design.candidates[member].name
         return member in members or (name not in MANIFOLD and any(self.design.candidates[m].name == name for m in members))
 
@@ -109,7 +109,7 @@ class Selector:
         return self.design.system.fit(self.columns(members), inflate=hypothesis.inflate, free_hand=self.frees_hand(members))
 
     def plausible(self, hypothesis: Hypothesis) -> bool:
-        """Whether every coefficient lies within its parameter's bounds, give or take `margin` standard errors, and what makes the effect shows."""
+        """Whether every coefficient lies within its parameter's bounds, within `margin` standard errors, and the coefficients that define the effect differ from zero."""
         solution = self.fit(hypothesis)
         sd = np.sqrt(np.diag(solution.theta_cov))
         for effect, group, at in self.design.placed(hypothesis.members):
@@ -128,7 +128,7 @@ class Selector:
         return True
 
     def arms_alike(self, hypothesis: Hypothesis) -> float:
-        """Chi-square of 6 of what all arms' poses err by alike, under the robot's prior: a mount that is off and was not named."""
+        """Chi-square (6 degrees of freedom) of the mean arm error under the robot's prior: large where the camera's mount is off."""
         normal = self.design.system.normal
         steps = normal.own_error + self.fit(hypothesis).arm
         return float(len(steps) * (((steps * np.sqrt(normal.own_info)).mean(axis=0)) ** 2).sum())

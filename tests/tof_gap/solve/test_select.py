@@ -78,7 +78,7 @@ def test_what_was_added_is_chosen_and_nothing_else() -> None:
     d = design(plain(RangeOffset(), DepthScale(), TemperatureDrift()), [0.3, 0.0, 0.5])
     found = select(d, SelectLimits())
     assert names(d, found.chosen.members) == ["range_offset", "temperature_drift"]
-    assert found.crowd == ()
+    assert found.small_together == ()
 
 
 def test_a_named_effect_goes_before_a_free_form_that_does_as_well() -> None:
@@ -94,19 +94,19 @@ def test_small_effects_beyond_the_second_are_a_crowd() -> None:
     effects = plain(RangeOffset(), DepthScale(), TemperatureDrift(), Wiggling(), Multipath(), Subsurface(part=0))
     found = select(d := design(effects, [0.6, 0.5, 0.2, 0.2, 0.2, 0.0]), SelectLimits())
     assert names(d, found.chosen.members) == ["depth_scale", "range_offset"]
-    assert set(found.crowd) == {"temperature_drift", "wiggling", "multipath"}
+    assert set(found.small_together) == {"temperature_drift", "wiggling", "multipath"}
     # Three of a size are three effects, and one that hardly shows makes up for a map that is not exact.
     three = select(d := design(effects, [0.5, 0.5, 0.5, 0.0, 0.0, 0.0]), SelectLimits())
     assert len(three.chosen.members) == 3
-    assert three.crowd == ()
+    assert three.small_together == ()
     # A second part that deviates is no effect more.
     parts = plain(RangeOffset(), CadDeviation(part=0), CadDeviation(part=1))
     both = select(d := design(parts, [0.6, 0.5, 0.2]), SelectLimits())
     assert len(both.chosen.members) == 3
-    assert both.crowd == ()
+    assert both.small_together == ()
     trifle = select(design(effects, [1.5, 1.2, 0.12, 0.0, 0.0, 0.0]), SelectLimits(share=0.0))
     assert len(trifle.chosen.members) == 2
-    assert trifle.crowd == ()
+    assert trifle.small_together == ()
 
 
 def test_who_wins_but_a_little_of_what_could_be_taken_from_others_mends_them_and_is_not_there() -> None:

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which effects the session cannot tell apart."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tof_gap.solve.worth import coefficients
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_gap.solve.judge import Hypothesis, Selector
+
+
+def stand_ins(judge: Selector, current: Hypothesis, place: int, worth: float) -> tuple[int, ...]:
+    """Candidates of other names that the data cannot tell from the member at `place`; worth: held-out chi-square lost without it."""
+    d, config = judge.design, judge.config
+    member = current.members[place]
+    rest = [m for i, m in enumerate(current.members) if i != place]
+    taken = {d.candidates[m].name for m in current.members}
+    found: dict[str, tuple[float, int]] = {}
+    for i, candidate in enumerate(d.candidates):
+        if candidate.name in taken or judge.is_free(i):
+            continue
+        trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
+        if trial.score - current.score > min(config.tie_gain, max(config.tie_share * worth, config.tie_least)) or not judge.plausible(
+            trial
+        ):
+            continue
+        if not _hides(judge, current, place, member, i, rest):
+            continue
+        if candidate.name not in found or trial.score < found[candidate.name][0]:
+            found[candidate.name] = (trial.score, i)
+    return tuple(i for _, i in sorted(found.values()))
+
+
+def _hides(judge: Selector, current: Hypothesis, place: int, member: int, other: int, rest: Sequence[int]) -> bool:
+    """Whether `other`, with pose and the rest, leaves little of the member's map."""
+    design = judge.design
+    if design.candidates[member].effect is None or design.candidates[other].effect is None:
+        return True  # Hand-eye is judged by its held-out score alone.
+    theta = coefficients(judge, current, judge.fit(current), place)
+    target = design.groups[member]
+    before, after = (design.system.left_of(target, theta, judge.columns(c), inflate=current.inflate) for c in (rest, [*rest, other]))
+    return after < judge.config.tie_left * max(before, 1e-12)

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each member of a hypothesis explains."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.columns import ColumnFit
+    from tof_core.arrays import Float
+    from tof_gap.solve.judge import Hypothesis, Selector
+
+
+def rescored(judge: Selector, members: Sequence[int]) -> Hypothesis:
+    """The hypothesis of these members, with the inflation of the pixels' noise that they leave."""
+    return judge.score(members, judge.inflation(members))
+
+
+def worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:
+    """Per member: held-out chi-square lost without it, and the same as metres RMS over all pixels."""
+    lost = np.array(
+        [
+            judge.score([m for i, m in enumerate(current.members) if i != place], current.inflate).score - current.score
+            for place in range(len(current.members))
+        ]
+    )
+    system = judge.design.system
+    return lost, np.sqrt(np.maximum(lost * current.inflate, 0.0) / system.pixels.sum()) * system.sigma
+
+
+def coefficients(judge: Selector, hypothesis: Hypothesis, solution: ColumnFit, place: int) -> Float:
+    """(k,) coefficients of the member at `place` in a solution of the hypothesis."""
+    at = [columns for _, _, columns in judge.design.placed(hypothesis.members)]
+    return solution.theta[at[place]]
