@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the diagnosis can be told."""
+"""Settings of the diagnosis."""
 
 from __future__ import annotations
 

@@ -14,5 +14,5 @@ from tof_gap.watch import WatchConfig
 class GapNodeConfig:
     """Parameters of the node."""
 
-    watch: WatchConfig = section(WatchConfig, "when a growing gap is told")
+    watch: WatchConfig = section(WatchConfig, "when a growing gap is reported")
     live: ViewOptions = section(ViewOptions, "the running node")

@@ -81,8 +81,8 @@ class GapNode(ManagedNode[GapNodeConfig]):
         return "what is usual is forgotten"
 
     def _forget(self) -> None:
-        """What was said of views is of another baseline."""
-        self._said: Watched | None = None
+        """Drop the last verdict: it is of another baseline."""
+        self._last: Watched | None = None
         self._refused = ""
 
     def _take(self, view: View) -> None:
@@ -103,34 +103,34 @@ class GapNode(ManagedNode[GapNodeConfig]):
     def _judge(self, view: View, pose: PoseWithCovarianceStamped) -> None:
         T = messages.matrix(pose.pose.pose)
         try:
-            said = self._watch.add(view, T, se3.cov_right(T, pose.pose.covariance.reshape(6, 6)))
+            last = self._watch.add(view, T, se3.cov_right(T, pose.pose.covariance.reshape(6, 6)))
         except RefusedError as error:
             self._refused = str(error)
             return
-        self._said, self._refused = said, ""
+        self._last, self._refused = last, ""
         head = messages.header(view.stamp_ns, view.camera.frame_id)
-        self._outputs["residual"].publish(messages.image(said.residual, "32FC1", head))
+        self._outputs["residual"].publish(messages.image(last.residual, "32FC1", head))
         self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
-        self._outputs["report"].publish(String(data=json.dumps(_report(said, view))))
+        self._outputs["report"].publish(String(data=json.dumps(_report(last, view))))
 
     def figures(self) -> Mapping[str, str]:
         """Scene, the last view's gap, how old TF is."""
-        scene, said = self._caster.scene, self._said
-        told = {} if said is None else {key: str(value) for key, value in _report(said).items() if key != "schema"}
-        return {"scene": f"{self.config.live.scene_name} {scene.digest[:12]}", **told, **(self._feed.figures() if self.active else {})}
+        scene, last = self._caster.scene, self._last
+        figures = {} if last is None else {key: str(value) for key, value in _report(last).items() if key != "schema"}
+        return {"scene": f"{self.config.live.scene_name} {scene.digest[:12]}", **figures, **(self._feed.figures() if self.active else {})}
 
     def warnings(self) -> list[str]:
         """A gap that grows, or a view that could not be judged."""
-        grown = [self._said.message] if self._said is not None and self._said.state == "grown" else []
+        grown = [self._last.message] if self._last is not None and self._last.state == "grown" else []
         return [*grown, *([self._refused] if self._refused else [])]
 
 
-def _report(said: Watched, view: View | None = None) -> dict[str, Any]:
+def _report(watched: Watched, view: View | None = None) -> dict[str, Any]:
     """What a program reads; what is not known yet is null."""
-    figures = {"gap_mm": said.gap_mm, "floor_mm": said.floor_mm, "usual_mm": said.usual_mm, "alarm": said.alarm}
+    figures = {"gap_mm": watched.gap_mm, "floor_mm": watched.floor_mm, "usual_mm": watched.usual_mm, "alarm": watched.alarm}
     rounded = {key: None if math.isnan(value) else round(value, 4) for key, value in figures.items()}
     stamp = {"stamp_ns": view.stamp_ns} if view is not None else {}
-    return {"schema": SCHEMA, **stamp, "state_of_gap": said.state, "views": said.views, **rounded}
+    return {"schema": SCHEMA, **stamp, "state_of_gap": watched.state, "views": watched.views, **rounded}
 
 
 def make_node(**options: Any) -> GapNode:
