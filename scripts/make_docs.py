@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write docs/nodes/*.md and docs/commands.md from the code they describe: `.venv/bin/python scripts/make_docs.py`."""
+"""Write docs/nodes/*.md, docs/commands.md and docs/limits.md from the code they describe: `.venv/bin/python scripts/make_docs.py`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import limits_page
 from node_pages import INPUTS, NODE_TEXTS, NodeText, Topic
 from tof_core.config import table
 from toftwin.cli import build_parser, command_names, load_command
@@ -37,7 +38,7 @@ MADE = "<!-- Made by scripts/make_docs.py; a test holds it up to date. -->"
 def pages() -> dict[str, str]:
     """Every generated page: its path under docs/, and its text."""
     nodes = {f"nodes/{name}.md": node_page(name) for name in NODES}
-    return {**nodes, "nodes/README.md": nodes_index(), "commands.md": commands_page()}
+    return {**nodes, "nodes/README.md": nodes_index(), "commands.md": commands_page(), "limits.md": limits_page.page()}
 
 
 def node_page(name: str) -> str:

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
 
+STILL = 1e-4
+"""Step of a live camera (metres, radians) after which its fit ends: a tenth of the arm's own error."""
 STEPS = 3
 """Linearisations of a live view at most: the prediction is within the arm's error, so they are few."""
 
@@ -141,7 +143,7 @@ class SessionAligner:
         weights = weigh(lin, first_look(lin, self.config.weights.shared), self.config.weights)
         fit = self._solved(chain, basis, lin, weights)
         for _ in range(STEPS - 1):
-            if np.abs(camera_step(chain, fit.answer, last)).max() < 1e-4:
+            if np.abs(camera_step(chain, fit.answer, last)).max() < STILL:
                 break
             chain = chain.moved(fit.answer.x, fit.answer.own)
             lin = linearise(live, chain.pose(last), self.caster, self.config.weights)

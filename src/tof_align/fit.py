@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from tof_align.pixels import Pixels
     from tof_scene.raycast import Raycaster
 
+STILL = 2e-6
+"""Step of a camera (metres, radians) that changes nothing any more."""
 NOISE_LIMITED = 0.2e-3
 """Metres of unmodelled error below which more pixels make a pose better."""
 Columns = Callable[[int, "Linearised"], Float]
@@ -59,7 +61,7 @@ class Fitter:
         for _ in range(iterations):
             system, answer, _ = self.once(rig, answer)
             rig = rig.moved(answer.x, answer.own)
-            if float(np.abs(system.camera_steps(answer)).max()) < 2e-6:
+            if float(np.abs(system.camera_steps(answer)).max()) < STILL:
                 break
         if self.last and max((self.sizes or {}).values(), default=0.0) < NOISE_LIMITED:
             self.pixels = self.last

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
     from tof_core.capture import RobotPose, View
 
+ROUNDING = 1e-4
+"""Share of a window that single precision leaves where no pixel counts."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pixels:
@@ -134,5 +137,5 @@ def view_sigma(view: View, config: WeightConfig, at: tuple[Ints, ...]) -> Float:
 def _local_mean(values: Float, where: Mask, size: int = 7) -> tuple[Float, Float]:
     share = ndimage.uniform_filter(where.astype(np.float32), size, mode="nearest").astype(float)
     total = ndimage.uniform_filter(values.astype(np.float64), size, mode="nearest")
-    share = np.where(share > 1e-4, share, 0.0)
+    share = np.where(share > ROUNDING, share, 0.0)
     return total / np.where(share > 0, share, 1.0), share

@@ -101,8 +101,8 @@ def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effe
         one, two = two, one
     tried = [(share(d, caster, one, two, action), action.text) for action in ACTIONS]
     best, text = max(tried)
-    now = share(d, caster, one, two, None)
-    if best < 1.2 * now + 0.02:
+    now, limits = share(d, caster, one, two, None), d.config.report
+    if best < limits.advice_gain * now + limits.advice_least:
         return f"no capture of {EXTRA} more views tried here separates {names}: a reference of known distance would"
     return f"{text}: separates {names} ({now:.0%} of the one stands beside the other now, {best:.0%} then)"
 

@@ -19,7 +19,7 @@ make_docs = import_module("make_docs")
 node_pages = import_module("node_pages")
 
 
-@pytest.mark.parametrize("name", ["commands.md", "nodes/README.md", *(f"nodes/{node}.md" for node in NODES)])
+@pytest.mark.parametrize("name", ["commands.md", "limits.md", "nodes/README.md", *(f"nodes/{node}.md" for node in NODES)])
 def test_the_page_is_what_the_code_says(name: str) -> None:
     assert (make_docs.DOCS / name).read_text() == make_docs.pages()[name], "run .venv/bin/python scripts/make_docs.py"
 

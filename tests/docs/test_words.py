@@ -31,17 +31,26 @@ WORDS = {
 PERMITTED = {
     "src/tof_virtual/effect.py": ["scatter"],  # a value of `kind`, and the prefix `scatter_` of the arrays in truth files
     "src/tof_virtual/effects/output.py": ["scatter"],  # the same
-    "CHANGELOG.md": ["scatter"],  # the old name of settings that were renamed
+    "src/tof_gap/tell/pictures.py": ["scatter"],  # a function of matplotlib
+    "src/tof_gap/tell/report.py": ["scatter"],  # a member of `Evidence`
+    "src/tof_gap/tell/unexplained.py": ["scatter"],  # the same
+    "CHANGELOG.md": ["scatter"],  # the former name of a setting
     "docs/walkthrough.md": ["mend"],  # the mark that `toftwin doctor` prints
     "docs/figures.md": ["said"],  # generated; goes when its bench is run again
 }
 """Places where a word may stand, each with the reason."""
 
-PENDING = ("src/tof_align/", "src/tof_gap/", "src/tof_sensor/", "src/tof_eval/", "src/toftwin/", "docs/gap_check.md")
+PENDING = (
+    "src/tof_align/",
+    "src/tof_gap/solve/",
+    "src/tof_gap/advice.py",
+    "src/tof_gap/tell/page.py",
+    "src/tof_sensor/",
+    "src/tof_eval/",
+    "src/toftwin/",
+    "docs/gap_check.md",
+)
 """Rooms and pages whose prose is not rewritten yet. This list only becomes shorter."""
-
-PENDING_PAGES = ("docs/limits.md",)
-"""Pages that are linked and not written yet."""
 
 LIMIT_OF_TERMS = 60
 
@@ -123,8 +132,6 @@ def test_links_between_pages_lead_somewhere(repository: Path) -> None:
     for page in [repository / "README.md", repository / "CONTRIBUTING.md", *(repository / "docs").rglob("*.md")]:
         for target, anchor in re.findall(r"\]\((?!https?:)([^)#\s]*)(#[^)\s]+)?\)", page.read_text(encoding="utf-8")):
             other = (page.parent / target).resolve() if target else page
-            if other in [repository / name for name in PENDING_PAGES]:
-                continue
             assert other.exists(), f"{page.name}: {target}"
             if anchor and other.suffix == ".md":
                 titles = re.findall(r"^#+ (.+)$", other.read_text(encoding="utf-8"), re.MULTILINE)

@@ -75,6 +75,10 @@ class ExplainableLimits:
 class ReportLimits:
     """What the report states."""
 
+    advice_gain: float = param(
+        1.2, "visible share of a tied effect after a capture, over the present one, that is worth a line", low=1.0, why="less is no remedy"
+    )
+    advice_least: float = param(0.02, "and so much more at least", low=0.0, high=1.0, why="the error of a share")
     block_px: int = param(
         16, "side of a block of pixels that err alike", unit="px", low=2, high=256, why="pixels share errors, blocks less so"
     )

@@ -91,7 +91,7 @@ class SelectLimits:
         2.0,
         "standard errors by which a coefficient may lie beyond its bounds",
         low=0.0,
-        why="estimates of a value at its bound scatter beyond it",
+        why="half of the estimates of a value at its bound lie beyond it",
     )
     tie_left: float = param(
         0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0, why="half of its size"

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""docs/limits.md: every number that decides a diagnosis or an alignment, and what changes when it is halved and doubled."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tof_align.config import AlignConfig
+from tof_core.config import table
+from tof_gap.config import GapConfig
+
+if TYPE_CHECKING:
+    from tof_core.config import ParamInfo
+
+MEASURED = Path(__file__).resolve().parent.parent / "benchmarks" / "limits.json"
+SECTIONS: dict[str, type[Any]] = {"gap": GapConfig, "align": AlignConfig}
+TITLES = {"gap": "The diagnosis", "align": "The alignment"}
+INTRODUCTION = """# Every number that decides
+
+`toftwin gap` and `toftwin label` decide by the numbers below. Each is a setting: `toftwin gap --settings` lists them, and `--set NAME=VALUE` or
+`--config FILE.yaml` changes them. `gap.` is the diagnosis, `align.` the alignment that it and every label use. Terms are in the [glossary](glossary.md).
+
+**Halved, doubled**: what changes when the number is halved or doubled and all others keep their defaults. For the diagnosis, in how many of the
+sessions that were tried the verdict changes, and by how many percentage points the shrink changes at most. For the alignment, in how many sessions
+another number of views is accepted, and by how many millimetres a camera moves at most. *Not read*: no session that was tried depends on the number,
+such as those of motion blur where all views are still. A dash: not measured. A bound of the number may hold the value nearer to the default.
+
+`.venv/bin/python -m benchmarks.limits --write` measures: it records twelve sessions of 160x122 pixels (two nulls, single effects, a pair, one effect
+withheld from the list), or takes those of `--bags`, and goes on where it stopped. `--only gap.noise` measures some of the numbers.
+"""
+
+
+def page() -> str:
+    """The whole page."""
+    measured = json.loads(MEASURED.read_text(encoding="utf-8"))
+    rows = {row["name"]: row for row in measured["rows"]}
+    parts = [INTRODUCTION.strip(), _state(measured)]
+    for prefix, cls in SECTIONS.items():
+        numbers = [info for info in table(cls) if info.kind in (int, float)]
+        parts += [f"## {TITLES[prefix]}"]
+        for group in dict.fromkeys(_group(info) for info in numbers):
+            lines = [_line(f"{prefix}.{info.name}", info, rows) for info in numbers if _group(info) == group]
+            parts += [f"### `{prefix}{'.' + group if group else ''}`", "\n".join([HEAD, *lines])]
+    return "\n\n".join(parts) + "\n"
+
+
+HEAD = "| number | default | unit | bounds | meaning | reason | halved | doubled |\n|---|---|---|---|---|---|---|---|"
+
+
+def _state(measured: dict[str, Any]) -> str:
+    """How much of the table is measured, on what."""
+    rows = measured["rows"]
+    total = sum(info.kind in (int, float) for cls in SECTIONS.values() for info in table(cls))
+    commits = ", ".join(sorted({row["code"] for row in rows})) or "none"
+    return f"Measured so far: {len(rows)} of {total} numbers, at commit {commits} ({measured['measured']}), each in the number of sessions that its cells state."
+
+
+def _group(info: ParamInfo) -> str:
+    return info.name.rpartition(".")[0]
+
+
+def _line(name: str, info: ParamInfo, rows: dict[str, Any]) -> str:
+    low, high = ("" if v is None else f"{v:g}" for v in (info.low, info.high))
+    row = rows.get(name)
+    unit = "mm" if name.startswith("align.") else "points"
+    changes = [_change(row, key, unit) for key in ("halved", "doubled")]
+    cells = (f"`{info.name.rpartition('.')[2]}`", f"{info.default:g}", info.unit, f"{low} .. {high}", info.text, info.why, *changes)
+    return f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |"
+
+
+def _change(row: dict[str, Any] | None, key: str, unit: str) -> str:
+    """What a changed number changes, in a cell."""
+    if row is None:
+        return "–"
+    if row["read"] == 0:
+        return "not read"
+    found = row[key]
+    if found is None:
+        return "at its bound"
+    most = f", {found['most']:.2g} {unit}" if found["most"] >= 0.05 else ""
+    return f"{found['changed']} of {row['sessions']}{most}"
