@@ -41,7 +41,6 @@ PERMITTED = {
 """Places where a word may stand, each with the reason."""
 
 PENDING = (
-    "src/tof_align/",
     "src/tof_gap/solve/",
     "src/tof_gap/advice.py",
     "src/tof_gap/tell/page.py",
