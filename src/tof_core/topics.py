@@ -35,11 +35,18 @@ DERIVED_WORDS = frozenset({"registered", "confidence", "mask", "sigma", "noise",
 """Images made from a depth image, or beside it: candidates only where there is no other."""
 OWN_WORDS = frozenset({"preproc", "label", "infer"})
 """Rooms whose nodes publish depth images and clouds."""
+OWN_ROOMS = OWN_WORDS | {"correction", "inspect", "gap"}
+"""Namespaces in which the nodes of this project publish."""
 
 
 def is_compressed(topic: str) -> bool:
     """Whether a topic has image_transport's name of a compressed one."""
     return topic.rpartition("/")[2] in TRANSPORTS
+
+
+def is_own(topic: str) -> bool:
+    """Whether a topic is an output of this project's nodes, in whatever robot's namespace."""
+    return len(parts := topic.strip("/").split("/")) > 1 and parts[-2] in OWN_ROOMS
 
 
 def base_topic(topic: str) -> str:

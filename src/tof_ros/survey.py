@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import rclpy
 
+from tof_core.topics import is_own
 from tof_ros import qos
 from tof_ros.environment import ros_context
 from tof_ros.recorder import Recorder, message_class
@@ -36,10 +37,11 @@ class Publisher:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Publishers by topic, and how many messages of each were recorded."""
+    """Publishers by topic, how many messages of each were recorded, and the outputs of this project's own nodes, which were not."""
 
     publishers: dict[str, list[Publisher]]
     counts: Counter[str]
+    own: tuple[str, ...] = ()
 
 
 def middleware_name() -> str:
@@ -67,12 +69,14 @@ def survey(path: Path, kinds: Collection[str], seconds: float) -> Seen:
         with spinning([node]):
             time.sleep(DISCOVERY_S)
             types = {topic: found[0] for topic, found in node.get_topic_names_and_types() if len(found) == 1 and found[0] in kinds}
+            own = tuple(sorted(topic for topic in types if is_own(topic) and node.count_publishers(topic)))
+            types = {topic: kind for topic, kind in types.items() if not is_own(topic)}
             publishers = {topic: offers for topic in sorted(types) if (offers := _publishers(node, topic))}
             classes = [(topic, kind) for topic in publishers if (kind := message_class(types[topic])) is not None]
             recorder = Recorder(node, path, classes, qos.sensor(depth=64))
             time.sleep(seconds)
             recorder.close()
-    return Seen(publishers, recorder.counts)
+    return Seen(publishers, recorder.counts, own)
 
 
 def _publishers(node: Node, topic: str) -> list[Publisher]:

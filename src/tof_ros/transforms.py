@@ -37,11 +37,17 @@ class TransformListener:
         self._wake = node.create_guard_condition(on_change)
         self._heard = float("-inf")
         self.messages = self.refused = 0
+        # Names as the node has them: a renaming of the node (`__node`) must not rename its helper to the same.
         ears = rclpy.create_node(
-            f"{node.get_name()}_tf", namespace=node.get_namespace(), context=node.context, start_parameter_services=False
+            f"{node.get_name()}_tf",
+            namespace=node.get_namespace(),
+            context=node.context,
+            use_global_arguments=False,
+            start_parameter_services=False,
         )
-        ears.create_subscription(TFMessage, "/tf", lambda m: self._add(m, static=False), qos.TF)
-        ears.create_subscription(TFMessage, "/tf_static", lambda m: self._add(m, static=True), qos.TF_STATIC)
+        topics = (node.resolve_topic_name("/tf"), node.resolve_topic_name("/tf_static"))
+        ears.create_subscription(TFMessage, topics[0], lambda m: self._add(m, static=False), qos.TF)
+        ears.create_subscription(TFMessage, topics[1], lambda m: self._add(m, static=True), qos.TF_STATIC)
         self._spinner = Spinner(ears)
         node.helpers.append(self._spinner)
 

@@ -127,3 +127,16 @@ def test_a_transform_listener_that_dies_takes_its_node_with_it(context: Any) -> 
         listener.node.create_guard_condition(fail).trigger()
         wait_for(lambda: not spinner.alive)
         assert isinstance(spinner.error, ZeroDivisionError)
+
+
+@pytest.mark.dds
+def test_a_node_that_is_renamed_has_a_listener_of_another_name(ros_domain: int) -> None:
+    from tof_preproc.node import make_node
+    from tof_ros.environment import ros_context
+
+    with ros_context(["-r", "__node:=left", "-r", "/tf:=/robot/tf"], domain=ros_domain) as renamed:
+        node = make_node(context=renamed)
+        listener = node.helpers[0].node
+        assert (node.get_name(), listener.get_name()) == ("left", "left_tf")
+        assert sorted(s.topic_name for s in listener.subscriptions) == ["/robot/tf", "/tf_static"]
+        node.destroy_node()

@@ -59,6 +59,8 @@ class Robot:
     stamped: bool = True
     future_s: float = 0.0
     black: bool = False
+    pause: int = 0
+    drives: bool = False
 
 
 def record(path: Path, robot: Robot) -> Path:
@@ -66,10 +68,11 @@ def record(path: Path, robot: Robot) -> Path:
     with BagWriter(path) as bag:
         if robot.tf:
             bag.tf(START, [("body", "hand_depth_sensor", np.eye(4))], static=True)
-        for k in range(-10, 4 * robot.frames + 10):
+        for k in range(-10, 4 * (robot.frames + robot.pause) + 10):
             if robot.tf and not robot.tf_hole[0] <= k < robot.tf_hole[1]:
                 at = START + k * FRAME // 4
-                bag.tf(at, [(robot.root, "body", se3.exp([0.001 * k, 0, 0, 0, 0, 0]))])
+                x = 0.001 * k if not robot.pause else 0.3 * robot.drives * (k > 4 * (robot.frames // 2 + robot.pause // 2))
+                bag.tf(at, [(robot.root, "body", se3.exp([x, 0, 0, 0, 0, 0]))])
         for i in range(robot.frames):
             write_frame(bag, robot, i)
     return path
@@ -81,7 +84,8 @@ def write_frame(bag: BagWriter, robot: Robot, i: int) -> None:
     depth = z_to_radial(CAMERA, depth) if robot.radial else depth
     if robot.black:
         depth[:] = np.nan
-    at = START + i * FRAME if robot.stamped else 0
+    later = robot.pause * (2 * i >= robot.frames)
+    at = START + (i + later) * FRAME if robot.stamped else 0
     if robot.info:
         bag.camera_info(NAMES["info"], robot.camera, at)
     if robot.amplitude:
@@ -267,6 +271,38 @@ def test_publishers_that_we_cannot_hear_are_named_with_the_policy() -> None:
     assert [f.level for f in said] == [Level.MEND, Level.MEND]
     assert "RELIABILITY" in said[0].todo
     assert "DURABILITY" in said[1].todo
+
+
+def test_a_pause_while_the_camera_moves_is_a_drive_between_views(tmp_path: Path) -> None:
+    said = findings(tmp_path, Robot(pause=30, drives=True))
+    assert any("pauses 1 times while the camera moves, up to 2.1 s: views of one session" in f.what for f in said if f.level is Level.OK)
+    assert not any("frames were lost" in f.todo for f in said)
+
+
+def test_a_pause_while_the_camera_stands_is_loss(tmp_path: Path) -> None:
+    said = findings(tmp_path, Robot(pause=30))
+    assert any("pauses 1 times, up to 2.1 s" in f.what and "frames were lost" in f.todo for f in said if f.level is Level.NOTE)
+
+
+@pytest.mark.dds
+def test_the_graph_s_own_outputs_are_not_examined(ros_domain: int) -> None:
+    import rclpy
+    from sensor_msgs.msg import CameraInfo, Image
+
+    from tests.toftwin.live_camera import live_camera
+    from tof_ros.environment import ros_context
+    from toftwin.doctor.live import examine_live
+
+    with ros_context() as context, live_camera(CAMERA, wall):
+        node = rclpy.create_node("preproc", context=context)
+        for topic in ("preproc/depth", "label/depth", "infer/depth"):
+            node.create_publisher(Image, f"/spot/{topic}", 5)
+            node.create_publisher(CameraInfo, f"/spot/{topic.partition('/')[0]}/camera_info", 5)
+        said = list(examine_live(BagOptions(), None, None, 2.0))
+        node.destroy_node()
+    assert any("the graph runs: 6 topics of its own, such as /spot/infer/camera_info" in f.what for f in said)
+    assert worst(said) == []
+    assert not any("/spot/preproc" in f.what for f in said)
 
 
 EXECUTORS = {

@@ -37,6 +37,8 @@ def examine_live(options: BagOptions, scene: Scene | None, initial_pose: str | N
             yield mend("live", f"the ROS graph cannot be looked at ({error})", "see the line ROS above")
             return
         yield from publishers(seen.publishers)
+        if seen.own:
+            yield ok("live", f"the graph runs: {len(seen.own)} topics of its own, such as {seen.own[0]}, are not examined")
         silent = [t for t in seen.publishers if not seen.counts.get(t) and not t.endswith("tf_static")]
         for topic in silent:
             yield note(

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core import se3
 from tof_core.decode import stamp_ns
+from tof_core.errors import TransformError
 from toftwin.doctor.finding import mend, note, ok
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from tof_core.tf import TransformBuffer
     from tof_core.topics import Topics
     from toftwin.doctor.finding import Finding
     from toftwin.doctor.recording import Recording, Stream
@@ -41,6 +44,7 @@ def examine_streams(recording: Recording, topics: Topics, streams: dict[str, Str
             yield note("topic", f"no {f.name}", LACKING[f.name])
     source = topics.depth or topics.points
     yield from stamps(source, streams[source])
+    yield from pauses(source, streams[source], recording.transforms, recording.index.frame_ids.get(source, ""))
     yield frozen(source, streams[source])
     yield from joined(topics, streams, recording.options.join_s)
 
@@ -55,7 +59,7 @@ def _found(recording: Recording, what: str, name: str, stream: Stream) -> Findin
 
 
 def stamps(name: str, stream: Stream) -> Iterator[Finding]:
-    """Header stamps are there, in the clock of the recording, without long pauses."""
+    """Header stamps are there, in the clock of the recording."""
     if stream.kept and all(stamp_ns(m) == 0 for m in stream.kept):
         yield mend(
             "stamps",
@@ -65,8 +69,6 @@ def stamps(name: str, stream: Stream) -> Iterator[Finding]:
         return
     stamp, logged = np.array(stream.stamps, np.int64), np.array(stream.logged, np.int64)
     behind = (logged - stamp) / 1e9
-    gaps = np.diff(stamp) / 1e9
-    usual = float(np.median(gaps)) if len(gaps) else 0.0
     if abs(float(np.median(behind))) > ANOTHER_CLOCK_S:
         yield note(
             "stamps",
@@ -85,12 +87,40 @@ def stamps(name: str, stream: Stream) -> Iterator[Finding]:
         )
     else:
         yield ok("stamps", f"{name}: {len(stamp)} stamps over {(stamp[-1] - stamp[0]) / 1e9:.1f} s")
-    if usual > 0 and (long := gaps[gaps > max(3 * usual, 0.5)]).size:
+
+
+MOVED_M, MOVED_DEG = 0.005, 0.3
+"""Further than this the camera was moved on: beyond the sway of a standing robot."""
+
+
+def pauses(name: str, stream: Stream, transforms: TransformBuffer, camera: str) -> Iterator[Finding]:
+    """Long gaps between frames: drives between views where TF shows that the camera moved, else frames that were lost."""
+    stamp = np.array(stream.stamps, np.int64)
+    gaps = np.diff(stamp) / 1e9
+    usual = float(np.median(gaps)) if len(gaps) else 0.0
+    long = np.flatnonzero(gaps > max(3 * usual, 0.5)) if usual > 0 else np.zeros(0, np.int64)
+    driven = [k for k in long if _moved(transforms, camera, int(stamp[k]), int(stamp[k + 1]))]
+    lost = [k for k in long if k not in driven]
+    if driven:
+        yield ok(
+            "stamps", f"{name} pauses {len(driven)} times while the camera moves, up to {gaps[driven].max():.1f} s: views of one session"
+        )
+    if lost:
         yield note(
             "stamps",
-            f"{name} pauses {long.size} times, up to {long.max():.1f} s",
+            f"{name} pauses {len(lost)} times, up to {gaps[lost].max():.1f} s{', while the camera stands' if driven else ''}",
             "frames were lost before the bag: see the recorder's and driver's logs",
         )
+
+
+def _moved(transforms: TransformBuffer, camera: str, before: int, after: int) -> bool:
+    """Whether TF has the camera elsewhere after a pause."""
+    try:
+        root = transforms.root(camera)
+        metres, degrees = se3.distance(*(transforms.lookup(root, camera, stamp) for stamp in (before, after)))
+    except TransformError:
+        return False
+    return metres > MOVED_M or degrees > MOVED_DEG
 
 
 def frozen(name: str, stream: Stream) -> Finding:

@@ -94,7 +94,7 @@ def wanted(given: dict[str, str]) -> list[str]:
 
 
 def node(name: str, given: dict[str, str], *, sim_time: bool) -> Node:
-    """One node. It keeps its own name: `__node` would rename its transform listener too."""
+    """One node."""
     overrides: dict[str, Any] = {"use_sim_time": sim_time}
     if name in WITH_SCENE and given["scene"]:
         overrides["live.scene"] = given["scene"]
