@@ -10,7 +10,9 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from importlib import import_module
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
@@ -80,6 +82,35 @@ def test_ros_packages_that_the_code_imports_are_depended_on(packages: Path, repo
     sources = "\n".join(p.read_text() for p in (repository / "src").rglob("*.py"))
     imported = set(re.findall(r"^\s*(?:from|import) (rclpy|\w+_msgs|\w+_interfaces|std_srvs)\b", sources, re.MULTILINE))
     assert {"rclpy", "sensor_msgs"} <= imported <= depends
+
+
+ROSDEP_NAMES = {"opencv-python-headless": "python3-opencv", "pillow": "python3-pil", "pyyaml": "python3-yaml"}
+"""Keys of rosdep's own lists that are not `python3-NAME`."""
+
+
+def test_every_python_dependency_has_a_key_that_rosdep_or_our_list_knows(packages: Path, repository: Path) -> None:
+    depends = {e.text for e in ET.parse(packages / "toftwin" / "package.xml").getroot().iter("exec_depend")}  # noqa: S314
+    own = yaml.safe_load((packages.parent / "rosdep.yaml").read_text())
+    project = tomllib.loads((repository / "pyproject.toml").read_text())["project"]
+    names = {re.split(r"[<>=\[ ]", line)[0] for line in project["dependencies"]}
+    ours = {entry["ubuntu"]["pip"]["packages"][0]: key for key, entry in own.items()}
+    assert set(ours) <= names
+    assert all(entry["debian"] == entry["ubuntu"] for entry in own.values())
+    wanted = {ours.get(name) or ROSDEP_NAMES.get(name) or f"python3-{name.replace('_', '-')}" for name in names}
+    assert wanted <= depends
+    assert {key for key in depends if key and key.startswith(("python3-", "toftwin-"))} == wanted
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_the_changelog_is_one_that_bloom_reads(name: str, packages: Path) -> None:
+    """REP 132: title of the package, then versions or Forthcoming, underlined, with bullets."""
+    lines = (packages / name / "CHANGELOG.rst").read_text().splitlines()
+    title = f"Changelog for package {name}"
+    assert lines[:3] == ["^" * len(title), title, "^" * len(title)]
+    version = ET.parse(packages / name / "package.xml").getroot().findtext("version")  # noqa: S314
+    heads = [line for line, under in pairwise(lines) if under and set(under) == {"-"} and len(under) == len(line)]
+    assert heads[0] == "Forthcoming" or heads[0].startswith(f"{version} (")
+    assert [line for line in lines if line.startswith("* ")]
 
 
 def test_the_parameter_file_is_what_the_configuration_says() -> None:
