@@ -24,4 +24,6 @@ EFFECT_NAMES = {
     "specular",
     "subsurface",
     "interference",
+    "ambient",
+    "emitter_offset",
 }

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,75 +14,22 @@ from tof_gap.seen.edges import edge_band
 from tof_gap.solve.candidates import HAND_EYE, Candidate
 from tof_gap.solve.columns import ColumnStore, build
 from tof_scene.render import render
+from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.frame import ideal_frame
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.raycast import Raycaster
+    from tof_sensor.action import Action
     from tof_sensor.effect import Effect
-    from tof_sensor.frame import Frame
 
 EXTRA = 4
 """Views that a piece of advice may cost."""
-
-
-@dataclass(frozen=True, slots=True)
-class Action:
-    """One way to capture more: what to say, where the camera goes, what else changes."""
-
-    text: str
-    pose: Callable[[Float, float], Float]
-    change: Callable[[Frame], Frame]
-
-
-def _same_pose(T: Float, _: float) -> Float:
-    return T
-
-
-def _along(factor: float) -> Callable[[Float, float], Float]:
-    def pose(T: Float, range_m: float) -> Float:
-        step = np.eye(4)
-        step[2, 3] = (1 - factor) * range_m
-        return np.asarray(T @ step)
-
-    return pose
-
-
-def _around(angle_deg: float) -> Callable[[Float, float], Float]:
-    def pose(T: Float, range_m: float) -> Float:
-        out, back = np.eye(4), np.eye(4)
-        out[2, 3], back[2, 3] = range_m, -range_m
-        return np.asarray(T @ out @ se3.exp([0, 0, 0, 0, np.radians(angle_deg), 0]) @ back)
-
-    return pose
-
-
-def _unchanged(frame: Frame) -> Frame:
-    return frame
-
-
-def _brighter(frame: Frame) -> Frame:
-    return replace(frame, amplitude=4.0 * frame.amplitude)
-
-
-def _warmer(frame: Frame) -> Frame:
-    return replace(
-        frame, context=replace(frame.context, temperature=frame.context.temperature + 15.0, time_s=frame.context.time_s + 1800.0)
-    )
-
-
-ACTIONS = (
-    Action("capture the same poses again with four times the exposure", _same_pose, _brighter),
-    Action("capture from 0.6 times the distance", _along(0.6), _unchanged),
-    Action("capture from 1.6 times the distance", _along(1.6), _unchanged),
-    Action("capture from 35 degrees to the side", _around(35.0), _unchanged),
-    Action("capture the same poses again half an hour later, warm", _same_pose, _warmer),
-)
 
 
 def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
@@ -99,11 +46,14 @@ def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effe
     names = "|".join(sorted((one.name, two.name)))
     if one.effect is None:
         one, two = two, one
-    tried = [(share(d, caster, one, two, action), action.text) for action in ACTIONS]
-    best, text = max(tried)
+    kinds = [HandEye if c.effect is None else type(c.effect) for c in (one, two)]
+    actions = dict.fromkeys(action for kind in kinds for action in kind.ACTIONS)
+    tried = [(share(d, caster, one, two, action), action.text) for action in actions]
+    best, text = max(tried, default=(0.0, ""))
     now, limits = share(d, caster, one, two, None), d.config.report
     if best < limits.advice_gain * now + limits.advice_least:
-        return f"no capture of {EXTRA} more views tried here separates {names}: a reference of known distance would"
+        reference = " or ".join(dict.fromkeys(kind.SEPARATED_BY for kind in kinds))
+        return f"no capture of {EXTRA} more views tried here separates {names}: {reference} would"
     return f"{text}: separates {names} ({now:.0%} of the one stands beside the other now, {best:.0%} then)"
 
 

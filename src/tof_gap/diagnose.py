@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from tof_gap.solve.joint import Joint
     from tof_gap.tell.account import Account
     from tof_scene.raycast import Raycaster
+    from tof_sensor.effects.photon_law import PhotonLaw
 
 
 def diagnose(
@@ -50,6 +51,7 @@ def diagnose(
     progress: Callable[[str], None] = lambda _: None,
     *,
     untestable: Mapping[str, str] = MappingProxyType({}),
+    law: PhotonLaw | None = None,
 ) -> Diagnosis:
     """Diagnose a session.
 
@@ -61,6 +63,7 @@ def diagnose(
         left_out: effects not to be considered (a test of `unknown`).
         progress: called with the name of each step.
         untestable: effects that this kind of session cannot have, each with the reason; none of them is considered.
+        law: the camera's photon law, where it is known; without one, noise has the law that the session itself shows.
 
     Raises:
         RefusedError: too few views, or a session that fits the scene nowhere. Fewer than `solve.views` carry one answer alone: that
@@ -80,7 +83,7 @@ def diagnose(
     split = dealt(joint.chain, config.solve)
 
     progress("noise, loss and edges; the gap on held-out views")
-    read = partial(account, config=config, rng=rng, along_ray=along_ray, alone=few, left_out=left_out)
+    read = partial(account, config=config, rng=rng, along_ray=along_ray, alone=few, left_out=left_out, law=law)
     found = read(conclude(joint, begun.views, caster, config, split, rng))
     while (worse := found.worsens) is not None:
         joint = without(joint, worse, config)
@@ -95,8 +98,8 @@ def diagnose(
         found,
         explainable(solved.evidence, left, split, found.gap, config.report.explainable),
         unexplained,
-        too_few(len(views)) if few else untested(joint, found, config) | dict(untestable),
-        own_law(solved.evidence, [f.effect for f in found.findings], config.noise),
+        too_few(len(views)) if few else untested(joint, found, config, law) | dict(untestable),
+        law_beside(found, config),
         config,
     )
 
@@ -106,13 +109,19 @@ def too_few(views: int) -> dict[str, str]:
     return {name: f"{views} views are too few" for name in VOCABULARY if name != RadialDepth.NAME}
 
 
-def untested(joint: Joint, found: Account, config: GapConfig) -> dict[str, str]:
+def untested(joint: Joint, found: Account, config: GapConfig, law: PhotonLaw | None) -> dict[str, str]:
     """Effects that the session cannot test, with the reason."""
     beside_motion = {
         FlyingPixels.NAME: "motion mixes edges by itself: record at rest",
         HAND_EYE: "motion shifts what poses are known by: record at rest",
     }
-    return not_testable(joint.views, config.noise) | (beside_motion if found.solved.names(Motion.NAME) else {})
+    return not_testable(joint.views, config.noise, law) | (beside_motion if found.solved.names(Motion.NAME) else {})
+
+
+def law_beside(found: Account, config: GapConfig) -> PhotonLaw | None:
+    """The photon law beside the named noise: the stated one where noise was compared with it, else that of the session."""
+    stated = next((f.beside for f in found.findings if f.beside is not None), None)
+    return stated or own_law(found.solved.evidence, [f.effect for f in found.findings], config.noise)
 
 
 def check(views: Sequence[View], least: int) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from tof_sensor.effects.noise import PhotonLaw
+from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.frame import Context, Frame
 
 if TYPE_CHECKING:

@@ -1,20 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an effect is: a formula with linear coefficients and a shape, that can be added to a view."""
+"""What an effect is: a formula with linear coefficients and a shape, and everything else that a simulator or a diagnosis asks of it."""
 
 from __future__ import annotations
 
 from abc import ABC
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from tof_sensor.action import Action  # noqa: TC001  (the table of parameters resolves the class's annotations)
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from tof_core.arrays import Float, Ints
+    from tof_core.camera import Camera
+    from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 
 class Evidence(Enum):
@@ -25,18 +30,51 @@ class Evidence(Enum):
     MISSING = "missing"
 
 
+class Form(NamedTuple):
+    """One form of an effect that a diagnosis tries, and what distinguishes it from the effect's other forms."""
+
+    effect: Effect
+    note: str = ""
+
+
+class Finer(NamedTuple):
+    """One pass of the search around an effect's best form: a parameter, how far (relative) to either side, in how many steps."""
+
+    parameter: str
+    width: float
+    steps: int = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """An effect that its own detector found: confidence 0 to 1, standard deviations by parameter, and its size in words."""
+
+    effect: Effect
+    confidence: float
+    std: dict[str, float] = field(default_factory=dict)
+    note: str = ""
+
+
 class Effect(ABC):
     """Base of all effects; each is a frozen dataclass whose fields are its parameters.
 
     `LINEAR` names the fields in which the bias is linear (all others are its *shape*):
-    bias = columns(frame) @ coefficients, in metres along z. An effect that leaves scatter or
-    missing pixels overrides `apply` instead. Parameters carry units and plausible bounds
-    (`tof_core.config.param`).
+    bias = columns(frame) @ coefficients, in metres along z, to first order. An effect that adds noise or
+    loses pixels overrides `apply` instead. Parameters carry units and plausible bounds
+    (`tof_core.config.param`). The registry finds every effect of `tof_sensor.effects` by itself.
     """
 
     __slots__ = ()
 
     NAME: ClassVar[str]
+    ORDER: ClassVar[int]
+    """Place on the light's way, each effect its own: part 0, pose 10, light 30, pixel 50, noise 70, output 80 and on."""
+    MEANING: ClassVar[str]
+    """The effect in a plant engineer's words, as the report prints them."""
+    SEPARATED_BY: ClassVar[str] = "a reference of known distance"
+    """What would tell the effect from those that look like it, if no capture of `ACTIONS` does."""
+    ACTIONS: ClassVar[tuple[Action, ...]] = ()
+    """Captures in which the effect changes otherwise than those that look like it."""
     EVIDENCE: ClassVar[Evidence] = Evidence.BIAS
     LINEAR: ClassVar[tuple[str, ...]] = ()
     OWN: ClassVar[tuple[str, ...]] = ()
@@ -44,12 +82,31 @@ class Effect(ABC):
     LOCAL: ClassVar[bool] = True
     """Whether a pixel's bias depends on that pixel alone, so that `Frame.take` may thin the view."""
     ROUGH: ClassVar[float] = 0.0
-    """Share of its own size by which its map may be wrong, where no more than a coarse model of it can be reckoned (energy)."""
+    """Share of its own energy by which its map may be wrong, where only a coarse model of it can be computed."""
+    MODULATED: ClassVar[bool] = False
+    """Whether a camera has it only if it times modulated light."""
+    PER_PART: ClassVar[bool] = False
+    """Whether it may be there once per part at the same time."""
+    IN_CHAIN: ClassVar[bool] = False
+    """Whether it is a member of the chain of poses, which the solution frees in place of columns."""
+    SMEARS: ClassVar[bool] = False
+    """Whether it moves what edges show, and by that the poses that edges hold."""
+    FINER: ClassVar[tuple[Finer, ...]] = ()
+    """Passes of the search around its best form, in turn."""
+    REACH_M: ClassVar[float] = 0.05
+    """Prior of a coefficient: metres RMS over the session that its column may reach (one standard deviation)."""
+    COEFFICIENTS: ClassVar[tuple[str, ...]] = ()
+    """Names of the coefficients where they are not those of `LINEAR`."""
 
     @property
     def coefficients(self) -> Float:
         """(k,) values of the linear parameters."""
         return np.concatenate([np.atleast_1d(np.asarray(getattr(self, n), float)) for n in self.LINEAR] or [np.zeros(0)])
+
+    @property
+    def coefficient_names(self) -> tuple[str, ...]:
+        """Names of the coefficients, in order."""
+        return self.COEFFICIENTS or self.LINEAR
 
     @property
     def bounds(self) -> tuple[Float, Float]:
@@ -65,6 +122,15 @@ class Effect(ABC):
         changes: dict[str, Any] = {n: float(v) for n, v in zip(self.LINEAR, values, strict=True)}
         return replace(self, **changes)  # type: ignore[type-var]
 
+    def plausible(self, values: Float) -> Effect:
+        """The same shape with coefficients (k,), clipped to their bounds."""
+        return self.with_coefficients(np.clip(values, *self.bounds))
+
+    def prior_sd(self, scale: Float) -> Float:
+        """(k,) standard deviations of coefficients times `scale`, the RMS of their columns (k,)."""
+        return np.full(len(scale), self.REACH_M)
+
+    # what it does -------------------------------------------------------------------------------
     def columns(self, frame: Frame) -> Float:
         """(H, W, k) metres of z per unit of each coefficient; 0 where it does nothing."""
         return np.zeros((*frame.depth.shape, 0))
@@ -81,9 +147,73 @@ class Effect(ABC):
         return np.asarray(self.columns(frame) @ self.coefficients)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """The view after the effect; `rng` is for effects that scatter."""
+        """The view after the effect; `rng` is for effects that add noise or lose pixels."""
         del rng
         return replace(frame, depth=frame.depth + self.bias(frame))
+
+    def camera(self, stated: Camera) -> Camera:
+        """The camera as it is where `stated` is what CameraInfo says: the same, unless the effect is the lens's."""
+        return stated
+
+    @property
+    def mount(self) -> Float | None:
+        """(4, 4) X of the chain of poses that the effect stands for, None where it leaves the camera in its mount."""
+        return None
+
+    @property
+    def late_s(self) -> float:
+        """Seconds by which depth is later than its stamp."""
+        return 0.0
+
+    @property
+    def smooth(self) -> Effect:
+        """The effect without what single pixels err by: the same, unless it has such."""
+        return self
+
+    # noise --------------------------------------------------------------------------------------
+    @property
+    def constant_variance(self) -> float:
+        """Variance that it adds to every pixel of every capture, m^2."""
+        return 0.0
+
+    @property
+    def in_bursts(self) -> bool:
+        """Whether it adds noise to some captures and to others none."""
+        return False
+
+    def added_to(self, law: PhotonLaw) -> PhotonLaw:
+        """The photon law with the noise that the effect adds to every capture."""
+        return replace(law, floor_m=float(np.sqrt(law.floor_m**2 + self.constant_variance))) if self.constant_variance else law
+
+    def noise(self, frame: Frame) -> Float:
+        """(H, W) metres of z, the standard deviation that a detected effect adds to a capture."""
+        return np.zeros(frame.depth.shape)
+
+    # what a diagnosis tries ---------------------------------------------------------------------
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """The forms to try on a session; none of an effect that is no bias."""
+        del session
+        yield from ()
+
+    @classmethod
+    def lacks(cls, session: Session) -> str:
+        """What a session lacks that a test of the effect needs, empty where it lacks nothing."""
+        del session
+        return ""
+
+    @classmethod
+    def not_testable(cls, session: Session) -> str | None:
+        """The reason why a session cannot test the effect, None where it can."""
+        if cls.MODULATED and not session.modulated:
+            return "scatter goes with range squared and not with light: no time-of-flight camera"
+        return cls.lacks(session) or None
+
+    @classmethod
+    def detect(cls, session: Session) -> Detection | None:
+        """The effect where the session's noise shows it; for effects that have no columns."""
+        del session
+        return None
 
 
 class FieldEffect(Effect):
@@ -96,6 +226,10 @@ class FieldEffect(Effect):
     def with_coefficients(self, values: Float) -> Effect:
         """The same shape with other values (k,)."""
         return replace(self, values=tuple(float(v) for v in values))  # type: ignore[type-var]
+
+    def plausible(self, values: Float) -> Effect:
+        """The same shape with other values (k,): no bounds are stated of them one by one."""
+        return self.with_coefficients(values)
 
 
 def stack(columns: Sequence[Float], frame: Frame) -> Float:

@@ -129,3 +129,9 @@ def amplitude_gain(measured: Float, lambert: Float) -> float | None:
     """Camera's unit per 1/m^2 of the Lambertian amplitude, None where no pixel was measured."""
     both = np.isfinite(measured) & (measured > 0) & (lambert > 0)
     return float(np.median(measured[both] / lambert[both])) if both.any() else None
+
+
+def scattered(frame: Frame, sigma: Float, rng: np.random.Generator) -> Frame:
+    """The frame with normal noise of `sigma` (H, W) metres of z added to depth and sigma."""
+    depth = frame.depth + sigma * rng.standard_normal(frame.depth.shape)
+    return replace(frame, depth=depth, sigma=np.hypot(frame.sigma, sigma))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import yaml
 from tof_core.config import LARGEST, from_mapping, to_mapping
 from tof_core.errors import ConfigError
 from tof_core.yamlio import load_yaml
+from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.frame import Context, ideal_frame
 from tof_sensor.registry import PHYSICAL_ORDER, effect_class
 
@@ -50,6 +52,12 @@ class SensorModel:
     def without(self, name: str) -> SensorModel:
         """The model less every effect of that name."""
         return SensorModel(tuple(e for e in self.effects if name != e.NAME))
+
+    @property
+    def law(self) -> PhotonLaw | None:
+        """The photon law together with the noise that the model's effects add to every capture; None where it has no law."""
+        laws = [e for e in self.effects if isinstance(e, PhotonLaw)]
+        return reduce(lambda law, effect: effect.added_to(law), self.effects, laws[0]) if laws else None
 
     @property
     def names(self) -> tuple[str, ...]:

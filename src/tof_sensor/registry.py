@@ -1,68 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All effects by name, in the order in which light and electronics meet them."""
+"""All effects by name, found in `tof_sensor.effects`, in the order in which light and electronics meet them."""
 
 from __future__ import annotations
 
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
 from tof_core.errors import ConfigError
-from tof_sensor.effects.amplitude_bias import AmplitudeBias
-from tof_sensor.effects.cad_deviation import CadDeviation
-from tof_sensor.effects.depth_scale import DepthScale
-from tof_sensor.effects.dropout import Dropout
-from tof_sensor.effects.fixed_pattern import FixedPattern
-from tof_sensor.effects.flying_pixels import FlyingPixels
-from tof_sensor.effects.hand_eye import HandEye
-from tof_sensor.effects.interference import Interference
-from tof_sensor.effects.intrinsics import Intrinsics
-from tof_sensor.effects.lens_scatter import LensScatter
-from tof_sensor.effects.motion import Motion
-from tof_sensor.effects.multipath import Multipath
-from tof_sensor.effects.noise import Noise, PhotonLaw
-from tof_sensor.effects.phase_wrap import PhaseWrap
-from tof_sensor.effects.quantization import Quantization
-from tof_sensor.effects.radial_depth import RadialDepth
-from tof_sensor.effects.range_offset import RangeOffset
-from tof_sensor.effects.specular import Specular
-from tof_sensor.effects.subsurface import Subsurface
-from tof_sensor.effects.temperature_drift import TemperatureDrift
-from tof_sensor.effects.time_sync import TimeSync
-from tof_sensor.effects.wiggling import Wiggling
+from tof_sensor import effects
+from tof_sensor.effect import Effect
 
 if TYPE_CHECKING:
-    from tof_sensor.effect import Effect
+    from types import ModuleType
 
-PHYSICAL_ORDER: tuple[type[Effect], ...] = (
-    CadDeviation,
-    HandEye,
-    TimeSync,
-    Intrinsics,
-    Subsurface,
-    FlyingPixels,
-    Multipath,
-    Specular,
-    LensScatter,
-    Motion,
-    Wiggling,
-    AmplitudeBias,
-    FixedPattern,
-    TemperatureDrift,
-    RangeOffset,
-    PhotonLaw,
-    Noise,
-    Interference,
-    PhaseWrap,
-    Dropout,
-    DepthScale,
-    RadialDepth,
-    Quantization,
-)
-"""Part, pose, optics, pixel, electronics, output."""
+
+def _defined(module: ModuleType) -> list[type[Effect]]:
+    """The effects that a module defines."""
+    return [
+        kind for kind in vars(module).values() if isinstance(kind, type) and issubclass(kind, Effect) and kind.__module__ == module.__name__
+    ]
+
+
+_MODULES = [import_module(f"{effects.__name__}.{found.name}") for found in iter_modules(effects.__path__)]
+
+PHYSICAL_ORDER: tuple[type[Effect], ...] = tuple(sorted((kind for module in _MODULES for kind in _defined(module)), key=lambda e: e.ORDER))
+"""Part, pose, light, pixel, noise, output: by each effect's `ORDER`."""
 
 EFFECTS: dict[str, type[Effect]] = {effect.NAME: effect for effect in PHYSICAL_ORDER}
 
-VOCABULARY: tuple[str, ...] = tuple(sorted(set(EFFECTS) - {PhotonLaw.NAME}))
-"""Names that a diagnosis may give; the photon law is what every sensor has."""
+VOCABULARY: tuple[str, ...] = tuple(sorted(name for name, effect in EFFECTS.items() if effect.MEANING))
+"""Names that a diagnosis may give; the photon law, which every sensor has, means no effect."""
 
 
 def effect_class(name: str) -> type[Effect]:

@@ -41,7 +41,7 @@ def diagnose_bag(
     left_out: frozenset[str] = frozenset(),
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Diagnosis, Raycaster]:
-    """Read every view unfiltered, remove what is `known` of the sensor, diagnose the rest."""
+    """Read every view unfiltered, remove the bias of what is `known`, diagnose the rest; noise is compared with its photon law."""
     progress("reading views")
     views = raw_views(reader, config)
     caster, align, untestable = Raycaster(scene), config.align, dict[str, str]()
@@ -50,4 +50,5 @@ def diagnose_bag(
     if known is not None:
         progress("removing what is known of the sensor")
         views = known_removed(views, caster, known, align)
-    return diagnose(views, caster, config.gap, align, left_out, progress, untestable=untestable), caster
+    law = None if known is None else known.law
+    return diagnose(views, caster, config.gap, align, left_out, progress, untestable=untestable, law=law), caster

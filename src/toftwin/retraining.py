@@ -17,7 +17,7 @@ from tof_core.hashing import digest_config
 from tof_core.progress import progress
 from tof_infer.config import TrainConfig
 from tof_scene.render import render
-from tof_sensor.effects.noise import PhotonLaw
+from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.frame import ideal_frame
 from tof_sensor.model import SensorModel, simulate
 from tof_sim_label.dataset import DatasetWriter

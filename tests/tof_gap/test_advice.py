@@ -15,20 +15,21 @@ import pytest
 from tests.tof_align.made import CAMERA, CONFIG, look, panel
 from tof_align.chain import Chain
 from tof_core.capture import Capture, View
-from tof_gap.advice import ACTIONS, advise, share
+from tof_gap.advice import advise, share
 from tof_gap.config import GapConfig
 from tof_gap.limits.seen import EvidenceLimits
 from tof_gap.seen.residual import gather
 from tof_gap.solve.candidates import Candidate
 from tof_scene.render import render
+from tof_sensor.action import ASIDE, BRIGHTER, FARTHER, LATER, NEARER
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.wiggling import Wiggling
 
 if TYPE_CHECKING:
-    from tof_gap.advice import Action
     from tof_gap.seen.residual import ViewEvidence
+    from tof_sensor.action import Action
 
 VIEWS = 5
 
@@ -47,7 +48,7 @@ CANDIDATES = (
     Candidate("twin", Twin()),
 )
 OFFSET, DRIFT, WIGGLE, AMPLITUDE, TWIN = range(len(CANDIDATES))
-BRIGHTER, NEARER, FARTHER, ASIDE, LATER = ACTIONS
+ACTIONS = (BRIGHTER, NEARER, FARTHER, ASIDE, LATER)
 
 
 @lru_cache(maxsize=1)

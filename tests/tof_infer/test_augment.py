@@ -9,7 +9,7 @@ import pytest
 from tests.tof_infer.made import CAMERA, measured, wall
 from tof_infer.augment import Redraw
 from tof_infer.samples import Sample
-from tof_sensor.effects.noise import PhotonLaw
+from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.wiggling import Wiggling
 from tof_sensor.model import SensorModel

@@ -20,8 +20,9 @@ from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.lens_scatter import LensScatter
 from tof_sensor.effects.motion import Motion
-from tof_sensor.effects.noise import Noise, PhotonLaw
+from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.quantization import Quantization
 from tof_sensor.effects.radial_depth import RadialDepth
 from tof_sensor.effects.range_offset import RangeOffset

@@ -11,6 +11,8 @@ import pytest
 from tests.tof_sensor.plane import plane_frame
 from tests.vocabulary import EFFECT_NAMES
 from tof_core.errors import ConfigError
+from tof_sensor.effects.ambient import Ambient
+from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.quantization import Quantization
 from tof_sensor.effects.wiggling import Wiggling
 from tof_sensor.model import SensorModel, load_model, save_model, simulate
@@ -36,11 +38,26 @@ def test_effects_are_sorted_whatever_the_order_given() -> None:
 
 
 @pytest.mark.parametrize("kind", [k for k in PHYSICAL_ORDER if k.LINEAR and k.NAME != "fixed_pattern"])
-def test_bias_is_linear_in_the_coefficients(kind: type) -> None:
+def test_bias_of_small_coefficients_is_that_of_the_columns(kind: type) -> None:
     effect, frame = kind(), plane_frame()
-    values = np.full(len(effect.coefficients), 1e-3)
-    one, two = (effect.with_coefficients(s * values).bias(frame) for s in (1, 2))
-    np.testing.assert_allclose(two, 2 * one, atol=1e-12)
+    values = np.full(len(effect.coefficients), 1e-6)
+    bias = effect.with_coefficients(values).bias(frame)
+    np.testing.assert_allclose(bias, effect.columns(frame) @ values, atol=1e-4 * np.abs(bias).max())
+
+
+def test_every_effect_states_what_it_means_and_its_own_place() -> None:
+    assert len({kind.ORDER for kind in PHYSICAL_ORDER}) == len(PHYSICAL_ORDER) == len(EFFECTS)
+    assert all(EFFECTS[name].MEANING and EFFECTS[name].SEPARATED_BY for name in VOCABULARY)
+
+
+def test_the_law_of_a_model_holds_what_its_effects_add_to_every_capture() -> None:
+    law = PhotonLaw(floor_m=3e-4, shot_m=1e-3, reference=50.0)
+    light, steps = Ambient(surface_m=2e-3, uniform_m=1e-3, reference=100.0), Quantization(step_m=1e-3)
+    both, amplitude, range2 = SensorModel((law, light, steps)).law, np.array([10.0, 80.0]), np.array([0.5, 2.0])
+    assert both is not None
+    expected = law.variance(amplitude, range2) + light.variance(amplitude, range2) + 1e-6 / 12
+    np.testing.assert_allclose(both.variance(amplitude, range2), expected, rtol=1e-12)
+    assert SensorModel((light,)).law is None
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tof_core.errors import UsageError
-from tof_sensor.effects.noise import PhotonLaw
+from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.model import SensorModel
 from toftwin.cli import main
 from toftwin.retraining import RetrainConfig, retrain

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_sensor.effect import Effect
+    from tof_sensor.effects.photon_law import PhotonLaw
 
 CONFIDENT = 0.95
 """Confidence of a finding whose tests pass or fail and give no graded statistic."""
@@ -20,7 +21,8 @@ class Finding:
 
     `confidence` 0..1; `std` of its parameters; `share` (V, H, W) metres that it adds per pixel (standard deviation where it is
     noise), or None; `corrects` whether the share can be subtracted from the measured depth; `common` (V, H, W) metres of noise
-    that neighbours share: no model predicts it, but it is no unexplained structure either; `note`: the evidence in words.
+    that neighbours share: no model predicts it, but it is no unexplained structure either; `note`: the evidence in words;
+    `beside`: the photon law that the noise was compared with, where that is stated and not fitted to the session.
     """
 
     effect: Effect
@@ -30,6 +32,7 @@ class Finding:
     corrects: bool = False
     common: Float | None = None
     note: str = ""
+    beside: PhotonLaw | None = None
 
     @property
     def name(self) -> str:

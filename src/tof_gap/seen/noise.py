@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.seen import NoiseLimits
-    from tof_gap.seen.photons import Bins, LawFit
+    from tof_gap.seen.photons import LawFit
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.seen.stripes import Beat
     from tof_sensor.effect import Effect
+    from tof_sensor.session import NoiseBins
 
 
 def findings(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Finding]:
@@ -48,7 +49,7 @@ def findings(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Finding
     return [] if found is None else [found]
 
 
-def _bursts(views: Sequence[ViewEvidence], b: Bins, step: float, limits: NoiseLimits) -> Finding | None:
+def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: NoiseLimits) -> Finding | None:
     """Noise of some views above that of the quiet ones."""
     quiet = quiet_law(b, step, len(views), limits)
     ratio = view_ratio(b, quiet, len(views))
@@ -58,7 +59,7 @@ def _bursts(views: Sequence[ViewEvidence], b: Bins, step: float, limits: NoiseLi
     return _burst(views, b, quiet, ratio, hit)
 
 
-def _noise(views: Sequence[ViewEvidence], b: Bins, fitted: LawFit | None, step: float, limits: NoiseLimits) -> Finding | None:
+def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, step: float, limits: NoiseLimits) -> Finding | None:
     """Noise that no photon law has: constant, of whole rows or columns, of single pixels."""
     typical = float(np.sqrt(np.median(b.variance)))
     least = max(limits.extra_mm * 1e-3, limits.extra_share * typical)
@@ -100,7 +101,7 @@ def _stripes(views: Sequence[ViewEvidence], wave: Beat, reference: float, limits
     return Finding(effect, CONFIDENT, share=np.abs(np.stack(along)), common=np.stack(along), note=note)
 
 
-def _burst(views: Sequence[ViewEvidence], b: Bins, fitted: LawFit, ratio: Float, hit: Mask) -> Finding:
+def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, ratio: Float, hit: Mask) -> Finding:
     """Views noisier than the others: `interference` where the excess falls with the camera's own light, else `noise` in bursts."""
     typical2 = float(np.median(fitted.law.variance(b.amplitude, b.range2)))
     size = float(np.sqrt(np.mean(ratio[hit] - 1) * typical2))

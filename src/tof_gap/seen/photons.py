@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,14 +11,13 @@ from scipy.ndimage import median_filter
 from scipy.optimize import nnls
 
 from tof_core.stats import robust_std, second_differences, trimmed_std
-from tof_sensor.effects.interference import Interference
-from tof_sensor.effects.noise import Noise, PhotonLaw
-from tof_sensor.effects.quantization import Quantization
+from tof_sensor.effects.photon_law import PhotonLaw
+from tof_sensor.session import NoiseBins
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Mask
+    from tof_core.arrays import Float
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effect import Effect
@@ -29,22 +28,7 @@ QUIET_ROUNDS = 2
 """Fits of the quiet views' law, each to the views that are quiet against the one before."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Bins:
-    """Noise by amplitude, (n,) each: index of the view, mean amplitude, mean squared range m^2, variance m^2 along the ray, samples."""
-
-    view: Float
-    amplitude: Float
-    range2: Float
-    variance: Float
-    samples: Float
-
-    def of(self, keep: Mask) -> Bins:
-        """Some of the bins."""
-        return Bins(*(getattr(self, f.name)[keep] for f in fields(self)))
-
-
-def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Bins:
+def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> NoiseBins:
     """White variance of the residual in `bins` amplitude bins of every view, from second differences along rows."""
     rows = []
     for i, v in enumerate(views):
@@ -62,7 +46,7 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Bin
             if (which == b).sum() >= limits.bin_samples
         ]
     table = np.array(rows, float).reshape(-1, 5)
-    return Bins(*table.T)
+    return NoiseBins(*table.T)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +57,12 @@ class LawFit:
     floor_std: float
     misfit: float
 
-    def ratio(self, b: Bins) -> Float:
+    def ratio(self, b: NoiseBins) -> Float:
         """(n,) variance of each bin over the law's."""
         return np.asarray(b.variance / np.maximum(self.law.variance(b.amplitude, b.range2), 1e-14))
 
 
-def fit_law(b: Bins, step_m: float, limits: NoiseLimits) -> LawFit:
+def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits) -> LawFit:
     """Photon law by non-negative least squares on relative errors; the variance of the depth code's own step is known."""
     reference = float(np.median(b.amplitude))
     ratio = reference / b.amplitude
@@ -108,13 +92,13 @@ def constant_part(fitted: LawFit, step_m: float) -> float:
     return float(np.sqrt(max(fitted.law.floor_m**2 - step_m**2 / 12, 0.0)))
 
 
-def view_ratio(b: Bins, fitted: LawFit, views: int) -> Float:
+def view_ratio(b: NoiseBins, fitted: LawFit, views: int) -> Float:
     """(V,) median variance of each view's bins over the law's; 1 for a view without bins."""
     ratio = fitted.ratio(b)
     return np.array([np.median(ratio[b.view == i]) if (b.view == i).any() else 1.0 for i in range(views)])
 
 
-def quiet_law(b: Bins, step_m: float, views: int, limits: NoiseLimits) -> LawFit:
+def quiet_law(b: NoiseBins, step_m: float, views: int, limits: NoiseLimits) -> LawFit:
     """The law of the quiet views: fitted to all, then to those with the least noise against that fit."""
     fitted = fit_law(b, step_m, limits)
     for _ in range(QUIET_ROUNDS):
@@ -138,8 +122,7 @@ def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], limits: Nois
     b, step = binned(views, limits.bins, limits), code_step(views)
     if len(b.view) < limits.least_bins:
         return None
-    bursts = any(isinstance(e, Interference) or (isinstance(e, Noise) and e.duty < 1.0) for e in named)
+    bursts = any(e.in_bursts for e in named)
     law = (quiet_law(b, step, len(views), limits) if bursts else fit_law(b, step, limits)).law
-    apart2 = sum(e.extra_m**2 for e in named if isinstance(e, Noise) and e.duty == 1.0)
-    apart2 += sum(e.step_m**2 / 12 for e in named if isinstance(e, Quantization))
+    apart2 = sum(e.constant_variance for e in named)
     return replace(law, floor_m=float(np.sqrt(max(law.floor_m**2 - apart2, 0.0))))

@@ -12,13 +12,10 @@ import numpy as np
 from tof_core import se3
 from tof_core.cores import in_threads
 from tof_gap.seen.pattern import line_means, single_pixels
-from tof_gap.solve.free import Unknown, unknown_share
 from tof_gap.solved import Named
 from tof_scene.render import render
-from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.hand_eye import HandEye
-from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,21 +76,8 @@ def _in_units(
     sd = np.sqrt(np.diag(solution.theta_cov)[columns]) / design.scale[group]
     if isinstance(candidate.effect, FixedPattern):
         return _pattern(joint, candidate.effect, values, fit_views), {"smooth": float(sd[:-1].max()), "lines": float(sd[-1])}
-    effect = candidate.effect.with_coefficients(_plausible(candidate.effect, values))
-    return effect, dict(zip(_names(effect), sd.tolist(), strict=True))
-
-
-def _names(effect: Effect) -> list[str]:
-    if isinstance(effect, CadDeviation):
-        return ["x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad", "bow_uu_m", "bow_vv_m", "bow_uv_m"]
-    return list(effect.LINEAR)
-
-
-def _plausible(effect: Effect, values: Float) -> Float:
-    """Coefficients within the bounds that the effect's parameters state."""
-    if len(effect.LINEAR) != len(values):
-        return values
-    return np.clip(values, *effect.bounds)
+    effect = candidate.effect.plausible(values)
+    return effect, dict(zip(effect.coefficient_names, sd.tolist(), strict=True))
 
 
 def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Sequence[int]) -> FixedPattern:
@@ -122,9 +106,9 @@ def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generat
 def free_share(joint: Joint, view: ViewEvidence) -> Float:
     """(H, W) metres of what the solution gives to functions of observables: error that shows but has no name."""
     out = np.zeros(view.residual.shape)
-    for effect, coefficients in joint.members():
-        if isinstance(effect, Unknown):
-            out += unknown_share(effect, coefficients, view)
+    for candidate, coefficients in joint.members():
+        if candidate.free is not None:
+            out += candidate.free.share(coefficients, view)
     return out
 
 
@@ -141,9 +125,9 @@ def shares(
 
 
 def without_pixels(causes: Sequence[Named]) -> list[Named]:
-    """A fixed pattern's lines and fields alone: taken off, its single pixels would leave the views that told them quieter than the others."""
-    patterns = [c for c in causes if c.name == FixedPattern.NAME]
-    return [replace(c, effects=tuple(replace(e, pixels="") for e in c.effects if isinstance(e, FixedPattern))) for c in patterns]
+    """Those causes that err by single pixels, without them: removed, these would leave the views that they were fitted to quieter than the others."""
+    smooth = [replace(c, effects=tuple(e.smooth for e in c.effects)) for c in causes]
+    return [s for s, c in zip(smooth, causes, strict=True) if s.effects != c.effects]
 
 
 def _bias(effect: Effect, view: ViewEvidence, v: int, chain: Chain, caster: Raycaster, other_surface_m: float) -> Float:
@@ -151,12 +135,11 @@ def _bias(effect: Effect, view: ViewEvidence, v: int, chain: Chain, caster: Rayc
 
     Where another surface comes into view by that, to first order only.
     """
-    linear = effect.bias(view.frame)
-    if isinstance(effect, HandEye):
-        camera, chain = view.view.camera, replace(chain, hand_eye=se3.exp(np.asarray(effect.coefficients)))
-    elif isinstance(effect, Intrinsics):
-        camera = effect.camera(view.view.camera)
-    else:
+    linear, stated, mount = effect.bias(view.frame), view.view.camera, effect.mount
+    camera = effect.camera(stated)
+    if mount is not None:
+        chain = replace(chain, hand_eye=mount)
+    elif camera == stated:
         return linear
     there = render(caster, camera, chain.pose(v), footprints=False)
     exact = there.depth - view.frame.depth

@@ -12,9 +12,7 @@ import numpy as np
 from tof_align.columns import ColumnSystem, Priors
 from tof_core.cores import in_threads
 from tof_gap.seen.pattern import pattern_columns
-from tof_gap.solve.candidates import moving
-from tof_gap.solve.free import Unknown, unknown_columns
-from tof_sensor.effects.cad_deviation import CadDeviation
+from tof_gap.seen.session import moving
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.geometry import pose_columns
 
@@ -25,14 +23,11 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solve.candidates import Candidate
+    from tof_gap.solve.free import FreeFunction
     from tof_sensor.effect import Effect
 
-COLUMN_SD_M = 0.05
-"""Weak prior of a coefficient: a column of unit RMS may reach 50 mm."""
-DEVIATION_SD_M = 0.008
-"""The same for each of a part's nine ways to deviate: together they may not bend what one view saw."""
-DEVIATION_SD = np.repeat([0.02, 0.1, 0.02], 3)
-"""What each of the nine may reach by itself (m, rad, m of bow): a slide along its own plane moves no pixel, and would reach anything."""
+FREE_SD_M = 0.05
+"""Weak prior of a free function's coefficient: a column of unit RMS may reach 50 mm. An effect states its own (`Effect.prior_sd`)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,12 +43,12 @@ class Design:
     scale: Float
     system: ColumnSystem
 
-    def placed(self, members: Sequence[int]) -> Iterator[tuple[Effect | None, Ints, slice]]:
-        """Of each member its effect, its columns, and where its coefficients stand in a solution of all members."""
+    def placed(self, members: Sequence[int]) -> Iterator[tuple[Candidate, Ints, slice]]:
+        """Of each member its candidate, its columns, and where its coefficients stand in a solution of all members."""
         start = 0
         for member in members:
             group = self.groups[member]
-            yield self.candidates[member].effect, group, slice(start, start + len(group))
+            yield self.candidates[member], group, slice(start, start + len(group))
             start += len(group)
 
 
@@ -65,23 +60,23 @@ class ColumnStore:
         self.views = views
         self._folds = folds
         self._thinned = [v.frame.take(v.pixels) for v in views]
-        self._kept: dict[Effect | None, list[Float]] = {}
+        self._kept: dict[Effect | FreeFunction | None, list[Float]] = {}
 
-    def of(self, effects: Sequence[Effect | None]) -> list[list[Float]]:
-        """(n, k) per effect and view; no column for hand-eye (None), whose columns the pose has."""
-        missing = [e for e in dict.fromkeys(effects) if e not in self._kept]
-        by_view = in_threads(lambda v: [self._columns(e, v) for e in missing], range(len(self.views)))
+    def of(self, tested: Sequence[Candidate]) -> list[list[Float]]:
+        """(n, k) per candidate and view; no column for hand-eye, whose columns the pose has."""
+        missing = {c.source: c for c in tested if c.source not in self._kept}
+        by_view = in_threads(lambda v: [self._columns(c, v) for c in missing.values()], range(len(self.views)))
         self._kept |= dict(zip(missing, map(list, zip(*by_view, strict=True)), strict=True))
-        return [self._kept[e] for e in effects]
+        return [self._kept[c.source] for c in tested]
 
-    def _columns(self, effect: Effect | None, v: int) -> Float:
-        view = self.views[v]
+    def _columns(self, candidate: Candidate, v: int) -> Float:
+        view, effect = self.views[v], candidate.effect
+        if candidate.free is not None:
+            return candidate.free.columns(view)
         if effect is None:
             return np.zeros((len(view.pixels), 0))
-        if isinstance(effect, FixedPattern):
+        if isinstance(effect, FixedPattern):  # Lines have no formula: they are what the other views show.
             return pattern_columns(self.views, v, self._folds, effect.order)
-        if isinstance(effect, Unknown):
-            return unknown_columns(effect, view)
         if effect.LOCAL:
             return np.asarray(effect.columns(self._thinned[v])[0])
         return effect.columns_at(view.frame, view.pixels)
@@ -96,10 +91,13 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
 
     The bases of a moving session stay by the chain's, and not by the robot's word.
     """
-    nothing, *by_candidate = store.of([None, *(c.effect for c in tested)])
+    by_candidate = store.of(tested)
     ends = np.cumsum([0, *(columns[0].shape[1] for columns in by_candidate)])
     groups = tuple(np.arange(a, b) for a, b in itertools.pairwise(ends))
-    C = [np.concatenate([nothing[v], *(columns[v] for columns in by_candidate)], axis=1) for v in range(len(store.views))]
+    C = [
+        np.concatenate([np.zeros((len(view.pixels), 0)), *(columns[v] for columns in by_candidate)], axis=1)
+        for v, view in enumerate(store.views)
+    ]
     total = sum(len(c) for c in C)
     scale = np.sqrt(sum((np.einsum("nk,nk->k", c, c) for c in C), np.zeros(C[0].shape[1])) / total)
     live = scale > 1e-12
@@ -119,10 +117,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
 
 
 def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints], scale: Float) -> Float:
-    sd = [
-        np.minimum(DEVIATION_SD_M, DEVIATION_SD * scale[g]) if isinstance(c.effect, CadDeviation) else np.full(len(g), COLUMN_SD_M)
-        for c, g in zip(tested, groups, strict=True)
-    ]
+    sd = [np.full(len(g), FREE_SD_M) if c.effect is None else c.effect.prior_sd(scale[g]) for c, g in zip(tested, groups, strict=True)]
     return np.concatenate([np.zeros(0), *sd])
 
 

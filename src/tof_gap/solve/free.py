@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_sensor.effect import Effect
 from tof_sensor.geometry import cell_points
 
 if TYPE_CHECKING:
@@ -19,12 +18,12 @@ if TYPE_CHECKING:
 
 KNOTS = {"range_m": 12, "incidence_deg": 12, "amplitude": 12, "time_s": 5}
 USUAL_KNOTS = 7
-"""Straight pieces between so many knots, at equal numbers of pixels: no form is foretold. Time has no more values than views."""
+"""Linear pieces between so many knots, at equal numbers of pixels: no form is assumed. Time has no more values than views."""
 
 
 @dataclass(frozen=True, slots=True)
-class Unknown(Effect):
-    """An error along the ray that is any function of `quantity`, straight between `knots`.
+class FreeFunction:
+    """An error along the ray that is any function of the observable `quantity`, piecewise linear between `knots`.
 
     It stands among the hypotheses so that named effects do not stand in for one that is missing from the vocabulary.
     """
@@ -32,10 +31,23 @@ class Unknown(Effect):
     quantity: str
     knots: tuple[float, ...]
 
-    NAME: ClassVar[str] = "unknown"
+    def columns(self, view: ViewEvidence) -> Float:
+        """(n, knots) on a view's drawn pixels: metres of z for a metre along the ray at each knot."""
+        value = observed(view, self.quantity, view.pixels)
+        hats = np.stack([np.interp(value, self.knots, row) for row in np.eye(len(self.knots))], axis=1)
+        return np.asarray(np.nan_to_num(hats) / view.frame.length.ravel()[view.pixels, None])
+
+    def share(self, values: Float, view: ViewEvidence) -> Float:
+        """(H, W) metres of z for `values` (knots,), metres along the ray at the knots."""
+        value = observed(view, self.quantity, np.arange(view.residual.size)).reshape(view.residual.shape)
+        return np.asarray(np.nan_to_num(np.interp(value, self.knots, values)) / view.frame.length)
 
 
-def unknowns(views: Sequence[ViewEvidence]) -> list[Unknown]:
+UNKNOWN = "unknown"
+"""Name of what a free function explains."""
+
+
+def free_functions(views: Sequence[ViewEvidence]) -> list[FreeFunction]:
     """One for each observable that varies over the session's pixels."""
     out = []
     for name in OBSERVABLES:
@@ -46,21 +58,8 @@ def unknowns(views: Sequence[ViewEvidence]) -> list[Unknown]:
             else np.zeros(0)
         )
         if len(knots) > 2:
-            out.append(Unknown(name, tuple(knots.tolist())))
+            out.append(FreeFunction(name, tuple(knots.tolist())))
     return out
-
-
-def unknown_columns(effect: Unknown, view: ViewEvidence) -> Float:
-    """(n, knots) on a view's drawn pixels: metres of z for a metre along the ray at each knot."""
-    value = observed(view, effect.quantity, view.pixels)
-    hats = np.stack([np.interp(value, effect.knots, row) for row in np.eye(len(effect.knots))], axis=1)
-    return np.asarray(np.nan_to_num(hats) / view.frame.length.ravel()[view.pixels, None])
-
-
-def unknown_share(effect: Unknown, values: Float, view: ViewEvidence) -> Float:
-    """(H, W) metres of z for metres along the ray at the knots."""
-    value = observed(view, effect.quantity, np.arange(view.residual.size)).reshape(view.residual.shape)
-    return np.asarray(np.nan_to_num(np.interp(value, effect.knots, values)) / view.frame.length)
 
 
 def observed(view: ViewEvidence, name: str, at: Ints) -> Float:

@@ -14,16 +14,14 @@ from tof_core.cores import in_threads
 from tof_gap.seen.edges import smear
 from tof_gap.seen.mixed import mixing
 from tof_gap.seen.residual import ViewEvidence, gather
-from tof_gap.solve.candidates import Candidate, candidates, moving
+from tof_gap.seen.session import moving
+from tof_gap.solve.candidates import Candidate, candidates
 from tof_gap.solve.columns import ColumnStore, Design, build
-from tof_gap.solve.free import unknowns
+from tof_gap.solve.free import UNKNOWN, free_functions
 from tof_gap.solve.select import Selection, narrowed, select
 from tof_gap.solve.shapes import refined
 from tof_gap.solve.start import check_fit, farthest, moved, observe
 from tof_scene.render import render
-from tof_sensor.effects.intrinsics import Intrinsics
-from tof_sensor.effects.motion import Motion
-from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
@@ -55,10 +53,10 @@ class Joint:
         """(4, 4) X of the solution."""
         return np.asarray(self.chain.hand_eye @ se3.exp(self.selection.fit.hand_eye))
 
-    def members(self) -> Iterator[tuple[Effect | None, Float]]:
-        """Of each member of the solution its effect, and its coefficients in their own units."""
-        for effect, group, at in self.design.placed(self.selection.chosen.members):
-            yield effect, self.selection.fit.theta[at] / self.design.scale[group]
+    def members(self) -> Iterator[tuple[Candidate, Float]]:
+        """Of each member of the solution its candidate, and its coefficients in their own units."""
+        for candidate, group, at in self.design.placed(self.selection.chosen.members):
+            yield candidate, self.selection.fit.theta[at] / self.design.scale[group]
 
 
 def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozenset[str] = frozenset()) -> Joint:
@@ -85,7 +83,7 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
         return joint
     # Named effects had the first word, each in its best shape; now what nobody named may contend.
     finer = refined(store, joint.design, joint.selection, joint.chain, config)
-    nameless = [Candidate(u.NAME, u, u.quantity) for u in unknowns(joint.views)]
+    nameless = [Candidate(UNKNOWN, None, f.quantity, f) for f in free_functions(joint.views)]
     design = build(store, [*joint.design.candidates, *finer, *nameless], joint.chain, config.hand_sd)
     return replace(joint, design=design, selection=select(design, config.select))
 
@@ -106,10 +104,7 @@ def _mixes(views: Sequence[View], caster: Raycaster, chain: Chain, config: GapCo
 def solution(joint: Joint) -> tuple[Chain, float]:
     """The chain after the solution's steps, its robot poses at the time that the solution says, and that lateness in seconds."""
     after = moved(joint.chain, joint.selection.fit)
-    late_s = 0.0
-    for effect, coefficients in joint.members():
-        if isinstance(effect, TimeSync | Motion):
-            late_s = float(coefficients[0])
+    late_s = sum(c.effect.with_coefficients(values).late_s for c, values in joint.members() if c.effect is not None)
     return delayed(after, joint.views, late_s - joint.late_s), late_s
 
 
@@ -121,26 +116,25 @@ def delayed(chain: Chain, views: Sequence[ViewEvidence], seconds: float) -> Chai
     return replace(chain, robot=np.array([T @ step for T, step in zip(chain.robot, steps, strict=True)]))
 
 
-def lens_of(joint: Joint) -> Intrinsics | None:
-    """The intrinsics that the solution has chosen, None where CameraInfo's will do."""
-    for effect, coefficients in joint.members():
-        if isinstance(effect, Intrinsics):
-            return Intrinsics(*np.clip(coefficients, *effect.bounds).tolist())
-    return None
+def lens_of(joint: Joint) -> Effect | None:
+    """The effect by which the solution has another lens, None where CameraInfo's will do."""
+    camera = joint.views[0].view.camera
+    there = (c.effect.plausible(values) for c, values in joint.members() if c.effect is not None)
+    return next((effect for effect in there if effect.camera(camera) != camera), None)
 
 
-def _through(lens: Intrinsics | None, views: Sequence[View]) -> Sequence[View]:
+def _through(lens: Effect | None, views: Sequence[View]) -> Sequence[View]:
     """The views as of a camera with that lens."""
     return views if lens is None else [replace(v, camera=lens.camera(v.camera)) for v in views]
 
 
-def _alike(one: Intrinsics | None, other: Intrinsics | None, stated: Camera, lens_px: float) -> bool:
+def _alike(one: Effect | None, other: Effect | None, stated: Camera, lens_px: float) -> bool:
     """Whether two lenses look along the same rays, to within `lens_px` pixels."""
     rays = [(stated if lens is None else lens.camera(stated)).rays() for lens in (one, other)]
     return one is other or bool(np.abs(rays[0] - rays[1]).max() < lens_px * stated.pixel_angle)
 
 
-def _as_recorded(evidence: Sequence[ViewEvidence], late_s: float, lens: Intrinsics | None) -> tuple[ViewEvidence, ...]:
+def _as_recorded(evidence: Sequence[ViewEvidence], late_s: float, lens: Effect | None) -> tuple[ViewEvidence, ...]:
     """Evidence seen from where the cameras were, through the lens that they have.
 
     Its residual is what robot poses of the stamps, and CameraInfo's lens, would leave, to first order there.

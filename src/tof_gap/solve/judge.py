@@ -11,8 +11,6 @@ import numpy as np
 
 from tof_align.folds import Folds, deal
 from tof_gap.solve.candidates import HAND_EYE
-from tof_gap.solve.free import Unknown
-from tof_sensor.effects.cad_deviation import CadDeviation
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -36,10 +34,6 @@ class Hypothesis:
     def score(self) -> float:
         """Held-out chi-square of all views, price included; smaller explains more."""
         return float(self.held_out.sum()) + self.price
-
-
-MANIFOLD = (CadDeviation.NAME, Unknown.NAME)
-"""Candidates that a hypothesis may hold more than once: every part deviates by itself."""
 
 
 class Selector:
@@ -96,12 +90,12 @@ class Selector:
 
     def is_free(self, member: int) -> bool:
         """Whether a candidate is a free function of an observable and no effect."""
-        return isinstance(self.design.candidates[member].effect, Unknown)
+        return self.design.candidates[member].free is not None
 
     def repeats(self, member: int, members: Iterable[int]) -> bool:
         """Whether one of the members is this candidate, or another form of an effect that a hypothesis holds once."""
-        name = self.design.candidates[member].name
-        return member in members or (name not in MANIFOLD and any(self.design.candidates[m].name == name for m in members))
+        one = self.design.candidates[member]
+        return member in members or (not one.repeatable and any(self.design.candidates[m].name == one.name for m in members))
 
     def fit(self, hypothesis: Hypothesis) -> ColumnFit:
         """The hypothesis fitted to all views."""
@@ -112,7 +106,8 @@ class Selector:
         """Whether every coefficient lies within its parameter's bounds, within `margin` standard errors, and the coefficients that define the effect differ from zero."""
         solution = self.fit(hypothesis)
         sd = np.sqrt(np.diag(solution.theta_cov))
-        for effect, group, at in self.design.placed(hypothesis.members):
+        for candidate, group, at in self.design.placed(hypothesis.members):
+            effect = candidate.effect
             if effect is None or len(effect.LINEAR) != len(group):
                 continue
             own = at.start + np.array([effect.LINEAR.index(name) for name in effect.OWN], np.int64)

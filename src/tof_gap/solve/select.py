@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.solve.free import Unknown
 from tof_gap.solve.judge import Hypothesis, Selector
 from tof_gap.solve.small import without_small
 from tof_gap.solve.ties import stand_ins
 from tof_gap.solve.worth import coefficients, rescored, worth
-from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -138,7 +136,7 @@ def _rough(judge: Selector, current: Hypothesis, place: int, lost: Float) -> flo
     """Chi-square that inexact maps of the other members leave; unlimited for hand-eye beside motion, which shifts edges."""
     effects = [judge.design.candidates[m].effect for m in current.members]
     if judge.frees_hand([current.members[place]]):
-        return np.inf if any(isinstance(e, Motion) for e in effects) else 0.0
+        return np.inf if any(e is not None and e.SMEARS for e in effects) else 0.0
     return max((e.ROUGH * lost[i] for i, e in enumerate(effects) if e is not None and i != place), default=0.0)
 
 
@@ -147,8 +145,8 @@ def _described(judge: Selector, current: Hypothesis, small: tuple[str, ...]) -> 
     ties = tuple(
         () if judge.is_free(m) else stand_ins(judge, current, place, float(lost[place])) for place, m in enumerate(current.members)
     )
-    effects = [judge.design.candidates[m].effect for m in current.members]
-    unknown = tuple(e.quantity for _, e in sorted(zip(-lost, effects, strict=True), key=lambda le: le[0]) if isinstance(e, Unknown))
+    free = [judge.design.candidates[m].free for m in current.members]
+    unknown = tuple(f.quantity for _, f in sorted(zip(-lost, free, strict=True), key=lambda lf: lf[0]) if f is not None)
     return Selection(
         current,
         judge.fit(current),

@@ -15,7 +15,7 @@ from tof_core import se3
 from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
 from tof_gap.seen.residual import ViewEvidence, gather
-from tof_gap.solve.candidates import moving
+from tof_gap.seen.session import moving
 from tof_gap.solve.columns import ColumnStore, build
 from tof_scene.render import render
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from tof_gap.seen import missing, noise
+from tof_gap.seen import detected, missing, noise
 from tof_gap.tell.figures import figures
 from tof_sensor.effects.motion import Motion
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tof_gap.solved import Named, Solved
     from tof_gap.tell.figures import Figures
     from tof_gap.tell.shrink import Shrink
+    from tof_sensor.effects.photon_law import PhotonLaw
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +70,7 @@ def account(
     along_ray: Finding | None = None,
     alone: bool = False,
     left_out: AbstractSet[str] = frozenset(),
+    law: PhotonLaw | None = None,
 ) -> Account:
     """Read a solution off its views.
 
@@ -79,9 +81,10 @@ def account(
         along_ray: distance along the ray taken for depth, where the first poses showed it; its share belongs to the residual.
         alone: `along_ray` is all that may be named (too few views).
         left_out: effects that may not be named.
+        law: the camera's photon law, where it is known.
     """
     gated = () if along_ray is None else (along_ray,)
-    found = gated if alone else (*gated, *_findings(solved, config))
+    found = gated if alone else (*gated, *_findings(solved, config, law))
     findings = tuple(f for f in found if f.name not in left_out)
     counted = figures(solved, findings, rng, config.report)
     if along_ray is not None and along_ray.share is not None:
@@ -95,7 +98,11 @@ def account(
     return Account(solved, causes, findings, tuple(f for f in found if f.name in left_out), counted, gap)
 
 
-def _findings(solved: Solved, config: GapConfig) -> tuple[Finding, ...]:
+def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None) -> tuple[Finding, ...]:
     """What noise, loss and edges show once smooth bias is removed."""
     left = [replace(v, residual=v.residual - b) for v, b in zip(solved.evidence, solved.bias, strict=True)]
-    return (*noise.findings(left, config.noise), *missing.findings(left, config.missing, blurred=solved.names(Motion.NAME)))
+    return (
+        *noise.findings(left, config.noise),
+        *detected.findings(left, config.noise, law),
+        *missing.findings(left, config.missing, blurred=solved.names(Motion.NAME)),
+    )

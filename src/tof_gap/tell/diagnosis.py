@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tof_gap.tell.account import Account, Cause
     from tof_gap.tell.shrink import Shrink
     from tof_gap.tell.unexplained import Unexplained
-    from tof_sensor.effects.noise import PhotonLaw
+    from tof_sensor.effects.photon_law import PhotonLaw
 
 
 @dataclass(frozen=True, slots=True, eq=False)

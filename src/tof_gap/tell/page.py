@@ -9,37 +9,13 @@ import numpy as np
 
 from tof_gap.tell import pictures
 from tof_gap.tell.where import by_quantity
+from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
     from tof_gap.tell.diagnosis import Diagnosis
-
-MEANING = {
-    "multipath": "light bounces between surfaces before it returns; inner corners are measured too far",
-    "wiggling": "range error that swings with distance: harmonics of the modulation",
-    "flying_pixels": "pixels at edges see two surfaces at once and lie between them",
-    "lens_scatter": "light of bright surfaces spreads in the lens over dark ones",
-    "temperature_drift": "range drifts while the camera warms up",
-    "amplitude_bias": "dark and bright surfaces are measured at different distances",
-    "fixed_pattern": "each pixel, column, row or corner of the sensor has its own offset",
-    "noise": "more scatter than light explains",
-    "motion": "the hand moved while the frame was taken",
-    "intrinsics": "the lens is not what camera_info says",
-    "hand_eye": "the camera sits in the hand otherwise than TF says",
-    "time_sync": "image stamps and arm stamps disagree",
-    "phase_wrap": "range beyond the camera's unambiguous distance comes back short by whole turns",
-    "dropout": "pixels without a return",
-    "cad_deviation": "a part stands or bends otherwise than drawn",
-    "radial_depth": "the camera gives distance along the ray, not depth",
-    "depth_scale": "a wrong unit stretches depth",
-    "range_offset": "one constant added to every range",
-    "quantization": "depth comes in coarse steps",
-    "specular": "highlights of shiny surfaces are measured wrongly",
-    "subsurface": "light enters a translucent part and returns late",
-    "interference": "another light source beats with this camera",
-}
 
 
 def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str) -> Path:
@@ -63,7 +39,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str) 
         },
         regions=content["where"]["regions"],
         causes=[c | {"fitted": _fitted(c)} for c in content["causes"]],
-        meaning=MEANING,
+        meaning={name: effect.MEANING for name, effect in EFFECTS.items()},
         unexplained=content["unexplained"],
         advice=content["advice"],
         not_testable=content["not_testable"],

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One file per effect of the vocabulary (DESIGN.md section 3)."""
+"""One file per effect of docs/effects.md; the registry finds every one that stands here."""

@@ -9,25 +9,40 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tof_core.config import param
-from tof_sensor.effect import FieldEffect
+from tof_sensor.action import ASIDE, FARTHER, NEARER
+from tof_sensor.effect import FieldEffect, Form
 from tof_sensor.geometry import cell_points, object_columns
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 RIGID, BOW = 6, 3
+COEFFICIENT_SD = np.repeat([0.02, 0.1, 0.02], 3)
+"""Prior of each coefficient by itself (m, rad, m of bow): a part that slides along its own plane moves no pixel, and is held by this alone."""
 
 
 @dataclass(frozen=True, slots=True)
 class CadDeviation(FieldEffect):
-    """Rigid motion plus bow of one part (DESIGN section 3; TOF_EFFECTS A.20, A.21).
+    """Rigid motion plus bow of one part (docs/effects.md).
 
     `values`: translation (3) m, rotation about `centre` (3) rad, then bow (3) in metres at one
     half-size from the centre: u^2, v^2 and u v along `normal`, u and v across it. Cell frame.
     """
 
     NAME: ClassVar[str] = "cad_deviation"
+    ORDER: ClassVar[int] = 0
+    MEANING: ClassVar[str] = "a part stands or bends otherwise than drawn"
+    SEPARATED_BY: ClassVar[str] = "a measurement of the part by other means"
+    ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
+    PER_PART: ClassVar[bool] = True
+    REACH_M: ClassVar[float] = 0.008  # Nine coefficients together must not bend what one view saw.
+    COEFFICIENTS: ClassVar[tuple[str, ...]] = (
+        "x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad", "bow_uu_m", "bow_vv_m", "bow_uv_m",
+    )  # fmt: skip
 
     values: tuple[float, ...] = (0.0,) * (RIGID + BOW)
     part: int = param(0, "index of the part in the scene", low=0)
@@ -51,3 +66,31 @@ class CadDeviation(FieldEffect):
         for k, field in enumerate((u * u, v * v, u * v)):
             motion[..., RIGID + k] = field[..., None] * n
         return np.where(here[..., None], object_columns(frame, motion), 0.0)
+
+    def prior_sd(self, scale: Float) -> Float:
+        """(9,) the smaller of what a column may reach, and what a part may move or bend by."""
+        return np.asarray(np.minimum(self.REACH_M, COEFFICIENT_SD * scale))
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """One form for each part that enough pixels see."""
+        for part, name in session.parts_seen():
+            yield Form(cls.of(session, part), name)
+
+    @classmethod
+    def of(cls, session: Session, part: int) -> CadDeviation:
+        """The deviation of a part, centred on what was seen of it, bowing along its mean normal."""
+        points, normals = session.surface(part)
+        low, high = np.quantile(points, [0.02, 0.98], axis=0)
+        mean = normals.mean(axis=0)
+        normal = mean if np.linalg.norm(mean) > 0.1 else np.array([0.0, 0.0, 1.0])
+        return cls(
+            part=part,
+            centre=_triple(0.5 * (low + high)),
+            normal=_triple(normal / np.linalg.norm(normal)),
+            half_size_m=float(max(0.5 * (high - low).max(), 1e-3)),
+        )
+
+
+def _triple(v: Float) -> tuple[float, float, float]:
+    return float(v[0]), float(v[1]), float(v[2])

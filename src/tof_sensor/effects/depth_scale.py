@@ -7,18 +7,25 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from tof_core.config import param
-from tof_sensor.effect import Effect, stack
+from tof_sensor.action import FARTHER, NEARER
+from tof_sensor.effect import Effect, Form, stack
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
 class DepthScale(Effect):
-    """dz = s z (999 for 1000 units a metre makes s = 0.001; ROS_CONTRACT fact 2)."""
+    """dz = s z (999 for 1000 units a metre makes s = 0.001)."""
 
     NAME: ClassVar[str] = "depth_scale"
+    ORDER: ClassVar[int] = 82
+    MEANING: ClassVar[str] = "a wrong unit stretches depth"
+    ACTIONS: ClassVar = (NEARER, FARTHER)
     LINEAR: ClassVar[tuple[str, ...]] = ("scale",)
 
     scale: float = param(0.0, "relative stretch", low=-0.2, high=0.2)
@@ -26,3 +33,9 @@ class DepthScale(Effect):
     def columns(self, frame: Frame) -> Float:
         """Depth itself."""
         return stack([frame.depth], frame)
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """Its one form."""
+        del session
+        yield Form(cls())

@@ -17,9 +17,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Dropout(Effect):
-    """P(missing) = random + (1 - random) / (1 + (A / threshold)^steepness) (TOF_EFFECTS A.10)."""
+    """P(missing) = random + (1 - random) / (1 + (A / threshold)^steepness) (docs/effects.md)."""
 
     NAME: ClassVar[str] = "dropout"
+    ORDER: ClassVar[int] = 80
+    MEANING: ClassVar[str] = "pixels without a return"
     EVIDENCE: ClassVar[Evidence] = Evidence.MISSING
 
     threshold: float = param(0.0, "amplitude at which half of the pixels are lost, camera's unit", low=0.0)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import base64
 import binascii
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
@@ -14,22 +14,30 @@ import numpy as np
 
 from tof_core.config import param
 from tof_core.errors import ConfigError
-from tof_sensor.effect import FieldEffect, stack
+from tof_sensor.action import ASIDE, FARTHER, NEARER
+from tof_sensor.effect import FieldEffect, Form, stack
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
 class FixedPattern(FieldEffect):
-    """dr(u, v) = one value per column, per row, a smooth field (TOF_EFFECTS A.4), and single pixels.
+    """dr(u, v) = one value per column, per row, a smooth field (docs/effects.md), and single pixels.
 
     `values` are W columns, H rows, then `order`^2 - 1 cosines (DCT-II) without the constant,
     which is `range_offset`'s. `pixels` is an image in text form (`packed`), empty where pixels do not differ.
     """
 
     NAME: ClassVar[str] = "fixed_pattern"
+    ORDER: ClassVar[int] = 54
+    MEANING: ClassVar[str] = "each pixel, column, row or corner of the sensor has its own offset"
+    SEPARATED_BY: ClassVar[str] = "a flat wall seen from several distances"
+    ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     LOCAL: ClassVar[bool] = False
 
     values: tuple[float, ...] = ()
@@ -65,6 +73,17 @@ class FixedPattern(FieldEffect):
                 raise _other_raster((h, w))
             field = field + v[:w][None, :] + v[w : w + h][:, None] + cosines(h, w, self.order) @ v[w + h :]
         return stack([np.where(frame.valid, field / frame.length, 0)], frame)[..., 0]
+
+    @property
+    def smooth(self) -> FixedPattern:
+        """Lines and fields alone."""
+        return replace(self, pixels="")
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """The smooth field; lines and pixels come from the views' residuals."""
+        del session
+        yield Form(cls(), "smooth field")
 
 
 STEP_M = 1e-5

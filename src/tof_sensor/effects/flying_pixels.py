@@ -19,13 +19,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FlyingPixels(Effect):
-    """(1 - m) A1 e^{j phi1} + m A2 e^{j phi2}, m the second surface's share (TOF_EFFECTS A.6).
+    """(1 - m) A1 e^{j phi1} + m A2 e^{j phi2}, m the second surface's share (docs/effects.md).
 
     `share` blends from the surface that fills most (0) to the full mixture (1). A1 and A2 are the
     amplitudes of unmixed pixels beside the edge that see the one surface and the other.
     """
 
     NAME: ClassVar[str] = "flying_pixels"
+    ORDER: ClassVar[int] = 34
+    MEANING: ClassVar[str] = "pixels at edges see two surfaces at once and lie between them"
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("share",)
 
@@ -45,7 +47,7 @@ class FlyingPixels(Effect):
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         m = np.clip(0.5 + (edge.mixed - 0.5) / self.footprint_px, 0.0, 1.0)
         ratio = m / np.maximum(1 - m, 1e-6) * edge.light
-        # A camera takes the turn of the stronger return.
+        # A camera takes the unambiguous range of the stronger return.
         stronger = np.where(ratio > 1, edge.step, 0.0)
         sum_of_both = np.exp(-1j * wave * stronger) + ratio * np.exp(1j * wave * (edge.step - stronger))
         return np.asarray((stronger + np.angle(sum_of_both) / wave) / edge.length)

@@ -6,20 +6,30 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from tof_core import se3
 from tof_core.config import param
-from tof_sensor.effect import Effect
+from tof_sensor.action import ASIDE, FARTHER, NEARER
+from tof_sensor.effect import Effect, Form
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
 class HandEye(Effect):
-    """X of the chain (DESIGN section 3): a right perturbation of the camera's pose."""
+    """X of the chain of poses (docs/effects.md): a right perturbation of the camera's pose."""
 
     NAME: ClassVar[str] = "hand_eye"
+    ORDER: ClassVar[int] = 10
+    MEANING: ClassVar[str] = "the camera sits in the hand otherwise than TF says"
+    SEPARATED_BY: ClassVar[str] = "a hand-eye calibration"
+    ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
+    IN_CHAIN: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 
     x_m: float = param(0.0, "camera axis x", unit="m", low=-0.1, high=0.1)
@@ -32,3 +42,14 @@ class HandEye(Effect):
     def columns(self, frame: Frame) -> Float:
         """z by each component of the twist."""
         return pose_columns(frame)
+
+    @property
+    def mount(self) -> Float:
+        """(4, 4) X."""
+        return se3.exp(self.coefficients)
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """Its one form."""
+        del session
+        yield Form(cls())

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.config import param
 from tof_sensor.effect import Effect, Evidence
-from tof_sensor.effects.noise import scattered
+from tof_sensor.frame import scattered
 
 if TYPE_CHECKING:
     from tof_sensor.frame import Frame
@@ -18,9 +18,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Interference(Effect):
-    """Scatter that comes and goes between frames (TOF_EFFECTS A.18), larger where own light is weak."""
+    """Scatter that comes and goes between frames (docs/effects.md), larger where own light is weak."""
 
     NAME: ClassVar[str] = "interference"
+    ORDER: ClassVar[int] = 74
+    MEANING: ClassVar[str] = "another light source beats with this camera"
+    SEPARATED_BY: ClassVar[str] = "the other light source switched off"
+    MODULATED: ClassVar[bool] = True
     EVIDENCE: ClassVar[Evidence] = Evidence.SCATTER
 
     burst_m: float = param(0.0, "scatter in a hit frame at the reference amplitude", unit="m", low=0.0, high=0.2)
@@ -35,3 +39,8 @@ class Interference(Effect):
         size = np.minimum(size, 20 * self.burst_m)
         beat = replace(frame, depth=frame.depth + size * np.sin(rng.uniform(0, 2 * np.pi)))
         return scattered(beat, size, rng)
+
+    @property
+    def in_bursts(self) -> bool:
+        """Always."""
+        return True

@@ -10,20 +10,28 @@ import numpy as np
 
 from tof_core.camera import MODELS
 from tof_core.config import param
-from tof_sensor.effect import Effect
+from tof_sensor.action import ASIDE, FARTHER, NEARER
+from tof_sensor.effect import Effect, Form
 from tof_sensor.geometry import ray_columns
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tof_core.arrays import Float
     from tof_core.camera import Camera
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
 class Intrinsics(Effect):
-    """True minus stated intrinsics: the pixel looks along another ray (TOF_EFFECTS A.13)."""
+    """True minus stated intrinsics: the pixel looks along another ray (docs/effects.md)."""
 
     NAME: ClassVar[str] = "intrinsics"
+    ORDER: ClassVar[int] = 30
+    MEANING: ClassVar[str] = "the lens is not what camera_info says"
+    SEPARATED_BY: ClassVar[str] = "a calibration of the lens"
+    ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     LINEAR: ClassVar[tuple[str, ...]] = ("fx_rel", "fy_rel", "cx_px", "cy_px", "k1", "k2", "p1", "p2")
 
     fx_rel: float = param(0.0, "relative focal length in x", low=-0.1, high=0.1)
@@ -57,3 +65,9 @@ class Intrinsics(Effect):
         shift_x = [-x, zero, zero - 1 / frame.camera.fx, zero, -x * r2, -x * r2 * r2, -2 * x * y, -(r2 + 2 * x * x)]
         shift_y = [zero, -y, zero, zero - 1 / frame.camera.fy, -y * r2, -y * r2 * r2, -(r2 + 2 * y * y), -2 * x * y]
         return ray_columns(frame, np.nan_to_num(np.stack([np.stack(shift_x, -1), np.stack(shift_y, -1)], axis=-2)))
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """Its one form."""
+        del session
+        yield Form(cls())

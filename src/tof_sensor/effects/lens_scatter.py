@@ -10,14 +10,18 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from tof_core.config import param
-from tof_sensor.effect import Effect
+from tof_sensor.action import ASIDE, FARTHER, NEARER
+from tof_sensor.effect import Effect, Finer, Form
 from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
     ComplexImage = NDArray[np.complex128]
 
@@ -28,7 +32,7 @@ WIDTHS = (0.06, 0.2, 0.8)
 
 @dataclass(frozen=True, slots=True)
 class LensScatter(Effect):
-    """z' = z + s (h * z) on phasors A e^{j phi} (Schafer 2014; TOF_EFFECTS A.8).
+    """z' = z + s (h * z) on phasors A e^{j phi} (Schafer 2014; docs/effects.md).
 
     h is a sum of three Gaussians of unit sum (`WIDTHS`), which follows narrow cores with long
     tails alike; each share is that part's of all light. Frequency matters: light from a quarter
@@ -36,6 +40,12 @@ class LensScatter(Effect):
     """
 
     NAME: ClassVar[str] = "lens_scatter"
+    ORDER: ClassVar[int] = 40
+    MEANING: ClassVar[str] = "light of bright surfaces spreads in the lens over dark ones"
+    SEPARATED_BY: ClassVar[str] = "the same view with the bright surface covered"
+    ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
+    MODULATED: ClassVar[bool] = True
+    FINER: ClassVar[tuple[Finer, ...]] = (Finer("modulation_mhz", 0.1),)
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("halo", "middle", "veil")
 
@@ -59,6 +69,18 @@ class LensScatter(Effect):
         own, length = turn.ravel()[pixels].conj(), frame.length.ravel()[pixels]
         seen = frame.valid.ravel()[pixels]
         return np.stack([np.where(seen, np.imag(v * own) / dark / wave / length, 0.0) for v in veils], axis=-1)
+
+    @classmethod
+    def lacks(cls, session: Session) -> str:
+        """An amplitude image: it says how bright the veil is."""
+        return "" if session.has_amplitude else "no amplitude image"
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """One form per modulation frequency of usual cameras."""
+        del session
+        for mhz in (15.0, 30.0, 50.0, 65.0, 80.0, 90.0, 100.0, 110.0, 120.0):
+            yield Form(cls(modulation_mhz=mhz), f"{mhz:g} MHz")
 
 
 def blurred(own: ComplexImage, sigma: float, pixels: Ints) -> ComplexImage:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 from weakref import WeakKeyDictionary
@@ -11,13 +12,16 @@ import numpy as np
 from numba import njit
 
 from tof_core.config import param
-from tof_sensor.effect import Effect
+from tof_sensor.effect import Effect, Finer, Form
 from tof_sensor.frame import LIGHT_M_PER_S, lambert_amplitude
 from tof_sensor.geometry import image_flow, pose_columns
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 IN_TURN, OPPOSITE_FIRST = (0, 1, 2, 3), (0, 2, 1, 3)
 """Which quarter turn each tap is shifted by, in order of time: the maker's choice."""
@@ -25,7 +29,7 @@ IN_TURN, OPPOSITE_FIRST = (0, 1, 2, 3), (0, 2, 1, 3)
 
 @dataclass(frozen=True, slots=True)
 class Motion(Effect):
-    """Four taps `tap_s` apart around the mean time (TOF_EFFECTS A.12; Jimenez 2014).
+    """Four taps `tap_s` apart around the mean time (Jimenez 2014; docs/effects.md).
 
     Depth is that of the mean time, late by `axial_s`. Besides, each tap sees the image shifted by its flow: tap k at time t collects
     A (c + cos(phi - k pi / 2)) with amplitude A and phase phi of the point that lies in the pixel then, lit by a lamp that has moved
@@ -34,10 +38,16 @@ class Motion(Effect):
     """
 
     NAME: ClassVar[str] = "motion"
+    ORDER: ClassVar[int] = 42
+    MEANING: ClassVar[str] = "the hand moved while the frame was taken"
+    SEPARATED_BY: ClassVar[str] = "a capture at rest"
+    MODULATED: ClassVar[bool] = True
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("axial_s", "edge", "steady")
     OWN: ClassVar[tuple[str, ...]] = ("edge", "steady")
     ROUGH: ClassVar[float] = 0.1  # What appears and vanishes along the flow is not in the picture of the mean time.
+    SMEARS: ClassVar[bool] = True
+    FINER: ClassVar[tuple[Finer, ...]] = (Finer("tap_s", 0.5), Finer("modulation_mhz", 0.2), Finer("tap_s", 0.15))
 
     axial_s: float = param(0.0, "time by which the depth is late", unit="s", low=-0.5, high=0.5)
     edge: float = param(0.0, "1: the taps' differences in full", low=-0.5, high=2.5)
@@ -58,6 +68,24 @@ class Motion(Effect):
         order = OPPOSITE_FIRST if self.opposite_first else IN_TURN
         errors = _taps(np.asarray(pixels, np.int64), *seen.images, wave, self.tap_s, order) / frame.length.ravel()[pixels, None]
         return np.asarray(np.nan_to_num(np.concatenate([seen.deepens.ravel()[pixels, None], errors], axis=1)))
+
+    @property
+    def late_s(self) -> float:
+        """Of its mean time."""
+        return self.axial_s
+
+    @classmethod
+    def lacks(cls, session: Session) -> str:
+        """A view in motion."""
+        return "" if session.moving else "no view was taken in motion"
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """Frequencies, times between taps and orders of the taps of usual cameras."""
+        del session
+        for mhz, tap, opposite in itertools.product((60.0, 80.0, 100.0), (0.005, 0.01, 0.02, 0.035, 0.06), (False, True)):
+            order = "opposite first" if opposite else "in turn"
+            yield Form(cls(modulation_mhz=mhz, tap_s=tap, opposite_first=opposite), f"{mhz:g} MHz, {1e3 * tap:g} ms, {order}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

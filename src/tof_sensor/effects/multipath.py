@@ -9,25 +9,35 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tof_core.config import param
-from tof_sensor.effect import Effect, stack
+from tof_sensor.action import ASIDE, FARTHER, NEARER
+from tof_sensor.effect import Effect, Finer, Form, stack
 from tof_sensor.frame import LIGHT_M_PER_S
 from tof_sensor.interreflection import indirect_phasor
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
     from tof_sensor.interreflection import ComplexImage
+    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
 class Multipath(Effect):
-    """dr = c0 / (4 pi f) arg(1 + sum r_k e^{j dphi_k}), r_k from the CAD (TOF_EFFECTS A.7).
+    """dr = c0 / (4 pi f) arg(1 + sum r_k e^{j dphi_k}), r_k from the CAD (docs/effects.md).
 
     `strength` 1 takes the scene's albedos as they stand; the camera may correct a part (below 1)
     or the parts may be brighter than stated (above 1).
     """
 
     NAME: ClassVar[str] = "multipath"
+    ORDER: ClassVar[int] = 36
+    MEANING: ClassVar[str] = "light bounces between surfaces before it returns; inner corners are measured too far"
+    SEPARATED_BY: ClassVar[str] = "the same view with the neighbouring surface covered"
+    ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
+    MODULATED: ClassVar[bool] = True
+    FINER: ClassVar[tuple[Finer, ...]] = (Finer("modulation_mhz", 0.3),)
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("strength",)
     ROUGH: ClassVar[float] = 0.06  # Patches are coarse beside the niches of a part: twice as many win a few hundredths more.
@@ -52,3 +62,10 @@ class Multipath(Effect):
     def _bias(self, indirect: ComplexImage) -> Float:
         """Metres along the ray."""
         return np.asarray(np.angle(1 + indirect) / (2 * self._waves))
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """Two frequencies: the bias hardly depends on it."""
+        del session
+        for mhz in (30.0, 90.0):
+            yield Form(cls(modulation_mhz=mhz), f"{mhz:g} MHz")

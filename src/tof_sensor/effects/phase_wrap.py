@@ -19,9 +19,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PhaseWrap(Effect):
-    """d' = d - k c0 / 2f (TOF_EFFECTS A.9), from `start_m` on; `share` of those pixels wrap."""
+    """d' = d - k c0 / 2f (docs/effects.md), from `start_m` on; `share` of those pixels wrap."""
 
     NAME: ClassVar[str] = "phase_wrap"
+    ORDER: ClassVar[int] = 78
+    MEANING: ClassVar[str] = "range beyond the camera's unambiguous distance comes back short by whole periods"
+    MODULATED: ClassVar[bool] = True
 
     modulation_mhz: float = param(100.0, "frequency whose turns are miscounted", unit="MHz", low=1.0, high=400.0)
     start_m: float = param(1.5, "range from which turns are lost (negative: up to it, too far)", unit="m")

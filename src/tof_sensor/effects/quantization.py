@@ -17,9 +17,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Quantization(Effect):
-    """Rounding to multiples of `step_m` (1 mm: Azure Kinect; TOF_EFFECTS A.16)."""
+    """Rounding to multiples of `step_m` (1 mm: Azure Kinect; docs/effects.md)."""
 
     NAME: ClassVar[str] = "quantization"
+    ORDER: ClassVar[int] = 86
+    MEANING: ClassVar[str] = "depth comes in coarse steps"
     EVIDENCE: ClassVar[Evidence] = Evidence.SCATTER
 
     step_m: float = param(0.0, "step of the depth code", unit="m", low=0.0, high=0.1)
@@ -31,3 +33,8 @@ class Quantization(Effect):
             return frame
         depth = np.round(frame.depth / self.step_m) * self.step_m
         return replace(frame, depth=depth, sigma=np.hypot(frame.sigma, self.step_m / np.sqrt(12)))
+
+    @property
+    def constant_variance(self) -> float:
+        """Of rounding: a twelfth of the step's square (Widrow 1956)."""
+        return self.step_m**2 / 12

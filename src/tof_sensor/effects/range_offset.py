@@ -7,18 +7,25 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from tof_core.config import param
-from tof_sensor.effect import Effect, stack
+from tof_sensor.action import ASIDE
+from tof_sensor.effect import Effect, Form, stack
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
 class RangeOffset(Effect):
-    """dr = constant. From one side of a part it cannot be told from the pose (DESIGN section 5)."""
+    """dr = constant. From one side of a part it cannot be separated from the pose."""
 
     NAME: ClassVar[str] = "range_offset"
+    ORDER: ClassVar[int] = 60
+    MEANING: ClassVar[str] = "one constant added to every range"
+    ACTIONS: ClassVar = (ASIDE,)
     LINEAR: ClassVar[tuple[str, ...]] = ("offset_m",)
 
     offset_m: float = param(0.0, "constant added along the ray", unit="m", low=-0.2, high=0.2)
@@ -26,3 +33,9 @@ class RangeOffset(Effect):
     def columns(self, frame: Frame) -> Float:
         """One over the ray's length: the constant, along z."""
         return stack([frame.valid / frame.length], frame)
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """Its one form."""
+        del session
+        yield Form(cls())

@@ -9,21 +9,30 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tof_core.config import param
-from tof_sensor.effect import Effect, stack
+from tof_sensor.action import ASIDE
+from tof_sensor.effect import Effect, Form, stack
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
 class Subsurface(Effect):
-    """dr = delay + aslant (1 - cos(incidence)), over one material (TOF_EFFECTS A.17).
+    """dr = delay + aslant (1 - cos(incidence)), over one material (docs/effects.md).
 
     A slab is longer aslant, a scattering medium lets light out sooner: the sign of `aslant_m` is the material's.
     """
 
     NAME: ClassVar[str] = "subsurface"
+    ORDER: ClassVar[int] = 32
+    MEANING: ClassVar[str] = "light enters a translucent part and returns late"
+    SEPARATED_BY: ClassVar[str] = "the part sprayed matt"
+    ACTIONS: ClassVar = (ASIDE,)
+    MODULATED: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("delay_m", "aslant_m")
 
     delay_m: float = param(0.0, "added along the ray at normal incidence", unit="m", low=0.0, high=0.1)
@@ -35,3 +44,9 @@ class Subsurface(Effect):
         here = frame.rendering.part == self.part
         aslant = 1 - np.cos(np.nan_to_num(frame.rendering.incidence))
         return stack([np.where(here, x, 0.0) / frame.length for x in (np.ones_like(aslant), aslant)], frame)
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """One form for each part that enough pixels see."""
+        for part, name in session.parts_seen():
+            yield Form(cls(part=part), name)

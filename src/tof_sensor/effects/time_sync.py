@@ -7,19 +7,25 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from tof_core.config import param
-from tof_sensor.effect import Effect
+from tof_sensor.effect import Effect, Form
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
 class TimeSync(Effect):
-    """The camera was where TF has it `delay_s` later: a pose error of twist times delay (A.15)."""
+    """The camera was where TF has it `delay_s` later: a pose error of twist times delay (docs/effects.md)."""
 
     NAME: ClassVar[str] = "time_sync"
+    ORDER: ClassVar[int] = 12
+    MEANING: ClassVar[str] = "image stamps and arm stamps disagree"
+    SEPARATED_BY: ClassVar[str] = "the same poses at twice the speed"
     LINEAR: ClassVar[tuple[str, ...]] = ("delay_s",)
 
     delay_s: float = param(0.0, "true exposure minus stamp", unit="s", low=-1.0, high=1.0)
@@ -27,3 +33,19 @@ class TimeSync(Effect):
     def columns(self, frame: Frame) -> Float:
         """z by delay; 0 where the camera stood still."""
         return (pose_columns(frame) @ frame.context.twist)[..., None]
+
+    @property
+    def late_s(self) -> float:
+        """The delay itself."""
+        return self.delay_s
+
+    @classmethod
+    def lacks(cls, session: Session) -> str:
+        """A view in motion."""
+        return "" if session.moving else "no view was taken in motion"
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """Its one form."""
+        del session
+        yield Form(cls())

@@ -9,22 +9,32 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tof_core.config import param
-from tof_sensor.effect import Effect, stack
+from tof_sensor.action import FARTHER, NEARER
+from tof_sensor.effect import Effect, Finer, Form, stack
 from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
+    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
 class Wiggling(Effect):
-    """dr = s sin(k phi) + c cos(k phi), phi = 4 pi f r / c0 (Lindner 2010; TOF_EFFECTS A.1).
+    """dr = s sin(k phi) + c cos(k phi), phi = 4 pi f r / c0 (Lindner 2010; docs/effects.md).
 
     Four taps alias the 3rd and 5th harmonic into k = 4 (period c0 / 8 f), three taps into k = 3.
     """
 
     NAME: ClassVar[str] = "wiggling"
+    ORDER: ClassVar[int] = 50
+    MEANING: ClassVar[str] = "range error that swings with distance: harmonics of the modulation"
+    SEPARATED_BY: ClassVar[str] = "views over a whole period of range"
+    ACTIONS: ClassVar = (NEARER, FARTHER)
+    MODULATED: ClassVar[bool] = True
+    FINER: ClassVar[tuple[Finer, ...]] = tuple(Finer("modulation_mhz", width, 13) for width in (0.2, 0.05, 0.012))
     LINEAR: ClassVar[tuple[str, ...]] = ("sine_m", "cosine_m")
 
     sine_m: float = param(0.0, "amplitude of sin(k phi)", unit="m", low=-0.1, high=0.1)
@@ -42,3 +52,29 @@ class Wiggling(Effect):
         phase = 2 * np.pi * frame.radial / self.period_m
         length = frame.length
         return stack([np.sin(phase) / length, np.cos(phase) / length], frame)
+
+    @classmethod
+    def lacks(cls, session: Session) -> str:
+        """A span of range."""
+        return "" if session.range_span >= LEAST_SPAN_M else "one range only"
+
+    @classmethod
+    def hypotheses(cls, session: Session) -> Iterator[Form]:
+        """Periods that the session's span of range can tell apart, in steps of a quarter turn over it."""
+        for period in periods(session.range_span):
+            yield Form(cls(modulation_mhz=LIGHT_M_PER_S / (8e6 * period)), f"period {period * 1e3:.0f} mm")
+
+
+LEAST_SPAN_M = 0.08
+"""Span of range from which a period can show: a quarter of the shortest usual one (c0 / 8f at 120 MHz)."""
+SHORTEST_M, MOST_PERIODS = 0.06, 40
+"""Shortest period that is tried (620 MHz, above any camera's), and how many at most."""
+
+
+def periods(span: float) -> Float:
+    """Wiggle periods to try, metres: from twice the span down to `SHORTEST_M`, neighbours 90 degrees apart over it."""
+    out, period = [], 2.0 * max(span, 0.2)
+    while period > SHORTEST_M:
+        out.append(period)
+        period = 1.0 / (1.0 / period + 0.25 / max(span, 0.2))
+    return np.array(out[:MOST_PERIODS])

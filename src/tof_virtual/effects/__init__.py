@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tof_core.errors import UsageError
 from tof_virtual.effects.geometry import CadDeviation, HandEye, Intrinsics, Motion, TimeSync
-from tof_virtual.effects.light import FlyingPixels, LensScatter, Specular, Subsurface
+from tof_virtual.effects.light import Ambient, EmitterOffset, FlyingPixels, LensScatter, Specular, Subsurface
 from tof_virtual.effects.multipath import Multipath
 from tof_virtual.effects.output import DepthScale, Dropout, Noise, PhaseWrap, Quantization, RadialDepth, RangeOffset
 from tof_virtual.effects.pixel import AmplitudeBias, FixedPattern, Interference, TemperatureDrift, Wiggling
@@ -26,6 +26,7 @@ EFFECTS: dict[str, type[Effect]] = {
         HandEye,
         TimeSync,
         Motion,
+        EmitterOffset,
         Specular,
         Subsurface,
         FlyingPixels,
@@ -36,6 +37,7 @@ EFFECTS: dict[str, type[Effect]] = {
         TemperatureDrift,
         AmplitudeBias,
         Interference,
+        Ambient,
         RangeOffset,
         PhaseWrap,
         Noise,

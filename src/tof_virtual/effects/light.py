@@ -9,13 +9,87 @@ import numpy as np
 from scipy import fft
 from typing_extensions import override
 
-from tof_virtual.effect import Effect, Moment
+from tof_virtual.effect import UNIT_M, Effect, Moment
+from tof_virtual.pipeline import expose
+from tof_virtual.taps import metres_per_radian
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_virtual.optics import Echo, Light
     from tof_virtual.session import Session
     from tof_virtual.sight import Rays, Sight
+    from tof_virtual.taps import Charge
+
+
+class EmitterOffset(Effect):
+    """The lamp stands beside the lens: light comes from there, lights what it sees from there, and leaves shadows."""
+
+    name, unit, start, limit = "emitter_offset", "m", 0.03, 0.1
+
+    @override
+    def draw(self, rng: np.random.Generator) -> None:
+        angle = rng.uniform(0, 2 * np.pi)
+        self._direction = np.array([np.cos(angle), np.sin(angle), 0.0])
+
+    @override
+    def params(self) -> dict[str, Any]:
+        return {"lamp_m": (self.size * self._direction).tolist()}
+
+    @override
+    def reflect(self, echo: Echo, rays: Rays, moment: Moment) -> None:
+        sight = next(s for s in moment.sights if rays is s.main or rays is s.parts)
+        direction = rays.direction if rays is sight.main else np.repeat(sight.main.direction[sight.edge], sight.samples, axis=0)
+        lamp = sight.T_cell_camera[:3, :3] @ (self.size * self._direction)
+        hit = np.flatnonzero(rays.face >= 0)
+        straight, normal = rays.distance[hit], moment.world.soup.normals[rays.face[hit]]
+        way = direction[hit] * straight[:, None] - lamp
+        length = np.linalg.norm(way, axis=1)
+        met, _ = moment.world.tree.cast(np.ascontiguousarray(rays.origin + lamp), np.ascontiguousarray(way / length[:, None]))
+        lit = ~(met < length - SHADOW_M)
+        cosine = np.abs(np.einsum("ij,ij->i", way, normal)) / length
+        echo.strength[hit] *= lit * (straight / length) ** 2 * cosine / np.maximum(rays.cosine[hit], 1e-6)
+        echo.distance[hit] += 0.5 * (length - straight)
+
+
+SHADOW_M = 0.01
+"""What stands nearer to the lamp than the seen point by this casts a shadow on it."""
+
+
+class Ambient(Effect):
+    """Light that is not the camera's own falls on the parts: electrons that carry no phase, and their noise."""
+
+    name, unit = "ambient", "e- of a tap from albedo 0.5"
+    natural = True
+    kind = "scatter"
+
+    @override
+    def draw(self, rng: np.random.Generator) -> None:
+        c = self.config.camera
+        own, noise_rad = 1e3 * c.contrast * c.signal_ke, self.strength * UNIT_M / metres_per_radian(c.modulation_mhz)
+        # variance of the phase: electrons of a tap over twice the amplitude's square
+        self.size = float(min(2 * (own * noise_rad) ** 2, MOST_FOREIGN * 1e3 * c.full_well_ke))
+
+    @override
+    def params(self) -> dict[str, Any]:
+        return {"electrons": self.size}
+
+    def _electrons(self, moment: Moment) -> Float:
+        main = moment.sight.main
+        return self.size * np.where(main.face >= 0, moment.world.soup.albedo[main.face], 0.0) / 0.5
+
+    @override
+    def expose(self, charge: Charge, moment: Moment) -> None:
+        charge.steady = charge.steady + self._electrons(moment)
+
+    @override
+    def level(self, moment: Moment) -> Float:
+        frame, scale = expose(moment, ()), metres_per_radian(moment.config.camera.modulation_mhz)
+        sigma = scale * np.sqrt(0.5 * self._electrons(moment)) / np.maximum(frame.amplitude, 1.0)
+        return np.where(np.isfinite(frame.depth), sigma, np.nan)
+
+
+MOST_FOREIGN = 0.3
+"""Share of the full well that foreign light from albedo 0.5 fills at most: more saturates bright parts."""
 
 
 class Specular(Effect):

@@ -11,8 +11,8 @@ import pytest
 from tests.tof_gap.quiet_views import views
 from tests.tof_scene.solids import scene, wall
 from tof_gap.limits.seen import NoiseLimits
-from tof_gap.solve.candidates import candidates, periods
-from tof_sensor.effects.wiggling import Wiggling
+from tof_gap.solve.candidates import candidates
+from tof_sensor.effects.wiggling import Wiggling, periods
 from tof_sensor.frame import LIGHT_M_PER_S
 from tof_sensor.model import SensorModel, load_model, save_model
 

@@ -11,8 +11,11 @@ from scipy.spatial.transform import Rotation
 from tests.tof_gap.quiet_views import VIEWS, chain, views
 from tests.tof_sensor.plane import NORMAL
 from tof_align.folds import deal
-from tof_gap.solve.candidates import Candidate, deviation
-from tof_gap.solve.columns import DEVIATION_SD, ColumnStore, build
+from tof_gap.limits.seen import NoiseLimits
+from tof_gap.seen.session import session_of
+from tof_gap.solve.candidates import Candidate
+from tof_gap.solve.columns import ColumnStore, build
+from tof_sensor.effects.cad_deviation import COEFFICIENT_SD, CadDeviation
 
 
 def test_a_part_does_not_slide_along_its_own_plane() -> None:
@@ -22,7 +25,7 @@ def test_a_part_does_not_slide_along_its_own_plane() -> None:
         replace(v, frame=replace(v.frame, rendering=replace(v.rendering, T_cell_camera=facing)))
         for v in views(np.random.default_rng(4), np.full((VIEWS, 1, 1), 0.002))
     ]
-    effect = deviation(seen, 0)
+    effect = CadDeviation.of(session_of(seen, NoiseLimits()), 0)
     design = build(ColumnStore(seen, deal([0] * VIEWS, 6)), [Candidate(effect.NAME, effect)], chain(), np.full(6, 1e-5))
     values = design.system.fit(design.groups[0]).theta / design.scale
-    assert (np.abs(values) < 2 * DEVIATION_SD).all()
+    assert (np.abs(values) < 2 * COEFFICIENT_SD).all()

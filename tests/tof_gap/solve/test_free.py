@@ -13,7 +13,7 @@ from tof_align.folds import deal
 from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve.candidates import Candidate
 from tof_gap.solve.columns import ColumnStore, build
-from tof_gap.solve.free import observed, unknown_columns, unknown_share, unknowns
+from tof_gap.solve.free import UNKNOWN, free_functions, observed
 from tof_gap.solve.select import select
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.fixed_pattern import FixedPattern
@@ -31,7 +31,7 @@ NAMED = (RangeOffset(), DepthScale(), FixedPattern(), *(Wiggling(modulation_mhz=
 def selection(extra: Float) -> tuple[Selection, list[Candidate]]:
     """What is chosen where `extra` (V, H, W) metres along the ray are added to photon noise."""
     seen = views(np.random.default_rng(5), extra)
-    tested = [Candidate(e.NAME, e) for e in NAMED] + [Candidate(u.NAME, u, u.quantity) for u in unknowns(seen)]
+    tested = [Candidate(e.NAME, e) for e in NAMED] + [Candidate(UNKNOWN, None, f.quantity, f) for f in free_functions(seen)]
     store = ColumnStore(seen, deal([0] * VIEWS, SelectLimits().folds))
     return select(build(store, tested, chain(), HAND_SD), SelectLimits()), tested
 
@@ -41,21 +41,21 @@ def radial() -> Float:
 
 
 def test_observables_that_do_not_vary_are_no_hypotheses() -> None:
-    names = {u.quantity for u in unknowns(views(np.random.default_rng(0)))}
+    names = {f.quantity for f in free_functions(views(np.random.default_rng(0)))}
     assert {"range_m", "amplitude", "incidence_deg", "row", "column"} <= names
     assert "concavity" not in names  # Nobody looked at the sky of a lone plane.
 
 
 def test_columns_share_a_metre_along_the_ray_among_the_knots() -> None:
     view = views(np.random.default_rng(0))[3]
-    effect = next(u for u in unknowns([view]) if u.quantity == "range_m")
-    columns = unknown_columns(effect, view)
+    free = next(f for f in free_functions([view]) if f.quantity == "range_m")
+    columns = free.columns(view)
     length = CAMERA.ray_length().ravel()[view.pixels]
     np.testing.assert_allclose(columns.sum(axis=1) * length, 1.0)
-    values = np.linspace(-1.0, 1.0, len(effect.knots))
-    np.testing.assert_allclose(columns @ values, unknown_share(effect, values, view).ravel()[view.pixels])
+    values = np.linspace(-1.0, 1.0, len(free.knots))
+    np.testing.assert_allclose(columns @ values, free.share(values, view).ravel()[view.pixels])
     at = observed(view, "range_m", view.pixels)
-    middle = np.argmin(np.abs(at - effect.knots[4]))
+    middle = np.argmin(np.abs(at - free.knots[4]))
     assert columns[middle] @ values * length[middle] == pytest.approx(values[4], abs=0.01)
 
 

@@ -15,7 +15,7 @@ from tof_align.mixed import Normal
 from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve.candidates import HAND_EYE, Candidate
 from tof_gap.solve.columns import Design
-from tof_gap.solve.free import Unknown
+from tof_gap.solve.free import UNKNOWN, FreeFunction
 from tof_gap.solve.judge import Selector
 from tof_gap.solve.select import select
 from tof_sensor.effects.cad_deviation import CadDeviation
@@ -28,7 +28,7 @@ from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.wiggling import Wiggling
 
 VIEWS, PIXELS = 12, 400
-FREE = Unknown("range_m", (0.0, 1.0, 2.0))
+FREE = FreeFunction("range_m", (0.0, 1.0, 2.0))
 """A candidate that is no effect."""
 
 
@@ -82,10 +82,10 @@ def test_what_was_added_is_chosen_and_nothing_else() -> None:
 
 
 def test_a_named_effect_goes_before_a_free_form_that_does_as_well() -> None:
-    d = design([*plain(RangeOffset()), Candidate("unknown", FREE)], [0.0, 0.4], copies=(1, 0))
+    d = design([*plain(RangeOffset()), Candidate(UNKNOWN, None, FREE.quantity, FREE)], [0.0, 0.4], copies=(1, 0))
     # The free form is the truth here, but the named one is nearly it: what it misses is less than the price.
     assert names(d, select(d, SelectLimits()).chosen.members) == ["range_offset"]
-    far = design([*plain(RangeOffset()), Candidate("unknown", FREE)], [0.0, 0.4])
+    far = design([*plain(RangeOffset()), Candidate(UNKNOWN, None, FREE.quantity, FREE)], [0.0, 0.4])
     assert names(far, select(far, SelectLimits()).chosen.members) == ["unknown"]
     assert select(far, SelectLimits()).unknown == ("range_m",)
 

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects that bring a detector of their own: each is shown the session and its noise by amplitude."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_gap.seen.finding import Finding
+from tof_gap.seen.photons import binned
+from tof_gap.seen.session import session_of
+from tof_sensor.registry import PHYSICAL_ORDER
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_sensor.effects.photon_law import PhotonLaw
+
+
+def findings(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None) -> list[Finding]:
+    """What the effects' own detectors find; `law`: the camera's photon law as `--sensor` states it."""
+    session = replace(session_of(views, limits, law=law), noise=binned(views, limits.bins, limits))
+    found = [kind.detect(session) for kind in PHYSICAL_ORDER if kind.not_testable(session) is None]
+    return [
+        Finding(
+            d.effect,
+            d.confidence,
+            d.std,
+            share=np.stack([np.where(v.smooth, d.effect.noise(v.frame), np.nan) for v in views]),
+            note=d.note,
+            beside=law,
+        )
+        for d in found
+        if d is not None
+    ]

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ambient light: photons that are not the camera's own cancel in the phase, and their noise stays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from scipy.optimize import nnls
+
+from tof_core.config import param
+from tof_sensor.effect import Detection, Effect, Evidence
+from tof_sensor.frame import scattered
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Mask
+    from tof_sensor.effects.photon_law import PhotonLaw
+    from tof_sensor.frame import Frame
+    from tof_sensor.session import NoiseBins, Session
+
+LEAST_EXCESS = 0.35
+"""Median variance beyond the law, as a share of the law's, from which foreign light may be named: noise 16 % above the law. Two healthy
+sessions of one camera agree to better than that; scenes of other albedos ask the law where it was not fitted."""
+LEAST_SHARE = 0.75
+"""Share of the views that must have half of that excess: foreign light does not come in bursts."""
+LEAST_BINS = 12
+"""Bins of amplitude below which no dependence on it can be judged."""
+BETTER = 0.8
+"""Misfit of the foreign-light form over that of noise of one size, or of the law times a factor, above which the excess is no foreign light."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ambient(Effect):
+    """sigma_r^2 = surface^2 r^2 A0 / A + uniform^2 (A0 / A)^2, beyond the photon law (Lange and Seitz 2001; docs/effects.md).
+
+    A count B of foreign photons has the noise B / 2 A^2 in phase. Light that surfaces give back has B ~ albedo ~ A r^2; light
+    that reaches every pixel alike has one B.
+    """
+
+    NAME: ClassVar[str] = "ambient"
+    ORDER: ClassVar[int] = 71
+    MEANING: ClassVar[str] = "light that is not the camera's own makes the depth noisier"
+    SEPARATED_BY: ClassVar[str] = "the same poses with the foreign light switched off"
+    EVIDENCE: ClassVar[Evidence] = Evidence.SCATTER
+    MODULATED: ClassVar[bool] = True
+
+    surface_m: float = param(0.0, "noise of foreign light off the surface at the reference amplitude and 1 m", unit="m", low=0.0, high=0.2)
+    uniform_m: float = param(0.0, "noise of foreign light on every pixel alike at the reference amplitude", unit="m", low=0.0, high=0.2)
+    reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
+
+    def variance(self, amplitude: Float, range2: Float) -> Float:
+        """m^2 along the ray at amplitudes and squared ranges (m^2)."""
+        ratio = self.reference / np.maximum(amplitude, 1e-12)
+        return np.asarray(self.surface_m**2 * range2 * ratio + (self.uniform_m * ratio) ** 2)
+
+    def noise(self, frame: Frame) -> Float:
+        """(H, W) metres of z."""
+        return np.asarray(np.sqrt(self.variance(frame.amplitude, np.nan_to_num(frame.radial) ** 2)) / frame.length)
+
+    def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
+        """Add the noise of the foreign photons."""
+        return scattered(frame, self.noise(frame), rng)
+
+    def added_to(self, law: PhotonLaw) -> PhotonLaw:
+        """The law of the same camera under this light."""
+        ratio = self.reference / law.reference
+        return replace(
+            law,
+            far_m=float(np.sqrt(law.far_m**2 + self.surface_m**2 * ratio)),
+            ambient_m=float(np.sqrt(law.ambient_m**2 + (self.uniform_m * ratio) ** 2)),
+        )
+
+    @classmethod
+    def lacks(cls, session: Session) -> str:
+        """An amplitude image, and a photon law to compare with."""
+        if not session.has_amplitude:
+            return "no amplitude image"
+        return "" if session.law is not None else "no photon law to compare with: pass --sensor with one of this camera"
+
+    @classmethod
+    def detect(cls, session: Session) -> Detection | None:
+        """Noise beyond the law of `--sensor`, in most views, that goes with amplitude as foreign light's does."""
+        law, bins = session.law, session.noise
+        if law is None or bins is None or len(bins.view) < LEAST_BINS:
+            return None
+        predicted = law.variance(bins.amplitude, bins.range2)
+        excess = bins.variance - predicted
+        relative = excess / predicted
+        of_view = np.array([np.median(relative[bins.view == v]) for v in np.unique(bins.view)])
+        if np.median(relative) < LEAST_EXCESS or (of_view > 0.5 * LEAST_EXCESS).mean() < LEAST_SHARE:
+            return None
+        ratio = law.reference / bins.amplitude
+        forms = {
+            "foreign": np.stack([bins.range2 * ratio, ratio**2], axis=1),
+            "constant": np.ones((len(ratio), 1)),
+            "factor": predicted[:, None],
+        }
+        fits = {name: _fitted(X, excess, bins) for name, X in forms.items()}
+        misfit = {name: _misfit(forms[name] @ c, excess, predicted) for name, c in fits.items()}
+        if misfit["foreign"] > BETTER * min(misfit["constant"], misfit["factor"]):
+            return None
+        surface, uniform = np.sqrt(fits["foreign"])
+        effect = cls(surface_m=min(float(surface), 0.2), uniform_m=min(float(uniform), 0.2), reference=law.reference)
+        times = float(np.sqrt(1.0 + np.median(relative)))
+        return Detection(effect, 0.95, note=f"noise {times:.1f} times that of the photon law in --sensor")
+
+
+def _fitted(X: Float, excess: Float, bins: NoiseBins) -> Float:
+    """Non-negative coefficients by least squares on relative errors, bins far off the rest left out."""
+    weight = np.sqrt(bins.samples / 2) / np.maximum(bins.variance, 1e-14)
+    keep: Mask = np.ones(len(excess), bool)
+    c = np.zeros(X.shape[1])
+    for _ in range(3):
+        c, _ = nnls(X[keep] * weight[keep, None], excess[keep] * weight[keep])
+        off = np.abs((excess - X @ c) / np.maximum(bins.variance, 1e-14))
+        keep = off <= 4.0 * np.median(off[keep]) + 1e-12
+    return np.asarray(c)
+
+
+def _misfit(model: Float, excess: Float, predicted: Float) -> float:
+    """Median error of the variance that a form of the excess leaves, as a share of the variance."""
+    return float(np.median(np.abs(excess - model) / (predicted + np.maximum(excess, 0.0))))

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The photon law: the temporal noise that light itself makes, which every sensor has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from tof_core.config import param
+from tof_sensor.effect import Effect, Evidence
+from tof_sensor.frame import scattered
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_sensor.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class PhotonLaw(Effect):
+    """sigma^2 = floor^2 + (shot^2 + far^2 r^2) A0 / A + ambient^2 (A0 / A)^2, along the ray r (docs/effects.md).
+
+    Foreign light off a surface is the same from near and far while own light falls with r^2: at one amplitude A the farther
+    surface is the brighter, hence `far_m`.
+    """
+
+    NAME: ClassVar[str] = "photon_law"
+    ORDER: ClassVar[int] = 70
+    MEANING: ClassVar[str] = ""  # What every sensor has: no effect.
+    EVIDENCE: ClassVar[Evidence] = Evidence.SCATTER
+
+    floor_m: float = param(0.0003, "scatter that no light removes", unit="m", low=0.0, high=0.05)
+    shot_m: float = param(0.001, "photon noise at the reference amplitude", unit="m", low=0.0, high=0.1)
+    ambient_m: float = param(0.0, "ambient and read noise at the reference amplitude", unit="m", low=0.0, high=0.1)
+    far_m: float = param(0.0, "noise of ambient light off the surface at the reference amplitude and 1 m", unit="m", low=0.0, high=0.1)
+    reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
+
+    def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
+        """Scatter by amplitude."""
+        variance = self.variance(frame.amplitude, np.nan_to_num(frame.radial) ** 2)
+        return scattered(frame, np.sqrt(variance) / frame.length, rng)
+
+    def variance(self, amplitude: Float, range2: Float) -> Float:
+        """m^2 along the ray at amplitudes and squared ranges (m^2)."""
+        ratio = self.reference / np.maximum(amplitude, 1e-12)
+        return np.asarray(self.floor_m**2 + (self.shot_m**2 + self.far_m**2 * range2) * ratio + (self.ambient_m * ratio) ** 2)

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an effect may ask about a recorded session: its views at their reference poses, its parts, what the camera gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tof_core.arrays import Float, Ints, Mask
+    from tof_sensor.effects.photon_law import PhotonLaw
+    from tof_sensor.frame import Frame
+
+MOVING_M_S = 5e-3
+"""Speed from which a view counts as taken in motion: 0.1 mm within an exposure of 20 ms."""
+MOVING_RAD_S = float(np.radians(0.5))
+"""The same as a turn rate."""
+WARMING_K = 0.5
+"""Change of temperature from which a drift can show: the resolution of a usual camera's thermometer."""
+WARMING_S = 60.0
+"""Duration from which a camera without a thermometer may have warmed up."""
+PART_PIXELS = 150
+"""Drawn pixels over the session below which a part has no hypothesis of its own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseBins:
+    """Temporal noise by amplitude, in bins of every view, each (n,).
+
+    view: its index; amplitude: mean, camera's unit; range2: mean squared range, m^2; variance: m^2 along the ray; samples: their number.
+    """
+
+    view: Float
+    amplitude: Float
+    range2: Float
+    variance: Float
+    samples: Float
+
+    def of(self, keep: Mask) -> NoiseBins:
+        """Some of the bins."""
+        return NoiseBins(*(getattr(self, f.name)[keep] for f in fields(self)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SessionView:
+    """One view: its rendering with measured amplitude, temperature, time and twist; and the flat indices (n,) of the pixels drawn for fits."""
+
+    frame: Frame
+    pixels: Ints
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Session:
+    """A recorded session as the effects see it.
+
+    parts: names of the scene's parts, in the scene's order; has_amplitude: whether any view has an amplitude image; modulated: whether
+    the noise follows light, as a camera's that times modulated light, and not range squared, as a stereo camera's; law: the camera's
+    photon law as `--sensor` states it; noise: temporal noise by amplitude.
+    """
+
+    views: tuple[SessionView, ...]
+    parts: tuple[str, ...] = ()
+    has_amplitude: bool = True
+    modulated: bool = True
+    law: PhotonLaw | None = None
+    noise: NoiseBins | None = None
+
+    @property
+    def moving(self) -> bool:
+        """Whether a view was taken at `MOVING_M_S` or `MOVING_RAD_S` or more."""
+        twists = np.array([v.frame.context.twist for v in self.views])
+        return bool(
+            (np.linalg.norm(twists[:, :3], axis=1) > MOVING_M_S).any() or (np.linalg.norm(twists[:, 3:], axis=1) > MOVING_RAD_S).any()
+        )
+
+    @property
+    def temperatures(self) -> Float:
+        """(V,) degrees Celsius, NaN where unknown."""
+        return np.array([v.frame.context.temperature for v in self.views])
+
+    @property
+    def warming(self) -> bool:
+        """Whether the temperature changes by `WARMING_K`, or is unknown and `WARMING_S` pass."""
+        temperature = self.temperatures
+        if np.isfinite(temperature).all():
+            return bool(np.ptp(temperature) >= WARMING_K)
+        times = [v.frame.context.time_s for v in self.views]
+        return max(times) - min(times) >= WARMING_S
+
+    @property
+    def range_span(self) -> float:
+        """Metres between the 2 % and 98 % quantiles of range over the drawn pixels."""
+        r = np.concatenate([v.frame.radial.ravel()[v.pixels] for v in self.views])
+        low, high = np.quantile(r, [0.02, 0.98])
+        return float(high - low)
+
+    @property
+    def median_amplitude(self) -> float:
+        """Over the drawn pixels, camera's unit."""
+        seen = np.concatenate([v.frame.amplitude.ravel()[v.pixels] for v in self.views])
+        return float(np.median(seen[seen > 0]))
+
+    def parts_seen(self) -> Iterator[tuple[int, str]]:
+        """Index and name of every part of which `PART_PIXELS` drawn pixels or more are seen."""
+        counts = np.zeros(len(self.parts), int)
+        for v in self.views:
+            seen = v.frame.rendering.part.ravel()[v.pixels]
+            counts += np.bincount(seen[seen >= 0], minlength=len(self.parts))
+        yield from ((i, name) for i, name in enumerate(self.parts) if counts[i] >= PART_PIXELS)
+
+    def surface(self, part: int) -> tuple[Float, Float]:
+        """(n, 3) points, metres, and (n, 3) normals of a part's drawn pixels, in the cell frame."""
+        points, normals = [], []
+        for v in self.views:
+            rendering = v.frame.rendering
+            here = v.pixels[rendering.part.ravel()[v.pixels] == part]
+            T = rendering.T_cell_camera
+            points.append(v.frame.points.reshape(-1, 3)[here] @ T[:3, :3].T + T[:3, 3])
+            normals.append(rendering.normal.reshape(-1, 3)[here].astype(np.float64) @ T[:3, :3].T)
+        return np.concatenate(points), np.concatenate(normals)
