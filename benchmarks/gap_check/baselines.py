@@ -70,7 +70,7 @@ def least_squares(store: ColumnStore, residual: list[Float]) -> str:
     y = np.concatenate(residual)
     best, name = 0.0, "none"
     tested = [c for c in candidates(store.views, scene, NoiseLimits()) if c.effect is not None]
-    for candidate, columns in zip(tested, store.of([c.effect for c in tested]), strict=True):
+    for candidate, columns in zip(tested, store.of(tested), strict=True):
         X = np.concatenate([c / v.sigma.ravel()[v.pixels][:, None] for c, v in zip(columns, store.views, strict=True)])
         left = y - X @ np.linalg.lstsq(X, y, rcond=1e-8)[0]
         share = 1 - float(left @ left) / float(y @ y)

@@ -81,7 +81,7 @@ def test_an_effect_that_there_is_not_cannot_be_left_out(tmp_path: Path, capsys: 
     call = ["gap", str(tmp_path / "no_bag"), "--scene", str(tmp_path / "no_scene"), "--out", str(tmp_path / "gap")]
     assert main([*call, "--leave-out", "wiggling", "--leave-out", "wigling"]) == 2
     said = capsys.readouterr().err
-    assert said.startswith("toftwin: --leave-out: there is no effect 'wigling'; effects: amplitude_bias, ")
+    assert said.startswith("toftwin: --leave-out: there is no effect 'wigling'; effects: ambient, amplitude_bias, ")
     assert "wiggling" in said.partition("effects:")[2]
     assert main([*call, "--leave-out", "wiggling"]) == 1
     assert "no_scene: cannot be read" in capsys.readouterr().err

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Foreign light: the noise that it adds, and when its detector names it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tests.tof_sensor.plane import CAMERA, plane_frame
+from tof_core.config import from_mapping
+from tof_scene.builtin import write_builtin
+from tof_scene.scene_file import load_scene
+from tof_sensor.effects.ambient import Ambient
+from tof_sensor.effects.photon_law import PhotonLaw
+from tof_sensor.session import NoiseBins, Session
+from tof_virtual.config import VirtualConfig
+from tof_virtual.record import record
+from toftwin.cli import main
+from toftwin.commands.simulate import bodies_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tof_core.arrays import Float
+
+LAW = PhotonLaw(floor_m=3e-4, shot_m=1e-3, reference=1000.0)
+VIEWS, BINS = 6, 12
+
+
+def session(beyond: Float | float, law: PhotonLaw | None = LAW, views: int = VIEWS) -> Session:
+    """Bins of the law's noise, known to 3 %, and `beyond` (m^2, per view and bin) besides."""
+    amplitude = np.tile(np.geomspace(100.0, 10_000.0, BINS), (views, 1))
+    range2 = np.linspace(0.25, 1.5, views)[:, None] * np.ones(BINS)
+    variance = (LAW.variance(amplitude, range2) + beyond) * np.random.default_rng(1).normal(1.0, 0.03, amplitude.shape)
+    view = np.repeat(np.arange(float(views)), BINS)
+    return Session((), law=law, noise=NoiseBins(view, amplitude.ravel(), range2.ravel(), variance.ravel(), np.full(view.size, 2000.0)))
+
+
+def light(surface_m: float, uniform_m: float) -> Float:
+    """Variance of foreign light in the bins of `session`."""
+    noise = session(0.0).noise
+    assert noise is not None
+    return Ambient(surface_m, uniform_m, LAW.reference).variance(noise.amplitude, noise.range2).reshape(VIEWS, BINS)
+
+
+def test_noise_off_surfaces_goes_with_range_and_of_every_pixel_with_amplitude_alone() -> None:
+    effect = Ambient(surface_m=2e-3, uniform_m=1e-3, reference=100.0)
+    np.testing.assert_allclose(effect.variance(np.array([25.0]), np.array([4.0])), 4e-6 * 4 * 4 + 1e-6 * 16)
+    frame = plane_frame(amplitude=np.full(CAMERA.shape, 100.0))
+    noisy = Ambient(uniform_m=4e-3, reference=100.0).apply(frame, np.random.default_rng(0))
+    assert np.std((noisy.depth - frame.depth) * frame.length) == pytest.approx(4e-3, rel=0.1)
+    np.testing.assert_allclose(noisy.sigma * frame.length, 4e-3, rtol=1e-12)
+
+
+def test_foreign_light_is_found_at_its_size() -> None:
+    found = Ambient.detect(session(light(4e-3, 1.5e-3)))
+    assert found is not None
+    effect = found.effect
+    assert isinstance(effect, Ambient)
+    assert effect.surface_m == pytest.approx(4e-3, rel=0.1)
+    assert effect.uniform_m == pytest.approx(1.5e-3, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "beyond",
+    [
+        pytest.param(0.0, id="no noise beyond the law"),
+        pytest.param((3e-3) ** 2, id="the same at every amplitude"),
+        pytest.param(2.0 * LAW.variance(np.geomspace(100.0, 10_000.0, BINS), np.ones(1)), id="the law three times over"),
+        pytest.param(light(4e-3, 1.5e-3) * (np.arange(VIEWS) < 3)[:, None], id="half of the views"),
+        pytest.param(light(3e-4, 1e-4), id="too little to be sure"),
+    ],
+)
+def test_other_noise_is_no_foreign_light(beyond: Float | float) -> None:
+    assert Ambient.detect(session(beyond)) is None
+
+
+def test_without_a_law_or_an_amplitude_image_the_reason_is_given() -> None:
+    assert Ambient.not_testable(session(0.0)) is None
+    assert Ambient.not_testable(session(0.0, law=None)) == "no photon law to compare with: pass --sensor with one of this camera"
+    assert Ambient.not_testable(replace(session(0.0), has_amplitude=False)) == "no amplitude image"
+
+
+def test_a_session_under_foreign_light_is_named_by_the_law_of_one_without_it(tmp_path: Path) -> None:
+    """Three times the noise; and a second session without that light has none."""
+    scene = write_builtin("body_section", tmp_path / "scene")
+    bodies = bodies_of(load_scene(scene))
+    small = {"camera.width": 112, "camera.height": 86, "plan.views": 8, "camera.min_amplitude_e": 100.0, "camera.full_well_ke": 5000.0}
+    dim = small | {"camera.signal_ke": 60.0, "camera.ambient_ke": 5.0}
+    for name, seed, ambient_ke in (("law", 21, 5.0), ("healthy", 22, 5.0), ("sunny", 23, 620.0)):
+        record(bodies, tmp_path / name, from_mapping(VirtualConfig, dim | {"seed": seed, "camera.ambient_ke": ambient_ke}))
+
+    def verdict(name: str, *sensor: str) -> list[str]:
+        out = tmp_path / f"{name}_gap"
+        assert main(["gap", str(tmp_path / name), "--scene", str(scene), "--out", str(out), *sensor]) == 0
+        return list(json.loads((out / "gap.json").read_text())["verdict"])
+
+    assert verdict("law") == ["none"]
+    known = ("--sensor", str(tmp_path / "law_gap" / "sensor.yaml"))
+    assert verdict("healthy", *known) == ["none"]
+    assert verdict("sunny", *known) == ["ambient"]
