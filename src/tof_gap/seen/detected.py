@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,4 +37,18 @@ def findings(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw 
         )
         for d in found
         if d is not None
+    ]
+
+
+def explained(views: Sequence[ViewEvidence], found: Sequence[Finding]) -> list[ViewEvidence]:
+    """The views with the noise that a stated law and the effects found beside it predict, pixel by pixel.
+
+    Noise that follows range as well as amplitude is not that of the neighbours of like amplitude, which `sigma` is otherwise.
+    """
+    law = next((f.beside for f in found if f.beside is not None), None)
+    if law is None:
+        return list(views)
+    whole = reduce(lambda so_far, f: f.effect.added_to(so_far), found, law)
+    return [
+        replace(v, sigma=np.sqrt(whole.variance(v.frame.amplitude, np.nan_to_num(v.frame.radial) ** 2)) / v.frame.length) for v in views
     ]
