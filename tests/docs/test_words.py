@@ -29,6 +29,7 @@ WORDS = {
 """Private words, as whole words, and what to write instead."""
 
 PERMITTED = {
+    "src/tof_virtual/effects/light.py": ["scatter"],  # a value of `kind`
     "src/tof_virtual/effect.py": ["scatter"],  # a value of `kind`, and the prefix `scatter_` of the arrays in truth files
     "src/tof_virtual/effects/output.py": ["scatter"],  # the same
     "src/tof_gap/tell/pictures.py": ["scatter"],  # a function of matplotlib

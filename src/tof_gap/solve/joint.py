@@ -83,8 +83,8 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
         return joint
     # Named effects had the first word, each in its best shape; now what nobody named may contend.
     finer = refined(store, joint.design, joint.selection, joint.chain, config)
-    nameless = [Candidate(UNKNOWN, None, f.quantity, f) for f in free_functions(joint.views)]
-    design = build(store, [*joint.design.candidates, *finer, *nameless], joint.chain, config.hand_sd)
+    free = [Candidate(UNKNOWN, None, f.quantity, f) for f in free_functions(joint.views)]
+    design = build(store, [*joint.design.candidates, *finer, *free], joint.chain, config.hand_sd)
     return replace(joint, design=design, selection=select(design, config.select))
 
 
