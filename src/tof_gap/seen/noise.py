@@ -54,7 +54,8 @@ def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: No
     quiet = quiet_law(b, step, len(views), limits)
     ratio = view_ratio(b, quiet, len(views))
     hit = ratio > limits.burst**2 * np.median(np.sort(ratio)[: max(len(views) // 2, 2)])
-    if hit.sum() > (1 - limits.quiet_share) * len(views) or not (hit.sum() > 1 or ratio.max() > limits.alone):
+    several = hit.sum() > 1 or (hit.any() and ratio.max() > limits.alone)
+    if not several or hit.sum() > (1 - limits.quiet_share) * len(views):
         return None
     return _burst(views, b, quiet, ratio, hit)
 

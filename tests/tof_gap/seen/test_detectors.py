@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Single detectors of noise and loss: the sizes that they state, and the numbers that decide."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, views
+from tof_core.config import updated
+from tof_core.reasons import Reason
+from tof_gap.limits.seen import EvidenceLimits, LevelLimits, MissingLimits, NoiseLimits
+from tof_gap.seen.level import depth_step, noise_level
+from tof_gap.seen.line_noise import line_map, line_noise
+from tof_gap.seen.lost import _half_lost, lost
+from tof_gap.seen.mixed import mixing
+from tof_gap.seen.noise import findings
+from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
+from tof_gap.seen.stripes import beat
+from tof_gap.seen.wrapped import _common_size, phase_wrap
+
+LIMITS, MISSING = NoiseLimits(), MissingLimits()
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(7)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_line_noise_has_its_size_along_its_axis_alone(axis: int) -> None:
+    shape = (VIEWS, SHAPE[0], 1) if axis == 1 else (VIEWS, 1, SHAPE[1])
+    session = views(rng(), np.broadcast_to(rng().normal(0, 0.003, shape), (VIEWS, *SHAPE)))
+    found, other = line_noise(session, axis, LIMITS.lines), line_noise(session, 1 - axis, LIMITS.lines)
+    assert found.size_m == pytest.approx(0.003, rel=0.15)
+    assert found.sigma > LIMITS.lines.sigma
+    assert other.sigma < LIMITS.lines.sigma
+
+
+def test_lines_that_too_few_views_see_are_not_judged() -> None:
+    session = views(rng(), np.broadcast_to(rng().normal(0, 0.003, (VIEWS, SHAPE[0], 1)), (VIEWS, *SHAPE)))
+    assert line_noise(session[:4], 1, LIMITS.lines).sigma == 0.0
+    assert line_noise(session, 1, replace(LIMITS.lines, pixels=SHAPE[1] + 1)).sigma == 0.0
+
+
+def test_a_line_map_holds_the_mean_of_each_line() -> None:
+    (view, *_) = views(rng(), np.zeros((VIEWS, *SHAPE)), photons=False)
+    jump = np.zeros(SHAPE)
+    jump[40] = 0.01
+    rows = line_map(replace(view, residual=jump / view.frame.length), 1, LIMITS.lines)
+    # The high-pass takes a fifteenth of a line off it.
+    assert (rows * view.frame.length)[40].mean() == pytest.approx(0.01 * 14 / 15, rel=0.01)
+    assert np.abs(rows[:30]).max() < 1e-9
+
+
+def test_noisy_pixels_have_their_share_and_size() -> None:
+    noisy = rng().uniform(size=SHAPE) < 0.03
+    found = noisy_pixels(views(rng(), noisy * rng().choice([-0.02, 0.02], (VIEWS, *SHAPE))), 0.0, LIMITS.pixels)
+    assert found.where[noisy].mean() > 0.7
+    assert found.where[~noisy].mean() < 0.03, "neighbours of a noisy pixel differ from it too"
+    assert found.size_m == pytest.approx(0.02, rel=0.35)
+    assert noisy_pixels(views(rng()), 0.0, LIMITS.pixels).share < 0.001
+
+
+def test_the_pattern_of_single_pixels_has_its_rms() -> None:
+    pattern = rng().normal(0, 0.003, SHAPE)
+    assert pixel_pattern(views(rng(), np.stack([pattern] * VIEWS))) == pytest.approx(0.003, rel=0.1)
+    assert pixel_pattern(views(rng())) < 0.0005
+
+
+def wave(hit: np.ndarray, *, phase: bool = True) -> np.ndarray:
+    """Seven periods over the height in some views, each with a phase of its own."""
+    row = np.linspace(0, 1, SHAPE[0])[None, :, None]
+    offset = rng().uniform(0, 6, (VIEWS, 1, 1)) if phase else 1.0
+    return np.asarray(hit[:, None, None] * 0.004 * np.sin(2 * np.pi * 7 * row + offset) * np.ones((VIEWS, *SHAPE)))
+
+
+def test_a_beat_has_its_period_its_views_and_its_size() -> None:
+    hit = np.arange(VIEWS) % 3 == 0
+    found = beat(views(rng(), wave(hit)), LIMITS.beat)
+    assert found is not None
+    assert (found.turns, found.tilt) == (7.0, 0.0)
+    np.testing.assert_array_equal(found.hit, hit)
+    assert found.size_m == pytest.approx(0.004 / np.sqrt(2), rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("hit", "own_phase"),
+    [(np.ones(VIEWS, bool), True), (np.arange(VIEWS) < 2, True), (np.arange(VIEWS) % 2 == 0, False), (np.zeros(VIEWS, bool), True)],
+    ids=["all views", "two views", "one phase", "none"],
+)
+def test_no_beat_where_all_views_too_few_or_one_phase_have_it(hit: np.ndarray, *, own_phase: bool) -> None:
+    assert beat(views(rng(), wave(hit, phase=own_phase)), LIMITS.beat) is None
+
+
+def test_a_higher_limit_finds_no_burst_and_no_burst_of_no_view() -> None:
+    hit = np.isin(np.arange(VIEWS), (1, 4, 9))[:, None, None]
+    session = views(rng(), hit * rng().normal(0, 0.004, (VIEWS, *SHAPE)))
+    assert [f.name for f in findings(session, LIMITS)] == ["noise"]
+    assert findings(session, updated(LIMITS, {"burst": 3.0, "extra_share": 1.0})) == []
+
+
+def test_the_noise_level_follows_amplitude() -> None:
+    amplitude = np.tile(np.geomspace(100, 10_000, SHAPE[1]), (SHAPE[0], 1))
+    true = 0.002 * np.sqrt(1000.0 / amplitude)
+    level = noise_level(rng().normal(size=SHAPE) * true, np.ones(SHAPE, bool), amplitude, LevelLimits())
+    np.testing.assert_allclose(np.median(level, axis=0)[5:-5] / true[0, 5:-5], 1.0, atol=0.25)
+
+
+def test_the_noise_level_of_too_few_samples_is_the_usual_one() -> None:
+    few = np.zeros(SHAPE, bool)
+    few[:5, :5] = True
+    assert np.unique(noise_level(np.zeros(SHAPE), few, np.ones(SHAPE), LevelLimits())) == pytest.approx([0.002])
+
+
+def test_a_step_needs_several_codes() -> None:
+    two = np.where(rng().uniform(size=(40, 40)) < 0.5, 0.5, 0.51)
+    assert depth_step(two, LevelLimits()) == 0.0
+    assert depth_step(two, LevelLimits(code_gaps=1)) == pytest.approx(0.01)
+
+
+def test_saturated_pixels_are_not_lost() -> None:
+    (view, *_) = views(rng())
+    assert view.view.amplitude is not None
+    gone, bright = np.zeros(SHAPE, bool), view.view.amplitude.copy()
+    gone[10:20], bright[10:15] = True, np.float32(1e9)
+    reason = np.where(gone, Reason.NO_RETURN, Reason.VALID).astype(np.uint8)
+    seen = replace(view.view, depth=np.where(gone, np.nan, view.view.depth).astype(np.float32), amplitude=bright, reason=reason)
+    share = lost(replace(view, view=seen), MISSING)
+    assert share[15:20].min() == 1.0
+    assert share[:15].max() == 0.0
+
+
+def test_the_threshold_is_the_amplitude_at_which_half_is_lost() -> None:
+    light = np.geomspace(10, 1000, 20_000)
+    gone = (light < 50.0).astype(float)
+    assert _half_lost(light, gone, MISSING) == pytest.approx(50.0, rel=0.2)
+    assert _half_lost(light, np.zeros(20_000), MISSING) == 0.0
+
+
+@pytest.mark.parametrize(("jump_m", "start_m"), [(-1.5, 0.0), (1.5, -1.0)])
+def test_a_wrapped_phase_has_its_frequency_and_the_range_where_it_begins(jump_m: float, start_m: float) -> None:
+    wrapped = np.zeros((VIEWS, *SHAPE))
+    wrapped[:, 20:60, 30:80] = jump_m
+    found = phase_wrap(views(rng(), wrapped), MISSING)
+    assert found is not None
+    assert found.effect.modulation_mhz == pytest.approx(99.9, rel=0.01)  # type: ignore[attr-defined]
+    assert np.sign(found.effect.start_m) == (1.0 if start_m == 0.0 else -1.0)  # type: ignore[attr-defined]
+    assert found.share is not None
+    assert np.nanmedian(found.share[0][30:50, 40:70] * CAMERA.ray_length()[30:50, 40:70]) == pytest.approx(jump_m, rel=0.01)
+    assert np.nanmax(np.abs(found.share[0][:15])) == 0.0
+
+
+def test_jumps_of_many_sizes_are_no_wrapped_phase() -> None:
+    many = np.zeros((VIEWS, *SHAPE))
+    many[:, 20:60, 30:80] = rng().uniform(-3.0, -0.3, (VIEWS, 40, 50))
+    assert phase_wrap(views(rng(), many), MISSING) is None
+
+
+def test_the_common_size_is_the_median_of_the_densest_stretch() -> None:
+    assert _common_size(np.array([0.5, 1.0, 1.02, 1.04, 3.0]), 0.06) == pytest.approx(1.02)
+
+
+@pytest.mark.parametrize(("place", "mixes"), [(0.0, False), (1.0, False), (0.5, True)])
+def test_pixels_between_their_surfaces_are_mixed(place: float, *, mixes: bool) -> None:
+    out = []
+    for v in views(rng()):
+        edge = np.zeros(SHAPE, bool)
+        edge[:, 50:54] = True
+        second = np.where(edge, v.frame.depth + 0.2, np.nan).astype(np.float32)
+        mixed = np.where(edge, 0.3, 0.0).astype(np.float32)
+        depth = np.where(edge, v.frame.depth + 0.2 * place, v.view.depth).astype(np.float32)
+        frame = replace(v.frame, rendering=replace(v.rendering, second=second, mixed=mixed))
+        out.append(replace(v, frame=frame, view=replace(v.view, depth=depth)))
+    found = mixing(out, MISSING)
+    assert (found is not None) is mixes
+    if found is not None:
+        assert found == (pytest.approx(1.0), VIEWS * SHAPE[0] * 4)
+    assert EvidenceLimits().own_share > 0.3
+    assert SIGMA_M < 0.2

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Depth or distance along the ray: the reading that lies on the CAD is believed, where the difference is one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import CAMERA, SHAPE, chain, rendering, views
+from tof_align.config import AlignConfig
+from tof_core.config import updated
+from tof_gap.config import GapConfig
+from tof_gap.limits.seen import EvidenceLimits
+from tof_gap.seen.residual import gather
+from tof_gap.solve import radial
+from tof_gap.solve.start import Start
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.capture import View
+
+CONFIG, ALIGN = GapConfig(), AlignConfig()
+
+
+def recorded(*, along_ray: bool) -> list[View]:
+    """Views of a plane at 0.9 m and beyond, their image holding depth or distance along the ray."""
+    taken = [v.view for v in views(np.random.default_rng(1))]
+    factor = CAMERA.ray_length().astype(np.float32) if along_ray else np.float32(1.0)
+    return [replace(v, depth=v.depth * factor) for v in taken]
+
+
+@pytest.fixture(autouse=True)
+def poses_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """First poses are the true ones, so that the gate alone is tested."""
+
+    def start(seen: Sequence[View], *_: Any) -> Start:
+        evidence = gather(list(seen), [rendering(0.05 * k) for k in range(len(seen))], None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
+        return Start(list(seen), chain(), evidence)
+
+    monkeypatch.setattr(radial, "start", start)
+
+
+def test_depth_is_left_as_it_is() -> None:
+    begun, found = radial.gate(recorded(along_ray=False), None, CONFIG, ALIGN)  # type: ignore[arg-type]
+    assert found is None
+    assert radial.median_miss(begun.evidence) < 0.004
+
+
+def test_distance_along_the_ray_is_named_with_what_it_adds() -> None:
+    begun, found = radial.gate(recorded(along_ray=True), None, CONFIG, ALIGN)  # type: ignore[arg-type]
+    assert found is not None
+    assert (found.name, found.confidence, found.corrects) == ("radial_depth", 1.0, True)
+    assert found.share is not None
+    np.testing.assert_allclose(found.share[0], rendering(0.0).depth * (CAMERA.ray_length() - 1.0), atol=0.02)
+    assert radial.median_miss(begun.evidence) < 0.004
+
+
+@pytest.mark.parametrize(("least_mm", "named"), [(4.0, True), (500.0, False)])
+def test_a_small_miss_is_no_reason_to_read_it_otherwise(least_mm: float, *, named: bool) -> None:
+    config = updated(CONFIG, {"solve.gate.least_mm": least_mm})
+    assert (radial.gate(recorded(along_ray=True), None, config, ALIGN)[1] is not None) is named  # type: ignore[arg-type]
+
+
+def test_the_other_reading_must_be_clearly_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(radial, "_bends", lambda _: False)
+    config = updated(CONFIG, {"solve.gate.better": 0.0})
+    assert radial.gate(recorded(along_ray=True), None, config, ALIGN)[1] is None  # type: ignore[arg-type]
+    monkeypatch.setattr(radial, "_bends", lambda _: True)
+    assert radial.gate(recorded(along_ray=True), None, config, ALIGN)[1] is not None, "all wide planes bend"  # type: ignore[arg-type]
+
+
+def test_the_miss_is_the_median_residual_away_from_edges() -> None:
+    (seen, *_) = views(np.random.default_rng(1))
+    edge = np.zeros(SHAPE, bool)
+    edge[:, :40] = True
+    residual = np.where(edge, 1.0, -0.003)
+    assert radial.median_miss([replace(seen, residual=residual, edge=edge)]) == pytest.approx(0.003)
+    assert radial.median_miss([replace(seen, residual=np.full(SHAPE, np.nan))]) == 0.0
