@@ -205,7 +205,7 @@ def command_parts(name: str) -> Iterator[str]:
     """One command: what it does, an example, its flags; the bag's flags are listed once, under `doctor`."""
     command = load_command(name)
     yield f"## `toftwin {command.NAME}`"
-    yield command.HELP[0].upper() + command.HELP[1:] + "."
+    yield f"{command.HELP[0].upper()}{command.HELP[1:]}. {command.ABOUT}"
     yield "\n".join(f"    {line.strip()}" for line in command.EXAMPLE.splitlines())
     rows = [row for group in subparser(name)._action_groups for row in _rows(group, name)]  # noqa: SLF001  (argparse has no public access to it)
     yield "\n".join(["| argument | what |", "|---|---|", *rows])

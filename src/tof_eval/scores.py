@@ -130,7 +130,7 @@ def _name(low: float, high: float) -> str:
 
 
 def plain(e: DepthError) -> dict[str, float | int | None]:
-    """Figures in millimetres; `std_mm` is the scatter about the bias; None where nothing was compared."""
+    """Figures in millimetres; `std_mm` is the standard deviation about the bias; None where nothing was compared."""
     if not e.pixels:
         return {
             "pixels": 0,

@@ -46,7 +46,7 @@ def find_live(seconds: float = PATIENCE_S) -> Topics:
 
 
 def parameters_of(topics: Topics, nodes: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """What the nodes are to be told, by node and dotted name; what is not published keeps its default."""
+    """Parameters of the nodes, by node and dotted name; a topic that is not published keeps its default."""
     sensed = {"depth_topic": topics.depth, "points_topic": topics.points, "info_topic": topics.info}
     sensed |= {"amplitude_topic": topics.amplitude, "temperature_topic": topics.temperature}
     colour = {"live.colour_topic": topics.colour, "live.colour_info_topic": topics.colour_info}
@@ -61,7 +61,7 @@ def with_topics(parameters: Mapping[str, Mapping[str, Any]], topics: Topics, nod
     return {node: {**found.get(node, {}), **parameters.get(node, {})} for node in nodes}
 
 
-def told(topics: Topics) -> str:
+def taken(topics: Topics) -> str:
     """The line that says what was taken."""
     plain = replace(topics, colour_info="")
     return f"auto: {', '.join(plain.named())}"

@@ -8,6 +8,7 @@ import sys
 import traceback
 from importlib import import_module
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Protocol, cast
 
 from tof_core.page import set_command, version
@@ -21,17 +22,21 @@ ABOUT = "A time-of-flight camera and its digital twin: true depth, true pose, mi
 
 
 class Command(Protocol):
-    """What a module of `toftwin.commands` offers; nothing heavy is imported before `run`."""
+    """The content of a module of `toftwin.commands`; nothing heavy is imported before `run`.
+
+    HELP is the line in the list of commands, ABOUT the paragraph above the command's flags.
+    """
 
     NAME: str
     HELP: str
+    ABOUT: str
     EXAMPLE: str
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the flags."""
 
     def run(self, args: argparse.Namespace) -> int:
-        """Do the work; 0 done, 1 the data says no."""
+        """Do the work; 0 done, 1 the data do not support a result."""
 
 
 def command_names() -> list[str]:
@@ -46,7 +51,7 @@ def load_command(name: str) -> Command:
 
 
 def build_parser(chosen: str = "") -> argparse.ArgumentParser:
-    """The parser; only the chosen command is asked for its flags, so that help is instant."""
+    """The parser; only the chosen command declares its flags, so that help is instant."""
     parser = argparse.ArgumentParser(prog="toftwin", description=ABOUT, epilog="toftwin COMMAND --help shows an example.")
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
@@ -55,7 +60,7 @@ def build_parser(chosen: str = "") -> argparse.ArgumentParser:
         sub = commands.add_parser(
             module.NAME,
             help=module.HELP,
-            description=module.HELP,
+            description=fill(module.ABOUT, 79),
             epilog=f"example:\n  {module.EXAMPLE}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
@@ -84,14 +89,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             set_quiet()
         set_command(argv)
         return load_command(chosen).run(args)
-    except SystemExit as stop:  # argparse has spoken already
+    except SystemExit as stop:  # argparse has printed its message
         return stop.code if isinstance(stop.code, int) else 2
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001
         return report(error, debug="--debug" in argv)
 
 
 def report(error: BaseException, *, debug: bool = False) -> int:
-    """Say an error in one line on stderr; unknown ones leave a traceback file. Returns the exit code."""
+    """Print an error as one line on stderr; an unknown one leaves a traceback file. Returns the exit code."""
     if debug:
         traceback.print_exception(error)
     if isinstance(error, BrokenPipeError):

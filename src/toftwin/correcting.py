@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag's dwells, and the corrector that takes them."""
+"""The views of a bag, and the corrector for them."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CorrectionConfig(PipelineConfig):
-    """Everything between a bag and a correction."""
+    """Settings from the bag to the correction."""
 
     correct: CorrectConfig = section(CorrectConfig, "registration, trust and limits")
 
 
 def views_of(reader: BagReader, config: CorrectionConfig) -> list[View]:
-    """The dwells of a bag whose robot pose is known."""
+    """The views of a bag whose robot pose is known."""
     views = [v for v in ViewStream(reader, config) if v.robot is not None]
     if not views:
-        raise RefusedError("no view has a robot pose", where="correction", todo="toftwin doctor tells what the bag lacks")
+        raise RefusedError("no view has a robot pose", where="correction", todo="toftwin doctor lists what the bag lacks")
     return views
 
 
 def corrector_of(scene: Scene | None, reference: Reference | None, config: CorrectionConfig) -> Corrector:
-    """A corrector to the CAD, to a first picture, or to both."""
+    """A corrector that compares with the CAD, with a reference view, or with both."""
     caster = None
     if scene is not None:
         from tof_scene.raycast import Raycaster

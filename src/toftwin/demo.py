@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The demonstration: a virtual session recorded, replayed through the graph over DDS, labelled, judged, repaired, reported."""
+"""The demonstration: a virtual session recorded, replayed over DDS, labelled, compared with the truth, repaired, reported."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class DemoResult:
 
 
 def run_demo(out: Path, config: DemoConfig) -> DemoResult:
-    """Leave bag, scene, graph outputs, dataset and report.html in `out`, which is replaced as a whole."""
+    """Write bag, scene, outputs of the graph, dataset and report.html to `out`, which is replaced as a whole."""
     part = out.with_name(out.name + ".part")
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
@@ -125,7 +125,7 @@ def _label(folder: Path, scene: Path) -> LabelResult:
 
 
 def live_poses(run: Path) -> dict[str, list[Any]]:
-    """Poses that the graph published, by stamp."""
+    """Poses published by the graph, in the order of stamps."""
     from tof_core.se3 import from_quat
     from tof_eval.runs import parts, read_run
 
@@ -147,8 +147,8 @@ def summary(result: DemoResult) -> str:
             f"over DDS: {r.report.sent} frames sent, {r.report.fates['kept']} kept, {r.report.lost} lost; the graph used {r.memory_bytes / 1e6:.0f} MB",
             depth_table(result.errors.rows),
             pose_table(result.errors.poses),
-            f"labels within two of their own sigmas of the truth: {result.errors.honest:.1%}",
-            f"the paper's sweep before the camera that the default network knows, {result.comparison.result['views']} views against the truth:",
+            f"labels within two of their sigmas of the truth: {result.errors.honest:.1%}",
+            f"sweep of the paper with the camera of the default network, {result.comparison.result['views']} views against the truth:",
             methods_table(result.comparison.result["methods"]),
             "seconds: " + ", ".join(f"{name} {s:.0f}" for name, s in result.seconds.items()),
         ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The demonstration's last act: the paper's sweep, seen by the camera that the default network knows; raw, rules and network side by side."""
+"""Last step of the demonstration: the sweep of the paper with the camera of the default network, for raw, filtered and repaired depth."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def compare_methods(folder: Path, scene: Path, config: DemoConfig) -> Comparison:
-    """Record the sweep as `folder/sweep` and judge every method on it against the truth beside it."""
+    """Record the sweep as `folder/sweep` and compare each method with the truth beside it."""
     from tof_eval.methods import Model, Raw, Rules
     from tof_infer.session import Session
     from tof_scene.raycast import Raycaster

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The demonstration's report.html: pictures and figures, nothing from the network."""
+"""report.html of the demonstration: pictures and figures."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def write_report(result: DemoResult, scene: Path) -> Path:
     """Write `report.html` into the demo's folder."""
     dataset, (truth, meta) = open_dataset(result.folder / "dataset.zarr"), load_truth(result.folder / "truth")
     caster = Raycaster(load_scene(scene))
-    view = _telling_view(dataset)
+    view = _fullest_view(dataset)
     html = render_page(
         "toftwin",
         "demo.html.j2",
@@ -64,7 +64,7 @@ def write_report(result: DemoResult, scene: Path) -> Path:
     return path
 
 
-def _telling_view(dataset: Dataset) -> int:
+def _fullest_view(dataset: Dataset) -> int:
     """The view whose label covers most parts."""
     return int(np.argmax([len(np.unique(dataset.frame("views/part", v))) for v in range(dataset.views)]))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gap diagnosis composed: a bag and a scene in, a diagnosis out."""
+"""The diagnosis of a bag: its views, its scene and the known effects, given to `tof_gap`."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class GapPipelineConfig(PipelineConfig):
-    """The pipeline's settings, and the diagnosis's."""
+    """Settings of the pipeline and of the diagnosis."""
 
     gap: GapConfig = section(GapConfig, "when an effect is believed")
-    retrain: RetrainConfig = section(RetrainConfig, "learning from the fitted sensor")
+    retrain: RetrainConfig = section(RetrainConfig, "training with the fitted sensor")
 
 
 def diagnose_bag(
@@ -41,14 +41,14 @@ def diagnose_bag(
     left_out: frozenset[str] = frozenset(),
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Diagnosis, Raycaster]:
-    """Read every view unfiltered, remove the bias of what is `known`, diagnose the rest; noise is compared with its photon law."""
+    """Read every view unfiltered, remove the bias of the effects in `known`, diagnose the rest; noise is compared with their photon law."""
     progress("reading views")
     views = raw_views(reader, config)
     caster, align, untestable = Raycaster(scene), config.align, dict[str, str]()
     if isinstance(reader, BoardSource):
         align, untestable = reader.session.align(align), NOT_TESTABLE
     if known is not None:
-        progress("removing what is known of the sensor")
+        progress("removing known effects")
         views = known_removed(views, caster, known, align)
     law = None if known is None else known.law
     return diagnose(views, caster, config.gap, align, left_out, progress, untestable=untestable, law=law), caster

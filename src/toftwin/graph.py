@@ -106,7 +106,7 @@ def run_graph(spec: GraphSpec) -> int:
             nodes.append(import_module(NODES[name]).make_node(context=context, parameter_overrides=overrides))
         with spinning(nodes) as spinners:
             _say(f"hears {reach(os.environ)}{HOW_TO_REACH if os.environ.get(REACH) == 'LOCALHOST' else ''}")
-            begun, said = time.monotonic(), False
+            begun, reported = time.monotonic(), False
             while not stop.wait(0.2):
                 dead = [s for s in spinners if not s.alive]
                 if dead:
@@ -114,7 +114,7 @@ def run_graph(spec: GraphSpec) -> int:
                 troubled = [n for n in nodes if n.trouble]
                 if spec.strict and troubled:
                     raise ToftwinError(troubled[0].trouble, where=troubled[0].get_name())
-                said = said or _say_running(nodes, time.monotonic() - begun)
+                reported = reported or _say_running(nodes, time.monotonic() - begun)
     return 0
 
 
@@ -128,7 +128,7 @@ def _say(line: str) -> None:
 
 
 def _say_running(nodes: Sequence[Any], seconds: float) -> bool:
-    """Say once that all nodes are active, or after a while which are not; true when that has been said."""
+    """Report once that all nodes are active, or after a while which are not; true when reported."""
     waiting = {n.get_name(): n.state for n in nodes if not getattr(n, "active", True)}
     if waiting and seconds < SOON_S:
         return False

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class InferenceConfig:
-    """Which bag topics, which network."""
+    """Topics of the bag, and the network."""
 
     input: BagOptions = section(BagOptions, "topics, frames and units")
     infer: InferConfig = section(InferConfig, "the network")
@@ -38,7 +38,7 @@ class InferenceConfig:
 
 @dataclass(slots=True)
 class Tally:
-    """What became of the pixels of a bag, and how long a frame took."""
+    """Counts of the pixels of a bag by mark, and the time of each frame."""
 
     model: str
     device: str
@@ -74,11 +74,11 @@ class Tally:
 
 
 def infer_bag(reader: BagReader, out: Path, config: InferConfig, *, copy: bool = True) -> Tally:
-    """Repair every frame of a bag; with `copy` the new bag holds the old one's messages too.
+    """Repair every frame of a bag; with `copy` the new bag also holds the messages of the old one.
 
     Raises:
         ModelError: a damaged or foreign model.
-        RefusedError: a model for another camera or range, or a bag without a frame that can be read. No bag is left then.
+        RefusedError: a model for another camera or range, or a bag without a frame that can be read. Then no bag is written.
     """
     session = Session(config)
     session.accept(reader.camera)
@@ -105,7 +105,7 @@ def _must_have_frames(tally: Tally, reader: BagReader) -> None:
         raise RefusedError(
             f"no frame of {reader.frame_count} could be read ({reader.last_error or 'all empty'})",
             where="infer",
-            todo="toftwin doctor tells what the bag lacks",
+            todo="toftwin doctor lists what the bag lacks",
         )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Opening what a command was given: a bag, and the scene it shows."""
+"""Opening the bag and the scene of a command."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def opened(
     bag: str | Path, scene_path: Path | None, config: PipelineConfig, initial_pose: str | None = None
 ) -> Iterator[tuple[BagReader, Scene | None]]:
-    """A bag and its scene; the cell is placed by `--initial-pose`, or by the scene's `placed_in`."""
+    """A bag and its scene; the pose of the cell comes from `--initial-pose`, or from `placed_in` of the scene."""
     from dataclasses import replace
 
     from tof_core.bag import open_bag

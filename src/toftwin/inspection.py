@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag and its scene to verdicts on parts: accumulate, solve the session, weigh every part in all views."""
+"""A bag and its scene to verdicts on parts: averaged views, poses of the session, evidence for each part in all views."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class InspectionConfig(PipelineConfig):
-    """Everything between a bag and its verdicts."""
+    """Settings from the bag to the verdicts."""
 
     inspect: InspectConfig = section(InspectConfig, "when a part is there")
 
 
 def inspect_bag(reader: BagReader, inspector: Inspector, config: InspectionConfig) -> Inspection:
-    """Inspect all views of a bag together; errors as of `Inspector.judge`."""
+    """Inspect all views of a bag together; raises the errors of `Inspector.judge`."""
     return inspector.judge(tuple(ViewStream(reader, config)))
 
 
 def first_pictures(references: Mapping[str, Reference], scene: str) -> tuple[tuple[Picture, ...], list[str]]:
-    """Colour pictures of references by name, and a line for each that has none; one of another scene (its CAD's digest) is refused."""
+    """Colour pictures of references by name, and a line for each without one; a reference of another scene (digest) is refused."""
     pictures: list[Picture] = []
     lacking: list[str] = []
     for name, reference in references.items():
@@ -42,7 +42,7 @@ def first_pictures(references: Mapping[str, Reference], scene: str) -> tuple[tup
         if picture is not None:
             pictures.append(picture)
         elif T is None:
-            lacking.append(f"{name}: does not know its pose by the CAD; no colour from it; save it with --scene")
+            lacking.append(f"{name}: has no pose from the CAD, so its colour is not used; save it with --scene")
         else:
-            lacking.append(f"{name}: has no colour picture with calibration and TF; no colour from it")
+            lacking.append(f"{name}: has no colour picture with calibration and TF, so its colour is not used")
     return tuple(pictures), lacking

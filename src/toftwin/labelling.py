@@ -41,9 +41,9 @@ POSE_SOURCES = {"final": "session, final", "causal": "session, causal", "per_vie
 
 @dataclass(slots=True)
 class LabelResult:
-    """What came of a bag: counts, depth errors against the label, each view's verdict.
+    """Result of a bag: counts, depth errors against the label, the verdict of each view.
 
-    `others` holds each view's `T_cell_camera` by the other ways of posing that were asked for.
+    `others` holds the `T_cell_camera` of each view by the further modes that were requested.
     """
 
     dataset: Path
@@ -85,9 +85,9 @@ def label_bag(
 ) -> LabelResult:
     """Label a bag into `out`: dataset.zarr, config.yaml, poses.json, metrics.json.
 
-    The dataset appears under its name once it is whole; what was there before is kept until then. A run that is cut
-    off leaves `dataset.zarr.part`, and the same call goes on where it stopped.
-    `also` names other modes whose poses are wanted beside (`LabelResult.others`), with mode final.
+    The dataset gets its name when it is complete; an earlier one stays until then. An interrupted run leaves
+    `dataset.zarr.part`, and the same call continues where it stopped.
+    `also` names further modes whose poses are computed, too (`LabelResult.others`), with mode final.
 
     Raises:
         RefusedError: the bag has no usable frame, or the session fits the CAD nowhere.
@@ -102,7 +102,7 @@ def label_bag(
     job = _Job(reader, caster, config, tuple(also), causal=mode == "causal")
     try:
         result, poses = job.run(out, attributes)
-    except OtherBagError:  # what an earlier run has left is of another bag, and is gone now
+    except OtherBagError:  # the data of an earlier run belong to another bag, and are removed now
         result, poses = job.run(out, attributes)
     save_yaml(out / "config.yaml", to_mapping(config))
     save_json(out / "poses.json", poses)
@@ -112,7 +112,7 @@ def label_bag(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Job:
-    """What is labelled, with what, and how."""
+    """Bag, scene and settings of one labelling."""
 
     reader: BagReader
     caster: Raycaster
@@ -121,14 +121,14 @@ class _Job:
     causal: bool
 
     def run(self, out: Path, attributes: Attributes) -> tuple[LabelResult, list[dict[str, Any]]]:
-        """The dataset, made or finished, and what is said of each view's pose."""
+        """Write or finish the dataset; returns the result and the entry of each view in `poses.json`."""
         poses = list[dict[str, Any]]()
         with Unfinished(out, self.reader.camera, attributes) as dataset:
             result = LabelResult(out / "dataset.zarr", note="; ".join(filter(None, [self.reader.note, dataset.note])))
             for view, posed, make in (self._causal if self.causal else self._final)(dataset, result):
                 dataset.append_view(view, posed, make)
                 result.verdicts[posed.verdict] += 1
-                poses.append(_told(view, posed))
+                poses.append(_entry(view, posed))
         _score(dataset.path, result)
         dataset.finish(result.dataset)
         return result, poses
@@ -153,7 +153,7 @@ class _Job:
             yield view, pose, partial(label_view, view, pose, self.caster, self.config.label)
 
     def _causal(self, dataset: Unfinished, result: LabelResult) -> Iterator[Labelled]:
-        """What the nodes give live, by the code that the node `sim_label` runs: each view posed by those before it."""
+        """The live result, by the code of the node `sim_label`: the pose of each view follows from the views before it."""
         from tof_sim_label.stream import LabelStream
 
         stream, number = LabelStream(self.caster, self.config.labeller), 0
@@ -181,7 +181,7 @@ class _Job:
             yield replace(view, colour=None), stream.members
         result.skipped = Counter(reader.skipped)
         if not result.views:
-            raise RefusedError(_why_nothing(reader), where="label", todo="toftwin doctor tells what the bag lacks")
+            raise RefusedError(_why_nothing(reader), where="label", todo="toftwin doctor lists what the bag lacks")
 
 
 def _itself(label: Label) -> Label:
@@ -193,8 +193,8 @@ def _why_nothing(reader: BagReader) -> str:
     return f"no frame of {reader.frame_count} can be used ({skipped or 'there are none'}): {reader.last_error}"
 
 
-def _told(view: View, posed: Posed) -> dict[str, Any]:
-    """A view's entry in `poses.json`."""
+def _entry(view: View, posed: Posed) -> dict[str, Any]:
+    """The entry of a view in `poses.json`."""
     assert view.robot is not None
     return {
         "stamp_ns": view.stamp_ns,
@@ -209,7 +209,7 @@ def _told(view: View, posed: Posed) -> dict[str, Any]:
 
 
 def _score(path: Path, result: LabelResult) -> None:
-    """Every view, and every single capture, against its label."""
+    """Errors of every view and every capture against the label."""
     from tof_sim_label.dataset import open_dataset
 
     dataset = open_dataset(path)

@@ -20,7 +20,7 @@ C = TypeVar("C")
 
 
 def at_least(low: int) -> Callable[[str], int]:
-    """The `type` of a flag that counts."""
+    """The `type` of a flag whose value is a whole number, `low` or more."""
 
     def count(text: str) -> int:
         try:
@@ -35,7 +35,7 @@ def at_least(low: int) -> Callable[[str], int]:
 
 
 def positive(text: str) -> float:
-    """The `type` of a flag that measures."""
+    """The `type` of a flag whose value is a number above 0."""
     try:
         value = float(text)
     except ValueError:
@@ -53,9 +53,38 @@ class _ShowSettings(argparse.Action):
         parser.exit()
 
 
+def add_config_arguments(parser: argparse.ArgumentParser, settings: Callable[[], type[Any]] | None = None) -> None:
+    """`--config FILE.yaml`, `--set key=value` and `--settings`, which shows the class that `settings` loads."""
+    group = parser.add_argument_group("configuration")
+    group.add_argument("--config", type=Path, metavar="FILE", help="YAML file with settings; --set overrides it")
+    group.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="change one setting, for instance preproc.iqr.enable=false; may be repeated",
+    )
+    shown = "print each setting with its default, unit and bounds, and stop"
+    if settings is None:
+        group.add_argument("--settings", action="store_true", help=shown)
+    else:
+        group.add_argument("--settings", action=_ShowSettings, nargs=0, const=settings, help=shown)
+
+
+def add_bag(parser: argparse.ArgumentParser) -> None:
+    """The positional argument BAG."""
+    parser.add_argument("bag", metavar="BAG", help="folder of the bag, or its .mcap or .db3 file")
+
+
+def add_scene(parser: argparse.ArgumentParser, *, required: bool = False, use: str = "") -> None:
+    """`--scene`; `use` says what the command needs it for."""
+    what = "the CAD of the cell: scene.yaml, its folder, or the name of a built-in scene"
+    parser.add_argument("--scene", type=Path, required=required, metavar="SCENE", help=what + (f"; {use}" if use else ""))
+
+
 def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     """`--scene`, or `--board` in its place."""
-    parser.add_argument("--scene", type=Path, metavar="FILE", help="scene.yaml of the cell")
+    add_scene(parser)
     parser.add_argument(
         "--board",
         metavar="BOARD",
@@ -65,18 +94,6 @@ def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--calibrate", action="store_true", help="with --board: fit the lens to the board's corners instead of CameraInfo's"
     )
-
-
-def add_config_arguments(parser: argparse.ArgumentParser, settings: Callable[[], type[Any]] | None = None) -> None:
-    """`--config FILE.yaml`, `--set key=value` and `--settings`, which shows the class that `settings` loads."""
-    group = parser.add_argument_group("configuration")
-    group.add_argument("--config", type=Path, metavar="FILE", help="YAML file with settings; --set wins over it")
-    group.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="one setting, for instance preproc.iqr.enable=false")
-    shown = "print every setting with its default, unit and bounds, and stop"
-    if settings is None:
-        group.add_argument("--settings", action="store_true", help=shown)
-    else:
-        group.add_argument("--settings", action=_ShowSettings, nargs=0, const=settings, help=shown)
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser, section: str = "input") -> None:
@@ -102,7 +119,8 @@ def add_bag_arguments(parser: argparse.ArgumentParser, section: str = "input") -
         "--initial-pose",
         metavar="POSE",
         help=(
-            "a first guess of where the cell is: 'x y z qx qy qz qw' (metres, quaternion) in the camera's frame, or 'FRAME: x y z qx qy qz qw' in a frame of TF"
+            "rough pose of the cell, for a robot whose TF does not know it: 'x y z qx qy qz qw' (metres, quaternion) in the camera's frame, "
+            "or 'FRAME: x y z qx qy qz qw' in a frame of TF"
         ),
     )
 

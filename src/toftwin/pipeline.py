@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The offline pipeline: bag and scene in, labelled views out; the same code as the nodes run."""
+"""The offline pipeline from bag to views; the same code as in the nodes."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PipelineConfig(StreamConfig):
-    """Everything between a bag and its labels; the nodes have the same names as ROS parameters."""
+    """Settings from the bag to the labels; the ROS parameters of the nodes have the same names."""
 
     align: AlignConfig = section(AlignConfig, "where the camera was")
     label: LabelConfig = section(LabelConfig, "what its label holds")
 
     @property
     def labeller(self) -> LabellerConfig:
-        """The part that concerns poses and labels."""
+        """Settings of poses and labels."""
         return LabellerConfig(self.align, self.label)
 
 
 @dataclass(slots=True)
 class ViewStream:
-    """Views of a bag, one per dwell; `members` holds the captures of the view given out last."""
+    """Views of a bag, one per dwell; `members` holds the captures of the last view."""
 
     reader: BagReader | BoardSource
     config: StreamConfig
@@ -66,6 +66,6 @@ def _noted(captures: Iterable[Capture], taken: list[Capture]) -> Iterator[Captur
 
 
 def raw_views(reader: BagReader | BoardSource, config: StreamConfig) -> list[View]:
-    """All views of a bag accumulated but unfiltered: what a diagnosis of the sensor must see."""
+    """All views of a bag averaged but unfiltered, as a diagnosis of the sensor needs them."""
     unfiltered = replace(config, preproc=replace(config.preproc, order="accumulate"))
     return list(ViewStream(reader, unfiltered))

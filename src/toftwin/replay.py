@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag through the running graph over DDS, and what came out of it."""
+"""A bag through the ROS graph over DDS, and its results."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from toftwin.pipeline import PipelineConfig
 
 PATIENCE_S = 8.0
-"""A frame without its transform is given up so late: DDS repeats what it lost after three seconds."""
+"""Time after which a frame without its transform is skipped; DDS repeats lost messages after three seconds."""
 NOT_PLAYED = ("/clock", "/diagnostics", "/rosout", "/parameter_events")
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayResult:
-    """What became of a replay: frames by fate, the graph's largest memory in bytes, its processor time from its start."""
+    """Result of a replay: frames by outcome, largest memory of the graph in bytes, its processor time since its start."""
 
     report: PlayReport
     memory_bytes: int
@@ -40,7 +40,7 @@ class ReplayResult:
 
 
 def graph_for(reader: BagReader, config: PipelineConfig, scene: Path | None) -> GraphSpec:
-    """The graph that does live what the offline pipeline does with this bag and configuration."""
+    """The graph whose live results equal those of the offline pipeline for this bag and configuration."""
     t, camera = reader.topics, reader.camera.frame_id
     cell = reader.chain.cell or (reader.transforms.root(camera) if camera in reader.transforms.frames() else "")
     values = flatten(config)
@@ -82,26 +82,24 @@ def outputs_of(node: str, *, points: bool = False) -> list[tuple[str, type[Any]]
 
 
 def _played(reader: BagReader, spec: GraphSpec) -> dict[str, str]:
-    """Topics of the bag that are played, with their types: all but what the graph itself or a recorder publishes."""
+    """Topics of the bag that are played, with their types: all except those that the graph or a recorder publishes."""
     own = tuple(DONE[n].partition("/")[0] + "/" for n in spec.nodes)
     return {t: kind for t, kind in reader.types.items() if t not in NOT_PLAYED and not t.lstrip("/").startswith(own)}
 
 
-def _heard(reader: BagReader) -> list[str]:
+def _subscribed(reader: BagReader) -> list[str]:
     """Topics that the graph subscribes to."""
     t = reader.topics
     return [name for name in (t.depth or t.points, t.info, t.amplitude, t.temperature) if name]
 
 
 def _check_recording(recorder: Recorder, report: PlayReport) -> None:
-    """A recording that missed something would be compared as if the graph had."""
+    """Refuse an incomplete recording: its gaps would look like those of the graph."""
     if recorder.failed:
         raise BagError(recorder.failed, where=recorder.path)
     kept = recorder.counts["/preproc/depth"]
     if kept != report.fates["kept"]:
-        raise BagError(
-            f"holds {kept} of {report.fates['kept']} frames", where=recorder.path, todo="the machine is overloaded; replay again"
-        )
+        raise BagError(f"holds {kept} of {report.fates['kept']} frames", where=recorder.path, todo="this host is overloaded; replay again")
 
 
 def replay(
@@ -120,14 +118,14 @@ def replay(
         reader: the bag.
         config: the configuration of the nodes that are started.
         scene: the CAD, or None for preprocessing alone.
-        options: pace and patience.
-        record: keep what the graph publishes in a new bag.
+        options: pace and waiting times.
+        record: bag in which the results of the graph are recorded.
         points: record point clouds too.
-        running: start nothing; the graph runs already, in the environment's ROS domain.
+        running: start no nodes; the graph runs already, in the ROS domain of the environment.
 
     Raises:
-        TransformError: TF lacks the cell or the camera altogether.
-        ReplayError: the graph does not listen, stopped, or does not answer.
+        TransformError: TF contains no cell or no camera.
+        ReplayError: the graph has no subscriptions, stopped, or does not answer.
     """
     from tof_ros.environment import named_domain, private_domain, ros_context
     from tof_ros.player import Player
@@ -153,12 +151,12 @@ def replay(
 
 
 def _play(reader: BagReader, player: Player, recorder: Recorder | None, spec: GraphSpec, graph: GraphProcess | RunningGraph) -> None:
-    """Wait until all hear each other, play, and wait until all is answered and recorded."""
+    """Wait for all subscriptions, play, and wait until each frame is answered and recorded."""
     played = _played(reader, spec)
     player.advertise({**played, "/tf": TF, "/tf_static": TF}.items())
     shared = ("/tf", "/tf_static") if isinstance(graph, RunningGraph) else ("/tf", "/tf_static", "/clock")
-    heard = {**dict.fromkeys(_heard(reader), 1), **dict.fromkeys(shared, len(spec.nodes))}
-    player.wait_for_graph(heard, graph.alive, lambda: recorder.mute if recorder is not None else [])
+    subscriptions = {**dict.fromkeys(_subscribed(reader), 1), **dict.fromkeys(shared, len(spec.nodes))}
+    player.wait_for_graph(subscriptions, graph.alive, lambda: recorder.mute if recorder is not None else [])
     if (placed := reader.chain.placed) is not None:
         player.place(placed.frame, reader.chain.cell or "cell", placed.T_frame_cell)
     rest = tuple(t for t in played if t != "/tf")

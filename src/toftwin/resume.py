@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A labelling that was cut off goes on: frames, poses and labels that are kept are not made again."""
+"""Continuing an interrupted labelling: stored frames, poses and labels are not computed again."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ if TYPE_CHECKING:
     from tof_sim_label.schema import Attributes
 
 SAME_POSE = 1e-9
-"""Metres and radians: sums over arrays that lie elsewhere in memory differ in their last bit."""
+"""Metres and radians; sums over arrays of another memory alignment differ in the last bit."""
 
 
 class OtherBagError(Exception):
-    """What is kept was made from other frames or other poses."""
+    """The stored data were computed from other frames or other poses."""
 
 
 class Unfinished:
-    """A dataset in the making, `dataset.zarr.part`, and beside it the poses once they are solved.
+    """An unfinished dataset, `dataset.zarr.part`, and beside it the poses once they are solved.
 
-    It is a readable dataset as far as it goes. What it holds of a run that was cut off is compared with what this
-    run would write there, and left; what was made with another scene, configuration or camera is removed.
+    It can be read as far as it was written. The data of an interrupted run are compared with those that this run would
+    write, and stay; data of another scene, configuration or camera are removed.
     """
 
     def __init__(self, folder: Path, camera: Camera, attributes: Attributes) -> None:
@@ -53,15 +53,15 @@ class Unfinished:
 
     @property
     def note(self) -> str:
-        """What a user should know: that an earlier run goes on, if so."""
+        """A note for the user if an earlier run is continued, else empty."""
         captures, views = self._before.captures, self._before.views
-        return f"went on with the {captures} captures and {views} labels of a run that was cut off" if captures else ""
+        return f"continued an interrupted run that had {captures} captures and {views} labels" if captures else ""
 
     def append_capture(self, capture: Capture, view: int) -> None:
-        """Keep one frame that went into a view (-1: into none).
+        """Store one frame that belongs to a view (-1: to none).
 
         Raises:
-            OtherBagError: what is kept in its place is another frame.
+            OtherBagError: another frame is stored in its place.
         """
         at, self._captures = self._captures, self._captures + 1
         if at >= self._before.captures:
@@ -70,10 +70,10 @@ class Unfinished:
             raise OtherBagError
 
     def append_view(self, view: View, posed: Posed, make: Callable[[], Label]) -> None:
-        """Keep one view with the label that `make` gives, which is not asked for where it is kept already.
+        """Store one view with the label that `make` returns; `make` is not called if the label is stored already.
 
         Raises:
-            OtherBagError: what is kept in its place is another view, or was labelled at another pose.
+            OtherBagError: another view, or a label at another pose, is stored in its place.
         """
         at, self._views = self._views, self._views + 1
         if at >= self._before.views:
@@ -84,7 +84,7 @@ class Unfinished:
             raise OtherBagError
 
     def solved(self, views: Sequence[View], name: str, solve: Callable[[], SessionSolution]) -> list[Posed]:
-        """The poses of these views by a way called `name`, as kept; or else as `solve` gives them, and kept from now on."""
+        """The stored poses of these views under `name`; if there are none, those of `solve`, which are stored then."""
         key, kept = _key(views), self._kept_poses()
         if kept.get("of") != key:
             kept = {"of": key}
@@ -94,7 +94,7 @@ class Unfinished:
         return [_from_json(p) for p in kept[name]]
 
     def finish(self, whole: Path) -> None:
-        """Put the closed dataset in its place; what was there before is kept until then."""
+        """Give the closed dataset its final name; an earlier dataset stays until then."""
         old = whole.with_name(f"{whole.name}.old")
         shutil.rmtree(old, ignore_errors=True)
         if whole.exists():
@@ -108,7 +108,7 @@ class Unfinished:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        """Let another process write; of a refused bag, or of another one, nothing stays."""
+        """Close the writer; the data of a refused bag, or of another bag, are removed."""
         self._writer.close()
         if isinstance(error, (RefusedError, OtherBagError)):
             self._remove()
@@ -128,14 +128,14 @@ class Unfinished:
 
 
 def save_json(path: Path, value: Any) -> None:
-    """Write a file whole or not at all."""
+    """Write a file completely or not at all."""
     part = path.with_name(f"{path.name}.part")
     part.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
     part.replace(path)
 
 
 def _key(views: Sequence[View]) -> str:
-    """Digest of all that a solution depends on beside scene and configuration."""
+    """Digest of everything that a solution depends on, except scene and configuration."""
     robots = [a for v in views if v.robot is not None for a in (v.robot.T_cell_body, v.robot.T_body_camera)]
     images = [a for v in views for a in (v.depth, v.sigma, v.count, v.amplitude) if a is not None]
     return digest_arrays(*images, *robots)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""And then: what the fitted sensor is worth for learning. Two networks learn from simulation, with and without the named effects; both repair the real session."""
+"""Use of the fitted sensor for training: two networks, trained on views simulated with and without the effects, repair the real session."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 VIEWS_OF_A_STATION = 3
 POSE_COV = np.diag(np.repeat([1e-5, 1e-5], 3) ** 2)
-"""A simulated camera stands where it was put."""
+"""The pose of a simulated camera is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +42,8 @@ class RetrainConfig:
     """Learning from the fitted sensor."""
 
     views: int = param(60, "views simulated around those of the session", low=6, high=100_000)
-    spread_m: float = param(0.06, "how far from the session's cameras", unit="m", low=0.0, high=2.0)
-    spread_deg: float = param(6.0, "how far turned from them", unit="deg", low=0.0, high=90.0)
+    spread_m: float = param(0.06, "largest distance from a camera of the session", unit="m", low=0.0, high=2.0)
+    spread_deg: float = param(6.0, "largest rotation against that camera", unit="deg", low=0.0, high=90.0)
     seed: int = param(0, "seed of poses and noise", low=0)
     train: TrainConfig = section(TrainConfig, "the training of both networks")
 
@@ -67,22 +67,24 @@ class Retrained:
 def retrain(
     d: Diagnosis, model: SensorModel, caster: Raycaster, out: Path, config: RetrainConfig, say: Callable[[str], None] = lambda _: None
 ) -> Retrained:
-    """Simulate, train and compare; what is there already is gone on with.
+    """Simulate, train and compare; a run that was interrupted continues where it stopped.
 
     Args:
         d: the diagnosis of the real session.
         model: its fitted sensor.
         caster: the scene.
         out: folder of datasets, networks and `retrain.json`.
-        config: how much to simulate and how to train.
-        say: told of each step.
+        config: number of views and settings of the training.
+        say: called with a line at each step.
     """
     from tof_infer.config import InferConfig
     from tof_infer.session import Session
 
     named = tuple(n for n in model.names if n != PhotonLaw.NAME)
     if not named:
-        raise UsageError("the diagnosis named no effect that training could use", where="--retrain", todo="nothing is to be won by it")
+        raise UsageError(
+            "the diagnosis named no effect that training could use", where="--retrain", todo="omit it: both networks would be the same"
+        )
     law = SensorModel(tuple(e for e in model.effects if isinstance(e, PhotonLaw)))
     errors = {}
     for name, sensor in (("without", law), ("with", model)):
@@ -115,7 +117,7 @@ def _train(data: Path, network: Path, config: TrainConfig, say: Callable[[str], 
 
 
 def _capture(d: Diagnosis, view: int) -> Capture:
-    """What the camera gave, as the network gets it."""
+    """A view as the input of the network."""
     v = d.evidence[view].view
     return _as_capture(v)
 
@@ -128,9 +130,9 @@ def _error(d: Diagnosis, view: int, depth: Image) -> tuple[float, int]:
 
 
 def simulated(d: Diagnosis, model: SensorModel, caster: Raycaster, path: Path, config: RetrainConfig) -> Path:
-    """A labelled dataset of the session's surroundings as the modelled sensor sees them; resumed where it was cut off.
+    """A labelled dataset of views near those of the session, simulated with the model; an interrupted run continues.
 
-    Poses and noise are of the view's number alone: with and without effects they are the same.
+    Poses and noise follow from the number of the view alone, so that they are the same with and without effects.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     camera = d.evidence[0].frame.camera

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A fitted sensor model in the virtual camera: what the model adds to a rendered view is added to each frame."""
+"""A fitted sensor model in the virtual camera: its effects are added to each frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def modelled(model: SensorModel, scene: Scene) -> Sensor:
-    """What `record` calls for each frame: the model's bias, scatter and losses at the true pose."""
+    """The function that `record` calls for each frame: adds bias, noise and losses of the model at the true pose."""
     caster = Raycaster(scene)
 
     def sensor(moment: Moment, taken: Frame) -> Frame:

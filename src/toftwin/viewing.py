@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
 TIME = "stamp"
 RESIDUAL_SPAN_M = 0.01
-"""Measured minus label is drawn from blue to red over this much to either side."""
+"""Measured minus label at which the colours blue (too near) and red (too far) saturate, metres."""
 MEASURED_RGB, LABELLED_RGB, PATH_RGB = (232, 89, 12), (11, 114, 133), (112, 72, 232)
 
 
 def rerun() -> Any:
-    """The module, or one line on how to get it."""
+    """The module rerun; UsageError with the line that installs it if it is missing."""
     try:
         import rerun as rr
     except ImportError:
@@ -43,7 +43,7 @@ def rerun() -> Any:
 
 
 class Scribe:
-    """Writes what is to be seen into a rerun recording."""
+    """Writes scene, clouds, poses and images into a rerun recording."""
 
     def __init__(self, path: Path) -> None:
         self._rr = rerun()
@@ -72,11 +72,11 @@ class Scribe:
                 self._log.log(["gap", "parts", part.name], self._rr.TextDocument(f"{1e3 * gap:.2f} mm RMS"), static=True)
 
     def at(self, stamp_ns: int) -> None:
-        """What follows was so at this time."""
+        """Set the time of what is written next."""
         self._log.set_time(TIME, timestamp=np.datetime64(stamp_ns, "ns"))
 
     def camera(self, camera: Camera, T_cell_camera: Float) -> None:
-        """The camera where it was."""
+        """The camera at its pose."""
         self._path.append(T_cell_camera[:3, 3])
         self._log.log("cell/camera", self._rr.Transform3D(translation=T_cell_camera[:3, 3], mat3x3=T_cell_camera[:3, :3]))
         pinhole = self._rr.Pinhole(
@@ -113,7 +113,7 @@ class Scribe:
 
 
 def draw_bag(scribe: Scribe, reader: BagReader, every: int = 1) -> None:
-    """Captures as they were recorded, where TF says that the camera was."""
+    """Captures as recorded, at the camera poses of TF."""
     for number, capture in enumerate(reader.captures(need_tf=False)):
         if number % every:
             continue
@@ -156,7 +156,7 @@ def draw_dataset(scribe: Scribe, data: Dataset, every: int = 1) -> dict[str, flo
 
 
 def draw_gap(scribe: Scribe, folder: Path, scene: Scene | None) -> dict[str, float]:
-    """Residuals and what explains them, view by view; returns the RMS of each part in metres where the scene is known."""
+    """Residuals and the share of each effect, view by view; returns the RMS of each part in metres if the scene is given."""
     try:
         verdict = json.loads((folder / "gap.json").read_text(encoding="utf-8"))["verdict"]
         maps = read_npz(folder / "gap_maps.npz")
@@ -197,7 +197,7 @@ def grey(image: Image) -> Bytes:
 
 
 def signed(metres: Image) -> Bytes:
-    """(H, W, 3) uint8: white is nought, red measured too far, blue too near, black nothing."""
+    """(H, W, 3) uint8: white is zero, red measured too far, blue too near, black no value."""
     share = np.clip(metres / RESIDUAL_SPAN_M, -1, 1)
     fade = 255 * (1 - np.abs(share))
     rgb = np.stack([np.where(share > 0, 255, fade), fade, np.where(share < 0, 255, fade)], axis=-1)

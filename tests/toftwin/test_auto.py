@@ -42,7 +42,7 @@ def test_the_only_camera_is_taken_whatever_it_is_called(robot: Any) -> None:
     publish(robot, "/cam1/depth")
     topics = auto.find_live(10.0)
     assert (topics.depth, topics.info) == ("/cam1/depth/image_rect_raw", "/cam1/depth/camera_info")
-    assert auto.told(topics) == "auto: /cam1/depth/image_rect_raw, /cam1/depth/camera_info"
+    assert auto.taken(topics) == "auto: /cam1/depth/image_rect_raw, /cam1/depth/camera_info"
 
 
 @pytest.mark.dds

@@ -98,7 +98,7 @@ def findings(tmp_path: Path, robot: Robot, **options: str) -> list[Finding]:
     return list(examine_bag(record(tmp_path / "bag", robot), replace(BagOptions(), **options)))  # type: ignore[arg-type]
 
 
-def worst(said: list[Finding], level: Level = Level.MEND) -> list[str]:
+def worst(said: list[Finding], level: Level = Level.FIX) -> list[str]:
     """Checks that say so, with their text."""
     return [f"{f.check}: {f.what}" for f in said if f.level is level]
 
@@ -130,7 +130,7 @@ FAULTS = {
     "TF with a hole": (Robot(tf_hole=(10, 40)), "TF gaps", "of 12 frames have no pose", "--max-gap-s"),
     "frozen": (Robot(frozen=True), "frozen frames", "11 of 12", "restart the camera"),
     "no stamps": (Robot(stamped=False), "stamps", "no header stamps", "acquisition time"),
-    "black": (Robot(black=True), "invalid codes", "0% of pixels valid", "lens covered"),
+    "black": (Robot(black=True), "invalid codes", "0% of pixels valid", "lens is free"),
 }
 
 
@@ -139,7 +139,7 @@ def test_each_fault_is_found_and_comes_with_what_to_do(fault: str, tmp_path: Pat
     robot, check, what, todo = FAULTS[fault]
     said = findings(tmp_path, robot)
     assert not healthy(said)
-    assert any(f.level is Level.MEND and f.check == check and what in f.what and todo in f.todo for f in said), worst(said)
+    assert any(f.level is Level.FIX and f.check == check and what in f.what and todo in f.todo for f in said), worst(said)
     assert all(f.todo for f in said if f.level is not Level.OK)
 
 
@@ -160,7 +160,7 @@ def test_without_tf_an_initial_pose_is_enough(tmp_path: Path) -> None:
 
 @pytest.mark.shared
 @pytest.mark.parametrize(
-    ("bag", "level"), [("ifm_o3r/bag_radial", Level.MEND), ("azure_kinect_nfov/bag", Level.OK), ("azure_kinect_static/bag", Level.OK)]
+    ("bag", "level"), [("ifm_o3r/bag_radial", Level.FIX), ("azure_kinect_nfov/bag", Level.OK), ("azure_kinect_static/bag", Level.OK)]
 )
 def test_real_cameras_are_told_apart_by_what_their_depth_is(bag: str, level: Level, shared_data: Path) -> None:
     (told,) = [f for f in examine_bag(shared_data / "real" / bag, BagOptions()) if f.check == "z or radial"]
@@ -168,7 +168,7 @@ def test_real_cameras_are_told_apart_by_what_their_depth_is(bag: str, level: Lev
 
 
 def test_a_root_that_is_no_cell_is_said(tmp_path: Path) -> None:
-    assert any("root 'odom' is no cell" in line for line in worst(findings(tmp_path, Robot(root="odom")), Level.NOTE))
+    assert any("root 'odom' is not a cell" in line for line in worst(findings(tmp_path, Robot(root="odom")), Level.NOTE))
 
 
 def test_a_frame_that_tf_lacks_is_named_with_those_it_has(tmp_path: Path) -> None:
@@ -181,7 +181,7 @@ def test_a_cut_bag_is_said_and_its_whole_part_examined(tmp_path: Path) -> None:
     file = next(bag.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[: int(file.stat().st_size * 0.8)])
     said = list(examine_bag(bag, BagOptions()))
-    assert any(f.check == "bag" and f.level is Level.MEND and "--recover" in f.todo for f in said)
+    assert any(f.check == "bag" and f.level is Level.FIX and "--recover" in f.todo for f in said)
     assert any(f.check == "invalid codes" for f in said)
 
 
@@ -192,7 +192,7 @@ def test_a_message_that_is_none_is_a_finding(tmp_path: Path) -> None:
             write_frame(bag, Robot(), i)
         bag.raw(NAMES["info"], "sensor_msgs/msg/CameraInfo", bytes(20), START + SECOND)
     said = list(examine_bag(tmp_path / "bag", BagOptions()))
-    assert any(f.check == "bag" and f.level is Level.MEND and NAMES["info"] in f.what and f.todo for f in said), worst(said)
+    assert any(f.check == "bag" and f.level is Level.FIX and NAMES["info"] in f.what and f.todo for f in said), worst(said)
 
 
 def test_the_command_exits_1_and_speaks_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -200,9 +200,9 @@ def test_the_command_exits_1_and_speaks_json(tmp_path: Path, capsys: pytest.Capt
     assert cli.main(["doctor", str(bag), "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
     assert told["healthy"] is False
-    assert {f["level"] for f in told["findings"]} <= {"ok", "note", "mend"}
+    assert {f["level"] for f in told["findings"]} <= {"ok", "note", "fix"}
     assert cli.main(["doctor", str(record(tmp_path / "good", Robot()))]) == 0
-    assert "0 to mend" in capsys.readouterr().out
+    assert "0 to fix" in capsys.readouterr().out
 
 
 def test_a_scene_that_cannot_be_read_is_a_finding(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -217,13 +217,13 @@ def test_a_bag_and_live_at_once_is_a_wrong_call(capsys: pytest.CaptureFixture[st
 
 def test_python_outside_the_wheels_is_to_be_mended() -> None:
     assert host.python((3, 12)).level is Level.OK
-    assert host.python((3, 13)).level is Level.MEND
+    assert host.python((3, 13)).level is Level.FIX
 
 
 def test_a_missing_library_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(host, "LIBRARIES", {"libno-such-thing.so.9": "libno9"})
     (found,) = host.libraries()
-    assert (found.level, found.todo) == (Level.MEND, "apt-get install libno9")
+    assert (found.level, found.todo) == (Level.FIX, "apt-get install libno9")
 
 
 def test_a_quiet_ros_domain_is_said(tmp_path: Path, ros_domain: int, capsys: pytest.CaptureFixture[str]) -> None:
@@ -268,7 +268,7 @@ def test_publishers_that_we_cannot_hear_are_named_with_the_policy() -> None:
     said = list(
         publishers({"/tf_static": [Publisher("/old", "reliable", "volatile")], "/tf": [Publisher("/fast", "best_effort", "volatile")]})
     )
-    assert [f.level for f in said] == [Level.MEND, Level.MEND]
+    assert [f.level for f in said] == [Level.FIX, Level.FIX]
     assert "RELIABILITY" in said[0].todo
     assert "DURABILITY" in said[1].todo
 
@@ -308,7 +308,7 @@ def test_the_graph_s_own_outputs_are_not_examined(ros_domain: int) -> None:
 EXECUTORS = {
     "": ({"Own": "", "Rclpy": ""}, Level.OK, "Own runs"),
     "ours does not work": ({"Own": "no attribute '_tasks'", "Rclpy": ""}, Level.NOTE, "rclpy's Rclpy runs the nodes"),
-    "nothing works": ({"Own": "no attribute '_tasks'", "Rclpy": "nothing ran"}, Level.MEND, "no node can run: nothing ran"),
+    "nothing works": ({"Own": "no attribute '_tasks'", "Rclpy": "nothing ran"}, Level.FIX, "no node can run: nothing ran"),
 }
 
 

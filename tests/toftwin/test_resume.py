@@ -134,7 +134,7 @@ def test_live_labels_go_on_too(monkeypatch: pytest.MonkeyPatch, caster: Raycaste
     with pytest.raises(KeyboardInterrupt):
         labelled(caster, tmp_path / "b", "causal")
     monkeypatch.undo()
-    assert "went on" in labelled(caster, tmp_path / "b", "causal").note
+    assert "continued an interrupted run" in labelled(caster, tmp_path / "b", "causal").note
     same(tmp_path / "b", tmp_path / "a")
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin correct`: where the hand must go so that the next picture is the first picture again."""
+"""`toftwin correct`: the hand pose at which the camera sees its reference view again."""
 
 from __future__ import annotations
 
@@ -12,26 +12,31 @@ if TYPE_CHECKING:
     from tof_core.arrays import Mask
 
 NAME = "correct"
-HELP = "propose the hand's pose that brings back the first picture, from a reference, the CAD, or both"
+HELP = "propose the hand pose that brings the camera back to its reference view"
+ABOUT = (
+    "Compares a view of the bag with a stored reference view, with the CAD, or with both, and proposes the pose to which "
+    "the hand must move so that the camera sees the reference view again. Nothing is moved. A proposal that is unsafe or "
+    "uncertain is refused, with the reason and exit code 1."
+)
 EXAMPLE = "toftwin correct today/bag --reference out/first --scene cell/scene.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments
+    from toftwin.options import add_bag, add_bag_arguments, add_config_arguments, add_scene
 
-    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
-    parser.add_argument("--reference", type=Path, metavar="REF", help="the first picture, written by --save")
-    parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene.yaml of the cell: corrects to the CAD, too")
+    add_bag(parser)
+    parser.add_argument("--reference", type=Path, metavar="REF", help="reference view, written by --save")
+    add_scene(parser, use="the view is compared with it, too")
+    parser.add_argument("--save", type=Path, metavar="REF", help="store a view of this bag as the reference (REF.json, REF.npz) and stop")
     parser.add_argument(
-        "--save", type=Path, metavar="REF", help="keep a view of this bag as the first picture (REF.json, REF.npz) and stop"
+        "--region",
+        metavar="U,V,W,H",
+        help="with --save: use only this rectangle of the depth image (left, top, width, height in pixels; default: all)",
     )
-    parser.add_argument(
-        "--region", metavar="U,V,W,H", help="with --save: only this rectangle of the depth image matters (pixels; default: all)"
-    )
-    parser.add_argument("--view", type=int, default=-1, metavar="N", help="which view: 0 the first, -1 the last (default: -1)")
-    parser.add_argument("--frame", default="body", metavar="FRAME", help="TF frame in which the target is given (default: the body)")
-    parser.add_argument("--hand-frame", default="", metavar="FRAME", help="TF frame that the arm is commanded by (default: hand)")
+    parser.add_argument("--view", type=int, default=-1, metavar="N", help="number of the view: 0 is the first, -1 the last (default: -1)")
+    parser.add_argument("--frame", default="body", metavar="FRAME", help="TF frame in which the hand pose is given (default: body)")
+    parser.add_argument("--hand-frame", default="", metavar="FRAME", help="TF frame whose pose the arm's driver commands (default: hand)")
     parser.add_argument("--json", action="store_true", help="print the corrections as JSON")
     add_bag_arguments(parser)
     add_config_arguments(parser, _settings)
@@ -44,7 +49,7 @@ def _settings() -> type[Any]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Save a reference, or correct; 1 when the correction is refused."""
+    """Store a reference, or propose a correction; 1 when it is refused."""
     from arm_correction.frames import frames_of
     from arm_correction.reference import load_reference, save_reference
     from tof_core.errors import UsageError
@@ -99,10 +104,10 @@ def _print(made: dict[str, Any], *, as_json: bool) -> None:
         return
     for by, c in made.items():
         mm, deg = c.step
-        told = c.to_dict()
+        found = c.to_dict()
         print(f"{by}: {c.verdict}: {c.reason}")
         if c.accepted:
-            xyz = " ".join(f"{v:.4f}" for v in told["target"]["xyz"])
-            xyzw = " ".join(f"{v:.5f}" for v in told["target"]["xyzw"])
+            xyz = " ".join(f"{v:.4f}" for v in found["target"]["xyz"])
+            xyzw = " ".join(f"{v:.5f}" for v in found["target"]["xyzw"])
             print(f"  move the hand by {mm:.1f} mm and {deg:.2f} deg, to {xyz} {xyzw} in {c.frame}")
-        print(f"  {100 * told['support']:.0f} % of {told['pixels']:.0f} pixels agree, {told['rms_mm']:.2f} mm RMS")
+        print(f"  {100 * found['support']:.0f} % of {found['pixels']:.0f} pixels agree, {found['rms_mm']:.2f} mm RMS")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin demo`: the main job shown from end to end, on a virtual robot."""
+"""`toftwin demo`: the whole pipeline on a virtual robot."""
 
 from __future__ import annotations
 
@@ -10,7 +10,12 @@ if TYPE_CHECKING:
     import argparse
 
 NAME = "demo"
-HELP = "record a virtual session, replay it through the ROS graph, label it, and write a report with pictures"
+HELP = "record a virtual session, run it through the ROS graph, label it, and write a report"
+ABOUT = (
+    "Needs no robot, no CAD and no data. A virtual robot looks at a built-in scene and records a bag. The bag is replayed "
+    "through the ROS graph, aligned to the CAD and labelled, and its depth is repaired by the network in the package. The "
+    "report compares each result with the true depth and the true poses, which the virtual robot stores beside the bag."
+)
 EXAMPLE = "toftwin demo --out out/demo"
 
 
@@ -18,7 +23,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
     from toftwin.options import add_config_arguments
 
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder that is made anew (default: out/demo)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("out/demo"),
+        metavar="DIR",
+        help="folder of the results; an earlier demo in it is replaced (default: out/demo)",
+    )
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_config_arguments(parser, _settings)
 

@@ -1,43 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin doctor`: is this host fit, and does a bag or a running robot have what the graph needs."""
+"""`toftwin doctor`: whether host, bag or running robot provide what the graph needs."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
+    from pathlib import Path
 
     from tof_core.options import BagOptions
     from tof_scene.scene import Scene
     from toftwin.doctor.finding import Finding
 
 NAME = "doctor"
-HELP = "say what the graph would miss: on this host, in a bag, or on the running robot; each finding with what to do"
+HELP = "check this host, a bag or a running robot; each finding says what to do"
+ABOUT = (
+    "Checks whether this host can run the graph, and whether a bag or the running robot provides what the graph needs: "
+    "topics, stamps, calibration, transforms, units. Each finding says what to do. The exit code is 1 if something must be "
+    "fixed."
+)
 EXAMPLE = "toftwin doctor session/bag --scene cell/scene.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, positive
+    from toftwin.options import add_bag_arguments, add_scene, positive
 
-    parser.add_argument("bag", nargs="?", metavar="BAG", help="the bag's folder, .mcap or .db3 file; without it this host alone")
-    parser.add_argument("--live", action="store_true", help="examine what is published now in this ROS_DOMAIN_ID, QoS included")
-    parser.add_argument("--seconds", type=positive, default=5.0, help="how long --live listens (default: 5)")
-    parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene.yaml of the cell, its folder, or a built-in scene's name")
+    parser.add_argument(
+        "bag", nargs="?", metavar="BAG", help="folder of the bag, or its .mcap or .db3 file; without it only this host is checked"
+    )
+    parser.add_argument("--live", action="store_true", help="check the topics that are published now in this ROS_DOMAIN_ID, with their QoS")
+    parser.add_argument("--seconds", type=positive, default=5.0, help="duration of --live (default: 5)")
+    add_scene(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
     add_bag_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Examine, print; 1 if something needs mending."""
+    """Check and print; 1 if something must be fixed."""
     from tof_core.errors import UsageError
     from toftwin.doctor.finding import healthy
 
     if args.bag and args.live:
-        raise UsageError("a bag and --live are two questions", where="doctor", todo="ask one at a time")
+        raise UsageError("a bag and --live exclude each other", where="doctor", todo="check one at a time")
     findings = []
     for finding in _examine(args):
         findings.append(finding)
@@ -57,8 +64,8 @@ def _examine(args: argparse.Namespace) -> Iterator[Finding]:
 
     yield from examine_host()
     options = _bag_options(args)
-    scene, said = _scene(args.scene)
-    yield from said
+    scene, findings = _scene(args.scene)
+    yield from findings
     if args.live:
         from toftwin.doctor.live import examine_live
 
@@ -70,7 +77,7 @@ def _examine(args: argparse.Namespace) -> Iterator[Finding]:
 
 
 def _bag_options(args: argparse.Namespace) -> BagOptions:
-    """What the flags say of the bag."""
+    """The options of the bag from the flags."""
     from tof_core.config import from_mapping
     from tof_core.options import BagOptions
 
@@ -79,7 +86,7 @@ def _bag_options(args: argparse.Namespace) -> BagOptions:
 
 
 def _scene(path: Path | None) -> tuple[Scene | None, list[Finding]]:
-    """The scene, and what is said of it."""
+    """The scene, and the findings about it."""
     from tof_core.errors import ToftwinError
     from toftwin.doctor.finding import ok, refused
 
@@ -99,9 +106,5 @@ def _scene(path: Path | None) -> tuple[Scene | None, list[Finding]]:
 def _summary(findings: list[Finding]) -> str:
     from toftwin.doctor.finding import Level
 
-    mend, note = (sum(f.level is level for f in findings) for level in (Level.MEND, Level.NOTE))
-    return (
-        f"{len(findings)} findings: {mend} to mend, {note} worth knowing"
-        if mend or note
-        else f"{len(findings)} findings, all as it should be"
-    )
+    fix, note = (sum(f.level is level for f in findings) for level in (Level.FIX, Level.NOTE))
+    return f"{len(findings)} findings: {fix} to fix, {note} to know" if fix or note else f"{len(findings)} findings, nothing to do"

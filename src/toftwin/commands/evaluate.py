@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin evaluate`: raw, rules and a network against the true depth: the paper's figure 9, and where each of them fails."""
+"""`toftwin evaluate`: the error of raw, filtered and repaired depth (figure 9 of the paper), and where it is large."""
 
 from __future__ import annotations
 
@@ -10,28 +10,42 @@ if TYPE_CHECKING:
     import argparse
 
 NAME = "evaluate"
-HELP = "compare raw depth, filters and a network with the true depth, by capture, part, range, incidence, albedo and edge"
+HELP = "compare methods that repair depth with the true depth"
+ABOUT = (
+    "Applies several methods to the same views: none (raw), the filters (rules), the filters after a correction of the "
+    "sensor's bias (corrected), and the trained network (model). The reference is the truth file of a virtual session, or "
+    "else the session's own labels. Errors are listed by capture, part, range, incidence, albedo and distance to an edge."
+)
 EXAMPLE = "toftwin evaluate out/sweep --scene cell/scene.yaml --methods raw,rules,model --truth out/sweep.truth.npz --out out/evaluation"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments, at_least
+    from toftwin.options import add_bag, add_bag_arguments, add_config_arguments, add_scene, at_least
 
-    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
-    parser.add_argument("--scene", type=Path, required=True, metavar="FILE", help="scene.yaml of the cell")
+    add_bag(parser)
+    add_scene(parser, required=True)
     parser.add_argument(
-        "--methods", default="raw,rules,model", metavar="LIST", help="of raw, rules, corrected, model (default: raw,rules,model)"
+        "--methods",
+        default="raw,rules,model",
+        metavar="LIST",
+        help="methods, separated by commas: raw, rules, corrected, model (default: raw,rules,model)",
     )
-    parser.add_argument("--truth", type=Path, metavar="FILE", help="truth .npz of a virtual session; without it, the session's own label")
     parser.add_argument(
-        "--model", default="default", metavar="FILE", help="an .onnx file of `toftwin train` (default: the one in the package)"
+        "--truth", type=Path, metavar="FILE", help="truth file (.npz) of a virtual session (default: compare with the session's own labels)"
     )
-    parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml for the method 'corrected'")
     parser.add_argument(
-        "--frames", type=at_least(1), default=1, metavar="N", help="show the rules with N captures of a dwell besides (default: 1)"
+        "--model", default="default", metavar="FILE", help="network (.onnx) of `toftwin train` (default: the one in the package)"
     )
-    parser.add_argument("--force", action="store_true", help="run a model made for another camera or range")
+    parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml of `toftwin gap`, for the method 'corrected'")
+    parser.add_argument(
+        "--frames",
+        type=at_least(1),
+        default=1,
+        metavar="N",
+        help="add the filters with N captures of a dwell as a further method (default: 1, none)",
+    )
+    parser.add_argument("--force", action="store_true", help="use a network that was trained for another camera or range")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for evaluation.json and report.html")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_bag_arguments(parser)

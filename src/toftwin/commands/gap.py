@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin gap`: why simulation and camera differ: where, which effect, how far it shrinks."""
+"""`toftwin gap`: where measured and simulated depth differ, which effects explain it, how far the difference shrinks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,13 @@ if TYPE_CHECKING:
     from toftwin.retraining import Retrained
 
 NAME = "gap"
-HELP = "diagnose why simulation and camera differ: where, which effect, how far it shrinks once added"
+HELP = "find why measured and simulated depth differ, and how far that difference shrinks"
+ABOUT = (
+    "Estimates the camera poses, renders the CAD from there, and compares the measured depth with it. The report says where "
+    "the two differ, which effects of the camera explain the difference, and how much of it disappears once these effects "
+    "are simulated, on views that took no part in the fit. sensor.yaml holds the fitted effects, for simulation and "
+    "training."
+)
 EXAMPLE = "toftwin gap session/bag --scene cell/scene.yaml --out out/gap"
 
 
@@ -26,17 +32,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
     from toftwin.options import add_bag_arguments, add_config_arguments, add_scene_arguments
 
-    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file; with --board also a folder of PNG pairs")
+    parser.add_argument("bag", metavar="BAG", help="folder of the bag, or its .mcap or .db3 file; with --board also a folder of PNG pairs")
     add_scene_arguments(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the report")
-    parser.add_argument("--sensor", type=Path, metavar="FILE", help="sensor.yaml of what is known already; only the rest is diagnosed")
     parser.add_argument(
-        "--leave-out", action="append", default=[], metavar="EFFECT", help="an effect not to be considered; may be repeated"
+        "--out", type=Path, required=True, metavar="DIR", help="folder for gap.json, report.html, gap_maps.npz and sensor.yaml"
     )
+    parser.add_argument(
+        "--sensor",
+        type=Path,
+        metavar="FILE",
+        help="sensor.yaml with effects that are known already; they are removed first, the rest is diagnosed",
+    )
+    parser.add_argument("--leave-out", action="append", default=[], metavar="EFFECT", help="do not consider this effect; may be repeated")
     parser.add_argument(
         "--retrain",
         action="store_true",
-        help="simulate with the fitted sensor, train on that, and compare on the held-out views with training without it (minutes; resumable)",
+        help="train a network on simulated views with the fitted effects and one without, and compare both on the held-out views (minutes)",
     )
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     add_bag_arguments(parser)
@@ -50,7 +61,7 @@ def _settings() -> type[Any]:
 
 
 @dataclass(slots=True)
-class _Said:
+class _Progress:
     """Progress on standard error."""
 
     quiet: bool
@@ -71,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     from tof_core.cores import one_thread
 
     if not args.retrain and "numpy" not in sys.modules:
-        one_thread()  # on thousands of small matrices two take a third longer
+        one_thread()  # on thousands of small matrices two threads take a third longer than one
     import json
     from dataclasses import asdict
 
@@ -86,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
     config = load_config(GapPipelineConfig, args)
     left_out = _effects(args.leave_out)
     known = load_model(args.sensor) if args.sensor else None
-    say = _Said(args.json)
+    say = _Progress(args.json)
     with source(args, config) as (reader, scene):
         diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=left_out, progress=say)
     say("advice and report")

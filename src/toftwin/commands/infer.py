@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin infer`: the depth of a bag repaired by a trained network, written to another bag."""
+"""`toftwin infer`: the depth of a bag repaired by a trained network, as a new bag."""
 
 from __future__ import annotations
 
@@ -12,25 +12,35 @@ if TYPE_CHECKING:
     import argparse
 
 NAME = "infer"
-HELP = "repair the depth of a bag with a trained network: corrected depth and its sigma, frame by frame"
+HELP = "repair the depth of a bag with a trained network"
+ABOUT = (
+    "Writes a bag with corrected depth and its standard deviation (sigma) for each frame. A pixel that the network does not "
+    "know keeps its raw depth and gets an infinite sigma."
+)
 EXAMPLE = "toftwin infer session/bag --model model.onnx --out out/repaired"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments
+    from toftwin.options import add_bag, add_bag_arguments, add_config_arguments
 
-    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
+    add_bag(parser)
     parser.add_argument(
-        "--model", dest="infer.model", metavar="FILE", help="an .onnx file of `toftwin train` (default: the one in the package)"
+        "--model", dest="infer.model", metavar="FILE", help="network (.onnx) of `toftwin train` (default: the one in the package)"
     )
     parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="folder of the bag to write; it must not exist")
-    parser.add_argument("--device", dest="infer.device", choices=("cpu", "cuda", "auto"), help="where to run (default: cpu)")
-    parser.add_argument("--threads", dest="infer.threads", type=int, help="threads of the CPU (default: 2)")
     parser.add_argument(
-        "--force", dest="infer.force", action="store_const", const=True, help="run a model made for another camera or range"
+        "--device", dest="infer.device", choices=("cpu", "cuda", "auto"), help="processor that runs the network (default: cpu)"
     )
-    parser.add_argument("--only", action="store_true", help="write infer/* alone, without the messages of the bag")
+    parser.add_argument("--threads", dest="infer.threads", type=int, metavar="N", help="threads of the CPU (default: 2)")
+    parser.add_argument(
+        "--force", dest="infer.force", action="store_const", const=True, help="use a network that was trained for another camera or range"
+    )
+    parser.add_argument(
+        "--only",
+        action="store_true",
+        help="write only infer/depth, infer/sigma and infer/camera_info, without the other messages of the bag",
+    )
     parser.add_argument("--json", action="store_true", help="print the counts as JSON")
     add_bag_arguments(parser)
     add_config_arguments(parser, _settings)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin inspect`: is every part there, where the CAD has it?"""
+"""`toftwin inspect`: whether each part is where the CAD has it."""
 
 from __future__ import annotations
 
@@ -10,25 +10,28 @@ if TYPE_CHECKING:
     import argparse
 
 NAME = "inspect"
-HELP = "inspect a bag: for each part present, absent, displaced or not observable"
+HELP = "decide for each part whether it is present, absent, displaced or not observable"
+ABOUT = (
+    "Compares the measured depth with the CAD, each part with and without it; colour pictures of the complete scene add "
+    "evidence. A part that no view shows well enough is not observable: nothing is guessed. The exit code is 1 if a part is "
+    "absent or displaced."
+)
 EXAMPLE = "toftwin inspect session/bag --scene cell/scene.yaml --out out/inspection"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments
+    from toftwin.options import add_bag, add_bag_arguments, add_config_arguments, add_scene
 
-    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
-    parser.add_argument(
-        "--scene", type=Path, required=True, metavar="SCENE", help="scene.yaml of the cell, its folder, or a built-in scene's name"
-    )
+    add_bag(parser)
+    add_scene(parser, required=True)
     parser.add_argument(
         "--reference",
         type=Path,
         action="append",
         default=[],
         metavar="REF",
-        help="a first picture in colour of the complete scene (toftwin correct --save --scene); may be repeated",
+        help="reference view in colour of the complete scene (toftwin correct --save --scene); may be repeated",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for inspection.json and inspection.html (default: print only)")
     parser.add_argument("--json", action="store_true", help="print the verdicts as JSON")
@@ -63,15 +66,15 @@ def run(args: argparse.Namespace) -> int:
             print(line, file=sys.stderr)
         inspector = Inspector(Raycaster(scene), config.inspect, config.align, first)
         found = inspect_bag(reader, inspector, config)
-    told = content(found, scene.digest)
+    result = content(found, scene.digest)
     page = write(inspector, found, args.out, Path(args.bag).name) if args.out else None
     if args.json:
-        print(json.dumps(told, indent=1))
+        print(json.dumps(result, indent=1))
     else:
         for v in found.verdicts:
             print(f"{v.name:20} {v.state.replace('_', ' '):15} p={v.probability:.4f}  {v.why}")
         print(found.colour)
-        print(", ".join(f"{count} {state.replace('_', ' ')}" for state, count in told["counts"].items()))
+        print(", ".join(f"{count} {state.replace('_', ' ')}" for state, count in result["counts"].items()))
         if page:
             print(f"report: {page}")
-    return 1 if told["counts"]["absent"] or told["counts"]["displaced"] else 0
+    return 1 if result["counts"]["absent"] or result["counts"]["displaced"] else 0

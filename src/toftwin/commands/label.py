@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin label`: a bag and its CAD to a dataset in which every pixel has its true distance."""
+"""`toftwin label`: a bag and its CAD to a dataset in which each pixel has its true depth."""
 
 from __future__ import annotations
 
@@ -15,20 +15,23 @@ if TYPE_CHECKING:
     from toftwin.pipeline import PipelineConfig
 
 NAME = "label"
-HELP = "label a bag: accumulate, align to the CAD, ray cast, write a dataset"
+HELP = "write a dataset with the true depth of each pixel, from a bag and its CAD"
+ABOUT = (
+    "Averages and filters the captures, estimates where the camera was, and renders the CAD from there. The rendered depth "
+    "is the label: what each pixel should have measured. The dataset holds captures, labels and their standard deviations. "
+    "Several bags make a batch. A run that was interrupted continues where it stopped."
+)
 EXAMPLE = "toftwin label session/bag --scene cell/scene.yaml --out out/session\n  toftwin label 'bags/*.mcap' --scene cell/scene.yaml --out out/bags"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments, at_least
+    from toftwin.options import add_bag_arguments, add_config_arguments, add_scene, at_least
 
     parser.add_argument(
-        "bag", nargs="+", metavar="BAG", help="the bag's folder, .mcap or .db3 file; several, or a quoted pattern, make a batch"
+        "bag", nargs="+", metavar="BAG", help="folder of the bag, or its .mcap or .db3 file; several, or a quoted pattern, make a batch"
     )
-    parser.add_argument(
-        "--scene", type=Path, required=True, metavar="SCENE", help="scene.yaml of the cell, its folder, or a built-in scene's name"
-    )
+    add_scene(parser, required=True)
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder for dataset.zarr, poses.json, metrics.json, config.yaml"
     )
@@ -37,13 +40,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="final",
         choices=("final", "causal", "per_view", "robot"),
         help=(
-            "final: one solution of the whole session (for training); causal: as the nodes do live; "
-            "per_view: a free pose per view (the paper's); robot: the robot's own pose (default: final)"
+            "source of the camera poses. final: one solution of the whole session, for training; causal: each from the views before it, "
+            "as live; per_view: each view on its own, as in the paper; robot: TF alone (default: final)"
         ),
     )
-    parser.add_argument("--engine", choices=("local", "ray"), help="where a batch runs: processes of this host (default), or a Ray cluster")
     parser.add_argument(
-        "--workers", type=at_least(1), default=0, metavar="N", help="of a batch, one core each (default: as many as there are cores)"
+        "--engine", choices=("local", "ray"), help="where a batch runs: in processes of this host, or on a Ray cluster (default: local)"
+    )
+    parser.add_argument(
+        "--workers", type=at_least(1), default=0, metavar="N", help="worker processes of a batch, one core each (default: number of cores)"
     )
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_bag_arguments(parser)

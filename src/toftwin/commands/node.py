@@ -10,6 +10,10 @@ if TYPE_CHECKING:
 
 NAME = "node"
 HELP = "run nodes of the graph live on ROS 2, all in one process"
+ABOUT = (
+    "Starts one or more nodes in this process. They subscribe to the camera's topics and publish their results until "
+    "Ctrl-C. Their settings are ROS parameters: --list-params prints them."
+)
 EXAMPLE = "toftwin node preproc sim_label --param sim_label.live.scene=cell/scene.yaml --namespace spot"
 
 
@@ -60,10 +64,10 @@ def run(args: argparse.Namespace) -> int:
     if args.auto and not args.list_params:
         import sys
 
-        from toftwin.auto import find_live, told, with_topics
+        from toftwin.auto import find_live, taken, with_topics
 
         topics = find_live()
-        print(told(topics), file=sys.stderr, flush=True)
+        print(taken(topics), file=sys.stderr, flush=True)
         parameters = with_topics(parameters, topics, args.nodes)
     spec = GraphSpec(
         tuple(args.nodes),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin replay`: a bag through the running graph over DDS; keep the outputs, or compare them with kept ones."""
+"""`toftwin replay`: a bag through the ROS graph over DDS; results recorded, or compared with a recording."""
 
 from __future__ import annotations
 
@@ -15,29 +15,33 @@ if TYPE_CHECKING:
     from toftwin.replay import ReplayResult
 
 NAME = "replay"
-HELP = "play a bag through the graph over DDS, on the bag's clock; nothing is dropped unless --realtime"
+HELP = "run a bag through the ROS graph over DDS, and record or compare the results"
+ABOUT = (
+    "Starts the node preproc and, with a scene, the node sim_label, plays the bag on its own clock, and waits for each "
+    "frame, so that none is lost. The exit code is 1 if a frame is lost or the results differ from an earlier run."
+)
 EXAMPLE = "toftwin replay session/bag --scene cell/scene.yaml --record out/run\n  toftwin replay session/bag --scene cell/scene.yaml --against out/run"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments, positive
+    from toftwin.options import add_bag, add_bag_arguments, add_config_arguments, add_scene, positive
 
-    parser.add_argument("bag", metavar="BAG", help="the bag's folder, .mcap or .db3 file")
+    add_bag(parser)
+    add_scene(parser, use="without it only preproc runs")
+    parser.add_argument("--record", type=Path, metavar="OUT", help="record what the graph publishes as a new bag")
     parser.add_argument(
-        "--scene", type=Path, metavar="SCENE", help="scene.yaml of the cell, or a built-in scene's name; without it preproc runs alone"
+        "--against", type=Path, metavar="OUT", help="compare with the recording of an earlier run; exit code 1 if they differ"
     )
-    parser.add_argument("--record", type=Path, metavar="OUT", help="keep what the graph publishes in a new bag")
-    parser.add_argument("--against", type=Path, metavar="OUT", help="compare with what an earlier run kept; 1 if it differs")
-    parser.add_argument("--realtime", action="store_true", help="keep the bag's pace and wait for nobody; frames may be lost")
-    parser.add_argument("--rate", type=positive, help="pace of --realtime, as a multiple of the bag's (default: 1)")
+    parser.add_argument("--realtime", action="store_true", help="play at the pace of the bag without waiting; frames may be lost")
+    parser.add_argument("--rate", type=positive, metavar="FACTOR", help="pace of --realtime as a multiple of the bag's (default: 1)")
     parser.add_argument(
         "--running",
         action="store_true",
-        help="start no graph: play into the one that runs in this ROS_DOMAIN_ID (with --realtime, unless it waits for what is late)",
+        help="start no nodes; play to those that run in this ROS_DOMAIN_ID (with --realtime, unless they wait for late frames)",
     )
     parser.add_argument("--points", action="store_true", help="record point clouds too")
-    parser.add_argument("--exact", action="store_true", help="compare without any tolerance")
+    parser.add_argument("--exact", action="store_true", help="with --against: compare without tolerances")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     add_bag_arguments(parser)
     add_config_arguments(parser, _settings)
@@ -108,7 +112,7 @@ def _facts(result: ReplayResult, comparison: RunComparison | None) -> dict[str, 
 
 
 HINT = (
-    "replay: a graph that listens as to a camera drops what comes faster than it can take it: "
+    "replay: a graph set up for a live camera drops frames that arrive faster than it can process them: "
     "add --realtime, or start it with --param preproc.live.reliable=true --param preproc.live.patience_s=8"
 )
 
@@ -121,7 +125,7 @@ def _print(result: ReplayResult, comparison: RunComparison | None, args: argpars
     used = f"used {result.memory_bytes / 1e6:.0f} MB, {1e3 * result.cpu_s / max(r.sent, 1):.0f} ms of processor a frame"
     print(took if args.running else f"{took}; graph ({', '.join(result.nodes)}) {used}")
     if args.record is not None:
-        print(f"{result.recorded} messages kept in {args.record}")
+        print(f"{result.recorded} messages recorded in {args.record}")
     if args.running and not args.realtime and r.fates["kept"] < r.sent:
         print(HINT, file=sys.stderr)
     if comparison is not None:

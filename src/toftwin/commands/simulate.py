@@ -18,7 +18,12 @@ if TYPE_CHECKING:
     from tof_virtual.truth import Truth
 
 NAME = "simulate"
-HELP = "record a bag with a virtual robot and its time-of-flight camera; the truth goes to files beside the bag"
+HELP = "record a bag with a virtual robot and a virtual time-of-flight camera"
+ABOUT = (
+    "The robot drives from station to station and looks at the scene. The camera is simulated exposure by exposure, with "
+    "the effects that are switched on. True poses and depths are written to BAG.truth.npz and BAG.truth.json beside the "
+    "bag."
+)
 EXAMPLE = "toftwin simulate --scene body_section --out out/session --effect wiggling=1 --effect multipath=1 --views 20"
 
 
@@ -26,18 +31,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
     from toftwin.options import add_config_arguments
 
-    parser.add_argument("--scene", metavar="SCENE", help="scene.yaml, its folder, or a built-in scene's name")
+    parser.add_argument("--scene", metavar="SCENE", help="scene.yaml, its folder, or the name of a built-in scene")
     parser.add_argument("--out", type=Path, metavar="BAG", help="folder of the bag to write; it must not exist")
     parser.add_argument(
-        "--effect", action="append", default=[], metavar="NAME=STRENGTH", help="switch an effect on (1: 3 mm RMS); may be repeated"
+        "--effect",
+        action="append",
+        default=[],
+        metavar="NAME=STRENGTH",
+        help="switch an effect on; a strength of 1 is about 3 mm RMS; may be repeated",
     )
-    parser.add_argument("--sensor", type=Path, metavar="FILE", help="a fitted sensor.yaml, added to the virtual camera")
-    parser.add_argument("--truth", type=Path, metavar="STEM", help="where the truth goes (.npz and .json); BAG.truth if not given")
-    parser.add_argument("--views", type=int, help="views of the session")
-    parser.add_argument("--stations", type=int, help="stations of the base")
-    parser.add_argument("--captures", type=int, help="captures of each view")
-    parser.add_argument("--size", metavar="WxH", help="pixels of the camera, for instance 400x300")
-    parser.add_argument("--seed", type=int, help="seed of everything random")
+    parser.add_argument(
+        "--sensor", type=Path, metavar="FILE", help="sensor.yaml of `toftwin gap`, whose effects are added to the virtual camera"
+    )
+    parser.add_argument("--truth", type=Path, metavar="STEM", help="truth files to write, without .npz and .json (default: BAG.truth)")
+    parser.add_argument("--views", type=int, metavar="N", help="number of views in the session")
+    parser.add_argument("--stations", type=int, metavar="N", help="number of places at which the base stops")
+    parser.add_argument("--captures", type=int, metavar="N", help="captures of each view")
+    parser.add_argument("--size", metavar="WxH", help="columns and rows of the camera, for instance 400x300")
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers")
     parser.add_argument("--capture-moving", action="store_true", help="capture while the hand moves")
     parser.add_argument("--json", action="store_true", help="print what was recorded as JSON")
     add_config_arguments(parser)
@@ -61,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     from tof_virtual.effects import make_effects
     from tof_virtual.record import record
 
-    make_effects(effects, config)  # a wrong name is said before anything is written
+    make_effects(effects, config)  # a wrong name is refused before anything is written
     scene = open_scene(args.scene, args.out)
     truth = record(bodies_of(scene), args.out, config, effects=effects, truth_path=args.truth, sensor=_sensor(args.sensor, scene))
     _report(args, scene, truth)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin train`: labelled datasets to a network that repairs depth, with a card that says from what."""
+"""`toftwin train`: labelled datasets to a network that repairs depth, with a card that lists its data and figures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ if TYPE_CHECKING:
     from tof_infer.config import TrainConfig
 
 NAME = "train"
-HELP = "train the network that repairs depth; killed and started again, it goes on where it was"
+HELP = "train the network that repairs depth, from labelled datasets"
+ABOUT = (
+    "Learns from the datasets of one camera how far each pixel is off, and how uncertain that is. Some stations take no "
+    "part in training and judge the result. A run that was interrupted continues where it stopped. Needs the extra 'train'."
+)
 EXAMPLE = "toftwin train out/monday/dataset.zarr out/tuesday/dataset.zarr --out model.onnx --epochs 60"
 FLAGS = ("recipe", "epochs", "batch", "rate", "seed", "limit", "threads", "device")
 """Settings that have a flag of their own; --set reaches all of them."""
@@ -28,14 +32,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from toftwin.options import add_config_arguments
 
     parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="dataset.zarr, or the folder that `toftwin label` wrote")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the .onnx file to write; its card lies beside it as .json")
     parser.add_argument(
-        "--unseen", nargs="+", type=Path, default=[], metavar="DATASET", help="datasets of other scenes, on which sigma is calibrated"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="network to write (.onnx); its card, data and figures, is written beside it (.json)",
     )
     parser.add_argument(
-        "--sensor", type=Path, metavar="FILE", help="sensor.yaml of `toftwin gap`: half of the frames are drawn anew from it"
+        "--unseen",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="DATASET",
+        help="datasets of other scenes of the same camera, on which sigma is calibrated",
     )
-    parser.add_argument("--fresh", action="store_true", help="begin anew, whatever checkpoint is there")
+    parser.add_argument(
+        "--sensor", type=Path, metavar="FILE", help="sensor.yaml of `toftwin gap`; half of the training frames are simulated with it"
+    )
+    parser.add_argument("--fresh", action="store_true", help="start from the beginning, even if a checkpoint exists")
     parser.add_argument("--json", action="store_true", help="print the card's figures as JSON")
     for info in table(TrainConfig):
         if info.name in FLAGS:
@@ -52,7 +67,7 @@ def _settings() -> type[Any]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Train, print what came of it."""
+    """Train, and print the figures of the network."""
     import sys
 
     config = load(args)
@@ -125,10 +140,10 @@ def _print(card: Card, out: Path) -> None:
     print(f"{out}: {f['weights']:,} weights, {out.stat().st_size / 1e6:.2f} MB; card in {out.with_suffix('.json')}")
     print(f"validation ({card.split['val_views']} views of other stations): MAE {f['val_mae_mm']:.2f} mm, raw {f['val_raw_mae_mm']:.2f} mm")
     if f["val_mae_known_mm"] is not None:
-        print(f"where it says it knows ({f['val_known']:.1%} of pixels): MAE {f['val_mae_known_mm']:.2f} mm")
+        print(f"pixels that it repairs ({f['val_known']:.1%}): MAE {f['val_mae_known_mm']:.2f} mm")
     print(f"errors within 1 sigma {f['val_within_1_sigma']:.1%}, within 2 sigma {f['val_within_2_sigma']:.1%}")
     if "unseen_mae_mm" in f:
         print(
-            f"scenes never seen: MAE {f['unseen_mae_mm']:.2f} mm, raw {f['unseen_raw_mae_mm']:.2f} mm; where it says it knows ({f['unseen_known']:.1%}) "
+            f"scenes never seen: MAE {f['unseen_mae_mm']:.2f} mm, raw {f['unseen_raw_mae_mm']:.2f} mm; pixels that it repairs ({f['unseen_known']:.1%}) "
             f"{f['unseen_mae_known_mm']:.2f} mm; within 1 sigma {f['unseen_within_1_sigma']:.1%}, within 2 sigma {f['unseen_within_2_sigma']:.1%}"
         )

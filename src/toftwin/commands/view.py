@@ -13,7 +13,11 @@ if TYPE_CHECKING:
     from toftwin.viewing import Scribe
 
 NAME = "view"
-HELP = "see a bag, a dataset or a gap report in 3D: scene, parts coloured by gap, clouds, camera path, images (extra: view)"
+HELP = "show a bag, a dataset or a gap report in 3D"
+ABOUT = (
+    "Opens the rerun viewer with the scene, the point clouds, the path of the camera and the images. With a gap report, the "
+    "parts are coloured by their gap. Needs the extra 'view'."
+)
 EXAMPLE = (
     "toftwin view out/session --scene cell/scene.yaml --gap out/gap\n  toftwin view session/bag --scene cell/scene.yaml --save session.rrd"
 )
@@ -21,13 +25,13 @@ EXAMPLE = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments, at_least
+    from toftwin.options import add_bag_arguments, add_config_arguments, add_scene, at_least
 
-    parser.add_argument("what", type=Path, metavar="WHAT", help="a bag, a dataset, or the folder that `label` or `gap` wrote")
-    parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene.yaml of the cell, its folder, or a built-in scene's name")
-    parser.add_argument("--gap", type=Path, metavar="DIR", help="colour the parts by the gap report in this folder")
-    parser.add_argument("--every", type=at_least(1), default=1, metavar="N", help="draw each Nth capture or view (default: all)")
-    parser.add_argument("--save", type=Path, metavar="FILE.rrd", help="write a recording for the rerun viewer and open none")
+    parser.add_argument("what", type=Path, metavar="WHAT", help="a bag, a dataset, or a folder that `label` or `gap` wrote")
+    add_scene(parser)
+    parser.add_argument("--gap", type=Path, metavar="DIR", help="folder of a gap report; the parts are coloured by their gap")
+    parser.add_argument("--every", type=at_least(1), default=1, metavar="N", help="show every Nth capture or view (default: all)")
+    parser.add_argument("--save", type=Path, metavar="FILE.rrd", help="write a file for the rerun viewer instead of opening it")
     add_bag_arguments(parser)
     add_config_arguments(parser, _settings)
 

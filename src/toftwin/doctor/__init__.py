@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `toftwin doctor` looks at, one file an idea; every finding says what to do."""
+"""The checks of `toftwin doctor`, one file a subject; each finding says what to do."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag, from its files to the chain of transforms; a check that cannot be made ends the list, with its reason."""
+"""Checks of a bag, from its files to its transforms; a check that is not possible ends the list, with its reason."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tof_core.errors import BagError, ToftwinError
 from tof_core.topics import find_topics
 from toftwin.doctor.camera import camera_of
 from toftwin.doctor.chain import examine_chain
-from toftwin.doctor.finding import mend, note, ok, refused
+from toftwin.doctor.finding import fix, note, ok, refused
 from toftwin.doctor.frames import examine_frames
 from toftwin.doctor.recording import Recording
 from toftwin.doctor.streams import examine_streams
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 
 def examine_bag(path: Path | str, options: BagOptions, scene: Scene | None = None, initial_pose: str | None = None) -> Iterator[Finding]:
-    """Everything that the graph needs of a bag, in the order in which it would miss it."""
+    """Check everything that the graph needs of a bag, in the order in which the graph uses it."""
     try:
         recording = Recording(path, options)
     except ToftwinError as error:
         yield refused("bag", error)
         if not isinstance(error, BagError) or options.recover:
             return
-        try:  # what is whole is worth looking at
+        try:  # check the part that can be read
             recording = Recording(path, replace(options, recover=True))
         except ToftwinError:
             return
@@ -51,7 +51,7 @@ def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None
     else:
         yield ok("bag", f"{len(recording.types)} topics with messages")
     if not {"/tf", "/tf_static"} & recording.types.keys() and not initial_pose:
-        yield mend("TF", "no /tf and no /tf_static", "record both: ros2 bag record /tf /tf_static DEPTH CAMERA_INFO")
+        yield fix("TF", "no /tf and no /tf_static", "record both: ros2 bag record /tf /tf_static DEPTH CAMERA_INFO")
     try:
         topics = find_topics(recording.types, recording.options, encodings=recording.index.encodings, where=str(recording.files.path))
     except ToftwinError as error:
@@ -63,8 +63,8 @@ def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None
         yield refused("bag", error)
         return
     yield from examine_streams(recording, topics, streams)
-    camera, said = camera_of(topics, streams)
-    yield from said
+    camera, findings = camera_of(topics, streams)
+    yield from findings
     if camera is None:
         return
     source = streams[topics.depth or topics.points]
@@ -75,5 +75,5 @@ def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None
 
 
 def _camera_frame(recording: Recording, topics: Topics) -> str:
-    """The frame that the depth image names; a cloud's camera is its CameraInfo's."""
+    """The frame named by the depth image; of a point cloud, the frame of its CameraInfo."""
     return recording.index.frame_ids.get(topics.depth, "")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CameraInfo: calibrated, of the image's size and frame, the same throughout, of a plausible field of view."""
+"""Checks of CameraInfo: calibrated, size and frame of the image, constant, plausible field of view."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tof_core.decode import camera_from_info, image_size
 from tof_core.errors import CameraError
 from tof_core.topics import is_rectified
-from toftwin.doctor.finding import mend, note, ok, refused
+from toftwin.doctor.finding import fix, note, ok, refused
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,29 +21,27 @@ if TYPE_CHECKING:
 
 CHECK = "CameraInfo"
 FIELD_DEG = (15.0, 120.0)
-"""Fields of view that depth cameras have."""
-CALIBRATE = "calibrate, or let the driver publish the K of this raster"
+"""Smallest and largest field of view of depth cameras."""
+CALIBRATE = "calibrate the camera, or let the driver publish the K of this image size"
 
 
 def camera_of(topics: Topics, streams: dict[str, Stream]) -> tuple[Camera | None, list[Finding]]:
-    """The depth camera, and what is said of its CameraInfo; None where it cannot be used."""
+    """The depth camera, None if its CameraInfo cannot be used; and the findings about it."""
     infos = streams[topics.info].kept
     rectified = is_rectified(topics.depth)
     try:
         cameras = [camera_from_info(m, topics.info, rectified=rectified) for m in infos]
     except CameraError as error:
         return None, [refused(CHECK, error)]
-    return cameras[0], list(_said(topics, cameras, streams[topics.depth or topics.points].kept))
+    return cameras[0], list(_findings(topics, cameras, streams[topics.depth or topics.points].kept))
 
 
-def _said(topics: Topics, cameras: list[Camera], images: list[Any]) -> Iterator[Finding]:
+def _findings(topics: Topics, cameras: list[Camera], images: list[Any]) -> Iterator[Finding]:
     camera = cameras[0]
     width, height = field_deg(camera)
     yield ok(CHECK, f"{camera.width}x{camera.height}, fx {camera.fx:.1f}, {width:.1f} x {height:.1f} degrees, frame '{camera.frame_id}'")
     if any(c != camera for c in cameras):
-        yield mend(
-            CHECK, f"{topics.info} changes within the recording", "keep one mode of the camera for a session; label each mode on its own"
-        )
+        yield fix(CHECK, f"{topics.info} changes within the recording", "keep one camera mode in a session; label each mode separately")
     yield from plausible(camera)
     if topics.depth:
         yield from _of_image(camera, images, topics)
@@ -55,15 +53,13 @@ def field_deg(camera: Camera) -> tuple[float, float]:
 
 
 def plausible(camera: Camera) -> Iterator[Finding]:
-    """Numbers that a calibration of this raster would not give."""
+    """Findings about values that no calibration of this image size gives."""
     angles = field_deg(camera)
     if not all(FIELD_DEG[0] < a < FIELD_DEG[1] for a in angles):
-        what = (
-            f"field of view {angles[0]:.0f} x {angles[1]:.0f} degrees: K seems to be of another raster than {camera.width}x{camera.height}"
-        )
-        yield mend(CHECK, what, CALIBRATE)
+        what = f"field of view {angles[0]:.0f} x {angles[1]:.0f} degrees: K seems to belong to an image size other than {camera.width}x{camera.height}"
+        yield fix(CHECK, what, CALIBRATE)
     if not (0.25 < camera.cx / camera.width < 0.75 and 0.25 < camera.cy / camera.height < 0.75):
-        yield mend(CHECK, f"principal point ({camera.cx:.0f}, {camera.cy:.0f}) is far from the middle", CALIBRATE)
+        yield fix(CHECK, f"principal point ({camera.cx:.0f}, {camera.cy:.0f}) is far from the image centre", CALIBRATE)
     if abs(camera.fx / camera.fy - 1) > 0.05:
         yield note(
             CHECK,
@@ -71,7 +67,7 @@ def plausible(camera: Camera) -> Iterator[Finding]:
             "check that K was scaled with the image in both directions",
         )
     if not camera.distorted:
-        yield note(CHECK, "no distortion: the image is taken for rectified", "if it is not, publish D; spot_ros2 always sends zeros")
+        yield note(CHECK, "no distortion: the image is treated as rectified", "if it is not, publish D; spot_ros2 always sends zeros")
 
 
 def _of_image(camera: Camera, images: list[Any], topics: Topics) -> Iterator[Finding]:
@@ -79,11 +75,11 @@ def _of_image(camera: Camera, images: list[Any], topics: Topics) -> Iterator[Fin
     if wrong := sizes - {(camera.width, camera.height)}:
         width, height = min(wrong)
         what = f"{topics.depth} is {width}x{height}, its CameraInfo {camera.width}x{camera.height}"
-        yield mend(CHECK, what, "publish the camera_info of this raster, or name it with --info-topic")
+        yield fix(CHECK, what, "publish the camera_info of this image size, or name it with --info-topic")
     frames = {str(m.header.frame_id).lstrip("/") for m in images}
     if frames != {camera.frame_id.lstrip("/")}:
         yield note(
             CHECK,
             f"image is in frame {', '.join(sorted(frames))!r}, CameraInfo in '{camera.frame_id}'",
-            "the image's frame is used; let the driver agree",
+            "the frame of the image is used; let the driver publish the same frame in both",
         )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The chain of transforms from the cell to the camera, and its gaps at the frames' stamps."""
+"""Checks of the transforms from the cell to the camera, at the stamps of the frames."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from tof_core.errors import TransformError
 from tof_core.robot import RobotChain
-from toftwin.doctor.finding import mend, note, ok, refused
+from toftwin.doctor.finding import fix, note, ok, refused
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -20,29 +20,29 @@ if TYPE_CHECKING:
 
 CHECK = "TF"
 WORLDS = ("odom", "vision", "map", "world")
-"""Roots that know where the robot is, but not the cell."""
+"""TF roots that locate the robot, but not the cell."""
 
 
 def examine_chain(
     transforms: TransformBuffer, camera_frame: str, stamps: Sequence[int], options: BagOptions, cell: str, placed: Placement | None
 ) -> Iterator[Finding]:
-    """Is there a chain, is it whole at each stamp, does it have a base and a cell.
+    """Whether a chain exists, is complete at each stamp, and has a base and a cell.
 
     Args:
-        transforms: all that TF said.
+        transforms: all transforms of the recording.
         camera_frame: the optical frame of the depth image.
         stamps: of the depth frames, nanoseconds.
-        options: frames that the user named, the allowed gap.
+        options: frame names given by the user, longest gap that is interpolated.
         cell: the scene's frame; empty where no scene was given.
-        placed: where the cell is, for a robot whose TF does not know it.
+        placed: pose of the cell, for a robot whose TF does not contain it.
     """
     if not camera_frame:
-        yield mend(CHECK, "the depth image names no frame (header.frame_id is empty)", "set the frame in the camera's driver")
+        yield fix(CHECK, "the depth image names no frame (header.frame_id is empty)", "set the frame in the camera's driver")
         return
     here = placed is not None and placed.frame.lstrip("/") == camera_frame
     if camera_frame not in transforms.frames() and not here:
         known = ", ".join(transforms.frames()) or "none"
-        yield mend(
+        yield fix(
             CHECK,
             f"no transform to the camera's frame '{camera_frame}' (TF has: {known})",
             "record /tf_static and /tf too; start the recorder before the driver, which sends /tf_static once; without TF, --initial-pose places the camera",
@@ -62,15 +62,23 @@ def examine_chain(
 
 def _ends(root: str, body: str, *, named: bool) -> Iterator[Finding]:
     if body:
-        yield ok(CHECK, f"base '{body}': stations are told apart")
+        yield ok(CHECK, f"base '{body}': stations are distinguished by it")
     else:
-        yield note(CHECK, "no base frame on the way", "name it with --body-frame where the robot drives; else the whole bag is one station")
+        yield note(
+            CHECK,
+            "no base frame between cell and camera",
+            "name it with --body-frame if the robot drives; otherwise the whole bag is one station",
+        )
     if not named and root.rpartition("/")[2] in WORLDS:
-        yield note(CHECK, f"the root '{root}' is no cell", "pass --scene with placed_in, or --initial-pose: there is no silent identity")
+        yield note(
+            CHECK,
+            f"the root '{root}' is not a cell",
+            "pass --scene with placed_in, or --initial-pose; the pose of the cell is never assumed",
+        )
 
 
 def gaps(chain: RobotChain, camera_frame: str, stamps: Sequence[int]) -> Finding:
-    """Frames that have no pose, by the transform that lacks it."""
+    """Number of frames without a pose, and the transform that is missing."""
     lacking: Counter[str] = Counter()
     first = ""
     for stamp in stamps:
@@ -84,7 +92,7 @@ def gaps(chain: RobotChain, camera_frame: str, stamps: Sequence[int]) -> Finding
         return ok("TF gaps", f"all {len(stamps)} frames have a pose")
     what = f"{lost} of {len(stamps)} frames have no pose ({first})"
     if lost > len(stamps) // 10:
-        return mend(
+        return fix(
             "TF gaps",
             what,
             "record /tf without loss (ros2 bag record --max-cache-size), let it run before and after the frames, or raise --max-gap-s",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A finding: what was looked at, what is the case, and what to do about it."""
+"""A finding of the doctor: the check, its result, and what to do."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 
 class Level(StrEnum):
-    """How bad: as it should be, worth knowing, to be mended before the graph can work."""
+    """Severity: as it should be, good to know, to be fixed before the graph can work."""
 
     OK = "ok"
     NOTE = "note"
-    MEND = "mend"
+    FIX = "fix"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,21 +45,21 @@ def ok(check: str, what: str) -> Finding:
 
 
 def note(check: str, what: str, todo: str) -> Finding:
-    """Worth knowing; the graph works without a change."""
+    """Good to know; the graph works without a change."""
     return Finding(Level.NOTE, check, what, todo)
 
 
-def mend(check: str, what: str, todo: str) -> Finding:
-    """The graph does not work, or works wrongly, until this is mended."""
-    return Finding(Level.MEND, check, what, todo)
+def fix(check: str, what: str, todo: str) -> Finding:
+    """The graph does not work, or works wrongly, until this is fixed."""
+    return Finding(Level.FIX, check, what, todo)
 
 
 def refused(check: str, error: ToftwinError) -> Finding:
-    """An error of the graph's own code, as the finding it would be."""
+    """A finding from an error that the graph itself would raise."""
     what = f"{error.where}: {error.what}" if error.where else error.what
-    return mend(check, " ".join(what.split()), " ".join((error.todo or "mend it, then run doctor again").split()))
+    return fix(check, " ".join(what.split()), " ".join((error.todo or "fix it, then run doctor again").split()))
 
 
 def healthy(findings: Iterable[Finding]) -> bool:
-    """Whether nothing must be mended."""
-    return all(f.level is not Level.MEND for f in findings)
+    """Whether nothing must be fixed."""
+    return all(f.level is not Level.FIX for f in findings)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the frames hold: invalid codes, plausible distances, and whether they are z or radial."""
+"""Checks of the depth frames: invalid codes, plausible distances, z or radial distance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tof_core.errors import ToftwinError
 from tof_core.flat.radial import radial_evidence
 from tof_core.flat.wide_plane import wide_bend
 from tof_core.reasons import Reason
-from toftwin.doctor.finding import mend, note, ok, refused
+from toftwin.doctor.finding import fix, note, ok, refused
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 CHECK = "depth"
 PLAUSIBLE_M = (0.03, 15.0)
-"""Median distances that a time-of-flight camera on an arm gives."""
+"""Plausible median distances of a time-of-flight camera on an arm, metres."""
 ASKED = 4
-"""Frames that are asked whether they are radial."""
+"""Frames that are tested for radial distance."""
 SURE = 0.99
 
 
 def examine_frames(messages: Sequence[Any], topics: Topics, camera: Camera, options: BagOptions) -> Iterator[Finding]:
-    """All that is said of the depth frames kept from a recording."""
+    """Findings about the depth frames sampled from a recording."""
     try:
         decoded = [_decoded(m, topics, camera, options) for m in messages]
     except ToftwinError as error:
@@ -56,11 +56,11 @@ def _decoded(message: Any, topics: Topics, camera: Camera, options: BagOptions) 
 
 
 def one_byte(messages: Sequence[Any]) -> Iterator[Finding]:
-    """A 16-bit image whose counts never exceed 255 has lost its high bytes on the way."""
+    """A 16-bit image whose counts never exceed 255 has lost its high bytes."""
     raster = np.stack([pixels(m) for m in messages])
     if raster.dtype.kind == "u" and 0 < raster.max() <= 255:
-        todo = "the publisher crops to 8 bits, or swaps bytes and says not so (spot_ros2 #561): record on the robot's own host"
-        yield mend(CHECK, f"no count above {raster.max()} in a 16-bit image", todo)
+        todo = "the publisher crops to 8 bits, or swaps bytes without declaring it (spot_ros2 #561): record on the robot's own host"
+        yield fix(CHECK, f"no count above {raster.max()} in a 16-bit image", todo)
 
 
 def codes(reasons: Bytes) -> Finding:
@@ -70,14 +70,18 @@ def codes(reasons: Bytes) -> Finding:
     )
     what = f"{valid:.0%} of pixels valid, {nothing:.0%} no return (0, NaN), {full:.0%} saturated (65535), {beyond:.0%} out of range"
     if valid == 0:
-        return mend("invalid codes", what, "is the lens covered, the exposure set, the right topic named (--depth-topic)? (spot_ros2 #526)")
+        return fix(
+            "invalid codes",
+            what,
+            "check that the lens is free, the exposure is set, and --depth-topic names the right topic (spot_ros2 #526)",
+        )
     if valid < 0.2:
         return note("invalid codes", what, "move nearer or raise the exposure; dark and shiny parts return little")
     return ok("invalid codes", what)
 
 
 def distances(depth: Image, options: BagOptions) -> Iterator[Finding]:
-    """The median distance is one that such a camera sees."""
+    """Check the median distance against `PLAUSIBLE_M`."""
     if not np.isfinite(depth).any():
         return
     low, middle, high = np.nanpercentile(depth, [5, 50, 95])
@@ -85,32 +89,34 @@ def distances(depth: Image, options: BagOptions) -> Iterator[Finding]:
     if PLAUSIBLE_M[0] < middle < PLAUSIBLE_M[1]:
         yield ok(CHECK, what)
     else:
-        yield mend(
+        yield fix(
             CHECK, f"{what}: not metres", f"pass --depth-scale (now {options.depth_scale:g} m a count); 32FC1 must be in metres (REP 118)"
         )
 
 
 def radial(depths: Sequence[Image], camera: Camera) -> Finding:
-    """Flat surfaces bend when distance along the ray is read as z."""
+    """Check for radial distance: read as z, it makes flat surfaces appear bent."""
     found = [radial_evidence(d, camera) for d in depths]
     planes, log_odds = sum(f.planes for f in found), sum(f.log_odds for f in found)
     suspicion = float(1 / (1 + np.exp(-np.clip(log_odds, -50, 50))))
-    told = [f for f in found if f.planes]
-    bend_z, bend_radial = (float(np.mean([getattr(f, name) for f in told] or [0.0])) for name in ("bend_z_mm", "bend_radial_mm"))
+    usable = [f for f in found if f.planes]
+    bend_z, bend_radial = (float(np.mean([getattr(f, name) for f in usable] or [0.0])) for name in ("bend_z_mm", "bend_radial_mm"))
     what = f"{planes} flat surfaces bend {bend_z:.1f} mm read as z, {bend_radial:.1f} mm read as radial"
     if 1 - SURE < suspicion < SURE and (wide := wide_bend(depths[0], camera)) is not None:
         suspicion = 1.0 if wide.radial else 0.0
-        what = f"a plane in pieces ({wide.share:.0%} of the pixels) bends {1e3 * wide.metres:.0f} mm read as {'z' if wide.radial else 'radial'}"
+        what = f"a plane seen in pieces ({wide.share:.0%} of the pixels) bends {1e3 * wide.metres:.0f} mm read as {'z' if wide.radial else 'radial'}"
     return _verdict(suspicion, planes, what)
 
 
 def _verdict(suspicion: float, planes: int, what: str) -> Finding:
     if suspicion > SURE:
-        return mend("z or radial", f"{what}: the depth looks radial", "pass --depth radial (node: input.depth:=radial)")
+        return fix("z or radial", f"{what}: the depth looks radial", "pass --depth radial (node: input.depth:=radial)")
     if suspicion < 1 - SURE:
         return ok("z or radial", f"{what}: z")
     if not planes:
-        return note(
-            "z or radial", "no flat surface is seen", "show the camera a wall once and run doctor on that bag, or read the camera's manual"
-        )
-    return note("z or radial", f"{what}: they do not tell (radial with {suspicion:.0%})", "show the camera a wall that fills the picture")
+        return note("z or radial", "no flat surface is seen", "record a wall and run doctor on that bag, or read the camera's manual")
+    return note(
+        "z or radial",
+        f"{what}: not decided (radial with probability {suspicion:.0%})",
+        "record a wall that fills the image, and run doctor on that bag",
+    )

@@ -11,7 +11,7 @@ import sys
 from importlib import metadata
 from typing import TYPE_CHECKING
 
-from toftwin.doctor.finding import mend, note, ok
+from toftwin.doctor.finding import fix, note, ok
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -40,7 +40,7 @@ def python(version: tuple[int, int] | None = None) -> Finding:
     named = f"Python {version[0]}.{version[1]} on {platform.machine()}"
     if version in PYTHONS:
         return ok("python", named)
-    return mend("python", f"{named} is not 3.11 or 3.12", "PYTHON=python3.11 make setup")
+    return fix("python", f"{named} is not 3.11 or 3.12", "PYTHON=python3.11 make setup")
 
 
 def middleware() -> Iterator[Finding]:
@@ -50,7 +50,7 @@ def middleware() -> Iterator[Finding]:
     try:
         name = middleware_name()
     except ImportError as error:
-        yield mend(
+        yield fix(
             "ROS", f"rclpy cannot be imported ({error})", "run make setup, or source /opt/ros/jazzy/setup.sh first and then make setup"
         )
         return
@@ -58,9 +58,7 @@ def middleware() -> Iterator[Finding]:
 
     sourced = os.environ.get("ROS_DISTRO", "")
     if sourced and sourced != "jazzy":
-        yield mend(
-            "ROS", f"ROS {sourced} is sourced", "open a shell without it; its bags and topics are read by Jazzy's rclpy all the same"
-        )
+        yield fix("ROS", f"ROS {sourced} is sourced", "open a shell without it; its bags and topics are read by Jazzy's rclpy all the same")
     else:
         yield ok("ROS", f"rclpy {rclpy_version()} over {name}, {'sourced Jazzy' if sourced else 'from pip'}")
     yield executor(try_here())
@@ -72,7 +70,7 @@ def executor(failures: dict[str, str]) -> Finding:
     if not why:
         return ok("executor", f"{own} runs guards, timers, messages, services and coroutines")
     if nothing_works:
-        return mend(
+        return fix(
             "executor",
             f"no node can run: {nothing_works}",
             "reinstall ROS: make clean setup, or apt-get install --reinstall ros-jazzy-rclpy",
@@ -101,7 +99,7 @@ def ray_casters() -> Iterator[Finding]:
     found = {name: _version(name) for name in CASTERS}
     works = {name: version for name, version in found.items() if version}
     if not works:
-        yield mend("ray casting", "neither embreex nor open3d can be imported", "pip install embreex (aarch64: pip install open3d)")
+        yield fix("ray casting", "neither embreex nor open3d can be imported", "pip install embreex (aarch64: pip install open3d)")
         return
     yield ok("ray casting", ", ".join(f"{name} {version}" for name, version in works.items()))
     if "embreex" not in works:
@@ -111,7 +109,7 @@ def ray_casters() -> Iterator[Finding]:
 def onnx_providers() -> Finding:
     """Inference needs onnxruntime; a GPU's provider is named where there is one."""
     if not _version("onnxruntime"):
-        return mend("ONNX", "onnxruntime cannot be imported", "pip install onnxruntime (or onnxruntime-gpu)")
+        return fix("ONNX", "onnxruntime cannot be imported", "pip install onnxruntime (or onnxruntime-gpu)")
     providers = importlib.import_module("onnxruntime").get_available_providers()
     return ok("ONNX", ", ".join(name.removesuffix("ExecutionProvider") for name in providers))
 
@@ -120,7 +118,7 @@ def libraries() -> Iterator[Finding]:
     """Shared libraries that wheels expect of the system."""
     missing = {library: package for library, package in LIBRARIES.items() if not _loads(library)}
     if missing:
-        yield mend("libraries", f"the linker does not find {', '.join(missing)}", f"apt-get install {' '.join(sorted(missing.values()))}")
+        yield fix("libraries", f"the linker does not find {', '.join(missing)}", f"apt-get install {' '.join(sorted(missing.values()))}")
     else:
         yield ok("libraries", f"{len(LIBRARIES)} of {len(LIBRARIES)} system libraries found")
 

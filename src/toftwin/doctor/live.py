@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tof_core.errors import ToftwinError
 from tof_core.topics import COMPRESSED, IMAGE, INFO, POINTS, TEMPERATURE, TF
 from toftwin.doctor.bag import examine_bag
-from toftwin.doctor.finding import mend, note, ok
+from toftwin.doctor.finding import fix, note, ok
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -34,7 +34,7 @@ def examine_live(options: BagOptions, scene: Scene | None, initial_pose: str | N
         try:
             seen = survey(path, KINDS, seconds)
         except (ToftwinError, ImportError) as error:
-            yield mend("live", f"the ROS graph cannot be looked at ({error})", "see the line ROS above")
+            yield fix("live", f"the ROS graph cannot be looked at ({error})", "see the line ROS above")
             return
         yield from publishers(seen.publishers)
         if seen.own:
@@ -49,13 +49,13 @@ def examine_live(options: BagOptions, scene: Scene | None, initial_pose: str | N
         if seen.counts:
             yield from examine_bag(path, options, scene, initial_pose)
         elif seen.publishers:
-            yield mend("live", f"{len(seen.publishers)} topics have publishers, and not one message came in {seconds:g} s", SILENT)
+            yield fix("live", f"{len(seen.publishers)} topics have publishers, and not one message came in {seconds:g} s", SILENT)
 
 
 def publishers(seen: Mapping[str, Sequence[Publisher]]) -> Iterator[Finding]:
     """Which topics of the graph's types are published, and whether our subscriptions can hear them."""
     if not seen:
-        yield mend(
+        yield fix(
             "live",
             "no publisher of images, clouds or TF is seen",
             "same ROS_DOMAIN_ID as the robot? on another host: ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
@@ -67,13 +67,13 @@ def publishers(seen: Mapping[str, Sequence[Publisher]]) -> Iterator[Finding]:
 def _heard(topic: str, offers: Sequence[Publisher]) -> Iterator[Finding]:
     named = ", ".join(sorted({f"{o.node} ({o.reliability}, {o.durability})" for o in offers}))
     if topic.endswith("/tf_static") and any(o.durability == "volatile" for o in offers):
-        yield mend(
+        yield fix(
             "QoS",
             f"{topic}: {named}",
             "a latched subscription hears no volatile publisher (policy DURABILITY): use a StaticTransformBroadcaster",
         )
     elif topic == "/tf" and any(o.reliability == "best_effort" for o in offers):
-        yield mend(
+        yield fix(
             "QoS", f"{topic}: {named}", "a reliable subscription hears no best-effort publisher (policy RELIABILITY): publish /tf reliably"
         )
     elif any(o.reliability == "best_effort" for o in offers):

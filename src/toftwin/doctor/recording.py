@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag as the doctor reads it: one pass over the camera's topics, a few frames kept whole."""
+"""A bag read for the doctor: one pass over the camera's topics, with a few complete messages."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 SAMPLES = 12
 """Frames that are decoded, spread over the bag."""
 STAMP_END = 12
-"""Bytes of CDR up to the end of a header's stamp: what follows is the frame's content."""
+"""Bytes of CDR up to the end of the header's stamp; the content of the frame follows."""
 
 
 @dataclass(slots=True)
 class Stream:
-    """One topic's messages in the order of stamps: stamps, log times (ns), a checksum of what follows the stamp."""
+    """One topic's messages in the order of stamps: stamps, log times (ns), and a checksum of the bytes after the stamp."""
 
     stamps: list[int] = field(default_factory=list)
     logged: list[int] = field(default_factory=list)
@@ -47,7 +47,7 @@ class Recording:
     """An open bag with its index; `read` fills the streams of the topics found."""
 
     def __init__(self, path: Path | str, options: BagOptions) -> None:
-        """Open and index; raises what the graph would raise."""
+        """Open and index; raises the same errors as the graph."""
         self.options = options
         self.files: BagFiles = open_files(path, recover=options.recover)
         try:
@@ -76,5 +76,5 @@ class Recording:
         return streams
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         self.files.close()

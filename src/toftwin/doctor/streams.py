@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every topic the graph needs: found or missing, type, encoding, rate, stamps, frozen frames."""
+"""Checks of the topics: found or missing, type, encoding, rate, stamps, repeated frames."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from tof_core import se3
 from tof_core.decode import stamp_ns
 from tof_core.errors import TransformError
-from toftwin.doctor.finding import mend, note, ok
+from toftwin.doctor.finding import fix, note, ok
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
     from toftwin.doctor.recording import Recording, Stream
 
 LACKING = {
-    "amplitude": "record an amplitude or infrared image beside the depth: without it amplitude_bias cannot be told from wiggling",
-    "colour": "record the colour camera where 2D inspection is wanted",
-    "temperature": "record sensor_msgs/Temperature: without it drift is told by time alone",
+    "amplitude": "record an amplitude or infrared image beside the depth: without it amplitude_bias cannot be distinguished from wiggling",
+    "colour": "record the colour camera if parts are to be inspected in 2D, too",
+    "temperature": "record sensor_msgs/Temperature: without it, drift can only be related to time",
 }
-"""Optional topics, and what is lost without them."""
+"""Optional topics, and what is not possible without them."""
 SLOW_HZ = (0.5, 5.0)
-"""A stream as slow as this is a driver that does not keep up; slower still are single pictures."""
+"""Rates of a driver that is too slow for the camera; still lower rates are single captures."""
 ANOTHER_CLOCK_S = 3600.0
 LATE_LOG_S = 1.0
 
 
 def examine_streams(recording: Recording, topics: Topics, streams: dict[str, Stream]) -> Iterator[Finding]:
-    """What is said of each topic, then of the frames' stamps and contents."""
+    """Findings about each topic, then about stamps and contents of the frames."""
     for f in fields(topics):
         name = getattr(topics, f.name)
         if name:
@@ -54,17 +54,17 @@ def _found(recording: Recording, what: str, name: str, stream: Stream) -> Findin
     kind = recording.types[name].rpartition("/")[2] + (f" {encoding}" if encoding else "")
     line = f"{what} {name}: {kind}, {len(stream.stamps)} messages at {stream.rate:.3g} Hz"
     if what in ("depth", "points") and SLOW_HZ[0] < stream.rate < SLOW_HZ[1]:
-        return note("topic", line, "the driver publishes slowly: ask it for this camera alone (spot_ros2: cameras_used: [hand])")
+        return note("topic", line, "the driver is slow: let it publish this camera alone (spot_ros2: cameras_used: [hand])")
     return ok("topic", line)
 
 
 def stamps(name: str, stream: Stream) -> Iterator[Finding]:
-    """Header stamps are there, in the clock of the recording."""
+    """Check that header stamps exist and follow the clock of the recording."""
     if stream.kept and all(stamp_ns(m) == 0 for m in stream.kept):
-        yield mend(
+        yield fix(
             "stamps",
             f"{name} has no header stamps",
-            "the driver must stamp frames with their acquisition time; nothing can be joined without",
+            "let the driver stamp frames with their acquisition time; messages are joined by it",
         )
         return
     stamp, logged = np.array(stream.stamps, np.int64), np.array(stream.logged, np.int64)
@@ -72,18 +72,18 @@ def stamps(name: str, stream: Stream) -> Iterator[Finding]:
     if abs(float(np.median(behind))) > ANOTHER_CLOCK_S:
         yield note(
             "stamps",
-            f"{name} is stamped in another clock than it was logged in",
-            "nothing to do for simulated time; else set the robot's clock",
+            f"{name} has stamps of another clock than the recorder's",
+            "nothing to do with simulated time; otherwise set the robot's clock",
         )
     elif float(np.median(behind)) < -0.1:
-        yield mend(
+        yield fix(
             "stamps",
-            f"{name} is stamped {-np.median(behind):.1f} s in the future",
+            f"{name} has stamps {-np.median(behind):.1f} s in the future",
             "synchronise the clocks of camera and recorder (chrony, PTP)",
         )
     elif float(np.percentile(behind, 95)) > LATE_LOG_S:
         yield note(
-            "stamps", f"{name} arrives {np.percentile(behind, 95):.1f} s after its stamp", "look at the network, or raise live.patience_s"
+            "stamps", f"{name} arrives {np.percentile(behind, 95):.1f} s after its stamp", "check the network, or raise live.patience_s"
         )
     else:
         yield ok("stamps", f"{name}: {len(stamp)} stamps over {(stamp[-1] - stamp[0]) / 1e9:.1f} s")
@@ -109,7 +109,7 @@ def pauses(name: str, stream: Stream, transforms: TransformBuffer, camera: str) 
         yield note(
             "stamps",
             f"{name} pauses {len(lost)} times, up to {gaps[lost].max():.1f} s{', while the camera stands' if driven else ''}",
-            "frames were lost before the bag: see the recorder's and driver's logs",
+            "frames were lost before recording: see the logs of recorder and driver",
         )
 
 
@@ -124,19 +124,19 @@ def _moved(transforms: TransformBuffer, camera: str, before: int, after: int) ->
 
 
 def frozen(name: str, stream: Stream) -> Finding:
-    """Frames that repeat the one before, by stamp or by content."""
+    """Check for frames with the stamp or the content of the frame before."""
     pairs = list(zip(stream.stamps, stream.content, strict=True))
     again = sum(a[0] == b[0] or a[1] == b[1] for a, b in pairwise(pairs))
     if not again:
         return ok("frozen frames", f"none of {len(pairs)} on {name}")
-    what = f"{again} of {len(pairs)} on {name} repeat the frame before; they count once"
+    what = f"{again} of {len(pairs)} on {name} repeat the frame before; they are counted once"
     if again > len(pairs) // 2:
-        return mend("frozen frames", what, "restart the camera's driver and record again (spot_ros2 #605)")
-    return note("frozen frames", what, "look at the driver's rate: it publishes faster than the camera measures")
+        return fix("frozen frames", what, "restart the camera's driver and record again (spot_ros2 #605)")
+    return note("frozen frames", what, "check the driver's rate: it publishes faster than the camera measures")
 
 
 def joined(topics: Topics, streams: dict[str, Stream], join_s: float) -> Iterator[Finding]:
-    """Amplitude has a frame near each depth stamp."""
+    """Check that each depth frame has an amplitude image near its stamp."""
     if not topics.amplitude:
         return
     depth = np.array(streams[topics.depth or topics.points].stamps, np.int64)
