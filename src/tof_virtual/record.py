@@ -80,8 +80,8 @@ def record_session(
     truth = Truth(session)
     out = session.config.output
     with BagWriter(out_bag, storage=out.storage, distro="jazzy") as bag:  # type: ignore[arg-type]
-        _static(bag, session)
-        events = merge(_transforms(session), _temperatures(session), _captures(session, truth, sensor), key=lambda e: (e.time_s, e.order))
+        static_transforms(bag, session)
+        events = merge(transforms(session), temperatures(session), _captures(session, truth, sensor), key=lambda e: (e.time_s, e.order))
         for event in events:
             event.write(bag)
     path = Path(truth_path) if truth_path else Path(out_bag).with_name(Path(out_bag).name + ".truth")
@@ -105,7 +105,8 @@ def encode_amplitude(amplitude: Float, shape: tuple[int, int]) -> NDArray[np.uin
     return np.clip(np.rint(amplitude / AMPLITUDE_STEP_E), 0, 65535).astype(np.uint16).reshape(shape)
 
 
-def _static(bag: BagWriter, session: Session) -> None:
+def static_transforms(bag: BagWriter, session: Session) -> None:
+    """Write where the camera is on the hand, and the hand on the wrist."""
     c = session.config
     hand = frame(c, "hand")
     edges = [(frame(c, "arm_link_wr1"), hand, WRIST_OF_HAND), (hand, frame(c, "hand_depth_sensor"), HAND_OF_CAMERA)]
@@ -114,7 +115,8 @@ def _static(bag: BagWriter, session: Session) -> None:
     bag.tf(stamp_ns(session, 0.0), edges, static=True)
 
 
-def _transforms(session: Session) -> Iterator[Event]:
+def transforms(session: Session) -> Iterator[Event]:
+    """Where the robot believes its links to be, over the whole session."""
     c = session.config
     cell, body = c.output.cell_frame, frame(c, "body")
     shoulder, wrist = frame(c, "arm_link_sh1"), frame(c, "arm_link_wr1")
@@ -131,7 +133,8 @@ def _transforms(session: Session) -> Iterator[Event]:
             yield Event(time_s, 0, lambda bag, stamp=stamp, edges=edges: bag.tf(stamp, edges))  # type: ignore[misc]
 
 
-def _temperatures(session: Session) -> Iterator[Event]:
+def temperatures(session: Session) -> Iterator[Event]:
+    """The thermometer, once a second."""
     c = session.config
     if not c.output.temperature:
         return
@@ -156,13 +159,14 @@ def _captures(session: Session, truth: Truth, sensor: Sensor | None) -> Iterator
             taken = sensor(moment, taken)
         truth.add(index)
         stamp = stamp_ns(session, session.stamp_s(shutter))
-        yield Event(shutter.time_s, 2, lambda bag, taken=taken, stamp=stamp: _write(bag, session, taken, stamp))  # type: ignore[misc]
+        yield Event(shutter.time_s, 2, lambda bag, taken=taken, stamp=stamp: write_frame(bag, session, taken, stamp))  # type: ignore[misc]
         if c.output.colour and (index == 0 or session.shutters[index - 1].stop != shutter.stop):
             shot = photograph(session, session.true_pose(shutter), session.stops[shutter.stop].station, index)
             yield Event(shutter.time_s, 3, lambda bag, shot=shot, stamp=stamp: _write_colour(bag, session, shot, stamp))  # type: ignore[misc]
 
 
-def _write(bag: BagWriter, session: Session, taken: Frame, stamp: int) -> None:
+def write_frame(bag: BagWriter, session: Session, taken: Frame, stamp: int) -> None:
+    """Write one capture: depth, amplitude and points, each with its camera."""
     c, camera = session.config, session.camera
     depth = encode_depth(taken.depth, taken.saturated, camera.shape, c.output.encoding)
     bag.image(topic(c, "depth/hand/image"), depth, c.output.encoding, camera.frame_id, stamp)

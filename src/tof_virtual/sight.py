@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,7 +42,7 @@ class World:
 class Rays:
     """Rays of any number (N,): distance from the camera in metres (NaN: nothing), face (-1), incidence cosine, direction (N, 3).
 
-    Directions are unit vectors in the cell (none are kept of an edge pixel's rays); `origin` (3,) is the camera.
+    Directions are unit vectors in the cell; `origin` (3,) is the camera.
     """
 
     distance: Float
@@ -105,7 +105,7 @@ def look(world: World, rays: Float, T_cell_camera: Float, *, subsamples: int = 6
     return Sight(
         main=_rays(z, face, flat, origin, s),
         edge=edge,
-        parts=replace(_rays(part_z, part_face, bundle, origin, s), direction=np.zeros((0, 3))),
+        parts=_rays(part_z, part_face, bundle, origin, s),
         samples=du.size,
         z=z,
         length=length,

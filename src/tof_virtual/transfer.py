@@ -50,9 +50,9 @@ def irradiance_of_patches(
             if not near and (here <= 1e-9 or there <= 1e-9 or here * there < 1e-7 * np.pi * d2 * d2):
                 continue
             z = (
-                _near(points[p], normals[p], sources[s], facing[s], area[s], wavenumber)
+                near_patch(points[p], normals[p], sources[s], facing[s], area[s], wavenumber)
                 if near
-                else _far(here, there, d2, area[s], wavenumber)
+                else far_patch(here, there, d2, area[s], wavenumber)
             )
             if z == 0:
                 continue
@@ -68,14 +68,14 @@ def irradiance_of_patches(
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _far(here: float, there: float, d2: float, area: float, wavenumber: float) -> complex:
+def far_patch(here: float, there: float, d2: float, area: float, wavenumber: float) -> complex:
     """Irradiance per power over a distance, with half its phase; a patch is a disc that fills at most half of the hemisphere."""
     turn = 0.5 * wavenumber * np.sqrt(d2)
     return here * there / (d2 * (np.pi * d2 + area)) * complex(np.cos(turn), np.sin(turn))
 
 
 @njit(cache=True, error_model="numpy")
-def _near(point: Float, normal: Float, source: Float, facing: Float, area: float, wavenumber: float) -> complex:
+def near_patch(point: Float, normal: Float, source: Float, facing: Float, area: float, wavenumber: float) -> complex:
     """The same for a patch that is large for its distance: divided into squares on its tangent plane."""
     i = int(np.argmin(np.abs(facing)))
     x = np.zeros(3)
@@ -91,7 +91,7 @@ def _near(point: Float, normal: Float, source: Float, facing: Float, area: float
             there = -(facing[0] * d[0] + facing[1] * d[1] + facing[2] * d[2])
             d2 = d[0] ** 2 + d[1] ** 2 + d[2] ** 2
             if here > 0 and there > 0 and d2 > 1e-12:
-                total += _far(here, there, d2, area / CUT**2, wavenumber)
+                total += far_patch(here, there, d2, area / CUT**2, wavenumber)
                 facing_us += 1
     # squares behind the point's plane lie beyond a corner, while the cone ended on this side of it
     return total / max(facing_us, 1)

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From converted taps to what the camera publishes: phases, corrections, unwrapping, merging, z, validity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from tof_virtual.taps import SPEED_OF_LIGHT
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tof_core.arrays import Float, Mask
+    from tof_virtual.emerging.device import Device
+    from tof_virtual.emerging.taps import Counts
+
+EDGE_SLOPE = 9.4
+"""Rise over two pixels, in pixel pitches, beyond which the filter takes a 3 x 3 neighbourhood for an edge: tan 78 degrees, twice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Correction:
+    """What the factory stored: `cyclic` (F, n) metres to take off by phase, `pixel_s` (P,) delay of each pixel."""
+
+    cyclic: Float
+    pixel_s: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """One internal capture: distance along the ray (P,) in metres, amplitude (P,) in electrons, saturated (P,)."""
+
+    distance: Float
+    amplitude: Float
+    saturated: Mask
+
+
+def read(device: Device, counts: Counts, correction: Correction, thermal_s: float) -> Reading:
+    """Phases of the frequencies, corrected, unwrapped and merged. `thermal_s` is the delay that the thermometer stands for."""
+    nominal = np.array(device.frequencies)
+    span = SPEED_OF_LIGHT / (2 * nominal)
+    exposure = np.array([1.0, device.clock.weight2, device.clock.weight2])[: nominal.size]
+    weight = (nominal * exposure) ** 2 / exposure  # inverse variance of shot noise
+    delay = 0.5 * SPEED_OF_LIGHT * (thermal_s - correction.pixel_s)
+    distance, amplitude = _decode(counts.electrons, span, weight, correction.cyclic, delay, device.firmware.range_m)
+    return Reading(distance, amplitude, counts.saturated)
+
+
+@njit(cache=True, error_model="numpy")
+def _decode(electrons: NDArray[np.float32], span: Float, weight: Float, cyclic: Float, delay: Float, reach: float) -> tuple[Float, Float]:
+    F, P = electrons.shape[0], electrons.shape[3]
+    nodes = cyclic.shape[1]
+    distance, amplitude = np.empty(P), np.empty(P)
+    single = np.empty(F)
+    for p in range(P):
+        for f in range(F):
+            i = (electrons[f, 0, 0, p] - electrons[f, 0, 1, p]) - (electrons[f, 2, 0, p] - electrons[f, 2, 1, p])
+            q = (electrons[f, 1, 0, p] - electrons[f, 1, 1, p]) - (electrons[f, 3, 0, p] - electrons[f, 3, 1, p])
+            share = (np.arctan2(q, i) / (2 * np.pi)) % 1.0
+            at = share * nodes
+            k = int(at) % nodes
+            off = cyclic[f, k] + (at - int(at)) * (cyclic[f, (k + 1) % nodes] - cyclic[f, k])
+            single[f] = (share * span[f] - off - delay[p]) % span[f]
+            if f == 0:
+                amplitude[p] = 0.25 * np.sqrt(float(i) ** 2 + float(q) ** 2)
+        best, least = 0.0, np.inf
+        for turn in range(int(np.ceil(reach / span[0]))):
+            first = single[0] + turn * span[0]
+            total, merged, cost = weight[0], weight[0] * first, 0.0
+            for f in range(1, F):
+                d = single[f] + np.round((first - single[f]) / span[f]) * span[f]
+                cost += weight[f] * (d - first) ** 2
+                merged += weight[f] * d
+                total += weight[f]
+            if cost < least:
+                best, least = merged / total, cost
+        distance[p] = best
+    return distance, amplitude
+
+
+def along_ray(device: Device, distance: Float, rays: Float) -> Float:
+    """Distance (P,) from the lens along the unit `rays` (P, 3), given half the way lamp to surface to lens.
+
+    The lamp stands where the firmware has it: |r u - b| + r = 2 d gives r = (4 d^2 - b^2) / (4 d - 2 b.u).
+    """
+    b = 1e-3 * device.lamp.baseline_mm
+    return np.asarray((4 * distance**2 - b**2) / (4 * distance - 2 * b * rays[:, 0]))
+
+
+def edges(distance: Float, shape: tuple[int, int], pitch: float) -> Mask:
+    """Pixels (P,) whose 3 x 3 neighbourhood spans more depth than a surface would: the flying-pixel filter.
+
+    `pitch` is the angle of a pixel in radians. Pixels that measured nothing are no neighbours.
+    """
+    return np.asarray(_edges(np.ascontiguousarray(distance.reshape(shape)), EDGE_SLOPE * pitch).ravel())
+
+
+@njit(cache=True, error_model="numpy")
+def _edges(distance: Float, slope: float) -> Mask:
+    H, W = distance.shape
+    out = np.zeros((H, W), np.bool_)
+    for v in range(H):
+        for u in range(W):
+            low, high = np.inf, -np.inf
+            for y in range(max(v - 1, 0), min(v + 2, H)):
+                for x in range(max(u - 1, 0), min(u + 2, W)):
+                    d = distance[y, x]
+                    if not np.isnan(d):
+                        low, high = min(low, d), max(high, d)
+            out[v, u] = high - low > slope * distance[v, u]
+    return out
