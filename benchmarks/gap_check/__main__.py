@@ -12,8 +12,9 @@ from pathlib import Path
 
 from tof_core.cores import one_thread
 
-FORMS = {"short": (40, "160x122"), "long": (500, "224x171"), "wide": (72, "")}
-"""Cases and pixels of the camera: the short form is the tests', the wide one has other cameras and parts in each."""
+FORMS = {"short": (40, "160x122"), "long": (500, "224x171"), "wide": (72, ""), "foreign": (500, "224x171")}
+"""Cases and pixels of the camera: the short form is the tests', the wide one has other cameras and parts in each, the foreign one
+records a camera that shares no formula with the diagnosis."""
 
 
 def main() -> int:
@@ -24,6 +25,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("out/gap-check"), help="folder of cases and reports; what is done is kept")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw")
     parser.add_argument("--size", help="pixels of the camera, instead of the form's")
+    parser.add_argument("--views", type=int, default=20, help="views of a session of the foreign form")
     parser.add_argument("--scenes", default="", help="built-in scenes, joined by commas; all if empty")
     parser.add_argument("--step", choices=("record", "examine", "baselines", "score"), help="one step alone")
     parser.add_argument("--baselines", action="store_true", help="run least squares after ICP, and boosted trees, on the same bags")
@@ -44,6 +46,13 @@ def _record(args: argparse.Namespace) -> int:
     from benchmarks.gap_check.wide import draw_wide
     from tof_scene.builtin import builtin_names
 
+    if args.form == "foreign":
+        from benchmarks.gap_check.foreign.cases import draw_foreign
+        from benchmarks.gap_check.foreign.record import record_foreign
+
+        width, height = (int(x) for x in (args.size or FORMS["foreign"][1]).split("x"))
+        record_foreign(draw_foreign(args.count or FORMS["foreign"][0], args.seed, args.views), args.out, (width, height))
+        return 0
     if args.form == "wide":
         record_all(draw_wide(args.count or FORMS["wide"][0], args.seed), args.out, (224, 171))
         return 0
@@ -70,6 +79,8 @@ def _baselines(args: argparse.Namespace) -> int:
 
 
 def _score(args: argparse.Namespace) -> int:
+    if args.form == "foreign":
+        return _score_foreign(args)
     from benchmarks.gap_check.score import score_all
     from benchmarks.gap_check.table import page, summary
 
@@ -79,6 +90,19 @@ def _score(args: argparse.Namespace) -> int:
     if args.write:
         drawn = f"--form {args.form}" + (f" --count {args.count}" if args.count else "") + (f" --size {args.size}" if args.size else "")
         Path("docs/gap_check.md").write_text(page(rows, f"make gap-check ARGS='{drawn} --seed {args.seed}'"))
+    return 0
+
+
+def _score_foreign(args: argparse.Namespace) -> int:
+    from benchmarks.gap_check.foreign.score import score_foreign
+    from benchmarks.gap_check.foreign.table import page, summary
+
+    rows = score_foreign(args.out)
+    (args.out / "scores.json").write_text(json.dumps([asdict(r) for r in rows], indent=1))
+    print(summary(rows))
+    if args.write:
+        drawn = f"--form foreign --count {len(rows)} --views {args.views}" + (f" --size {args.size}" if args.size else "")
+        (args.out / "foreign.md").write_text(page(rows, f"make gap-check ARGS='{drawn} --seed {args.seed}'"))
     return 0
 
 

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""First process: record sessions of the emerging camera and seal the answers, with what is separable in each."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from typing import TYPE_CHECKING
+
+from benchmarks.gap_check.foreign.cases import ROBOTS, ForeignCase
+from benchmarks.gap_check.record import BAGS, SEAL, SEALED, digest
+from tof_core.config import from_mapping
+from tof_core.progress import progress
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from tof_virtual.emerging.session import EmergingSession
+
+
+def record_foreign(cases: Sequence[ForeignCase], folder: Path, size: tuple[int, int]) -> None:
+    """Bags, scenes and priors under `bags/`, truth under `sealed/` with a digest of each in `seal.json`; done ones are kept."""
+    path = folder / SEAL
+    seals = dict(json.loads(path.read_text())) if path.exists() else {}
+    for case in progress(cases, "recording cases", len(cases)):
+        bag, sealed = folder / BAGS / case.name, folder / SEALED / case.name
+        if case.name in seals and (bag / "bag").exists():
+            continue
+        for old in (bag, sealed):
+            shutil.rmtree(old, ignore_errors=True)
+        record_one(case, bag, sealed, size)
+        seals[case.name] = digest(sealed)
+        path.write_text(json.dumps(seals, indent=1))
+
+
+def record_one(case: ForeignCase, bag: Path, sealed: Path, size: tuple[int, int]) -> None:
+    """One session: scene, prior and bag for the diagnosis; case, truth and separability for the score."""
+    from benchmarks.gap_check.foreign.separable import separability
+    from tof_virtual.emerging.healthy import write_prior
+    from tof_virtual.emerging.record import record
+    from tof_virtual.emerging.strength import calibrate
+
+    bag.mkdir(parents=True)
+    sealed.mkdir(parents=True)
+    session = planned(case, bag / "scene", size)
+    reached = calibrate(session, case.causes)
+    truth = record(session, bag / "bag", sealed / "truth", case.causes, reached)
+    write_prior(bag / "scene" / "calibration.yaml")
+    answer = case.to_dict() | {"separable": separability(truth.arrays(), truth.meta())}
+    (sealed / "case.json").write_text(json.dumps(answer, indent=1))
+    # The list that the diagnosis may use is no secret; what is in the bag is.
+    (bag / "list.json").write_text(json.dumps({"left_out": [case.left_out] if case.left_out else []}))
+
+
+def planned(case: ForeignCase, scene_folder: Path, size: tuple[int, int]) -> EmergingSession:
+    """The session of a case before its causes have sizes: the scene as written, the robot's plan, a healthy camera of its own."""
+    import numpy as np
+
+    from benchmarks.gap_check.foreign.scenes import write_foreign
+    from tof_scene.scene_file import load_scene
+    from tof_virtual.config import VirtualConfig
+    from tof_virtual.emerging.healthy import draw
+    from tof_virtual.emerging.session import EmergingSession
+    from toftwin.commands.simulate import bodies_of
+
+    scene = load_scene(write_foreign(case.scene, scene_folder, case.seed))
+    values = {
+        "seed": case.seed,
+        "camera.width": size[0],
+        "camera.height": size[1],
+        "plan.capture_moving": case.moving,
+        **ROBOTS[case.robot],
+        **case.settings,
+    }
+    healthy = draw(np.random.default_rng([case.seed, 9]), case.seed)
+    return EmergingSession(bodies_of(scene), from_mapping(VirtualConfig, values), healthy, {})

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Third process: open the answers of foreign sessions and score every report against them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.gap_check.foreign.separable import SMOOTH_M, correlation, poses
+from benchmarks.gap_check.record import BAGS, SEAL, SEALED, digest
+from benchmarks.gap_check.score import EVERYWHERE, LOCALISED, auroc
+from benchmarks.gap_check.separable import Truth, label_error
+from tof_core.errors import DatasetError
+from tof_core.progress import progress
+from tof_virtual.emerging.causes import OUTSIDE
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tof_core.arrays import Float
+
+MATTERS = 0.15
+"""Share of the gap above which each effect of three must be named."""
+PLAIN = frozenset({"none", "unknown"})
+MAPS_ALIKE_ELSEWHERE = frozenset({"emitter_offset"})
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignRow:
+    """How one session went; figures that do not apply are None."""
+
+    name: str
+    kind: str
+    scene: str
+    robot: str
+    truth: tuple[str, ...]
+    causes: dict[str, float]
+    verdict: tuple[str, ...]
+    hit: bool
+    miss: str
+    wrong: tuple[str, ...]
+    separable: bool
+    seconds: float
+    cpu_s: float
+    place: float | None = None
+    likeness: float | None = None
+    shrink: float | None = None
+    true_shrink: float | None = None
+    covered: bool | None = None
+    label_mm: float | None = None
+    confidence: tuple[tuple[str, float, bool], ...] = ()
+
+
+def score_foreign(folder: Path) -> list[ForeignRow]:
+    """A row per diagnosed session; the seals are checked first."""
+    seals = json.loads((folder / SEAL).read_text())
+    rows = []
+    for name in progress(sorted(seals), "scoring", len(seals)):
+        sealed, out = folder / SEALED / name, folder / "reports" / name
+        if not (out / "seconds.json").exists():
+            continue
+        if digest(sealed) != seals[name]:
+            raise DatasetError("was changed after it was sealed", where=sealed, todo="record the case again")
+        kept = out / "foreign.json"
+        if not kept.exists():
+            kept.write_text(json.dumps(asdict(score_one(sealed, folder / BAGS / name, out))))
+        rows.append(_row(json.loads(kept.read_text())))
+    return rows
+
+
+def _row(kept: dict[str, Any]) -> ForeignRow:
+    tuples = ("truth", "verdict", "wrong")
+    confidence = tuple((str(e), float(c), bool(r)) for e, c, r in kept["confidence"])
+    return ForeignRow(**kept | {k: tuple(kept[k]) for k in tuples} | {"confidence": confidence})
+
+
+def score_one(sealed: Path, bag: Path, out: Path) -> ForeignRow:
+    """One session."""
+    case = json.loads((sealed / "case.json").read_text())
+    took = json.loads((out / "seconds.json").read_text())
+    separable = case["separable"]
+    effects = tuple(case["effects"])
+    row = partial(
+        ForeignRow,
+        case["name"],
+        case["kind"],
+        case["scene"],
+        case["robot"],
+        effects or tuple(sorted(e for e in separable if e.startswith(OUTSIDE))),
+        case["causes"],
+        separable=all(s["separable"] for s in separable.values()),
+        seconds=took["wall_s"],
+        cpu_s=took["cpu_s"],
+    )
+    if not (out / "gap.json").exists():
+        return row(("refused",), hit=False, miss="refused", wrong=())
+    report = json.loads((out / "gap.json").read_text())
+    verdict = tuple(report["verdict"])
+    wrong = wrong_ones(verdict, effects, case["left_out"])
+    miss = judge(case, verdict, wrong)
+    maps, truth = np.load(out / "gap_maps.npz"), Truth(sealed, bag)
+    place, likeness = (None, None) if case["left_out"] else _maps(effects, maps, truth)
+    stated, true, covered = _shrink(report, maps, truth)
+    return row(
+        verdict,
+        hit=not miss,
+        miss=miss,
+        wrong=wrong,
+        place=place,
+        likeness=likeness,
+        shrink=stated,
+        true_shrink=true,
+        covered=covered,
+        label_mm=_label(truth, maps, effects),
+        confidence=tuple((c["effect"], c["confidence"], c["effect"] in effects) for c in report["causes"]),
+    )
+
+
+def wrong_ones(verdict: tuple[str, ...], effects: tuple[str, ...], left_out: str) -> tuple[str, ...]:
+    """Entries of the verdict that assert an effect and hold none of the session's own."""
+    own = set(effects) - {left_out}
+    return tuple(v for v in verdict if v not in PLAIN and not set(v.split("|")) & own)
+
+
+def judge(case: dict[str, Any], verdict: tuple[str, ...], wrong: tuple[str, ...]) -> str:
+    """The kind of miss, or nothing."""
+    entries = [set(v.split("|")) for v in verdict]
+    if case["kind"] == "null":
+        return "" if verdict == ("none",) else "false alarm"
+    if case["kind"] in ("outside", "left-out"):
+        if "unknown" not in verdict:
+            return "taken for another" if wrong else "overlooked"
+        return f"also named {', '.join(wrong)}" if wrong else ""
+    for effect in sorted(case["effects"]):
+        if case["kind"] == "triple" and case["separable"][effect]["gap_share"] < MATTERS:
+            continue
+        mine = [e for e in entries if effect in e]
+        if not mine:
+            return f"{effect} not named"
+        rivals = set(case["separable"][effect]["rivals"])
+        if mine[0] - {effect} - rivals:
+            return f"tied: {'|'.join(sorted(mine[0]))}"
+    if case["kind"] == "triple":
+        return ""
+    if wrong:
+        return f"also named {', '.join(wrong)}"
+    return "unknown beside a sufficient answer" if "unknown" in verdict else ""
+
+
+def _maps(effects: tuple[str, ...], maps: Any, truth: Truth) -> tuple[float | None, float | None]:
+    """AUROC of localised effects, correlation of those everywhere: the least over the session's effects that were named."""
+    places, alike = [], []
+    free = None
+    for effect in effects:
+        true = truth.map(effect)
+        if true is None or effect not in maps or maps[effect].shape != true.shape:
+            continue
+        named = maps[effect].astype(float)
+        if effect in LOCALISED:
+            places.append(auroc(named, true))
+        elif effect in EVERYWHERE | MAPS_ALIKE_ELSEWHERE:
+            free = free or poses(truth.arrays, truth.meta)
+            alike.append(correlation(free, named, true))
+    return (min(places) if places else None), (min(alike) if alike else None)
+
+
+def _shrink(report: dict[str, Any], maps: Any, truth: Truth) -> tuple[float | None, float | None, bool | None]:
+    """Stated shrink; what taking off the re-rendered difference would give, all causes against none; whether the interval holds it."""
+    stated, held = report["gap"]["shrink"], report["split"]["held_out_views"]
+    residual, bias = maps["residual_m"].astype(float), truth.arrays["bias_all"].astype(float)
+    if stated is None or residual.shape != bias.shape:
+        return None, None, None
+    residual, bias = residual[held], bias[held]
+    seen = np.isfinite(residual) & np.isfinite(bias) & (np.abs(bias) < SMOOTH_M)
+    before2 = float((residual[seen] ** 2).mean())
+    after2 = float(((residual - bias)[seen] ** 2).mean())
+    floor2 = (report["gap"]["floor_mm"] * 1e-3) ** 2
+    true = 1 - (after2 - floor2) / max(before2 - floor2, 1e-12)
+    low, high = report["gap"]["shrink_ci95"]
+    return stated, true, bool(low <= true <= high)
+
+
+def _label(truth: Truth, maps: Any, effects: tuple[str, ...]) -> float | None:
+    """Label error in mm at the diagnosis's poses; nothing where a range offset or late stamps hide the pose."""
+    if {"range_offset", "time_sync"} & set(effects) or len(maps["T_cell_camera"]) != len(truth.arrays["T_cell_camera"]):
+        return None
+    poses_found: Float = maps["T_cell_camera"]
+    return label_error(truth, poses_found)
