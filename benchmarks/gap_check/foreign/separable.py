@@ -121,7 +121,7 @@ def separability(arrays: Mapping[str, Any], meta: Mapping[str, Any]) -> dict[str
     left: dict[str, Float] = {}
     energy = {}
     for effect in effects:
-        true = next((arrays[f"{kind}_{effect}"] for kind in ("bias", "loss", "scatter") if f"{kind}_{effect}" in arrays), None)
+        true = next((arrays[f"{kind}_{effect}"] for kind in ("bias", "loss", "noise") if f"{kind}_{effect}" in arrays), None)
         if true is None:
             out[effect] = {"separable": True}
             continue

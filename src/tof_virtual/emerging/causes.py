@@ -24,7 +24,7 @@ class Cause:
     `effect`: the vocabulary's name for what it does, or `outside <what it is>`. `knob`: the device's quantity that it changes, from
     the healthy value by the cause's size; `beside`: further quantities, per unit of size. `start`: a size of about strength 1;
     `limit`: beyond it the cause is not physical. `metric`: what its strength is measured in: `bias` (3 mm RMS over affected
-    pixels), `scatter` (3 mm of additional RMS), `loss` (a tenth of the pixels), `wrap` (a twentieth of the pixels), or `size`
+    pixels), `noise` (3 mm RMS of additional noise), `loss` (a tenth of the pixels), `wrap` (a twentieth of the pixels), or `size`
     (`start` times the strength: what a millimetre does not measure, or the calibration prior must be exceeded by). `settings`: what comes with it, at any size; `moving`: the hand moves during captures.
     """
 
@@ -44,13 +44,13 @@ class Cause:
 
     @property
     def kind(self) -> str:
-        """What its true map holds: `bias` or `scatter` in metres, or `loss`."""
-        return self.metric if self.metric in ("scatter", "loss") else "bias"
+        """What its true map holds: `bias` or `noise` in metres, or `loss`."""
+        return self.metric if self.metric in ("noise", "loss") else "bias"
 
     @property
     def noisy(self) -> bool:
         """Whether it shows in noisy captures alone."""
-        return self.metric in ("scatter", "loss", "wrap") or self.knob in ("firmware.step_mm", "pixel.telegraph_e")
+        return self.metric in ("noise", "loss", "wrap") or self.knob in ("firmware.step_mm", "pixel.telegraph_e")
 
 
 FILTER_OFF = {"firmware.filter": False}
@@ -63,7 +63,7 @@ CAUSES: dict[str, Cause] = {
         "fixed_pattern", "pixel.column_ps", 15, 500, "the clock tree's delays have aged", {"pixel.row_ps": 0.5, "pixel.pixel_ps": 0.5}
     ),
     "flood_light": Cause("multipath", "lamp.flood_share", 0.3, 1, "the dot projector is out of focus: indirect light counts", local=True),
-    "hazy_lens": Cause("lens_scatter", "optics.stray_share", 0.02, 0.5, "the lens scatters light over the image", local=True),
+    "hazy_lens": Cause("lens_scatter", "optics.stray_share", 0.02, 0.5, "scattering in the lens spreads light over the image", local=True),
     "glossy_part": Cause("specular", "world.gloss", 0.05, 0.6, "a part has a glossy coat: it shines, and mirrors other parts", local=True),
     "translucent_part": Cause("subsurface", "world.translucent_mm", 6, 300, "light wanders within one part", local=True),
     "filter_off": Cause(
@@ -106,9 +106,9 @@ CAUSES: dict[str, Cause] = {
         "radial_depth", "world.texture", 0.0, 1, "distances along the ray are published", metric="size", settings={"firmware.radial": True}
     ),
     "coarse_output": Cause("quantization", "firmware.step_mm", 10.4, 200, "depth is written in coarse steps", metric="size"),
-    "restless_rows": Cause("noise", "pixel.row_noise_e", 100, 1e4, "the supply's hum reaches the rows", metric="scatter"),
+    "noisy_rows": Cause("noise", "pixel.row_noise_e", 100, 1e4, "the supply's hum reaches the rows", metric="noise"),
     "telegraph_pixels": Cause("noise", "pixel.telegraph_e", 1000, 1e5, "a few pixels jump between two levels", metric="size"),
-    "sunlight": Cause("ambient", "world.ambient_ke", 80, 1000, "ambient light brings photon noise", metric="scatter"),
+    "sunlight": Cause("ambient", "world.ambient_ke", 80, 1000, "ambient light brings photon noise", metric="noise"),
     "neighbour_camera": Cause("interference", "world.neighbour", 0.05, 10, "another camera of the same type lights the scene"),
     "strict_threshold": Cause("dropout", "firmware.min_amplitude_e", 1500, 1e5, "the confidence threshold is too high", metric="loss"),
     "short_second_exposure": Cause(

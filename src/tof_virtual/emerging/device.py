@@ -66,8 +66,8 @@ class Optics:
     centre_y_px: float = param(0.0, "principal point beyond the stated one, y", unit="px", low=-100, high=100)
     k1: float = param(0.0, "first radial coefficient beyond the stated one", low=-0.5, high=0.5)
     defocus_px: float = param(0.0, "blur that widens a pixel's footprint", unit="px", low=0, high=10)
-    stray_share: float = param(0.0, "share of all light that the lens scatters over the image", low=0, high=0.9)
-    stray_px: float = param(30.0, "width of the scattered light", unit="px", low=1, high=500)
+    stray_share: float = param(0.0, "share of all light that scattering in the lens spreads over the image", low=0, high=0.9)
+    stray_px: float = param(30.0, "width of that spread", unit="px", low=1, high=500)
     cover_share: float = param(
         0.0, "lamp light that the cover glass reflects onto the sensor, over the light of albedo 0.5 at 0.8 m", low=0, high=10
     )

@@ -208,7 +208,7 @@ def _phasors(strength: Float, length: Float, within: Float, wavenumbers: Float, 
 
 
 def through_lens(light: Light, device: Device) -> Light:
-    """Scatter, ghost and cover glass, on the light of every order."""
+    """Scattering, ghost and cover glass, on the light of every order."""
     o = device.optics
     F, N = light.orders.shape[:2]
     if o.ghost_share > 0:

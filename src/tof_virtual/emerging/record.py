@@ -35,7 +35,7 @@ class Truth:
 
     Arrays as of `tof_virtual.truth.Truth`: poses, depth, part; `normal` (V, H, W, 3) of the true surface in the camera's frame; per effect of the vocabulary `bias_<effect>` (V, H, W) metres, the mean
     frame with all causes minus the one without the causes of that effect (NaN where nothing is measured), or of causes that show in
-    noise alone the same of two captures with equal noise; `scatter_<effect>` their absolute value, `loss_<effect>` whether a pixel is lost;
+    noise alone the same of two captures with equal noise; `noise_<effect>` their absolute value, `loss_<effect>` whether a pixel is lost;
     `bias_all`: with all causes minus with none; `noise` (V, H, W): the recorded capture minus its mean frame.
     """
 
@@ -90,7 +90,7 @@ class Truth:
                 out[kind] = self._image(np.where(np.isfinite(alone), np.isnan(taken.depth).astype(float), np.nan))
             elif one.noisy:
                 change = _minus(taken.depth, s.exposed(index, other, noise=True).depth, z)
-                out[kind] = self._image(np.abs(change) if one.kind == "scatter" else change)
+                out[kind] = self._image(np.abs(change) if one.kind == "noise" else change)
             elif effect != "time_sync":
                 out[kind] = self._image(_minus(mean, s.exposed(index, other).depth, z))
         return out

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tof_virtual.emerging.device import Device
     from tof_virtual.emerging.session import EmergingSession
 
-GOALS = {"bias": UNIT_M, "scatter": UNIT_M, "loss": 0.1, "wrap": 0.05}
+GOALS = {"bias": UNIT_M, "noise": UNIT_M, "loss": 0.1, "wrap": 0.05}
 """What a strength of 1 is, of each metric: metres RMS over affected pixels, or a share of pixels."""
 ROUNDS = 5
 CLOSE = 0.05
@@ -80,7 +80,7 @@ def error(session: EmergingSession, name: str, size: float, plain: list[tuple[Fl
     change = np.concatenate(changes)
     if cause.metric in ("loss", "wrap"):
         return float(change.mean())
-    if cause.metric == "scatter":
+    if cause.metric == "noise":
         return float(np.sqrt(max(float(np.nanmean(change)), 0.0)))
     return rms(np.where(np.abs(change) > OUTLIER_M, np.nan, change), local=cause.local)
 
@@ -90,13 +90,13 @@ def _frames(session: EmergingSession, cause: Cause, device: Device) -> list[tupl
     n = len(session.shutters)
     indices = np.unique(np.linspace(0, n - 1, min(n, CAPTURES)).round()).astype(int).tolist()
     mean = [np.zeros(0) if cause.metric in ("loss", "wrap") else session.exposed(i, device).depth for i in indices]
-    needed = cause.metric in ("loss", "wrap", "scatter")
+    needed = cause.metric in ("loss", "wrap", "noise")
     noisy = [session.exposed(i, device, noise=True).depth if needed else np.zeros(0) for i in indices]
     return list(zip(mean, noisy, strict=True))
 
 
 def _change(cause: Cause, with_it: tuple[Float, Float], without: tuple[Float, Float]) -> Float:
-    """Per pixel: metres of bias, square metres of scatter, or whether a pixel is lost or wrapped."""
+    """Per pixel: metres of bias, square metres of noise, or whether a pixel is lost or wrapped."""
     if cause.metric in ("bias", "size"):
         return np.asarray(with_it[0] - without[0])
     seen = np.isfinite(without[1])

@@ -149,3 +149,9 @@ def test_what_is_kept_of_other_captures_never_stands_in_for_this_one() -> None:
         one.exposed(index, one.healthy)
     for index in (23, 12, 0):
         np.testing.assert_array_equal(one.exposed(index, one.device()).depth, fresh.exposed(index, fresh.device()).depth)
+
+
+def test_the_page_lists_every_cause_with_its_effect_and_quantity(repository: Path) -> None:
+    page = (repository / "docs" / "emerging_camera.md").read_text(encoding="utf-8")
+    for name, cause in CAUSES.items():
+        assert f"| `{name}`: {cause.text} | {cause.effect} | `{cause.knob}` |" in page
