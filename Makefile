@@ -8,7 +8,7 @@ ARGS ?=
 # Nothing here talks to another host's ROS unless asked to.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help setup setup-dev demo test bench bench-long lint format model gap-check fuzz soak clean
+.PHONY: help setup setup-dev demo test bench bench-long lint format model gap-check fuzz mutate soak clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -46,6 +46,9 @@ gap-check: setup-dev  ## withheld effects: how often the gap report names the ri
 
 fuzz: setup-dev  ## coverage-guided fuzzing of all that reads foreign bytes, hours (ARGS="--target scene --seconds 600")
 	@$(PY) -m pip install -q --disable-pip-version-check -c constraints.txt 'atheris>=3.0' && $(PY) -m tests.fuzz.run $(ARGS)
+
+mutate: setup-dev  ## faults put into the deciding functions of each room: how many do the tests find (ARGS="--room limits")
+	@$(ONE_THREAD) $(PY) -m benchmarks.mutate $(ARGS)
 
 soak: setup-dev  ## the graph for a long time: frames lost, memory, latency
 	@$(PY) -m benchmarks.soak $(ARGS)

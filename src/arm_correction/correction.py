@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from tof_core.capture import RobotPose
 
 
+SMALLEST_COV = 1e-18 * np.eye(6)
+"""m^2 and rad^2: a nanometre, so that two covariances of zero can be solved with."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Correction:
     """A proposal. It never moves the robot.
@@ -118,20 +122,20 @@ def _refusal(
     earlier: Registration | None,
     moment: Moment,
 ) -> str:
-    """The first reason not to move, or ""."""
+    """The first reason not to move, or "". Each bound is asked so that what is no number is beyond it."""
     metres, degrees = se3.distance(np.eye(4), delta)
     if not found.accepted:
         return found.reason
-    if moment.age_s > limits.stale_s or moment.age_s < -1.0:
+    if not -1.0 <= moment.age_s <= limits.stale_s:
         return f"stale: the view is {moment.age_s:.1f} s old (at most {limits.stale_s:g} s)"
     if moment.robot is not None and (moved := _moved(robot, moment.robot, limits)):
         return moved
     if earlier is not None and (apart := _disagreement(found, earlier, limits)):
         return apart
-    if 1e3 * metres > limits.step_mm or degrees > limits.step_deg:
+    if not (1e3 * metres <= limits.step_mm and degrees <= limits.step_deg):
         return f"step limit: {1e3 * metres:.0f} mm and {degrees:.1f} deg (at most {limits.step_mm:g} mm, {limits.step_deg:g} deg)"
     reach = float(np.linalg.norm(T_body_hand[:3, 3]))
-    if reach > limits.reach_m or T_body_hand[2, 3] < limits.low_m:
+    if not (reach <= limits.reach_m and T_body_hand[2, 3] >= limits.low_m):
         return f"workspace limit: the hand would be {reach:.2f} m from the body, {T_body_hand[2, 3]:.2f} m high"
     return ""
 
@@ -149,7 +153,7 @@ def _disagreement(one: Registration, two: Registration, limits: LimitConfig) -> 
         return f"two dwells disagree: the other one was refused ({two.reason})"
     xi = se3.log(se3.inverse(one.T_reference_now) @ two.T_reference_now)
     mm, deg = 1e3 * float(np.linalg.norm(xi[:3])), float(np.degrees(np.linalg.norm(xi[3:])))
-    sigmas = float(np.sqrt(xi @ np.linalg.solve(one.cov + two.cov + 1e-18 * np.eye(6), xi) / 6.0))
-    if sigmas > limits.disagree_sigma and (mm > limits.disagree_mm or deg > limits.disagree_deg):
-        return f"two dwells disagree by {mm:.1f} mm and {deg:.2f} deg, {sigmas:.0f} of their sigmas"
-    return ""
+    sigmas = float(np.sqrt(xi @ np.linalg.solve(one.cov + two.cov + SMALLEST_COV, xi) / 6.0))
+    if sigmas <= limits.disagree_sigma or (mm <= limits.disagree_mm and deg <= limits.disagree_deg):
+        return ""
+    return f"two dwells disagree by {mm:.1f} mm and {deg:.2f} deg, {sigmas:.0f} of their sigmas"

@@ -78,9 +78,23 @@ def test_the_gate_opens_below_both_bounds(speed: float, turn: float, still: bool
     assert is_still(moving(speed, turn), "cell", "camera", 500 * MS, config) is still
 
 
-def test_at_the_end_of_tf_the_side_that_is_there_counts() -> None:
-    assert not is_still(moving(0.1, 0.0), "cell", "camera", 1000 * MS)
-    assert is_still(moving(0.0, 0.0), "cell", "camera", 1000 * MS)
+@pytest.mark.parametrize("ms", [0, 20, 980, 1000])
+def test_at_either_end_of_tf_the_velocity_is_that_of_the_side_that_is_there(ms: int) -> None:
+    velocity = camera_velocity(moving(0.2, 0.1), "cell", "camera", ms * MS, 0.04)
+    assert velocity is not None
+    np.testing.assert_allclose(velocity, [0.2, 0, 0, 0, 0, 0.1], atol=1e-6)
+
+
+@pytest.mark.parametrize("ms", [0, 500, 1000])
+@pytest.mark.parametrize(("speed", "still"), [(0.009, True), (0.011, False)])
+def test_the_gate_is_as_sharp_at_either_end_of_tf(ms: int, speed: float, still: bool) -> None:  # noqa: FBT001
+    assert is_still(moving(speed, 0.0), "cell", "camera", ms * MS, MotionConfig(speed_mm_s=10.0)) is still
+
+
+def test_one_stamp_alone_tells_no_velocity() -> None:
+    tf = TransformBuffer()
+    tf.add("cell", "camera", 0, np.eye(4))
+    assert camera_velocity(tf, "cell", "camera", 0, 0.04) is None
 
 
 def test_without_tf_nothing_counts_as_standing_still() -> None:

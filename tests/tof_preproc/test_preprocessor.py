@@ -36,10 +36,18 @@ def test_running_and_offline_give_the_same_numbers(preset: str) -> None:
     views = [running.push(f) for f in frames]
     assert [v.captures for v in views] == [1, 2, 3, 4, 1, 2, 3, 4, 1, 2]
     assert [v.dwell_ns for v in views] == [frames[i - i % 4].stamp_ns for i in range(10)]
+    assert [v.stamp_ns for v in views] == [f.stamp_ns for f in frames], "a view is of its last capture"
     final = list(accumulate_views(frames, config))
     assert len(final) == 3
     for one, other in zip(final, (views[3], views[7], views[9]), strict=True):
         same(one, other)
+
+
+def test_a_view_has_pose_and_temperature_of_its_last_capture() -> None:
+    warm = [replace(at(f, 0.01 * i), temperature=30.0 + i) for i, f in enumerate(captures(plane(), 3))]
+    (view,) = accumulate_views(warm)
+    assert (view.captures, view.temperature, view.stamp_ns, view.dwell_ns) == (3, 32.0, warm[2].stamp_ns, warm[0].stamp_ns)
+    assert view.robot is warm[2].robot
 
 
 def test_a_view_of_one_capture_has_depth_sigma_and_noise_from_the_first_frame() -> None:

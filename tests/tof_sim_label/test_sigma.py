@@ -13,7 +13,7 @@ from tof_core import se3
 from tof_core.camera import Camera
 from tof_scene.render import Rendering
 from tof_sim_label.config import LabelConfig
-from tof_sim_label.sigma import label_sigma
+from tof_sim_label.sigma import _image_sigma, label_sigma
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
@@ -23,6 +23,19 @@ NOTHING_ELSE = LabelConfig(cad_sigma_mm=0.0, unseen_offset_mm=0.0, edge_px=0.0)
 NEAR = np.array([np.sin(0.3), 0.0, -np.cos(0.3)])
 """Normal of the near plane through (0, 0, 0.8) that fills x < 0; the far one is 0.1 m behind, upright."""
 POSE = np.diag([0.4e-3, 0.4e-3, 0.8e-3, 0.5e-3, 0.5e-3, 0.5e-3]) ** 2
+"""Independent errors; signs do not show in what follows from them."""
+
+
+def coupled(sign: float) -> Float:
+    """Covariance (6, 6) of a pose whose turns go with its slides, as they do where a pose is solved: correlation 0.9."""
+    root = np.zeros((6, 6))
+    root[[0, 1, 2], [0, 1, 2]] = 0.4e-3, 0.4e-3, 0.5e-3
+    root[[3, 4, 5], [2, 2, 0]] = 2e-3 * sign, 3e-3 * sign, -1e-3 * sign
+    root[[3, 4, 5], [3, 4, 5]] = 0.2e-3
+    return root @ root.T
+
+
+COVARIANCES = {"independent": POSE, "coupled": coupled(1.0), "coupled the other way": coupled(-1.0)}
 
 
 def step(T: Float, fine: int = 12) -> Rendering:
@@ -55,24 +68,48 @@ def step(T: Float, fine: int = 12) -> Rendering:
     )
 
 
-@pytest.fixture(scope="module")
-def errors() -> Float:
-    """(n, H, W) label errors of 300 poses drawn from the covariance that the label is given."""
+def drawn(cov: Float) -> Float:
+    """(n, H, W) label errors of 300 poses drawn from a covariance."""
     rng = np.random.default_rng(2)
     true = step(np.eye(4)).depth
-    draws = rng.multivariate_normal(np.zeros(6), POSE, 300)
+    draws = rng.multivariate_normal(np.zeros(6), cov, 300)
     return np.stack([step(se3.exp(xi)).depth - true for xi in draws])
 
 
-def test_on_a_surface_sigma_is_the_standard_deviation_of_the_label(errors: Float) -> None:
-    seen = step(np.eye(4))
-    sigma = label_sigma(seen, POSE, NOTHING_ELSE)
+@pytest.fixture(scope="module")
+def errors() -> Float:
+    """Label errors by `POSE`."""
+    return drawn(POSE)
+
+
+@pytest.mark.parametrize("name", COVARIANCES)
+def test_on_a_surface_sigma_is_the_standard_deviation_of_the_label(name: str) -> None:
+    cov = COVARIANCES[name]
+    sigma = label_sigma(step(np.eye(4)), cov, NOTHING_ELSE)
     inside = np.ones(CAMERA.shape, bool)
     inside[:, 26:34] = False
-    ratio = sigma[inside] / errors.std(axis=0)[inside]
+    ratio = sigma[inside] / drawn(cov).std(axis=0)[inside]
     assert 0.93 < np.median(ratio) < 1.07
     assert ratio.min() > 0.8
     assert ratio.max() < 1.25
+
+
+def test_what_goes_with_what_changes_the_labels_sigma() -> None:
+    """Else the test above could not tell the sign of a turn."""
+    one, other = (label_sigma(step(np.eye(4)), coupled(sign), NOTHING_ELSE)[20, 40] for sign in (1.0, -1.0))
+    assert max(one, other) > 1.2 * min(one, other)
+
+
+@pytest.mark.parametrize("name", COVARIANCES)
+def test_an_image_point_moves_by_as_many_pixels_as_is_said(name: str) -> None:
+    cov, rng = COVARIANCES[name], np.random.default_rng(4)
+    draws = rng.multivariate_normal(np.zeros(6), cov, 4000)
+    for v, u in ((3, 5), (30, 50), (20, 2)):
+        r, z = CAMERA.rays()[v, u], 0.9
+        seen = np.stack([se3.inverse(se3.exp(xi)) @ [*(z * r), 1.0] for xi in draws])[:, :3]
+        du, dv = (f * (seen[:, i] / seen[:, 2] - r[i]) for i, f in ((0, CAMERA.fx), (1, CAMERA.fy)))
+        said = _image_sigma(r, z, np.linalg.cholesky(cov), np.array([CAMERA.fx, CAMERA.fy]), 0.0)
+        assert said == pytest.approx(np.sqrt(0.5 * (du.var() + dv.var())), rel=0.05)
 
 
 def test_at_a_silhouette_sigma_covers_the_step_it_may_take(errors: Float) -> None:
