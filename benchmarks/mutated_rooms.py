@@ -28,7 +28,6 @@ ROOMS = {
     "correction": Room(
         {
             "arm_correction.correction": ("propose", "step"),
-            "arm_correction.closed_loop": ("close_loop", "_near", "_no_better", "leftover"),
             "arm_correction.unknown": (),
             "arm_correction.register": ("judge",),
         },

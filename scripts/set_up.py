@@ -7,6 +7,7 @@ import fcntl
 import hashlib
 import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -23,7 +24,9 @@ VENV = ROOT / ".venv"
 PYTHON = VENV / "bin" / "python"
 STATE = VENV / "toftwin-set-up.json"
 NEEDED_GB = 5.0
-LEVELS = {"run": ["open3d"], "dev": ["open3d", "view", "dev"]}
+EMBREE_MACHINES = ("x86_64", "AMD64")
+"""Where embreex has wheels; elsewhere open3d casts the rays, with all that its wheel asks for (60 packages more)."""
+LEVELS = ("run", "dev")
 OWN = ("build_tf2_msgs.py", "check_tf.py", "progress.py", "ros.py", "set_up.py", "system.py", "torch_cpu.py")
 """The scripts that set-up runs; the others of that folder change nothing that is installed."""
 
@@ -39,7 +42,12 @@ def content() -> str:
     project = (ROOT / "pyproject.toml").read_text(encoding="utf-8").split("\n[tool.", 1)[0]
     digest.update(project.encode())
     scripts = ROOT / "scripts"
-    files = [ROOT / "constraints.txt", *(scripts / name for name in OWN), *(scripts / "interfaces").rglob("*.*")]
+    files = [
+        ROOT / "constraints.txt",
+        *(ROOT / "requirements").glob("*.txt"),
+        *(scripts / name for name in OWN),
+        *(scripts / "interfaces").rglob("*.*"),
+    ]
     for path in sorted(path for path in files if path.is_file()):
         digest.update(path.read_bytes())
     return digest.hexdigest()
@@ -72,13 +80,24 @@ def make_venv(steps: Steps, ros_source: str) -> None:
 
 
 def install_packages(steps: Steps, level: str, ros_source: str) -> None:
-    """Install toftwin editable, with the extras of the level, as pinned."""
+    """Install the locks of the level, each file held to its hash, then toftwin itself, editable."""
     free = shutil.disk_usage(ROOT).free / 1e9
     installed = (VENV / "bin" / "toftwin").exists()
     if free < NEEDED_GB and not installed:
         raise SetUpError(f"{ROOT} has {free:.1f} GB free and set-up needs {NEEDED_GB:.0f}: make room, or clone elsewhere")
-    extras = LEVELS[level] + (["ros", "ros-build"] if ros_source == "pip" else [])
-    steps.run(pip_install("-e", f".[{','.join(extras)}]"))
+    files = [f"requirements/{name}.txt" for name in locks(level, ros_source)]
+    quiet = ["--disable-pip-version-check", "--no-deps"]
+    pip = [str(PYTHON), "-m", "pip", "install", *quiet]
+    steps.run([*pip, "--require-hashes", *(word for file in files for word in ("-r", file))])
+    steps.run([*pip, "--no-build-isolation", "-e", "."])
+
+
+def locks(level: str, ros_source: str) -> list[str]:
+    """Names of the locks (scripts/lock.py) that a level takes on this machine."""
+    names = [level]
+    if level == "run" and platform.machine() not in EMBREE_MACHINES:
+        names.append("open3d")
+    return [*names, "ros"] if ros_source == "pip" else names
 
 
 def pip_install(*what: str) -> list[str]:
@@ -95,7 +114,7 @@ def set_up(wanted: dict[str, str], ros_source: str) -> None:
         system.ensure(steps, build_tools=ros_source == "pip")
     with steps.step("virtual environment"):
         make_venv(steps, ros_source)
-    with steps.step("packages (2 GB)" if level == "run" else "packages (3 GB)"):
+    with steps.step("packages (1 GB)" if level == "run" else "packages (3 GB)"):
         install_packages(steps, level, ros_source)
     if level == "dev":
         with steps.step("PyTorch for training, CPU build"):

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from arm_correction.closed_loop import close_loop
 from arm_correction.config import CorrectConfig, LimitConfig
 from arm_correction.correction import SMALLEST_COV, Correction, Moment, propose
 from arm_correction.corrector import twin_of
@@ -18,6 +17,7 @@ from arm_correction.frames import Frames
 from arm_correction.live import driver_frame
 from arm_correction.register import Registration
 from arm_correction.unknown import Unknown
+from benchmarks.closed_loop import LoopConfig, close_loop
 from tests.arm_correction.made import twist
 from tests.tof_align.made import at
 from tof_core import se3
@@ -294,12 +294,12 @@ class Looked:
         self.went.append(T_body_hand)
 
 
-def closed(*registrations: Registration, **loop: float) -> tuple[bool, int, str, int]:
+def closed(*registrations: Registration) -> tuple[bool, int, str, int]:
     from types import SimpleNamespace
 
     world = Looked(*registrations)
-    config = replace(CONFIG, loop=replace(CONFIG.loop, tolerance_mm=0.5, tolerance_deg=0.05, **loop))  # type: ignore[arg-type]
-    out = close_loop(world, lambda: SimpleNamespace(robot=AT_ORIGIN), world, config, np.eye(4))  # type: ignore[arg-type, return-value]
+    loop = LoopConfig(tolerance_mm=0.5, tolerance_deg=0.05)
+    out = close_loop(world, lambda: SimpleNamespace(robot=AT_ORIGIN), world, CONFIG, np.eye(4), loop)  # type: ignore[arg-type, return-value]
     assert out.moves == len(world.went)
     return out.done, out.moves, out.reason, len(out.corrections)
 
