@@ -27,7 +27,7 @@ SEED = 31
 
 
 def run() -> list[Figure]:
-    """Every figure of this room; counts of the issue are in `bench_correct_long`."""
+    """Every figure of this room; more starts are in `bench_correct_long`."""
     near = returns(*NEAR, 12, seed=SEED, stands=6)
     far = returns(*FAR, 12, seed=SEED, stands=6)
     return [*near_figures(near), *far_figures(far), biased(6, 2), *figure_11(1), *speed()]
@@ -79,7 +79,7 @@ def figure_11(views: int, seed: int = SEED) -> list[Figure]:
     """How far the picture is from the first one: untouched, after 2D, after 3D; and another shot from the first pose itself.
 
     By structure (what is left of a picture without the light that varies slowly) and plain. In another light the shadows themselves
-    differ, which no pose of the camera mends: the last column says by how much, and the excess is what is above it.
+    differ, which no pose of the camera removes: the last column states this difference, and the excess is the part above it.
     """
     cases = [(name, view) for name in builtin_names() for view in range(views)]
     out: list[Figure] = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Back to the first picture from 200 starts near and 102 far: the issue's own counts, on starts of their own.
+"""Corrective pose from 200 starts near and 102 far, with starts of their own.
 
 `TOFTWIN_KEEP=FOLDER` keeps what is done, so that a run that was cut goes on.
 """

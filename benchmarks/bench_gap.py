@@ -74,7 +74,7 @@ def twenty() -> list[Figure]:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         verdict = json.loads((folder / "gap" / "gap.json").read_text())["verdict"]
     busy = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    remark = f"report and all; {busy:.0f} s of processor; load {_load()}; said {', '.join(verdict)} of a wiggle"
+    remark = f"report and all; {busy:.0f} s of processor; load {_load()}; named {', '.join(verdict)} of a wiggle"
     return [
         at_most("gap: twenty views of 400x300, two cores", wall, 60.0, "s", remark=remark),
         at_most("gap: memory for it", after.ru_maxrss / 2**20, 3.0, "GB"),

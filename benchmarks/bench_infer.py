@@ -42,7 +42,7 @@ TUNED_ON = (1, 2, 3)
 
 
 def run() -> list[Figure]:
-    """The figures of the issue's table, but for those that need training."""
+    """The figures of the room, except those that need training."""
     from tof_infer.session import Session
 
     camera, session = TwinCamera(), Session()
@@ -180,7 +180,7 @@ def honest_figures(swept: dict[str, dict[str, Any]]) -> list[Figure]:
 
 
 def panel_figure(camera: TwinCamera, session: Session, work: Path) -> Figure:
-    """A flat panel of one material from several ranges and angles: scatter and relief of the error before and after."""
+    """A flat panel of one material from several ranges and angles: noise and relief of the error before and after."""
     corners = np.array([[0, y, z] for y in (-1.5, 1.5) for z in (-0.7, 2.3)])
     scene = Scene("cell", (Part("panel", corners, np.array([[0, 2, 3], [0, 3, 1]], np.int32), material=Material(0.5)),))
     bag = record_bag(scene, camera, work / "panel", seed=55, settings={"plan.views": 8, "plan.stations": 2, **EXACT_ROBOT})

@@ -28,7 +28,7 @@ SCENES, VIEWS, HELD_VIEWS = 24, 10, 12
 STEPS, BATCH = 500, 2
 COUNTS = (10, 20, 40, 80, 160)
 TRUSTED = 0.85
-"""Share of pixels, each network's most certain ones, of which the error is told beside that of all."""
+"""Share of pixels, each network's most certain ones, whose error is printed beside that of all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +48,12 @@ def run() -> list[Figure]:
     curve = {n: trained(f"views_{n}", TrainConfig(limit=n), datasets, held, n) for n in COUNTS}
     plot(curve)
     most = max(COUNTS)
-    rows = [Figure(f"{n} training views, {STEPS} steps: MAE on {HELD_OUT}", f.trusted, "mm", remark=told(f)) for n, f in curve.items()]
+    rows = [Figure(f"{n} training views, {STEPS} steps: MAE on {HELD_OUT}", f.trusted, "mm", remark=remark_of(f)) for n, f in curve.items()]
     for name, inputs in ABLATIONS.items():
         f = trained(f"inputs_{name}", TrainConfig(limit=most, net=NetConfig(inputs=inputs)), datasets, held, most)
-        rows.append(Figure(f"inputs: {name}, {most} views, {STEPS} steps: MAE", f.trusted, "mm", remark=told(f)))
+        rows.append(Figure(f"inputs: {name}, {most} views, {STEPS} steps: MAE", f.trusted, "mm", remark=remark_of(f)))
     f = trained("base_8", TrainConfig(limit=most, net=NetConfig(base=8)), datasets, held, most)
-    rows.append(Figure(f"width: 8 channels for {NetConfig().base}, {most} views, {STEPS} steps: MAE", f.trusted, "mm", remark=told(f)))
+    rows.append(Figure(f"width: 8 channels for {NetConfig().base}, {most} views, {STEPS} steps: MAE", f.trusted, "mm", remark=remark_of(f)))
     paper = trained("paper", TrainConfig(limit=40, recipe="paper", net=NetConfig(base=8)), datasets, held, 40, epochs=100)
     return [
         *rows,
@@ -79,7 +79,7 @@ def card_of(name: str) -> dict[str, float]:
     return figures
 
 
-def told(f: Found) -> str:
+def remark_of(f: Found) -> str:
     """A remark."""
     return f"{100 * TRUSTED:.0f} % most certain pixels; all pixels {f.every:.2f} mm, raw {f.raw:.2f} mm"
 

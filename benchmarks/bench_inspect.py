@@ -31,7 +31,7 @@ SEEN_GONE = 0.3
 
 
 def run() -> list[Figure]:
-    """Every figure of this room; counts of the issue are in `bench_inspect_long`."""
+    """Every figure of this room; more builds are in `bench_inspect_long`."""
     return [*figures([v for build in BUILDS for v in part_views(build, 2, colour=True)]), seconds()]
 
 
@@ -48,8 +48,8 @@ def auroc(scores: Float, positive: Mask) -> float:
 
 def _auroc(views: list[PartView], name: str) -> float:
     """Of present against absent."""
-    told = [v for v in views if v.truth != "displaced"]
-    return auroc(np.array([getattr(v, name) for v in told]), np.array([v.truth == "present" for v in told]))
+    counted = [v for v in views if v.truth != "displaced"]
+    return auroc(np.array([getattr(v, name) for v in counted]), np.array([v.truth == "present" for v in counted]))
 
 
 def figures(views: list[PartView]) -> list[Figure]:
@@ -76,7 +76,7 @@ def presence(views: list[PartView]) -> list[Figure]:
 
 
 def alarms(views: list[PartView]) -> list[Figure]:
-    """What is said wrongly, and what is not said."""
+    """Wrong verdicts, and missing ones."""
     judged = [v for v in views if v.state != "not_observable"]
     there, gone = [v for v in judged if v.truth == "present"], [v for v in judged if v.truth == "absent"]
     false, missed = [v for v in there if v.state != "present"], [v for v in gone if v.state != "absent"]
@@ -107,16 +107,18 @@ def displaced(views: list[PartView]) -> list[Figure]:
 
 def calibration(views: list[PartView]) -> list[Figure]:
     """Whether a probability is what it says: the mean of |stated - true| over ten bins, weighed by their counts (ECE)."""
-    told = [v for v in views if v.truth != "displaced" and v.coloured and (v.log_depth or v.log_colour)]
+    counted = [v for v in views if v.truth != "displaced" and v.coloured and (v.log_depth or v.log_colour)]
     out = []
     for what, name in (("fused", "log_ratio"), ("depth alone", "log_depth"), ("2D alone", "log_colour")):
-        ratio = np.clip(np.array([getattr(v, name) for v in told]) + np.log(1 / SEEN_GONE - 1), -500, 500)
-        p, true = 1 / (1 + np.exp(-ratio)), np.array([v.truth == "present" for v in told])
+        ratio = np.clip(np.array([getattr(v, name) for v in counted]) + np.log(1 / SEEN_GONE - 1), -500, 500)
+        p, true = 1 / (1 + np.exp(-ratio)), np.array([v.truth == "present" for v in counted])
         which = np.minimum((10 * p).astype(int), 9)
-        error = sum(abs((p - true)[which == k].sum()) for k in range(10)) / max(len(told), 1)
+        error = sum(abs((p - true)[which == k].sum()) for k in range(10)) / max(len(counted), 1)
         sure = (p > 0.99) | (p < 0.01)
         wrong = int((sure & ((p > 0.5) != true)).sum())
-        remark = f"{len(told)} part views; Brier {((p - true) ** 2).mean():.4f}; of {int(sure.sum())} stated beyond 99 % {wrong} are wrong"
+        remark = (
+            f"{len(counted)} part views; Brier {((p - true) ** 2).mean():.4f}; of {int(sure.sum())} stated beyond 99 % {wrong} are wrong"
+        )
         out.append(Figure(f"calibration error of the probability, {what}", 100 * float(error), "%", remark=remark))
     return out
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is every part there, over more than 3000 part views: the issue's own count, on builds of their own.
+"""Presence of parts over more than 3000 part views, with builds of their own.
 
 `TOFTWIN_KEEP=FOLDER` keeps what is done, so that a run that was cut goes on.
 """

@@ -42,7 +42,7 @@ def run() -> list[Figure]:
     cases = {name: record_case(bodies, {name: 1.0}) for name in EFFECTS}
     slowest = max(cases, key=lambda name: cases[name])
     each = ", ".join(f"{name} {seconds:.1f}" for name, seconds in sorted(cases.items(), key=lambda c: -c[1]))
-    bias, scatter = null_camera(bodies)
+    bias, noise_m = null_camera(bodies)
     rays, peer = ray_rate(bodies)
     return [
         at_most("virtual: record 12 views 224x171, no effect, CPU of one core", null, 10, "s"),
@@ -53,7 +53,7 @@ def run() -> list[Figure]:
             1e3 * abs(bias),
             0.05,
             "mm",
-            remark=f"scatter of one frame {1e3 * scatter:.2f} mm (median)",
+            remark=f"noise of one frame {1e3 * noise_m:.2f} mm (median)",
         ),
         at_most("virtual: multipath in a V corner against path tracing, worst bin", 100 * corner_error(), 15, "%"),
         at_least(
@@ -84,7 +84,7 @@ def demo(bodies: list[Body]) -> float:
 
 
 def null_camera(bodies: list[Body]) -> tuple[float, float]:
-    """Mean error over frames and pixels, and the median scatter of one frame, in metres."""
+    """Mean error over frames and pixels, and the median noise of one frame, in metres."""
     session = Session(bodies, VirtualConfig(), {})
     photons = np.random.default_rng(0)
     moment = session.moment(1)

@@ -15,7 +15,7 @@ class Figure:
         what: The quantity in words, with the conditions it was measured under; unique among all figures.
         value: The measured value, in `unit`; NaN when it could not be measured (then `met` is None or False).
         unit: mm, deg, ms, 1/s, %, GB, ... ; "" for a count or a ratio.
-        bar: The bar in words, as the issue states it ("at most 0.15 mm"); "" for a figure without one.
+        bar: The bar in words ("at most 0.15 mm"); "" for a figure without one.
         met: Whether the value meets its bar; None without a bar.
         command: What anyone types to print it; the runner fills it in when left empty.
         remark: Spread, peer in the same run, or why the bar is missed; one line.

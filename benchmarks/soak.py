@@ -197,11 +197,11 @@ def highest_rate(scene: str, bag: Path, *, say: bool) -> tuple[float, str]:
 
 def rows(run: Run, minutes: float) -> list[Figure]:
     """The long stretch's figures beside their bars."""
-    told = f"{run.sent} frames at {run.hz:.1f} Hz in {minutes:.0f} min, one process a node; {run.load}"
+    remark = f"{run.sent} frames at {run.hz:.1f} Hz in {minutes:.0f} min, one process a node; {run.load}"
     return [
-        at_most("soak: frames lost by any node of preproc, sim_label, infer, 224x171", max(run.lost.values()), 0, "", remark=told),
-        at_most("soak: growth of the graph's memory after the first minute", run.grown_mb, 20, "MB", remark=told),
-        at_most("soak: raw frame to repaired frame, p95", run.p95_ms, 100, "ms", remark=f"p50 {run.p50_ms:.0f} ms; {told}"),
+        at_most("soak: frames lost by any node of preproc, sim_label, infer, 224x171", max(run.lost.values()), 0, "", remark=remark),
+        at_most("soak: growth of the graph's memory after the first minute", run.grown_mb, 20, "MB", remark=remark),
+        at_most("soak: raw frame to repaired frame, p95", run.p95_ms, 100, "ms", remark=f"p50 {run.p50_ms:.0f} ms; {remark}"),
     ]
 
 

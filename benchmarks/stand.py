@@ -53,11 +53,11 @@ class Ended:
 
     @property
     def wrong(self) -> bool:
-        """Said to be there, and is not."""
+        """Reported as there, and is not."""
         return self.done and not self.partial and (self.mm > 2.0 or self.deg > 0.2)
 
     def within(self, mm: float, deg: float) -> bool:
-        """Said to be there, and is."""
+        """Reported as there, and is."""
         return self.done and self.mm <= mm and self.deg <= deg
 
 

@@ -127,16 +127,16 @@ def score(sealed: Path, bag: Path, out: Path) -> Row:
 
 
 def _baselines(case: dict[str, Any], out: Path) -> dict[str, bool]:
-    """Whether each baseline said all of the truth: they name one effect or none, so pairs and withheld effects are beyond them."""
+    """Whether each baseline named all of the truth: they name one effect or none, so pairs and withheld effects are beyond them."""
     path = out / "baselines.json"
     if not path.exists():
         return {}
     truth = {"unknown"} if case["left_out"] else set(case["effects"]) or {"none"}
-    return {name: {said} == truth for name, said in json.loads(path.read_text()).items()}
+    return {name: {named} == truth for name, named in json.loads(path.read_text()).items()}
 
 
 def judge(case: dict[str, Any], verdict: tuple[str, ...], truth: Truth) -> str:
-    """The kind of miss, or nothing: what issue 3 calls a hit."""
+    """The kind of miss, or empty for a hit."""
     effects = set(case["effects"])
     entries = [set(v.split("|")) for v in verdict]
     if not effects:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether two effects can be told apart in a session, from the true maps: never from the diagnosis."""
+"""Whether two effects are separable in a session, from the true maps: never from the diagnosis."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def inseparable(truth: Truth, effect: str, other: str) -> bool:
 def separable(truth: Truth, effect: str) -> bool:
     """Whether a withheld effect is seen in the session at all: neither pose nor any one other effect hides three quarters of it.
 
-    Of pose the share is taken of the map itself, arms and bases within the robot's priors. Loss, scatter and lost turns are no bias
+    Of pose the share is taken of the map itself, arms and bases within the robot's priors. Loss, noise and wrapped phase are not a bias
     that another could take over.
     """
     if f"bias_{effect}" not in truth.arrays or effect in GROSS:

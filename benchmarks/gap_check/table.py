@@ -34,7 +34,7 @@ RIVALS = {
 
 
 def figures(rows: Sequence[Row]) -> list[tuple[str, str, str]]:
-    """(what, value, bar) of issue 3's table."""
+    """(what, value, bar) rows of the table in docs/gap_check.md."""
     out = [
         _share("one effect, usual strength: named", [r.hit for r in rows if r.kind == "single-usual"], "95 %"),
         _share("one effect, small strength: named", [r.hit for r in rows if r.kind == "single-small"], ""),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The short form of the gap check: forty sessions whose effect is withheld, held to issue 3's bars as far as forty can tell."""
+"""The short form of the gap check: forty sessions whose effect is withheld, compared with the bars of docs/gap_check.md as far as forty sessions allow."""
 
 from __future__ import annotations
 
