@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from tests.tof_gap.quiet_views import views as plane_views
 from tof_core import se3
 from tof_core.camera import Camera
 from tof_core.capture import Capture, View
 from tof_core.errors import RefusedError
-from tof_gap.watch import GapWatch, GrowthTest, WatchConfig
+from tof_gap.watch import GapWatch, GrowthTest, WatchConfig, gap_beyond_pose
 from tof_scene.builtin import make_builtin
 from tof_scene.raycast import Raycaster
 from tof_scene.render import render
@@ -148,3 +149,19 @@ def test_figures_of_a_node_are_reset_with_its_baseline(caster: Raycaster, ros_do
             forget()
             assert ("views" in node.figures(), node.warnings()) == (False, [])
         node.destroy_node()
+
+
+@pytest.mark.parametrize(("pose_sd_m", "kept"), [(1e-6, 1.0), (1.0, 0.0)])
+def test_a_shift_along_the_axis_is_a_gap_only_where_the_pose_is_known(pose_sd_m: float, kept: float) -> None:
+    (view, *_) = plane_views(np.random.default_rng(3))
+    off = replace(view, residual=np.where(np.isfinite(view.residual), 0.003, np.nan))
+    gap2, floor2 = gap_beyond_pose(off, np.diag(np.repeat([pose_sd_m, 1e-9], 3) ** 2), WatchConfig())
+    white2 = float(np.mean(view.sigma[view.smooth] ** 2)) / 256
+    assert gap2 == pytest.approx(kept * 0.003**2, abs=3 * white2)
+    assert floor2 == pytest.approx(white2, rel=0.6)
+
+
+def test_blocks_with_few_pixels_do_not_count() -> None:
+    (view, *_) = plane_views(np.random.default_rng(3))
+    with pytest.raises(RefusedError, match="only 0 blocks of pixels see the CAD"):
+        gap_beyond_pose(view, POSE_COV, WatchConfig(block_pixels=257))

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The finer search finds the form between two candidates."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import VIEWS, chain, views
+from tof_align.folds import deal
+from tof_gap.config import GapConfig
+from tof_gap.solve.candidates import Candidate
+from tof_gap.solve.columns import ColumnStore
+from tof_gap.solve.shapes import refined
+from tof_sensor.effects.range_offset import RangeOffset
+from tof_sensor.effects.wiggling import Wiggling
+
+TRUE_MHZ = 66.0
+
+
+def finer(*candidates: Candidate) -> list[Candidate]:
+    """The refined forms of chosen candidates, in a session with a wiggle of `TRUE_MHZ`."""
+    true = Wiggling(modulation_mhz=TRUE_MHZ, sine_m=0.006, cosine_m=0.003)
+    extra = np.stack([true.bias(v.frame) * v.frame.length for v in views(np.random.default_rng(1))])
+    seen = views(np.random.default_rng(1), extra)
+    store = ColumnStore(seen, deal([0] * VIEWS, 6))
+    selection = SimpleNamespace(chosen=SimpleNamespace(members=tuple(range(len(candidates))), inflate=1.0))
+    return refined(store, cast("Any", SimpleNamespace(candidates=candidates)), cast("Any", selection), chain(), GapConfig())
+
+
+@pytest.mark.parametrize("start_mhz", [60.0, 72.0])
+def test_a_frequency_between_candidates_is_found(start_mhz: float) -> None:
+    (found,) = finer(Candidate("wiggling", Wiggling(modulation_mhz=start_mhz)), Candidate("range_offset", RangeOffset()))
+    assert (found.name, found.note) == ("wiggling", "refined")
+    assert cast("Wiggling", found.effect).modulation_mhz == pytest.approx(TRUE_MHZ, rel=0.02)
+
+
+def test_an_effect_of_one_form_has_no_finer_one() -> None:
+    assert finer(Candidate("range_offset", RangeOffset()), Candidate("hand_eye", None)) == []
