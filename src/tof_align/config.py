@@ -58,6 +58,9 @@ class WeightConfig:
         why="where noise limits, the pose is better by 1.7",
     )
     last_total: int = param(800_000, "most pixels of all views together that the last linearisation holds", low=200, why="memory")
+    last_mm: float = param(
+        0.2, "unmodelled error below which that is done", unit="mm", low=0.0, why="where it is larger, more pixels only repeat it"
+    )
     coarse_pixels: int = param(1200, "the same while far from the answer", low=100, why="time")
     live_pixels: int = param(4000, "the same for a live view (causal mode)", low=200, why="time between two frames")
     noise_mm: float = param(

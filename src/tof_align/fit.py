@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 STILL = 2e-6
 """Step of a camera (metres, radians) that changes nothing any more."""
-NOISE_LIMITED = 0.2e-3
-"""Metres of unmodelled error below which more pixels make a pose better."""
 Columns = Callable[[int, "Linearised"], Float]
 """Extra columns (n, k) of view v at its linearisation, metres of z per unit."""
 
@@ -53,7 +51,7 @@ class Fitter:
         """Step `iterations` times, then linearise and fit once more.
 
         The last time with the pixels of `last`, if given and if noise is what limits: where errors
-        nobody modelled are larger than `NOISE_LIMITED`, more pixels only repeat them.
+        nobody modelled are larger than `weights.last_mm`, more pixels only repeat them.
 
         Returns the last system, its answer (whose step is not taken yet), and the columns.
         """
@@ -63,7 +61,7 @@ class Fitter:
             rig = rig.moved(answer.x, answer.own)
             if float(np.abs(system.camera_steps(answer)).max()) < STILL:
                 break
-        if self.last and max((self.sizes or {}).values(), default=0.0) < NOISE_LIMITED:
+        if self.last and max((self.sizes or {}).values(), default=0.0) < self.config.weights.last_mm * 1e-3:
             self.pixels = self.last
         return self.once(rig, answer)
 

@@ -110,3 +110,19 @@ def test_no_bare_number_decides(repository: Path) -> None:
         if isinstance(node, ast.Compare) and any(decides(part) for part in ast.walk(node))
     ]
     assert bare == []
+
+
+def test_numbers_on_the_page_are_the_defaults(repository: Path) -> None:
+    gap, watch = GapConfig(), WatchConfig()
+    blur, evidence = gap.evidence.blur, gap.evidence
+    text = " ".join((repository / "docs" / "gap.md").read_text(encoding="utf-8").split())
+    assert f"bootstrap over blocks of {gap.report.block_px} pixels" in text
+    assert gap.solve.joint.rounds == 3
+    assert "linearised anew, at most three times" in text
+    assert f"the other has under {100 * evidence.own_share:.0f} % of the footprint" in text
+    assert f"what the image flows in {blur.exposure_s:g} s, at most {100 * blur.most_share:.0f} % of its width" in text
+    assert f"Residuals of more than {evidence.gross_mm:g} mm" in text
+    assert evidence.gross_sigma == 5.0
+    assert f"up to five times the noise of the neighbours, at most {1e-3 * evidence.gross_most_mm:g} m" in text
+    assert f"`views_per_alarm` ({watch.views_per_alarm})" in text
+    assert f"With {watch.baseline} views of baseline" in text
