@@ -74,7 +74,7 @@ def share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, actio
 
 
 def _imagined(view: ViewEvidence, caster: Raycaster, action: Action) -> ViewEvidence:
-    """What a view would be after the action: noise-free, its scatter as before."""
+    """What a view would be after the action: noise-free, its noise level as before."""
     range_m = float(np.nanmedian(view.frame.depth))
     rendering = render(caster, view.frame.camera, action.pose(view.rendering.T_cell_camera, range_m), footprints=False)
     frame = action.change(ideal_frame(rendering, view.frame.context))

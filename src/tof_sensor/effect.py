@@ -26,7 +26,7 @@ class Evidence(Enum):
     """The kind of trace that an effect leaves."""
 
     BIAS = "bias"
-    SCATTER = "scatter"
+    NOISE = "noise"
     MISSING = "missing"
 
 
@@ -206,7 +206,7 @@ class Effect(ABC):
     def not_testable(cls, session: Session) -> str | None:
         """The reason why a session cannot test the effect, None where it can."""
         if cls.MODULATED and not session.modulated:
-            return "scatter goes with range squared and not with light: no time-of-flight camera"
+            return "noise goes with range squared and not with light: no time-of-flight camera"
         return cls.lacks(session) or None
 
     @classmethod

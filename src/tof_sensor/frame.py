@@ -38,10 +38,10 @@ class Context:
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Frame:
-    """One view: its geometry, and the depth, amplitude, scatter and loss so far.
+    """One view: its geometry, and the depth, amplitude, noise and loss so far.
 
     rays (H, W, 3) with z = 1 through the pixels; depth (H, W) metres along z, NaN off the CAD; amplitude (H, W) in the camera's unit;
-    sigma (H, W) metres of scatter of one capture; missing (H, W) probability of no return.
+    sigma (H, W) metres, noise of one capture; missing (H, W) probability of no return.
     """
 
     rendering: Rendering
@@ -131,7 +131,7 @@ def amplitude_gain(measured: Float, lambert: Float) -> float | None:
     return float(np.median(measured[both] / lambert[both])) if both.any() else None
 
 
-def scattered(frame: Frame, sigma: Float, rng: np.random.Generator) -> Frame:
+def with_noise(frame: Frame, sigma: Float, rng: np.random.Generator) -> Frame:
     """The frame with normal noise of `sigma` (H, W) metres of z added to depth and sigma."""
     depth = frame.depth + sigma * rng.standard_normal(frame.depth.shape)
     return replace(frame, depth=depth, sigma=np.hypot(frame.sigma, sigma))

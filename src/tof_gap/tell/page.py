@@ -59,13 +59,13 @@ def sentence(content: dict[str, Any]) -> str:
         return "Camera and simulation agree to within the noise: nothing needs to be added."
     if not names:
         return f"Camera and simulation differ, and no effect known here explains how.{_clue(content['unexplained'])}"
-    said = _listed(names)
+    listed = _listed(names)
     verb = "explain" if len(names) > 1 else "explains"
     how = "" if gap["shrink"] is None else f" and {verb} {_percent(gap['shrink'])} of the gap"
     more = ""
     if "unknown" in content["verdict"]:
         more = f" Something else is left that no effect known here explains.{_clue(content['unexplained'])}"
-    return f"Camera and simulation differ by {said}{', which together' if len(names) > 1 and how else ', which' if how else ''}{how[4:] if how else ''}.{more}"
+    return f"Camera and simulation differ by {listed}{', which together' if len(names) > 1 and how else ', which' if how else ''}{how[4:] if how else ''}.{more}"
 
 
 PLACE = "place in the cell"
@@ -78,8 +78,8 @@ def _clue(unexplained: dict[str, Any]) -> str:
     names = [GOES_WITH.get(q, q.split("_")[0]) for q in unexplained["depends_on"]]
     goes = f"goes with {_listed(list(dict.fromkeys(names)))}" if names else ""
     where = f"shows most on {_listed(unexplained['where'][:3])}" if unexplained["where"] else ""
-    said = "; it ".join(x for x in (goes, where) if x)
-    return f" It {said}." if said else ""
+    clues = "; it ".join(x for x in (goes, where) if x)
+    return f" It {clues}." if clues else ""
 
 
 def _listed(names: Sequence[str]) -> str:

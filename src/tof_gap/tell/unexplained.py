@@ -98,7 +98,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits) -> Unexplained:
 def _noise2(found: Account) -> list[Float]:
     """(H, W) m^2 per view that no bias need explain: the floor, the named noise, and the variance of the pattern's map."""
     nothing = np.zeros((len(found.figures.floors), *found.figures.floors[0].shape))
-    named = [np.nan_to_num(f.share) ** 2 for f in found.findings if f.effect.EVIDENCE is Evidence.SCATTER and f.share is not None]
+    named = [np.nan_to_num(f.share) ** 2 for f in found.findings if f.effect.EVIDENCE is Evidence.NOISE and f.share is not None]
     return [f + s + found.figures.unsure2 for f, s in zip(found.figures.floors, np.sum([nothing, *named], axis=0), strict=True)]
 
 

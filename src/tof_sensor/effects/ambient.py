@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 
 from tof_core.config import param
 from tof_sensor.effect import Detection, Effect, Evidence
-from tof_sensor.frame import scattered
+from tof_sensor.frame import with_noise
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
@@ -42,7 +42,7 @@ class Ambient(Effect):
     ORDER: ClassVar[int] = 71
     MEANING: ClassVar[str] = "light that is not the camera's own makes the depth noisier"
     SEPARATED_BY: ClassVar[str] = "the same poses with the foreign light switched off"
-    EVIDENCE: ClassVar[Evidence] = Evidence.SCATTER
+    EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
     MODULATED: ClassVar[bool] = True
 
     surface_m: float = param(0.0, "noise of foreign light off the surface at the reference amplitude and 1 m", unit="m", low=0.0, high=0.2)
@@ -60,7 +60,7 @@ class Ambient(Effect):
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Add the noise of the foreign photons."""
-        return scattered(frame, self.noise(frame), rng)
+        return with_noise(frame, self.noise(frame), rng)
 
     def added_to(self, law: PhotonLaw) -> PhotonLaw:
         """The law of the same camera under this light."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.config import param
 from tof_sensor.effect import Effect, Evidence
-from tof_sensor.frame import scattered
+from tof_sensor.frame import with_noise
 
 if TYPE_CHECKING:
     from tof_sensor.frame import Frame
@@ -18,27 +18,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Interference(Effect):
-    """Scatter that comes and goes between frames (docs/effects.md), larger where own light is weak."""
+    """Noise that comes and goes between frames (docs/effects.md), larger where own light is weak."""
 
     NAME: ClassVar[str] = "interference"
     ORDER: ClassVar[int] = 74
     MEANING: ClassVar[str] = "another light source beats with this camera"
     SEPARATED_BY: ClassVar[str] = "the other light source switched off"
     MODULATED: ClassVar[bool] = True
-    EVIDENCE: ClassVar[Evidence] = Evidence.SCATTER
+    EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
 
-    burst_m: float = param(0.0, "scatter in a hit frame at the reference amplitude", unit="m", low=0.0, high=0.2)
+    burst_m: float = param(0.0, "noise in a hit frame at the reference amplitude", unit="m", low=0.0, high=0.2)
     duty: float = param(0.3, "share of frames that are hit", low=0.0, high=1.0)
     reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """A frame is hit or not; a beat leaves one common offset and scatter of the same size."""
+        """A frame is hit or not; a beat leaves one common offset and noise of the same size."""
         if rng.random() >= self.duty:
             return frame
         size = self.burst_m * self.reference / np.maximum(frame.amplitude, 1e-12) / frame.length
         size = np.minimum(size, 20 * self.burst_m)
         beat = replace(frame, depth=frame.depth + size * np.sin(rng.uniform(0, 2 * np.pi)))
-        return scattered(beat, size, rng)
+        return with_noise(beat, size, rng)
 
     @property
     def in_bursts(self) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lens scatter: a veil of light from bright pixels pulls dark ones toward their depth."""
+"""Lens scattering: a veil of light from bright pixels pulls dark ones toward their depth."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ class LensScatter(Effect):
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("halo", "middle", "veil")
 
-    halo: float = param(0.0, "share scattered nearby", low=-0.1, high=0.5)
-    middle: float = param(0.0, "share scattered over a fifth of the image", low=-0.1, high=0.5)
-    veil: float = param(0.0, "share scattered over the whole image", low=-0.1, high=0.5)
+    halo: float = param(0.0, "share of the light that lands nearby", low=-0.1, high=0.5)
+    middle: float = param(0.0, "share that lands over a fifth of the image", low=-0.1, high=0.5)
+    veil: float = param(0.0, "share that lands over the whole image", low=-0.1, high=0.5)
     modulation_mhz: float = param(60.0, "modulation frequency", unit="MHz", low=5.0, high=400.0)
 
     def columns(self, frame: Frame) -> Float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.config import param
 from tof_sensor.effect import Effect, Evidence
-from tof_sensor.frame import scattered
+from tof_sensor.frame import with_noise
 
 if TYPE_CHECKING:
     from tof_sensor.frame import Frame
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Noise(Effect):
-    """Scatter that the photon law does not predict: the same at every amplitude, or by a factor."""
+    """Noise that the photon law does not predict: the same at every amplitude, or by a factor."""
 
     NAME: ClassVar[str] = "noise"
     ORDER: ClassVar[int] = 72
     MEANING: ClassVar[str] = "more noise than the amount of light explains"
     SEPARATED_BY: ClassVar[str] = "bright and dark surfaces in longer dwells"
-    EVIDENCE: ClassVar[Evidence] = Evidence.SCATTER
+    EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
 
-    extra_m: float = param(0.0, "scatter added at every amplitude", unit="m", low=0.0, high=0.1)
-    factor: float = param(1.0, "the photon law's scatter times this", low=0.0, high=20.0)
+    extra_m: float = param(0.0, "noise added at every amplitude", unit="m", low=0.0, high=0.1)
+    factor: float = param(1.0, "the photon law's noise times this", low=0.0, high=20.0)
     duty: float = param(1.0, "share of frames that have it", low=0.0, high=1.0)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Add what is missing to the scatter so far."""
+        """Add what is missing to the noise so far."""
         if self.duty < 1.0 and rng.random() >= self.duty:
             return frame
         grown = (max(self.factor, 1.0) ** 2 - 1) * frame.sigma**2
-        return scattered(frame, np.sqrt(self.extra_m**2 + grown), rng)
+        return with_noise(frame, np.sqrt(self.extra_m**2 + grown), rng)
 
     @property
     def constant_variance(self) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Phase wrap: range beyond the unambiguous one comes back short by whole turns."""
+"""Phase wrap: range beyond the unambiguous one comes back short by whole periods."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ class PhaseWrap(Effect):
     MEANING: ClassVar[str] = "range beyond the camera's unambiguous distance comes back short by whole periods"
     MODULATED: ClassVar[bool] = True
 
-    modulation_mhz: float = param(100.0, "frequency whose turns are miscounted", unit="MHz", low=1.0, high=400.0)
-    start_m: float = param(1.5, "range from which turns are lost (negative: up to it, too far)", unit="m")
+    modulation_mhz: float = param(100.0, "frequency whose periods are miscounted", unit="MHz", low=1.0, high=400.0)
+    start_m: float = param(1.5, "range from which the phase wraps (negative: up to it, too far)", unit="m")
     share: float = param(0.0, "share of those pixels that wrap", low=0.0, high=1.0)
 
     @property
     def turn_m(self) -> float:
-        """Metres of one whole turn."""
+        """Metres of one whole period."""
         return LIGHT_M_PER_S / (2e6 * self.modulation_mhz)
 
     def bias(self, frame: Frame) -> Float:
-        """Mean shift: share of a turn."""
+        """Mean shift: share of a period."""
         beyond = frame.radial > self.start_m if self.start_m > 0 else frame.radial < -self.start_m
         sign = -1.0 if self.start_m > 0 else 1.0
         return np.where(beyond & frame.valid, sign * self.share * self.turn_m / frame.length, 0.0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.config import param
 from tof_sensor.effect import Effect, Evidence
-from tof_sensor.frame import scattered
+from tof_sensor.frame import with_noise
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
@@ -28,18 +28,18 @@ class PhotonLaw(Effect):
     NAME: ClassVar[str] = "photon_law"
     ORDER: ClassVar[int] = 70
     MEANING: ClassVar[str] = ""  # What every sensor has: no effect.
-    EVIDENCE: ClassVar[Evidence] = Evidence.SCATTER
+    EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
 
-    floor_m: float = param(0.0003, "scatter that no light removes", unit="m", low=0.0, high=0.05)
+    floor_m: float = param(0.0003, "noise that no light removes", unit="m", low=0.0, high=0.05)
     shot_m: float = param(0.001, "photon noise at the reference amplitude", unit="m", low=0.0, high=0.1)
     ambient_m: float = param(0.0, "ambient and read noise at the reference amplitude", unit="m", low=0.0, high=0.1)
     far_m: float = param(0.0, "noise of ambient light off the surface at the reference amplitude and 1 m", unit="m", low=0.0, high=0.1)
     reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Scatter by amplitude."""
+        """Noise by amplitude."""
         variance = self.variance(frame.amplitude, np.nan_to_num(frame.radial) ** 2)
-        return scattered(frame, np.sqrt(variance) / frame.length, rng)
+        return with_noise(frame, np.sqrt(variance) / frame.length, rng)
 
     def variance(self, amplitude: Float, range2: Float) -> Float:
         """m^2 along the ray at amplitudes and squared ranges (m^2)."""

@@ -22,7 +22,7 @@ class Quantization(Effect):
     NAME: ClassVar[str] = "quantization"
     ORDER: ClassVar[int] = 86
     MEANING: ClassVar[str] = "depth comes in coarse steps"
-    EVIDENCE: ClassVar[Evidence] = Evidence.SCATTER
+    EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
 
     step_m: float = param(0.0, "step of the depth code", unit="m", low=0.0, high=0.1)
 
