@@ -23,8 +23,8 @@ INTRODUCTION = """# Every number that decides
 `--config FILE.yaml` changes them. `gap.` is the diagnosis, `align.` the alignment that it and every label use. Terms are in the [glossary](glossary.md).
 
 **Halved, doubled**: what changes when the number is halved or doubled and all others keep their defaults. For the diagnosis, in how many of the
-sessions that were tried the verdict changes, and by how many percentage points the shrink changes at most. For the alignment, in how many sessions
-another number of views is accepted, and by how many millimetres a camera moves at most. *Not read*: no session that was tried depends on the number,
+sessions that were tried the verdict changes, and by how many percentage points the shrink, its interval or the explainable share changes at most. For
+the alignment, in how many sessions another number of views is accepted, and by how many millimetres a camera moves at most. *Not read*: no session that was tried depends on the number,
 such as those of motion blur where all views are still. A dash: not measured. A bound of the number may hold the value nearer to the default.
 
 `.venv/bin/python -m benchmarks.limits --write` measures: it records twelve sessions of 160x122 pixels (two nulls, single effects, a pair, one effect

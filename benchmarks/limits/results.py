@@ -30,11 +30,19 @@ def key(line: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def rows(lines: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One row per number: sessions tried and sessions that read it; per factor, verdicts that change and the largest change of a figure."""
+    """One row per number: sessions tried and sessions that read it; per factor, verdicts that change and the largest change of a figure.
+
+    Of a number that was measured at several commits, the last one counts.
+    """
     by_name: dict[str, list[dict[str, Any]]] = {}
     for line in lines:
         by_name.setdefault(line["name"], []).append(line)
-    return [_row(name, by_name[name]) for of in SECTIONS for info in numbers(of) if (name := f"{of}.{info.name}") in by_name]
+    return [
+        _row(name, [line for line in by_name[name] if line["code"] == by_name[name][-1]["code"]])
+        for of in SECTIONS
+        for info in numbers(of)
+        if (name := f"{of}.{info.name}") in by_name
+    ]
 
 
 def _row(name: str, lines: list[dict[str, Any]]) -> dict[str, Any]:

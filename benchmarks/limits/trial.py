@@ -76,7 +76,7 @@ class Trials:
         return next((i for i, stage in enumerate(STAGES) if name in self.reads.get(stage, ())), len(STAGES))
 
     def _diagnosed(self, config: Any, keep: list[str] | None = None) -> dict[str, Any]:
-        """Verdict and shrink; `keep`: stages whose results with default numbers are used again."""
+        """Verdict, shrink with its interval, and explainable share; `keep`: stages whose results with default numbers are used again."""
         keep = keep or []
 
         def staged(stage: str, after: str, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -97,10 +97,12 @@ class Trials:
             self.stage[0] = CLOSED
             if CLOSED not in keep or key not in self.kept:
                 found = CONCLUDE(joint, *args)
+                self.kept.setdefault((key, "rng"), args[-1].bit_generator.state)
                 self.kept.setdefault(key, found)
                 self.kept.setdefault((key, "alive"), joint.selection)
             else:
                 found = self.kept[key]
+                args[-1].bit_generator.state = self.kept[key, "rng"]  # Intervals are resampled with what follows.
             self.stage[0] = REPORT
             views = [tuple(replace(v, limits=config.evidence) for v in seen) for seen in (found.evidence, found.linearised)]
             return replace(found, evidence=views[0], linearised=views[1])
@@ -117,8 +119,8 @@ class Trials:
             try:
                 d = diagnosis.diagnose(self.session.views, self.session.caster, config, AlignConfig(), self.session.left_out)
             except ToftwinError as error:
-                return {"verdict": [f"refused: {error}"], "shrink": None}
-        return {"verdict": list(d.verdict), "shrink": d.gap.shrink}
+                return {"verdict": [f"refused: {error}"], "figures": []}
+        return {"verdict": list(d.verdict), "figures": [d.gap.shrink, *(d.gap.ci95 or (None, None)), d.explainable]}
 
     def _render(self, caster: Raycaster, camera: Camera, pose: Float, *, footprints: bool = True) -> Any:
         """The CAD from one camera and pose; rendered once, as no number of the gap enters it."""
@@ -149,15 +151,16 @@ class Trials:
             return {
                 "verdict": found["verdict"],
                 "changed": found["verdict"] != usual["verdict"],
-                "points": _points(usual["shrink"], found["shrink"]),
+                "points": _points(usual["figures"], found["figures"]),
             }
         moved = [se3.distance(a, b)[0] for a, b in zip(usual["poses"], found["poses"], strict=False)]
         return {"accepted": found["accepted"], "changed": found["accepted"] != usual["accepted"], "mm": 1e3 * max(moved, default=0.0)}
 
 
-def _points(one: float | None, other: float | None) -> float | None:
-    """Percentage points between two shrinks; None where either is not stated."""
-    return None if one is None or other is None else 100.0 * abs(one - other)
+def _points(one: list[float | None], other: list[float | None]) -> float | None:
+    """Percentage points by which a figure differs at most; None where none is stated in both."""
+    both = [100.0 * abs(a - b) for a, b in zip(one, other, strict=False) if a is not None and b is not None]
+    return max(both, default=None)
 
 
 def _with_limits(found: Any, evidence: Any) -> Any:
