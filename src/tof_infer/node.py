@@ -21,6 +21,7 @@ from tof_infer.config import InferConfig
 from tof_infer.frames import Mark
 from tof_infer.session import Session
 from tof_ros import messages, qos
+from tof_ros.base import LEFT_OVER
 from tof_ros.managed import ManagedNode
 from tof_ros.patience import PERIOD_S, Patience
 
@@ -93,7 +94,11 @@ class InferNode(ManagedNode[InferNodeConfig]):
         del self._session
 
     def _frame(self, message: Any) -> None:
-        self._arrivals[stamp_ns(message)] = self.tally.arrived()
+        arrived = self.tally.arrived()
+        if self.left_over(stamp_ns(message)):
+            self.skip(stamp_ns(message), LEFT_OVER)
+            return
+        self._arrivals[stamp_ns(message)] = arrived
         self._patience.start(stamp_ns(message))
         self._builder.depth(message)
         if self._jump:
@@ -146,7 +151,8 @@ class InferNode(ManagedNode[InferNodeConfig]):
     def reset(self) -> str:
         """Discard the frames that are waiting."""
         self._builder.reset()
-        self._arrivals.clear()
+        self.forget_frames(self._arrivals)
+        self._patience.clear()
         self._jump.clear()
         return "what waited is forgotten"
 

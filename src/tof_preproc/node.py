@@ -20,7 +20,7 @@ from tof_preproc.live import PreprocNodeConfig, input_topics
 from tof_preproc.preprocessor import warm_up
 from tof_preproc.stream import PreprocStream, Processed
 from tof_ros import messages, qos
-from tof_ros.base import RoomNode
+from tof_ros.base import LEFT_OVER, RoomNode
 from tof_ros.patience import PERIOD_S, Patience
 from tof_ros.recorder import RecordService
 from tof_ros.transforms import TransformListener
@@ -98,6 +98,9 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
 
     def _frame(self, message: Any, take: Any) -> None:
         arrived = self.tally.arrived()
+        if self.left_over(stamp_ns(message)):
+            self.skip(stamp_ns(message), LEFT_OVER)
+            return
         self._since_info += 1
         self._arrivals[stamp_ns(message)] = arrived
         self._patience.start(stamp_ns(message))
@@ -169,7 +172,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         """Forget dwell, stations and transforms."""
         if hasattr(self, "_stream"):
             self._stream.reset()
-            self._arrivals.clear()
+            self.forget_frames(self._arrivals)
             self._patience.clear()
         return "dwell, stations and transforms are forgotten"
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -15,6 +16,7 @@ from sensor_msgs.msg import TimeReference
 from std_srvs.srv import Trigger
 
 from tof_core.errors import RefusedError, ToftwinError
+from tof_core.jump import JUMP_NS
 from tof_ros import messages, qos
 from tof_ros.diagnostics import Diagnostics, Tally
 from tof_ros.hearing import Hearing
@@ -32,6 +34,11 @@ if TYPE_CHECKING:
     from tof_ros.spin import Spinner
 
 C = TypeVar("C")
+
+ONE_JUMP_S = 2.0
+"""`/clock`, and messages that queued before it was set back, follow late stamps of the same jump within this time (wall clock)."""
+RESET, LEFT_OVER = "reset", "before the jump"
+"""Why a frame has no outputs: it waited at a reset, or it was sent before the clock was set back and received after it."""
 
 
 class RoomNode(Node, Generic[C]):
@@ -69,8 +76,9 @@ class RoomNode(Node, Generic[C]):
         self._settings = Parameters(self, config, fixed=fixed, locked=locked, on_change=self.on_config)
         self._done = self.output("done", TimeReference)
         self._diagnostics = Diagnostics(self, self.tally, self.reported, self.complaints, lambda: self.trouble, self.hearing.silence)
+        self._last_jump = float("-inf")
         threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False)
-        self._jump = self.get_clock().create_jump_callback(threshold, post_callback=lambda _: self.jumped())
+        self._clock_jump = self.get_clock().create_jump_callback(threshold, post_callback=lambda _: self._clock_jumped())
         self.service("reset", self.reset)
 
     @property
@@ -180,6 +188,25 @@ class RoomNode(Node, Generic[C]):
             self.get_logger().warning(f"frame {stamp_ns} skipped, {reason}: {why}", throttle_duration_sec=5.0)
 
     def jumped(self) -> None:
-        """The clock was set back: what was accumulated belongs to another time."""
+        """The clock was set back: the accumulated state belongs to another time."""
+        self._last_jump = time.monotonic()
         self.get_logger().warning("the clock was set back: starting afresh")
         self.reset()
+
+    def _clock_jumped(self) -> None:
+        """`/clock` was set back; where stamps have just shown the same jump, the state is that of the new time already."""
+        if time.monotonic() - self._last_jump > ONE_JUMP_S:
+            self.jumped()
+
+    def left_over(self, stamp_ns: int) -> bool:
+        """Whether a message was sent before the clock was set back and is received after it: stamped ahead of simulated time."""
+        if time.monotonic() - self._last_jump > ONE_JUMP_S:
+            return False
+        clock = self.get_clock()
+        return bool(clock.ros_time_is_active) and stamp_ns > clock.now().nanoseconds + JUMP_NS
+
+    def forget_frames(self, arrivals: dict[int, float]) -> None:
+        """Give each waiting frame its end on `done`: it has no outputs, because of a reset."""
+        for stamp in sorted(arrivals):
+            self.skip(stamp, RESET)
+        arrivals.clear()

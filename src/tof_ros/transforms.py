@@ -63,6 +63,8 @@ class TransformListener:
         self._node.destroy_guard_condition(self._wake)
 
     def _add(self, message: TFMessage, *, static: bool) -> None:
+        if not static and any(self._node.left_over(messages.to_ns(t.header.stamp)) for t in message.transforms):
+            return
         try:
             self._buffer.add_message(message, static=static)
         except TransformError as error:

@@ -17,6 +17,7 @@ from tof_core.errors import ToftwinError, TransformError
 from tof_core.jump import BackwardJump
 from tof_core.live import view_of
 from tof_ros import qos
+from tof_ros.base import LEFT_OVER
 from tof_ros.joiner import StampJoiner
 from tof_ros.patience import NEVER, PERIOD_S, Patience
 from tof_ros.transforms import TransformListener
@@ -59,6 +60,11 @@ class ViewFeed:
 
     def _part(self, part: str, message: Any) -> None:
         stamp = stamp_ns(message)
+        if self._node.left_over(stamp):
+            if part == "depth":
+                self._node.tally.arrived()
+                self._node.skip(stamp, LEFT_OVER)
+            return
         if part == "depth":
             self._camera(message.header.frame_id)
             self._arrivals[stamp] = self._node.tally.arrived()
@@ -121,7 +127,7 @@ class ViewFeed:
         """Forget what waits, and where everything was."""
         self._joiner.clear()
         self._waiting.clear()
-        self._arrivals.clear()
+        self._node.forget_frames(self._arrivals)
         self._patience.clear()
         self._jump.clear()
         self._overdue = NEVER
@@ -129,6 +135,7 @@ class ViewFeed:
 
     def close(self) -> None:
         """Listen to TF no more; the subscriptions are the node's."""
+        self._node.forget_frames(self._arrivals)
         self._transforms.close()
 
     def figures(self) -> dict[str, str]:
