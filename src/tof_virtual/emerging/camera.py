@@ -76,7 +76,8 @@ class Camera:
         valid = ~weak & ~saturated & (apart <= 1e-3 * f.agree_mm) & (distance > 0.02)
         distance = np.where(valid, distance, np.nan)
         if f.filter:
-            distance[firmware.edges(distance, self.lens.shape, 1 / self.lens.fx)] = np.nan
+            expected = np.mean([r.noise for r in readings], axis=0) / np.sqrt(f.captures)
+            distance[firmware.edges(distance, expected, self.lens.shape, 1 / self.lens.fx)] = np.nan
         depth = distance if f.radial else distance / self._length
         if noisy:
             step = 1e-3 * f.step_mm

@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 
 EDGE_SLOPE = 9.4
 """Rise over two pixels, in pixel pitches, beyond which the filter takes a 3 x 3 neighbourhood for an edge: tan 78 degrees, twice."""
+STEP_SIGMAS = 10.0
+"""Rise across a pixel, beyond what the slopes on either side explain, in standard deviations of one pixel, that is a step.
+
+Of means over three rows: sigma / sqrt 3 * sqrt 10 is 1.8 sigma, so that a plane exceeds it in one of ten million pixels.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,9 +37,10 @@ class Correction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """One internal capture: distance along the ray (P,) in metres, amplitude (P,) in electrons, saturated (P,)."""
+    """One internal capture: distance along the ray (P,) and its expected noise in metres, amplitude (P,) in electrons, saturated (P,)."""
 
     distance: Float
+    noise: Float
     amplitude: Float
     saturated: Mask
 
@@ -47,7 +53,10 @@ def read(device: Device, counts: Counts, correction: Correction, thermal_s: floa
     weight = (nominal * exposure) ** 2 / exposure  # inverse variance of shot noise
     delay = 0.5 * SPEED_OF_LIGHT * (thermal_s - correction.pixel_s)
     distance, amplitude = _decode(counts.electrons, span, weight, correction.cyclic, delay, device.firmware.range_m)
-    return Reading(distance, amplitude, counts.saturated)
+    # shot noise of the taps' own sum at the first frequency; further frequencies average it
+    total = np.maximum(counts.electrons[0, 0].sum(axis=0), 1.0)
+    noise = span[0] / (2 * np.pi) * np.sqrt(2 * total) / (4 * np.maximum(amplitude, 1.0)) / np.sqrt(nominal.size)
+    return Reading(distance, noise, amplitude, counts.saturated)
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,16 +100,19 @@ def along_ray(device: Device, distance: Float, rays: Float) -> Float:
     return np.asarray((4 * distance**2 - b**2) / (4 * distance - 2 * b * rays[:, 0]))
 
 
-def edges(distance: Float, shape: tuple[int, int], pitch: float) -> Mask:
-    """Pixels (P,) whose 3 x 3 neighbourhood spans more depth than a surface would: the flying-pixel filter.
+def edges(distance: Float, noise: Float, shape: tuple[int, int], pitch: float) -> Mask:
+    """Pixels (P,) between two surfaces: the flying-pixel filter.
 
-    `pitch` is the angle of a pixel in radians. Pixels that measured nothing are no neighbours.
+    Edges are where a 3 x 3 neighbourhood spans more depth than a surface would, and where the depth rises by more than the
+    slopes on either side and the `noise` (P,) explain. `pitch` is the angle of a pixel in radians; NaN is no neighbour.
     """
-    return np.asarray(_edges(np.ascontiguousarray(distance.reshape(shape)), EDGE_SLOPE * pitch).ravel())
+    image, sigma = (np.ascontiguousarray(a.reshape(shape)) for a in (distance, noise))
+    steps = _steps(image, sigma, STEP_SIGMAS) | _steps(np.ascontiguousarray(image.T), np.ascontiguousarray(sigma.T), STEP_SIGMAS).T
+    return np.asarray((_spans(image, EDGE_SLOPE * pitch) | steps).ravel())
 
 
 @njit(cache=True, error_model="numpy")
-def _edges(distance: Float, slope: float) -> Mask:
+def _spans(distance: Float, slope: float) -> Mask:
     H, W = distance.shape
     out = np.zeros((H, W), np.bool_)
     for v in range(H):
@@ -112,4 +124,23 @@ def _edges(distance: Float, slope: float) -> Mask:
                     if not np.isnan(d):
                         low, high = min(low, d), max(high, d)
             out[v, u] = high - low > slope * distance[v, u]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _steps(distance: Float, noise: Float, sigmas: float) -> Mask:
+    """Steps along rows, of means over three rows."""
+    H, W = distance.shape
+    out = np.zeros((H, W), np.bool_)
+    for v in range(1, H - 1):
+        for u in range(2, W - 2):
+            a, b, c, d = 0.0, 0.0, 0.0, 0.0
+            for y in range(v - 1, v + 2):
+                a += distance[y, u - 2] / 3
+                b += distance[y, u - 1] / 3
+                c += distance[y, u + 1] / 3
+                d += distance[y, u + 2] / 3
+            low, high = 2 * min(b - a, d - c), 2 * max(b - a, d - c)
+            beyond = max(c - b - high, low - (c - b))
+            out[v, u] = beyond > sigmas * noise[v, u]  # false where a neighbour is NaN
     return out

@@ -13,6 +13,7 @@ from tests.tof_virtual.emerging.made import LENS, PERFECT, device, error_mm, on_
 from tests.tof_virtual.made import quad, wall
 from tof_core.camera import Camera as Lens
 from tof_virtual.emerging.camera import Camera, target
+from tof_virtual.emerging.firmware import edges
 from tof_virtual.taps import SPEED_OF_LIGHT
 
 if TYPE_CHECKING:
@@ -153,7 +154,7 @@ def test_a_full_well_saturates_and_is_invalid() -> None:
 
 
 def test_aged_clock_columns_shift_whole_columns_by_half_their_delay_at_any_distance() -> None:
-    aged = device(pixel__column_ps=20.0)
+    aged = device(pixel__column_ps=20.0, firmware__filter=False)
     near, far = (error_mm([wall(half=4.0)], x, aged)[0] for x in (0.7, 1.6))
     columns = near.mean(axis=0)
     assert np.std(columns) == pytest.approx(0.5e3 * SPEED_OF_LIGHT * 20e-12, rel=0.3)
@@ -309,6 +310,20 @@ def test_the_filter_drops_mixed_pixels_and_without_it_they_lie_between_the_surfa
     assert mixed.sum() > 20
     assert edge[mixed].all()
     assert ((frame.depth[mixed] > 0.75) & (frame.depth[mixed] < 1.15)).all()
+
+
+def test_the_filter_drops_a_low_step_where_the_noise_allows_and_keeps_slopes_and_creases() -> None:
+    H, W = 40, 60
+    _v, u = np.mgrid[0:H, 0:W]
+    noise = np.full(H * W, 1e-3)
+    low_step = 0.8 + 0.015 * (u >= 30)
+    found = edges(low_step.ravel(), noise, (H, W), 1 / 90).reshape(H, W)
+    assert found[5:-5, 29:31].all()
+    assert not found[:, :27].any()
+    assert not edges(low_step.ravel(), 3 * noise, (H, W), 1 / 90).any()
+    slope, crease = 0.8 + 0.02 * u, 0.8 + 0.02 * np.abs(u - 30)
+    for surface in (slope, crease):
+        assert not edges(surface.ravel(), noise, (H, W), 1 / 90).any()
 
 
 def test_radial_output_is_the_distance_along_the_ray() -> None:
