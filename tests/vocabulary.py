@@ -1,29 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The effects of docs/effects.md by name: simulator, sensor model and diagnosis must know all of them."""
+"""The effects by name, as docs/effects.md has them: what simulator, sensor model and diagnosis must all know."""
 
-EFFECT_NAMES = {
-    "multipath",
-    "wiggling",
-    "flying_pixels",
-    "lens_scatter",
-    "temperature_drift",
-    "amplitude_bias",
-    "fixed_pattern",
-    "noise",
-    "motion",
-    "intrinsics",
-    "hand_eye",
-    "time_sync",
-    "phase_wrap",
-    "dropout",
-    "cad_deviation",
-    "radial_depth",
-    "depth_scale",
-    "range_offset",
-    "quantization",
-    "specular",
-    "subsurface",
-    "interference",
-    "ambient",
-    "emitter_offset",
-}
+import re
+from pathlib import Path
+
+PAGE = Path(__file__).parents[1] / "docs" / "effects.md"
+EFFECT_NAMES = set(re.findall(r"^## ([a-z_]+)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE))

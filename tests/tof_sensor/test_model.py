@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def test_vocabulary_is_the_designs() -> None:
+def test_every_effect_is_explained_and_every_explained_effect_is_there() -> None:
     assert set(VOCABULARY) == EFFECT_NAMES
 
 
