@@ -48,16 +48,16 @@ def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effe
         one, two = two, one
     kinds = [HandEye if c.effect is None else type(c.effect) for c in (one, two)]
     actions = dict.fromkeys(action for kind in kinds for action in kind.ACTIONS)
-    tried = [(share(d, caster, one, two, action), action.text) for action in actions]
+    tried = [(visible_share(d, caster, one, two, action), action.text) for action in actions]
     best, text = max(tried, default=(0.0, ""))
-    now, limits = share(d, caster, one, two, None), d.config.report
+    now, limits = visible_share(d, caster, one, two, None), d.config.report
     if best < limits.advice_gain * now + limits.advice_least:
         reference = " or ".join(dict.fromkeys(kind.SEPARATED_BY for kind in kinds))
         return f"no capture of {EXTRA} more views tried here separates {names}: {reference} would"
     return f"{text}: separates {names} ({now:.0%} of the one stands beside the other now, {best:.0%} then)"
 
 
-def share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, action: Action | None) -> float:
+def visible_share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, action: Action | None) -> float:
     """Of the energy of `one` after pose, the share that `two` leaves, with the action's views added."""
     views, chain = list(d.solved.linearised), d.solved.linearised_at
     if action is not None:

@@ -15,7 +15,7 @@ import pytest
 from tests.tof_align.made import CAMERA, CONFIG, look, panel
 from tof_align.chain import Chain
 from tof_core.capture import Capture, View
-from tof_gap.advice import advise, share
+from tof_gap.advice import advise
 from tof_gap.config import GapConfig
 from tof_gap.limits.seen import EvidenceLimits
 from tof_gap.seen.residual import gather
@@ -106,8 +106,8 @@ def test_every_tie_has_its_line() -> None:
 
 
 def test_a_share_tells_what_the_actions_change() -> None:
-    drift = [share(diagnosis(), panel(), CANDIDATES[DRIFT], CANDIDATES[OFFSET], action) for action in (None, *ACTIONS)]
+    drift = [visible_share(diagnosis(), panel(), CANDIDATES[DRIFT], CANDIDATES[OFFSET], action) for action in (None, *ACTIONS)]
     assert drift[:-1] == pytest.approx([0.0] * 5, abs=1e-3)  # nothing but warmth tells
     assert drift[-1] == pytest.approx(0.32, abs=0.02)
-    light = [share(diagnosis(), panel(), CANDIDATES[AMPLITUDE], CANDIDATES[WIGGLE], action) for action in (None, LATER, BRIGHTER)]
+    light = [visible_share(diagnosis(), panel(), CANDIDATES[AMPLITUDE], CANDIDATES[WIGGLE], action) for action in (None, LATER, BRIGHTER)]
     assert light == pytest.approx([0.0, 0.0, 0.72], abs=0.02)

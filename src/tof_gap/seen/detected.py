@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tof_sensor.effects.photon_law import PhotonLaw
 
 
-def findings(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None) -> list[Finding]:
+def detected_effects(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None) -> list[Finding]:
     """What the effects' own detectors find; `law`: the camera's photon law as `--sensor` states it."""
     session = replace(session_of(views, limits, law=law), noise=binned(views, limits.bins, limits))
     found = [kind.detect(session) for kind in PHYSICAL_ORDER if kind.not_testable(session) is None]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 
-def findings(views: Sequence[ViewEvidence], limits: MissingLimits, *, blurred: bool = False) -> list[Finding]:
+def missing_effects(views: Sequence[ViewEvidence], limits: MissingLimits, *, blurred: bool = False) -> list[Finding]:
     """`dropout`, `phase_wrap` and `flying_pixels` where the pixels show them; `blurred`: motion mixes edges of its own."""
     found = (dropout(views, limits), phase_wrap(views, limits), None if blurred else flying_pixels(views, limits))
     return [f for f in found if f is not None]

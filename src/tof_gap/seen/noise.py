@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tof_sensor.session import NoiseBins
 
 
-def findings(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Finding]:
+def noise_effects(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Finding]:
     """`quantization`, or else `interference` or `noise`, where the noise shows them."""
     step = code_step(views)
     coarse = step > limits.step_mm * 1e-3

@@ -101,9 +101,9 @@ def account(
 def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None) -> tuple[Finding, ...]:
     """What noise, loss and edges show once smooth bias is removed."""
     left = [replace(v, residual=v.residual - b) for v, b in zip(solved.evidence, solved.bias, strict=True)]
-    light = detected.findings(left, config.noise, law)
+    light = detected.detected_effects(left, config.noise, law)
     return (
         *light,
-        *noise.findings(detected.explained(left, light), config.noise),
-        *missing.findings(left, config.missing, blurred=solved.names(Motion.NAME)),
+        *noise.noise_effects(detected.explained(left, light), config.noise),
+        *missing.missing_effects(left, config.missing, blurred=solved.names(Motion.NAME)),
     )

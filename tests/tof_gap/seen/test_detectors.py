@@ -16,7 +16,7 @@ from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.line_noise import line_map, line_noise
 from tof_gap.seen.lost import _half_lost, lost
 from tof_gap.seen.mixed import mixing
-from tof_gap.seen.noise import findings
+from tof_gap.seen.noise import noise_effects
 from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
 from tof_gap.seen.stripes import beat
 from tof_gap.seen.wrapped import _common_size, phase_wrap
@@ -97,8 +97,8 @@ def test_no_beat_where_all_views_too_few_or_one_phase_have_it(hit: np.ndarray, *
 def test_a_higher_limit_finds_no_burst_and_no_burst_of_no_view() -> None:
     hit = np.isin(np.arange(VIEWS), (1, 4, 9))[:, None, None]
     session = views(rng(), hit * rng().normal(0, 0.004, (VIEWS, *SHAPE)))
-    assert [f.name for f in findings(session, LIMITS)] == ["noise"]
-    assert findings(session, updated(LIMITS, {"burst": 3.0, "extra_share": 1.0})) == []
+    assert [f.name for f in noise_effects(session, LIMITS)] == ["noise"]
+    assert noise_effects(session, updated(LIMITS, {"burst": 3.0, "extra_share": 1.0})) == []
 
 
 def test_the_noise_level_follows_amplitude() -> None:

@@ -12,7 +12,7 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.reasons import Reason
 from tof_gap.limits.seen import MissingLimits
-from tof_gap.seen.missing import findings
+from tof_gap.seen.missing import missing_effects
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
@@ -34,17 +34,17 @@ def dwelled(share: float) -> list[ViewEvidence]:
 
 
 def test_what_every_third_capture_loses_is_lost_though_the_dwell_has_it() -> None:
-    (found,) = findings(dwelled(0.1), MissingLimits())
+    (found,) = missing_effects(dwelled(0.1), MissingLimits())
     assert found.name == "dropout"
     assert found.effect.random == pytest.approx(0.1, abs=0.01)  # type: ignore[attr-defined]
 
 
 def test_a_dwell_that_lost_nothing_says_nothing() -> None:
-    assert findings(dwelled(0.0), MissingLimits()) == []
+    assert missing_effects(dwelled(0.0), MissingLimits()) == []
 
 
 @pytest.mark.parametrize(("turn_m", "names"), [(0.25, []), (0.6, ["phase_wrap"])])
 def test_a_jump_shorter_than_any_turn_is_no_lost_turn(turn_m: float, names: list[str]) -> None:
     jump = np.zeros((VIEWS, *SHAPE))
     jump[:, 20:40, 30:60] = -turn_m
-    assert [f.name for f in findings(views(np.random.default_rng(5), jump), MissingLimits())] == names
+    assert [f.name for f in missing_effects(views(np.random.default_rng(5), jump), MissingLimits())] == names

@@ -11,7 +11,7 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, rendering, views
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
-from tof_gap.seen.noise import findings
+from tof_gap.seen.noise import noise_effects
 from tof_gap.seen.photons import fit_law, own_law
 from tof_gap.seen.residual import gather
 from tof_gap.seen.stereo import like_stereo
@@ -77,7 +77,7 @@ def test_continuous_depth_has_no_step() -> None:
 
 def said(extra: np.ndarray | None) -> list[tuple[str, str]]:
     """Names and notes of what is found in a session with `extra` (V, H, W) metres of scatter."""
-    return [(f.name, f.note) for f in findings(views(np.random.default_rng(3), extra), LIMITS)]
+    return [(f.name, f.note) for f in noise_effects(views(np.random.default_rng(3), extra), LIMITS)]
 
 
 def test_photons_alone_are_no_finding() -> None:
@@ -92,7 +92,7 @@ def test_scatter_at_every_amplitude_is_noise() -> None:
 
 def test_named_noise_and_the_law_beside_it_are_the_scatter_that_was_measured() -> None:
     session = views(np.random.default_rng(3), RNG.normal(0, 0.004, (VIEWS, *SHAPE)))
-    (found,) = findings(session, LIMITS)
+    (found,) = noise_effects(session, LIMITS)
     law = own_law(session, [found.effect], LIMITS)
     assert isinstance(found.effect, Noise)
     assert law is not None
@@ -104,7 +104,7 @@ def test_named_noise_and_the_law_beside_it_are_the_scatter_that_was_measured() -
 def test_noise_in_bursts_has_its_share_of_frames_and_the_law_is_of_the_others() -> None:
     hit = np.isin(np.arange(VIEWS), (1, 4, 9))[:, None, None]
     session = views(np.random.default_rng(3), hit * RNG.normal(0, 0.006, (VIEWS, *SHAPE)))
-    (found,) = findings(session, LIMITS)
+    (found,) = noise_effects(session, LIMITS)
     law = own_law(session, [found.effect], LIMITS)
     assert isinstance(found.effect, Noise)
     assert law is not None
@@ -118,7 +118,7 @@ def test_a_view_without_amplitude_among_others_is_no_other_camera(lost: np.ndarr
     seen = [v.view for v in session]
     seen[4] = replace(seen[4], amplitude=lost)
     again = gather(seen, [v.rendering for v in session], None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
-    assert findings(again, LIMITS) == []
+    assert noise_effects(again, LIMITS) == []
     assert not like_stereo(again, LIMITS)
     assert np.median(again[4].frame.amplitude / again[3].frame.amplitude) == pytest.approx(1.0, abs=0.2)
 
