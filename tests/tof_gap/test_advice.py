@@ -15,7 +15,7 @@ import pytest
 from tests.tof_align.made import CAMERA, CONFIG, look, panel
 from tof_align.chain import Chain
 from tof_core.capture import Capture, View
-from tof_gap.advice import advise
+from tof_gap.advice import advise, visible_share
 from tof_gap.config import GapConfig
 from tof_gap.limits.seen import EvidenceLimits
 from tof_gap.seen.residual import gather
