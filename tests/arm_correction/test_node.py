@@ -110,10 +110,14 @@ def test_a_proposal_leads_to_the_reference_view_and_moves_nothing(bench: Bench, 
 
 
 def test_a_stale_view_and_a_robot_that_moved_meanwhile_are_refused_with_the_reason(bench: Bench) -> None:
-    bench.look("back")
-    time.sleep(2.1)
+    from rclpy.parameter import Parameter
+
+    assert bench.node.set_parameters([Parameter("correct.limits.stale_s", value=0.01)])[0].successful
+    old = bench.look("back")
+    wait_for(lambda: time.time_ns() - old.stamp_ns > 20_000_000)
     done, why = bench.ask("propose")
     assert (done, "stale: the view is" in why) == (False, True), why
+    assert bench.node.set_parameters([Parameter("correct.limits.stale_s", value=2.0)])[0].successful
     view = bench.look("back")
     bench.source.place(FIRST @ twist((5, 0, 0)), view.camera.frame_id, time.time_ns() + 400_000_000)
     wait_for(lambda: bench.node._chain.transforms.latest("cell", view.camera.frame_id) > view.stamp_ns + 300_000_000)
@@ -164,7 +168,7 @@ def test_connected_it_commands_the_hand_in_the_drivers_own_frame(bench: Bench) -
     bench.node.trigger_configure()
     bench.node.trigger_activate()
     wait_for(lambda: bench.observer.node.count_publishers("/spot/arm_pose_commands"))
-    time.sleep(0.3)
+    wait_for(lambda: [p for p in bench.node.publishers if p.topic_name == "/spot/arm_pose_commands" and p.get_subscription_count()])
     bench.look("back")
     bench.look("back")
     done, message = bench.ask("propose")
