@@ -7,6 +7,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from tof_core.page import PALETTE, axes, figure_uri, render_page
 from tof_eval.methods import METHODS
@@ -31,7 +32,7 @@ def write(folder: Path, result: Mapping[str, Any], shown: tuple[Judged, Mapping[
     html = render_page(
         "tof_eval",
         "evaluation.html.j2",
-        f"How right is the depth of {result['bag']}?",
+        f"Depth errors in {result['bag']}",
         result=result,
         methods=result["methods"],
         tables={k: v for k, v in tables.items() if v},
@@ -75,6 +76,7 @@ def sweep_plot(methods: Mapping[str, Any]) -> str:
             style = "--" if name[-1].isdigit() else "-"
             ax.plot(range(1, len(values) + 1), values, style, marker="o", ms=4, color=_colour(name), label=name)
         ax.set_xlabel("capture")
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         ax.set_ylabel(label)
         ax.grid(axis="y", lw=0.8)
     plots[0, 1].set_ylim(bottom=0)
@@ -96,6 +98,8 @@ def by_plot(methods: Mapping[str, Any]) -> str:
         ax.grid(axis="y", lw=0.8)
     plots[0, 0].set_ylabel("mean absolute error, mm")
     plots[0, 0].set_yscale("log")
+    plots[0, 0].yaxis.set_major_formatter("{x:g}")
+    plots[0, 0].yaxis.set_minor_formatter("{x:g}")
     return figure_uri(figure)
 
 

@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
         assert scene is not None
         evaluation = evaluate_bag(reader, Raycaster(scene), methods, config, truth=args.truth)
-    result = {**evaluation.result, "bag": Path(args.bag).name}
+    result = {**evaluation.result, "bag": Path(args.bag).name, "scene": evaluation.result["scene"] or str(args.scene)}
     if args.out is not None:
         from tof_eval.report import write
 
