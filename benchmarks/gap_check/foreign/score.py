@@ -169,17 +169,15 @@ def _maps(effects: tuple[str, ...], maps: Any, truth: Truth) -> tuple[float | No
 
 
 def _shrink(report: dict[str, Any], maps: Any, truth: Truth) -> tuple[float | None, float | None, bool | None]:
-    """Stated shrink; what taking off the re-rendered difference would give, all causes against none; whether the interval holds it."""
+    """Stated shrink; the re-rendered one, of the mean error with all causes and with none; whether the interval holds it."""
     stated, held = report["gap"]["shrink"], report["split"]["held_out_views"]
-    residual, bias = maps["residual_m"].astype(float), truth.arrays["bias_all"].astype(float)
-    if stated is None or residual.shape != bias.shape:
+    bias = truth.arrays["bias_all"].astype(float)
+    if stated is None or maps["residual_m"].shape != bias.shape or not np.nansum(bias**2):
         return None, None, None
-    residual, bias = residual[held], bias[held]
-    seen = np.isfinite(residual) & np.isfinite(bias) & (np.abs(bias) < SMOOTH_M)
-    before2 = float((residual[seen] ** 2).mean())
-    after2 = float(((residual - bias)[seen] ** 2).mean())
-    floor2 = (report["gap"]["floor_mm"] * 1e-3) ** 2
-    true = 1 - (after2 - floor2) / max(before2 - floor2, 1e-12)
+    without = truth.arrays["error_healthy"].astype(float)[held]
+    with_it = without + bias[held]
+    seen = np.isfinite(maps["residual_m"][held]) & (np.abs(with_it) < SMOOTH_M) & (np.abs(without) < SMOOTH_M)
+    true = 1 - float((without[seen] ** 2).mean()) / max(float((with_it[seen] ** 2).mean()), 1e-12)
     low, high = report["gap"]["shrink_ci95"]
     return stated, true, bool(low <= true <= high)
 

@@ -55,7 +55,7 @@ class Cause:
 
 FILTER_OFF = {"firmware.filter": False}
 CAUSES: dict[str, Cause] = {
-    "slow_driver": Cause("wiggling", "lamp.rise_ns", 1.5, 20, "the driver's rising edge is slower than at the factory"),
+    "slow_driver": Cause("wiggling", "lamp.rise_ns", 1.5, 3, "the driver's rising edge is slower than at the factory"),
     "long_pulse": Cause("wiggling", "lamp.duty", 0.05, 0.35, "the driver is on for longer than half of the period"),
     "charge_traps": Cause("amplitude_bias", "pixel.trap_ke", 1.2, 20, "traps hold charge back: dark pixels measure later"),
     "cold_start": Cause("temperature_drift", "thermal.warmup_ahead", 0.4, 4, "the camera was switched on shortly before the session"),

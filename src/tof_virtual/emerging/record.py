@@ -36,7 +36,7 @@ class Truth:
     Arrays as of `tof_virtual.truth.Truth`: poses, depth, part; `normal` (V, H, W, 3) of the true surface in the camera's frame; per effect of the vocabulary `bias_<effect>` (V, H, W) metres, the mean
     frame with all causes minus the one without the causes of that effect (NaN where nothing is measured), or of causes that show in
     noise alone the same of two captures with equal noise; `noise_<effect>` their absolute value, `loss_<effect>` whether a pixel is lost;
-    `bias_all`: with all causes minus with none; `noise` (V, H, W): the recorded capture minus its mean frame.
+    `bias_all`: with all causes minus with none; `error_healthy`: of the mean frame with none; `noise` (V, H, W): the recorded capture minus its mean frame.
     """
 
     def __init__(self, session: EmergingSession, strengths: Mapping[str, float], reached: Mapping[str, float]) -> None:
@@ -80,7 +80,12 @@ class Truth:
     def _maps(self, index: int, taken: Frame, z: Float) -> dict[str, Any]:
         s, device = self.session, self.session.device()
         mean = s.exposed(index, device).depth
-        out = {"noise": self._image(taken.depth - mean), "bias_all": self._image(_minus(mean, s.exposed(index, s.healthy).depth, z))}
+        healthy = s.exposed(index, s.healthy).depth
+        out = {
+            "noise": self._image(taken.depth - mean),
+            "bias_all": self._image(_minus(mean, healthy, z)),
+            "error_healthy": self._image(healthy - s.view(s.shutters[index], s.healthy).z),
+        }
         for effect, names in s.without_each().items():
             one = CAUSES[next(iter(names))]
             other = s.device(names)

@@ -32,7 +32,11 @@ WRAPPED_M = 0.15
 
 
 def calibrate(session: EmergingSession, strengths: Mapping[str, float]) -> dict[str, float]:
-    """Give the session's causes the sizes of their strengths; each alone on the healthy device. Returns what each reached."""
+    """Give the session's causes the sizes of their strengths; each alone on the healthy device.
+
+    Returns the error that each reached, in its metric's unit: less than asked for where physics allows no more up to `Cause.limit`
+    (NaN where the metric is the size itself).
+    """
     reached = {}
     session.sizes = {}
     sizes = {}

@@ -57,6 +57,14 @@ def test_strength_one_is_three_millimetres_and_half_of_it_half(name: str) -> Non
     assert reached == pytest.approx([3e-3, 1.5e-3], rel=0.12)
 
 
+def test_a_strength_that_physics_does_not_allow_ends_at_the_limit_and_reports_what_was_reached() -> None:
+    made = session({})
+    reached = calibrate(made, {"slow_driver": 3.0})["slow_driver"]
+    assert made.sizes["slow_driver"] == CAUSES["slow_driver"].limit
+    assert 2e-3 < reached < 9e-3
+    assert rms_mm(made) == pytest.approx(1e3 * reached, rel=0.3)
+
+
 def test_a_session_without_causes_is_its_healthy_device() -> None:
     made = session({})
     assert made.device() == PERFECT
