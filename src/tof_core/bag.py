@@ -71,7 +71,7 @@ class BagReader:
         self.options, self._files = options, files
         self.transforms = TransformBuffer(options.max_gap_s)
         self.chain = RobotChain(self.transforms, cell_frame, options.body_frame, placed)
-        self._index = BagIndex(files, self.transforms, lenient=options.recover)
+        self._index = BagIndex(files, self.transforms, lenient=options.recover, session=options.session)
         self.topics: Topics = find_topics(self.types, options, encodings=self._index.encodings, where=str(files.path))
         self._builder = self._new_builder(need_tf=True)
         self.camera: Camera = self._first_camera()
@@ -92,7 +92,7 @@ class BagReader:
     def note(self) -> str:
         """Warning about the bag's state, such as an unfinished recording; empty for a complete bag."""
         left_out = [f"{n} messages left out: {why}" for why, n in self._index.left_out.items()]
-        return "; ".join(filter(None, [self._files.note, *left_out]))
+        return "; ".join(filter(None, [self._files.note, self._index.note, *left_out]))
 
     @property
     def types(self) -> dict[str, str]:
@@ -101,8 +101,8 @@ class BagReader:
 
     @property
     def frame_count(self) -> int:
-        """Depth messages in the bag, frozen ones included."""
-        return self._files.topics[self.topics.depth or self.topics.points].count
+        """Depth messages of the session that is read, frozen ones included."""
+        return self._index.count(self.topics.depth or self.topics.points)
 
     @property
     def skipped(self) -> Counter[str]:

@@ -6,7 +6,9 @@ from __future__ import annotations
 import heapq
 import struct
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +16,8 @@ import numpy as np
 from tof_core.bag_files import deserialize
 from tof_core.compressed import stated_encoding
 from tof_core.errors import BagError, TransformError
-from tof_core.topics import COMPRESSED, IMAGE, POINTS, TF
+from tof_core.sessions import chosen, session_starts
+from tof_core.topics import COMPRESSED, IMAGE, INFO, POINTS, TF
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -45,8 +48,11 @@ class RawMessage:
 class BagIndex:
     """Stamps of every message; TF into `transforms`, and of each image topic its encoding and frame."""
 
-    def __init__(self, files: BagFiles, transforms: TransformBuffer, *, lenient: bool = False) -> None:
-        """Read the bag once from front to back; `lenient` leaves damaged messages out instead of raising."""
+    def __init__(self, files: BagFiles, transforms: TransformBuffer, *, lenient: bool = False, session: int = 0) -> None:
+        """Read the bag once from front to back; `lenient` leaves damaged messages out instead of raising.
+
+        Of a recording whose clock was set back one session is read: number `session` from 1 on, the longest where that is 0.
+        """
         self._files, self._lenient = files, lenient
         self.left_out: Counter[str] = Counter()
         self._number = {name: i for i, name in enumerate(files.topics)}
@@ -54,7 +60,25 @@ class BagIndex:
         self._shift_ns = 0
         self.encodings: dict[str, str] = {}
         self.frame_ids: dict[str, str] = {}
-        self._topic, self._stamp = self._scan(transforms)
+        self.sessions: list[int] = []
+        self.session = 0
+        self._span = (-(2**63), 2**63 - 1)
+        self._topic, self._stamp = self._scan(transforms, session)
+
+    def count(self, topic: str) -> int:
+        """Messages of a topic in the session that is read."""
+        return int((self._topic == self._number[topic]).sum())
+
+    @property
+    def note(self) -> str:
+        """That the clock was set back, and which session is read; empty for most recordings."""
+        if len(self.sessions) < 2:
+            return ""
+        sizes = ", ".join(map(str, self.sessions))
+        return (
+            f"the clock was set back: {len(self.sessions)} sessions (images, clouds and CameraInfos: {sizes}); "
+            f"session {self.session + 1} is read, --session N reads another"
+        )
 
     def ordered(self, topics: tuple[str, ...] = ()) -> Iterator[RawMessage]:
         """Messages of the named topics (all where none is): latched ones first, then by header stamp.
@@ -72,7 +96,10 @@ class BagIndex:
         due = iter(self._keys(rest))
         expected = next(due, None)
         held: list[tuple[tuple[int, int, int], int, RawMessage]] = []
+        low, high = self._span
         for arrival, (name, log_ns, raw) in enumerate(self._files.messages(rest)):
+            if not low <= min(log_ns, LATEST_NS) < high:
+                continue
             message = self._message(name, log_ns, raw)
             heapq.heappush(held, (self._key(name, message.stamp_ns), arrival, message))
             while held and held[0][0] == expected:
@@ -80,7 +107,7 @@ class BagIndex:
                 expected = next(due, None)
         yield from (heapq.heappop(held)[2] for _ in range(len(held)))
 
-    def _scan(self, transforms: TransformBuffer) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _scan(self, transforms: TransformBuffer, session: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         rows: list[tuple[int, int, int]] = []
         for name, log_ns, raw in self._files.messages():
             rows.append((self._number[name], self._peek[name](raw), min(log_ns, LATEST_NS)))
@@ -93,6 +120,7 @@ class BagIndex:
             except TransformError:
                 self.left_out["no rigid motion"] += 1
         table = np.array(rows, np.int64).reshape(-1, 3)
+        table = table[self._cut(table, session, transforms)]
         stamp, log = table[:, 1].copy(), table[:, 2]
         stamped = stamp > 0
         if stamped.any():
@@ -100,6 +128,27 @@ class BagIndex:
             self._shift_ns = int(np.median((stamp - log)[stamped]))
         stamp[~stamped] = log[~stamped] + self._shift_ns
         return table[:, 0], stamp
+
+    def _cut(self, table: NDArray[np.int64], session: int, transforms: TransformBuffer) -> NDArray[np.bool_]:
+        """Which rows (topic, stamp, log time) are of the session that is read; TF of the others is forgotten."""
+        topic, stamp, log = table.T
+        counted = {self._number[t.name] for t in self._files.topics.values() if t.type in (IMAGE, COMPRESSED, POINTS, INFO)}
+        edges = [-(2**63), *session_starts(topic, stamp, log, counted), 2**63 - 1]
+        seen = np.isin(topic, list(counted))
+        self.sessions = [int((seen & (log >= a) & (log < b)).sum()) for a, b in pairwise(edges)]
+        self.session = chosen(self.sessions, session, self._files.path)
+        if len(self.sessions) < 2:
+            return np.ones(len(table), bool)
+        low, high = self._span = edges[self.session], edges[self.session + 1]
+        transforms.clear_dynamic()
+        for name, log_ns, raw in self._files.messages(
+            [t.name for t in self._files.topics.values() if t.type == TF and not is_latched(t.name)]
+        ):
+            if low <= min(log_ns, LATEST_NS) < high:
+                with suppress(BagError, TransformError):  # counted in the first pass
+                    self._look_into(name, raw, transforms)
+        latched = [self._number[name] for name in self._files.topics if is_latched(name)]
+        return np.asarray(((log >= low) & (log < high)) | np.isin(topic, latched))
 
     def _look_into(self, name: str, raw: bytes, transforms: TransformBuffer) -> None:
         """Store transforms, and the encoding and frame of the first message of each image topic."""

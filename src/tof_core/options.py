@@ -30,3 +30,4 @@ class BagOptions:
     join_s: float = param(0.016, "amplitude joins a depth image when their stamps differ by at most this", unit="s", low=0.0, high=1.0)
     colour_join_s: float = param(0.5, "colour joins a depth image when their stamps differ by at most this", unit="s", low=0.0, high=60.0)
     recover: bool = param(False, "read a damaged bag as far as it is whole")
+    session: int = param(0, "which session of a bag whose clock was set back, from 1; 0: the longest", low=0, high=10_000)

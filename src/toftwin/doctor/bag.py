@@ -50,6 +50,8 @@ def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None
         yield note("bag", recording.files.note, "stop the recorder with Ctrl-C and wait until it has finished")
     else:
         yield ok("bag", f"{len(recording.types)} topics with messages")
+    if recording.index.note:
+        yield note("session", recording.index.note, "label each session on its own; record the next one after the clocks are set")
     if not {"/tf", "/tf_static"} & recording.types.keys() and not initial_pose:
         yield fix("TF", "no /tf and no /tf_static", "record both: ros2 bag record /tf /tf_static DEPTH CAMERA_INFO")
     try:

@@ -52,7 +52,7 @@ class Recording:
         self.files: BagFiles = open_files(path, recover=options.recover)
         try:
             self.transforms = TransformBuffer(options.max_gap_s)
-            self.index = BagIndex(self.files, self.transforms)
+            self.index = BagIndex(self.files, self.transforms, session=options.session)
         except BaseException:
             self.files.close()
             raise
