@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
+    from tof_gap.solve.candidate import Candidate
     from tof_gap.solve.columns import ColumnStore
 
 LEFT = 0.25
@@ -118,7 +119,7 @@ def _left(truth: Truth, effect: str, others: tuple[str, ...]) -> dict[str, float
     """Chi-square of the true map: whole (`all`), after pose (an empty name), and after pose and each other effect's best shape."""
     from tof_gap.config import GapConfig
     from tof_gap.limits.seen import NoiseLimits
-    from tof_gap.solve.candidates import Candidate, candidates
+    from tof_gap.solve.candidates import candidates
     from tof_gap.solve.columns import build
 
     true = truth.map(effect)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tof_align.pixels import Sample
     from tof_core.arrays import Float
     from tof_core.camera import Camera
-    from tof_gap.solve.joint import Joint
+    from tof_gap.solve.solution import Joint
     from tof_scene.raycast import Raycaster
 
 POSES, SOLUTION, CLOSED, REPORT = "poses", "solution", "closed", "report"

@@ -74,6 +74,10 @@ class ColumnFit:
         """(V, 6) steps of the arm's own errors."""
         return self.answer.own
 
+    def moved(self, chain: Chain) -> Chain:
+        """The chain after the solution's steps of bases, hand-eye and every arm error."""
+        return chain.moved(self.answer.x[: self.poses], self.arm)
+
     @property
     def energy(self) -> float:
         """Chi-square that is left, priors included."""

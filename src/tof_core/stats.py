@@ -17,6 +17,8 @@ MAD_TO_STD = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation: 1 / Phi^-1(3/4)."""
 SECOND_DIFFERENCE_STD = float(np.sqrt(6.0))
 """Standard deviation of a - 2 b + c over that of one sample, where a, b and c are independent and equally noisy."""
+CHI2_MEDIAN = 0.4549
+"""Median of chi-square with one degree of freedom."""
 CORE = 5.0
 """Robust standard deviations from the median beyond which `trimmed_std` takes a sample for an outlier."""
 

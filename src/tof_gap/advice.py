@@ -11,7 +11,7 @@ import numpy as np
 from tof_align.folds import deal
 from tof_core import se3
 from tof_gap.seen.edges import edge_band
-from tof_gap.solve.candidates import HAND_EYE, Candidate
+from tof_gap.solve.candidate import HAND_EYE, Candidate
 from tof_gap.solve.columns import ColumnStore, build
 from tof_scene.render import render
 from tof_sensor.effects.hand_eye import HandEye

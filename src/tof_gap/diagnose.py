@@ -12,7 +12,8 @@ import numpy as np
 from tof_align.folds import deal
 from tof_core.errors import RefusedError
 from tof_gap.seen.photons import own_law
-from tof_gap.solve.candidates import HAND_EYE, not_testable
+from tof_gap.solve.candidate import HAND_EYE
+from tof_gap.solve.candidates import not_testable
 from tof_gap.solve.conclude import conclude
 from tof_gap.solve.joint import solve, without
 from tof_gap.solve.radial import gate
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from tof_gap.config import GapConfig
     from tof_gap.limits.solve import SolveLimits
     from tof_gap.seen.finding import Finding
-    from tof_gap.solve.joint import Joint
+    from tof_gap.solve.solution import Joint
     from tof_gap.tell.account import Account
     from tof_scene.raycast import Raycaster
     from tof_sensor.effects.photon_law import PhotonLaw

@@ -19,7 +19,7 @@ from tof_gap.advice import advise, visible_share
 from tof_gap.config import GapConfig
 from tof_gap.limits.seen import EvidenceLimits
 from tof_gap.seen.residual import gather
-from tof_gap.solve.candidates import Candidate
+from tof_gap.solve.candidate import Candidate
 from tof_scene.render import render
 from tof_sensor.action import ASIDE, BRIGHTER, FARTHER, LATER, NEARER
 from tof_sensor.effects.amplitude_bias import AmplitudeBias

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.stats import CHI2_MEDIAN
 from tof_gap.seen.pattern import high_pass
 
 if TYPE_CHECKING:
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from tof_gap.limits.seen import LineLimits
     from tof_gap.seen.residual import ViewEvidence
 
-CHI2_MEDIAN = 0.4549
-"""Median of chi-square with one degree of freedom."""
 SECOND_DIFFERENCE_VARIANCE = 6.0
 """Variance of a - 2 b + c over that of one sample, where a, b and c are independent and equally noisy."""
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.stats import second_differences
-from tof_gap.seen.line_noise import CHI2_MEDIAN
+from tof_core.stats import CHI2_MEDIAN, second_differences
 from tof_gap.seen.pattern import in_common
 
 if TYPE_CHECKING:

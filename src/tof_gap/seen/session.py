@@ -28,10 +28,5 @@ def session_of(views: Sequence[ViewEvidence], noise: NoiseLimits, scene: Scene |
     )
 
 
-def moving(views: Sequence[ViewEvidence]) -> bool:
-    """Whether a view was taken in motion."""
-    return Session(_views(views)).moving
-
-
 def _views(views: Sequence[ViewEvidence]) -> tuple[SessionView, ...]:
     return tuple(SessionView(v.frame, v.pixels) for v in views)

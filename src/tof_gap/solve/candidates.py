@@ -3,11 +3,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tof_gap.seen.session import session_of
-from tof_sensor.effects.hand_eye import HandEye
+from tof_gap.solve.candidate import Candidate
 from tof_sensor.registry import EFFECTS, PHYSICAL_ORDER, VOCABULARY
 
 if TYPE_CHECKING:
@@ -16,36 +15,8 @@ if TYPE_CHECKING:
 
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.free import FreeFunction
     from tof_scene.scene import Scene
-    from tof_sensor.effect import Effect
     from tof_sensor.effects.photon_law import PhotonLaw
-
-HAND_EYE = HandEye.NAME
-"""X of the chain of poses; it has no columns: the system frees X instead."""
-
-
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """One hypothesis: an effect in one form, or an error that is a free function of one observable.
-
-    `effect` is None for hand-eye, which the chain of poses holds, and for a free function.
-    """
-
-    name: str
-    effect: Effect | None
-    note: str = ""
-    free: FreeFunction | None = None
-
-    @property
-    def source(self) -> Effect | FreeFunction | None:
-        """What its columns are computed from."""
-        return self.free if self.effect is None else self.effect
-
-    @property
-    def repeatable(self) -> bool:
-        """Whether there may be several of its name at once: one per part, one per observable."""
-        return self.free is not None or (self.effect is not None and self.effect.PER_PART)
 
 
 def candidates(

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from tof_align.columns import ColumnFit
     from tof_core.arrays import Float
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.joint import Joint
     from tof_gap.solve.judge import Selector
+    from tof_gap.solve.solution import Joint
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
 

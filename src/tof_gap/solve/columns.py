@@ -11,8 +11,8 @@ import numpy as np
 
 from tof_align.columns import ColumnSystem, Priors
 from tof_core.cores import in_threads
+from tof_gap.seen.motion import moving
 from tof_gap.seen.pattern import pattern_columns
-from tof_gap.seen.session import moving
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.geometry import pose_columns
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tof_align.chain import Chain
     from tof_core.arrays import Float, Ints
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.candidates import Candidate
+    from tof_gap.solve.candidate import Candidate
     from tof_gap.solve.free import FreeFunction
     from tof_sensor.effect import Effect
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_gap.solve.causes import free_share, named, shares, without_pixels
-from tof_gap.solve.joint import delayed, solution
 from tof_gap.solve.judge import Selector
+from tof_gap.solve.solution import delayed, solution
 from tof_gap.solve.start import observe
 from tof_gap.solved import Solved
 from tof_sensor.effects.motion import Motion
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from tof_core.capture import View
     from tof_gap.config import GapConfig
-    from tof_gap.solve.joint import Joint
+    from tof_gap.solve.solution import Joint
     from tof_gap.solved import Split
     from tof_scene.raycast import Raycaster
 

@@ -3,60 +3,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tof_align.folds import deal
-from tof_core import se3
 from tof_core.cores import in_threads
 from tof_gap.seen.edges import smear
 from tof_gap.seen.mixed import mixing
+from tof_gap.seen.motion import moving
 from tof_gap.seen.residual import ViewEvidence, gather
-from tof_gap.seen.session import moving
-from tof_gap.solve.candidates import Candidate, candidates
-from tof_gap.solve.columns import ColumnStore, Design, build
+from tof_gap.solve.candidate import Candidate
+from tof_gap.solve.candidates import candidates
+from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.free import UNKNOWN, free_functions
-from tof_gap.solve.select import Selection, narrowed, select
+from tof_gap.solve.select import narrowed, select
 from tof_gap.solve.shapes import refined
-from tof_gap.solve.start import check_fit, farthest, moved, observe
+from tof_gap.solve.solution import Joint, lens_of, solution
+from tof_gap.solve.start import check_fit, farthest, observe
 from tof_scene.render import render
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from tof_align.chain import Chain
-    from tof_core.arrays import Float
     from tof_core.camera import Camera
     from tof_core.capture import View
     from tof_gap.config import GapConfig
     from tof_gap.solve.start import Start
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Joint:
-    """Evidence at the joint solution's poses, and the selection made there."""
-
-    chain: Chain
-    views: tuple[ViewEvidence, ...]
-    design: Design
-    selection: Selection
-    late_s: float = 0.0
-    """Seconds of stamps that the chain's robot poses make up for; the residuals still show it."""
-
-    @property
-    def hand_eye(self) -> Float:
-        """(4, 4) X of the solution."""
-        return np.asarray(self.chain.hand_eye @ se3.exp(self.selection.fit.hand_eye))
-
-    def members(self) -> Iterator[tuple[Candidate, Float]]:
-        """Of each member of the solution its candidate, and its coefficients in their own units."""
-        for candidate, group, at in self.design.placed(self.selection.chosen.members):
-            yield candidate, self.selection.fit.theta[at] / self.design.scale[group]
 
 
 def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozenset[str] = frozenset()) -> Joint:
@@ -99,28 +77,6 @@ def _mixes(views: Sequence[View], caster: Raycaster, chain: Chain, config: GapCo
     some = range(0, len(views), config.solve.joint.mixed_every)
     renderings = in_threads(lambda i: render(caster, views[i].camera, chain.pose(i)), some)
     return mixing(gather([views[i] for i in some], renderings, caster, config.evidence), config.missing) is not None
-
-
-def solution(joint: Joint) -> tuple[Chain, float]:
-    """The chain after the solution's steps, its robot poses at the time that the solution says, and that lateness in seconds."""
-    after = moved(joint.chain, joint.selection.fit)
-    late_s = sum(c.effect.with_coefficients(values).late_s for c, values in joint.members() if c.effect is not None)
-    return delayed(after, joint.views, late_s - joint.late_s), late_s
-
-
-def delayed(chain: Chain, views: Sequence[ViewEvidence], seconds: float) -> Chain:
-    """The chain with the robot's poses as they were `seconds` later, by each camera's own velocity."""
-    if seconds == 0.0:
-        return chain
-    steps = [se3.exp(seconds * v.frame.context.twist) for v in views]
-    return replace(chain, robot=np.array([T @ step for T, step in zip(chain.robot, steps, strict=True)]))
-
-
-def lens_of(joint: Joint) -> Effect | None:
-    """The effect by which the solution has another lens, None where CameraInfo's will do."""
-    camera = joint.views[0].view.camera
-    there = (c.effect.plausible(values) for c, values in joint.members() if c.effect is not None)
-    return next((effect for effect in there if effect.camera(camera) != camera), None)
 
 
 def _through(lens: Effect | None, views: Sequence[View]) -> Sequence[View]:

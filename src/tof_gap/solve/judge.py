@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.folds import Folds, deal
-from tof_gap.solve.candidates import HAND_EYE
+from tof_gap.solve.candidate import HAND_EYE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

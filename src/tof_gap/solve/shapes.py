@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.solve.candidates import Candidate
+from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import build
 from tof_gap.solve.judge import Selector
 

@@ -14,8 +14,8 @@ from tof_align.session import near
 from tof_core import se3
 from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
+from tof_gap.seen.motion import moving
 from tof_gap.seen.residual import ViewEvidence, gather
-from tof_gap.seen.session import moving
 from tof_gap.solve.columns import ColumnStore, build
 from tof_scene.render import render
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_align.chain import Chain
-    from tof_align.columns import ColumnFit
     from tof_align.config import AlignConfig
     from tof_core.capture import View
     from tof_gap.config import GapConfig
@@ -49,7 +48,7 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
         if moving(evidence):
             break  # Edges, which these poses are found by, are given up from here on.
         design = build(ColumnStore(evidence, chain.station), [], chain, config.hand_sd)
-        before, chain = chain, moved(chain, design.system.fit(np.zeros(0, np.int64), inflate=config.solve.start.inflate))
+        before, chain = chain, design.system.fit(np.zeros(0, np.int64), inflate=config.solve.start.inflate).moved(chain)
         evidence = observe(views, caster, chain, config, footprints=False)
         if farthest(before, chain, config.solve.joint) <= 1.0:
             break
@@ -97,8 +96,3 @@ def observe(
     """Render every view where the chain has it, and gather what differs; `concavity`: whether to compute it; `wider_px`: of still views' edges."""
     renderings = in_threads(lambda i, v: render(caster, v.camera, chain.pose(i), footprints=footprints), range(len(views)), views)
     return gather(views, renderings, caster, config.evidence, concavity=concavity, wider_px=wider_px)
-
-
-def moved(chain: Chain, solution: ColumnFit) -> Chain:
-    """The chain after the solution's steps of bases, hand-eye and every arm error."""
-    return chain.moved(np.concatenate([solution.base.ravel(), solution.hand_eye]), solution.arm)

@@ -13,7 +13,7 @@ from tests.tof_sensor.plane import NORMAL
 from tof_align.folds import deal
 from tof_gap.limits.seen import NoiseLimits
 from tof_gap.seen.session import session_of
-from tof_gap.solve.candidates import Candidate
+from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import ColumnStore, build
 from tof_sensor.effects.cad_deviation import COEFFICIENT_SD, CadDeviation
 

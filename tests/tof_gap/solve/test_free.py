@@ -11,7 +11,7 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, chain, rendering, views
 from tof_align.folds import deal
 from tof_gap.limits.solve import SelectLimits
-from tof_gap.solve.candidates import Candidate
+from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.free import UNKNOWN, free_functions, observed
 from tof_gap.solve.select import select

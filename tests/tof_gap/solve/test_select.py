@@ -13,7 +13,7 @@ from tof_align.columns import ColumnSystem
 from tof_align.config import Priors
 from tof_align.mixed import Normal
 from tof_gap.limits.solve import SelectLimits
-from tof_gap.solve.candidates import HAND_EYE, Candidate
+from tof_gap.solve.candidate import HAND_EYE, Candidate
 from tof_gap.solve.columns import Design
 from tof_gap.solve.free import UNKNOWN, FreeFunction
 from tof_gap.solve.judge import Selector

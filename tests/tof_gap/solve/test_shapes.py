@@ -12,7 +12,7 @@ import pytest
 from tests.tof_gap.quiet_views import VIEWS, chain, views
 from tof_align.folds import deal
 from tof_gap.config import GapConfig
-from tof_gap.solve.candidates import Candidate
+from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import ColumnStore
 from tof_gap.solve.shapes import refined
 from tof_sensor.effects.range_offset import RangeOffset

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One hypothesis of a session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tof_sensor.effects.hand_eye import HandEye
+
+if TYPE_CHECKING:
+    from tof_gap.solve.free import FreeFunction
+    from tof_sensor.effect import Effect
+
+HAND_EYE = HandEye.NAME
+"""X of the chain of poses; it has no columns: the system frees X instead."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One hypothesis: an effect in one form, or an error that is a free function of one observable.
+
+    `effect` is None for hand-eye, which the chain of poses holds, and for a free function.
+    """
+
+    name: str
+    effect: Effect | None
+    note: str = ""
+    free: FreeFunction | None = None
+
+    @property
+    def source(self) -> Effect | FreeFunction | None:
+        """What its columns are computed from."""
+        return self.free if self.effect is None else self.effect
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether there may be several of its name at once: one per part, one per observable."""
+        return self.free is not None or (self.effect is not None and self.effect.PER_PART)
