@@ -12,16 +12,9 @@ from tests.fuzz.targets import TARGETS
 
 FOUND = Path(__file__).parent / "found"
 MUTATIONS = {
-    "image": 4000,
-    "compressed": 300,
-    "cloud": 3000,
-    "config": 800,
-    "scene": 800,
-    "mesh": 300,
-    "bag": 60,
-    "dataset": 60,
-    "onnx": 300,
-}
+    "image": 4000, "cloud": 3000, "config": 800, "scene": 800, "mesh": 300, "bag": 60, "dataset": 60, "onnx": 300,
+    "compressed": 3000, "parameters": 800, "tf": 800, "reference": 200, "gap": 300,
+}  # fmt: skip
 NASTY = (b"\x00", b"\xff" * 4, b"\xff\xff\xff\x7f", b"[" * 64, b"&a *a", b"9" * 400, b"1e999", b"!!int ", b"\n", b"../")
 
 
