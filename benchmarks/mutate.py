@@ -210,26 +210,31 @@ def _without_a_fault(room: Room) -> None:
         _child(room, None)
 
 
-def mutate(name: str, most: int) -> tuple[int, int]:
-    """Try the mutants of a room (a repeatable sample of at most `most`); prints survivors and the share found."""
+def mutate(name: str, most: int, seconds: float) -> tuple[int, int]:
+    """Try the mutants of a room (a repeatable sample of at most `most`, ended after `seconds`); prints survivors and the share found."""
     room = ROOMS[name]
     every = of_room(room)
     order = random.Random(hashlib.sha256(name.encode()).digest())
-    chosen = every if not most or len(every) <= most else order.sample(every, most)
+    chosen = order.sample(every, min(most or len(every), len(every)))
     _without_a_fault(room)  # whatever is loaded and compiled is there for every fork
     start = time.monotonic()
     if run_tests(room, None, 600.0) != SURVIVED:
         message = f"{name}: the tests fail without any fault: {' '.join(room.tests)}"
         raise SystemExit(message)
     limit_s = PATIENCE * (time.monotonic() - start) + 10.0
-    survivors = [m for m in sorted(chosen, key=lambda m: (m.module, m.line)) if run_tests(room, m, limit_s) == SURVIVED]
-    for m in survivors:
-        print(f"  survives: {m.module}:{m.line} {m.function}: {' '.join(m.what.split())[:110]}")
-    killed = len(chosen) - len(survivors)
-    sample = "" if len(chosen) == len(every) else f" (sample of {len(every)})"
-    bar = "" if 100 * killed >= room.bar * len(chosen) else f"  BELOW the bar of {room.bar:.0f} %"
-    print(f"{name}: {killed} of {len(chosen)}{sample} mutants found, {100 * killed / len(chosen):.1f} %{bar}", flush=True)
-    return killed, len(chosen)
+    tried, survived = 0, 0
+    for m in chosen:
+        if seconds and time.monotonic() - start > seconds:
+            break
+        tried += 1
+        if run_tests(room, m, limit_s) == SURVIVED:
+            survived += 1
+            print(f"  survives: {m.module}:{m.line} {m.function}: {' '.join(m.what.split())[:110]}", flush=True)
+    killed = tried - survived
+    sample = "" if tried == len(every) else f" (sample of {len(every)})"
+    bar = "" if 100 * killed >= room.bar * tried else f"  BELOW the bar of {room.bar:.0f} %"
+    print(f"{name}: {killed} of {tried}{sample} mutants found, {100 * killed / max(tried, 1):.1f} %{bar}", flush=True)
+    return killed, tried
 
 
 def main() -> int:
@@ -239,15 +244,16 @@ def main() -> int:
     )
     parser.add_argument("--room", choices=[*ROOMS, "all"], default="all")
     parser.add_argument("--most", type=int, default=0, help="a sample of at most so many mutants a room (default: all)")
+    parser.add_argument("--seconds", type=float, default=0.0, help="end a room after so long (default: never)")
     args = parser.parse_args()
     sys.path[:0] = [str(REPOSITORY), str(REPOSITORY / "src"), str(REPOSITORY / "scripts")]
     os.chdir(REPOSITORY)
-    below = [name for name in (ROOMS if args.room == "all" else [args.room]) if _below(name, args.most)]
+    below = [name for name in (ROOMS if args.room == "all" else [args.room]) if _below(name, args.most, args.seconds)]
     return int(bool(below))
 
 
-def _below(name: str, most: int) -> bool:
-    killed, tried = mutate(name, most)
+def _below(name: str, most: int, seconds: float) -> bool:
+    killed, tried = mutate(name, most, seconds)
     return 100 * killed < ROOMS[name].bar * tried
 
 

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _HEADER = struct.Struct(">8sI4sII")  # signature, length and name of the first chunk (IHDR), width, height
 
+_CHUNK = struct.Struct(">I4s")  # length of a chunk's content, and its name
+
 
 def check_raster(width: int, height: int, where: object = "") -> None:
     """Refuse an image of no pixels or of more than `LARGEST_RASTER`; for every decoder that allocates by a header.
@@ -42,6 +44,21 @@ def png_size(data: bytes, where: object = "") -> tuple[int, int]:
     return width, height
 
 
+def _check_chunks(data: bytes, where: object) -> None:
+    """Refuse chunks that end beyond the data: OpenCV allocates the stated length, up to 2 GB, before it reads."""
+    at = len(SIGNATURE)
+    while at < len(data):
+        if at + _CHUNK.size > len(data):
+            raise DecodeError("is a damaged PNG (cut off within a chunk's header)", where=where)
+        length, name = _CHUNK.unpack_from(data, at)
+        at += _CHUNK.size + length + 4  # and its checksum
+        if at > len(data):
+            raise DecodeError(f"is a damaged PNG (a chunk of {length} bytes ends beyond its data)", where=where)
+        if name == b"IEND":
+            return
+    raise DecodeError("is a damaged PNG (without an end)", where=where)
+
+
 def decode_png(data: bytes, where: object = "") -> NDArray[Any]:
     """The raster (H, W) or (H, W, channels), uint8 or uint16, colour in the order blue, green, red.
 
@@ -52,6 +69,7 @@ def decode_png(data: bytes, where: object = "") -> NDArray[Any]:
     import numpy as np
 
     width, height = png_size(data, where)
+    _check_chunks(data, where)
     try:
         raster = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:

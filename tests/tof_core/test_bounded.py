@@ -51,6 +51,19 @@ def test_a_png_of_the_wrong_size_or_cut_off_is_refused() -> None:
             decode_png(damaged, "topic")
 
 
+def test_a_png_whose_chunk_states_a_gigabyte_is_refused_before_it_is_read() -> None:
+    data = png(np.ones((4, 5), np.uint16))
+    at = data.index(b"IDAT") - 4
+    for damaged, says in (
+        (data[:at] + struct.pack(">I", 2**30) + data[at + 4 :], "a chunk of 1073741824 bytes ends beyond"),
+        (data[: at + 6], "within a chunk's header"),
+        (data[:-12], "without an end"),
+    ):
+        with pytest.raises(DecodeError, match=says):
+            decode_png(damaged)
+    np.testing.assert_array_equal(decode_png(data + b"trailing"), 1)
+
+
 def test_the_limit_of_a_raster_is_exact() -> None:
     check_raster(LARGEST_RASTER, 1)
     for width, height in ((LARGEST_RASTER + 1, 1), (0, 1), (-1, 5)):
