@@ -42,7 +42,7 @@ ROOMS = {
             "tof_inspect.judge": ("decide", "probability", "of", "_part", "inspect"),
             "tof_inspect.evidence": (),
         },
-        ("tests/tof_inspect/test_judge.py",),
+        ("tests/tof_inspect/test_deciding.py", "tests/tof_inspect/test_judge.py"),
     ),
     "core": Room(
         {

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from arm_correction.correction import Moment, propose
 from arm_correction.register import Registration
@@ -53,6 +54,9 @@ def test_the_covariance_is_that_of_the_target() -> None:
         T = propose(replace(f, T_reference_now=MOTION @ se3.exp(xi)), ROBOT, CONFIG, T_hand_camera=HAND_EYE).T_frame_hand
         drawn.append(np.concatenate([T[:3, 3] - out.T_frame_hand[:3, 3], se3.so3_log(T[:3, :3] @ out.T_frame_hand[:3, :3].T)]))
     np.testing.assert_allclose(np.sqrt(np.diag(np.cov(np.array(drawn).T))), np.sqrt(np.diag(out.cov)), rtol=0.06)
+    squares = np.einsum("ni,ij,nj->n", drawn, np.linalg.inv(out.cov), drawn)
+    low, high = chi2.ppf([0.005, 0.995], 6 * len(drawn)) / len(drawn)
+    assert low < squares.mean() < high, "the whole matrix, from both sides"
 
 
 @pytest.mark.parametrize(

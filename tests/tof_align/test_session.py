@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from tests.tof_align.made import (
     CONFIG,
@@ -53,7 +54,8 @@ def test_with_noise_alone_every_link_is_found() -> None:
     labels = np.concatenate([label_errors(section(), p.T_cell_camera, t) for p, t in zip(found.posed, truth, strict=True)])
     assert np.abs(labels).mean() < 0.1e-3
     xi = se3.log(se3.inverse(found.X) @ X)
-    assert xi @ np.linalg.solve(found.X_cov, xi) < 20.0
+    low, high = chi2.ppf([0.005, 0.995], 6)
+    assert low < xi @ np.linalg.solve(found.X_cov, xi) < high, "neither too sure nor too cautious"
     assert max(found.sizes.values()) < 0.15e-3
     assert all(p.accepted and p.verdict == "ok" for p in found.posed)
     for v, posed in enumerate(found.posed):
