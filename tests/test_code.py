@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What CONTRIBUTING.md promises of the code itself: the size of files and functions, and a type for every argument."""
+"""What CONTRIBUTING.md promises of the code itself: the size of files and functions, import contracts, and types."""
 
 from __future__ import annotations
 
 import ast
+import tomllib
 from pathlib import Path
 
-SOURCES = sorted((Path(__file__).parents[1] / "src").rglob("*.py"))
+SOURCE = Path(__file__).parents[1] / "src"
+SOURCES = sorted(SOURCE.rglob("*.py"))
 FILE_LINES, FUNCTION_LINES = 300, 60
 
 
@@ -20,6 +22,13 @@ def test_files_and_functions_stay_small() -> None:
     assert {path: n for path, n in lines.items() if n > FILE_LINES} == {}
     sizes = {f"{path}: {f.name}": (f.end_lineno or 0) - f.lineno + 1 for path in SOURCES for f in functions(path)}
     assert {name: n for name, n in sizes.items() if n > FUNCTION_LINES} == {}
+
+
+def test_every_room_is_under_the_import_contracts() -> None:
+    pyproject = tomllib.loads((SOURCE.parent / "pyproject.toml").read_text())
+    rooms = {path.parent.name for path in SOURCE.glob("*/__init__.py")}
+    assert set(pyproject["tool"]["importlinter"]["root_packages"]) == rooms
+    assert rooms <= set(pyproject["tool"]["ruff"]["lint"]["isort"]["known-first-party"])
 
 
 def test_every_argument_and_result_has_a_type() -> None:
