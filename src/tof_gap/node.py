@@ -109,7 +109,7 @@ class GapNode(ManagedNode[GapNodeConfig]):
             return
         self._last, self._refused = last, ""
         head = messages.header(view.stamp_ns, view.camera.frame_id)
-        self._outputs["residual"].publish(messages.image(last.residual, "32FC1", head))
+        self.offer(self._outputs["residual"], lambda: messages.image(last.residual, "32FC1", head))
         self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
         self._outputs["report"].publish(String(data=json.dumps(_report(last, view))))
 

@@ -134,8 +134,8 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._refusal = ""
         self._kept = float((repaired.mark == Mark.RAW_KEPT).mean())
         head = messages.header(capture.stamp_ns, capture.camera.frame_id)
-        self._outputs["depth"].publish(messages.image(repaired.depth, "32FC1", head))
-        self._outputs["sigma"].publish(messages.image(repaired.sigma, "32FC1", head))
+        self.offer(self._outputs["depth"], lambda: messages.image(repaired.depth, "32FC1", head))
+        self.offer(self._outputs["sigma"], lambda: messages.image(repaired.sigma, "32FC1", head))
         self._outputs["camera_info"].publish(messages.camera_info(capture.camera, head))
         self._patience.end(capture.stamp_ns)
         self._jump.clear()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -151,10 +152,9 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         if view.amplitude is not None:
             images["amplitude"] = (view.amplitude, "32FC1")
         for name, (array, encoding) in images.items():
-            self._outputs[name].publish(messages.image(array, encoding, head))
+            self.offer(self._outputs[name], partial(messages.image, array, encoding, head))
         self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
-        if self._outputs["points"].get_subscription_count():
-            self._outputs["points"].publish(messages.points(view.camera.points(view.depth).astype(np.float32), head))
+        self.offer(self._outputs["points"], lambda: messages.points(view.camera.points(view.depth).astype(np.float32), head))
         about = f"station={view.station} captures={view.captures} amplitude={int(view.amplitude is not None)}"
         self._outputs["dwell"].publish(messages.time_reference(view.stamp_ns, view.dwell_ns, about, view.camera.frame_id))
 

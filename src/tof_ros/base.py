@@ -119,6 +119,12 @@ class RoomNode(Node, Generic[C]):
         """A publisher of `<room>/<topic>` whose QoS a user may override."""
         return self.shared(f"{self.room}/{topic}", kind, profile)
 
+    @staticmethod
+    def offer(publisher: Publisher, make: Callable[[], Any]) -> None:
+        """Publish what `make` returns, which is made only while somebody is subscribed."""
+        if publisher.get_subscription_count():
+            publisher.publish(make())
+
     def shared(self, topic: str, kind: type[Any], profile: QoSProfile = qos.LATCHED) -> Publisher:
         """A publisher of a topic that is no room's own, latched unless another profile is given."""
         options, events = QoSOverridingOptions.with_default_policies(), self._mismatches.of_publisher(topic)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -123,10 +124,9 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
             "part": (np.asarray(label.part, np.int16), "16SC1"),
         }
         for name, (array, encoding) in images.items():
-            self._outputs[name].publish(messages.image(array, encoding, head))
+            self.offer(self._outputs[name], partial(messages.image, array, encoding, head))
         self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
-        if self._outputs["points"].get_subscription_count():
-            self._outputs["points"].publish(messages.points(view.camera.points(label.depth).astype(np.float32), head))
+        self.offer(self._outputs["points"], lambda: messages.points(view.camera.points(label.depth).astype(np.float32), head))
         in_cell = messages.header(view.stamp_ns, self._cell)
         self._outputs["pose"].publish(messages.pose(label.posed.T_cell_camera, label.posed.cov, in_cell))
         if self._frames is not None:
