@@ -54,7 +54,7 @@ class McapScan:
             opcode, length = struct.unpack("<BQ", head)
             if opcode in (FOOTER, DATA_END):
                 return
-            content = file.read(min(length, size - file.tell()))
+            content = file.read(max(min(length, size - file.tell()), 0))  # a file that is still written may be longer than `size`
             if len(content) < length:
                 self.lost_bytes = len(content)
                 if opcode != CHUNK:
