@@ -56,7 +56,7 @@ def _share(hits: Sequence[bool]) -> str:
     if not n:
         return "none drawn"
     low, high = wilson(k, n)
-    return f"{100 * k / n:.0f} % ({k} of {n}; {100 * low:.0f} to {100 * high:.0f})"
+    return f"{100 * k / n:.0f} % ({k} of {n}; {100 * max(low, 0.0):.0f} to {100 * high:.0f})"
 
 
 def _quantile(
