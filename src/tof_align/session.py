@@ -49,9 +49,8 @@ class SessionSolution:
     """Where everything was.
 
     posed (V,): the cameras with covariance and verdict; stations (S,): their numbers;
-    B (S, 4, 4) with T_cell_body really B @ T_cell_body, B_cov (S, 6, 6) of the right
-    perturbation of `chain.frame(s)` (the body); A (V, 4, 4), X (4, 4) with A_cov, X_cov of their
-    right perturbations; theta (k,), theta_cov (k, k): coefficients of the extra columns;
+    B (S, 4, 4): T_cell_body is really B @ T_cell_body; A (V, 4, 4); X (4, 4), X_cov (6, 6) of its
+    right perturbation; theta (k,), theta_cov (k, k): coefficients of the extra columns;
     sizes: how large the unmodelled errors are per kind, metres (what `discrepancy` lists);
     observability (S,): what the data leave open; system: the linear system at the solution, to
     refit with; fitted: its answer.
@@ -61,9 +60,7 @@ class SessionSolution:
     verdicts: tuple[verdicts.Verdict, ...]
     stations: tuple[int, ...]
     B: Float
-    B_cov: Float
     A: Float
-    A_cov: Float
     X: Float
     X_cov: Float
     theta: Float
@@ -183,8 +180,8 @@ def _conclude(
     seed: Chain,
 ) -> SessionSolution:
     """Keep the robot's pose where nothing is known, judge every view, and sum up."""
-    config, S, g = fitter.config, len(seed.names), seed.globals_
-    seen = tuple(_observe_station(system, answer, s, seed, config) for s in range(S))
+    config, g = fitter.config, seed.globals_
+    seen = tuple(_observe_station(system, answer, s, seed, config) for s in range(len(seed.names)))
     kept = _keep(system, columns, answer, seen)
     chain = system.rig.moved(kept.x, kept.own)
     disputed = _disputed(system, kept, columns, seen, config)
@@ -192,15 +189,13 @@ def _conclude(
     if not any(j.accepted for j in judged):
         raise RefusedError(judged[0].reason, where="alignment", todo="check the scene, its placement and the robot's pose")
     k = 0 if columns is None else columns[0].shape[1]
-    s, end = answer.where.shape[1], g + sum(system.basis.shared)
+    end = g + sum(system.basis.shared)
     return SessionSolution(
         posed=tuple(_posed(system, answer, chain, seen, v, judged[v]) for v in range(len(judged))),
         verdicts=judged,
         stations=chain.names,
         B=chain.B,
-        B_cov=np.array([answer.cov[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(S)]),
         A=chain.arm,
-        A_cov=np.array([answer.joint_cov(v)[s : s + 6, s : s + 6] for v in range(len(judged))]),
         X=chain.hand_eye,
         X_cov=answer.cov[g - 6 : g, g - 6 : g],
         theta=kept.x[end : end + k],

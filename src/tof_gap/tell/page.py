@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tof_core.page import render_page
 from tof_gap.tell import pictures
 from tof_gap.tell.where import by_quantity
 from tof_sensor.registry import EFFECTS
@@ -20,15 +21,16 @@ if TYPE_CHECKING:
 
 def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str) -> Path:
     """Write `report.html` beside `gap.json`, whose `content` it shows."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     left = [r - np.sum([np.zeros_like(r), *(np.nan_to_num(m[v]) for m in d.shares.values())], axis=0) for v, r in enumerate(d.residual)]
     gap = content["gap"]
-    environment = Environment(loader=PackageLoader("tof_gap.tell"), autoescape=True, undefined=StrictUndefined)
-    text = environment.get_template("report.html.j2").render(
-        title=title,
+    text = render_page(
+        "tof_gap.tell",
+        "report.html.j2",
+        f"Simulation against camera: {title}",
         sentence=sentence(content),
         gap=gap,
+        before_mm=d.gap.above_mm(d.gap.before),
+        after_mm=d.gap.above_mm(d.gap.after),
         shrink=_percent(gap["shrink"]),
         interval=_interval(gap["shrink_ci95"]),
         picture={
@@ -47,7 +49,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str) 
         pose=content["pose"],
     )
     path = folder / "report.html"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     return path
 
 

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tof_core.page import PALETTE, axes, figure_uri
 from tof_sensor.geometry import cell_points
 
 if TYPE_CHECKING:
@@ -18,36 +17,22 @@ if TYPE_CHECKING:
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.where import Bin
 
-INK, PALE, BEFORE, AFTER = "#1f2933", "#9aa5b1", "#c2410c", "#0f766e"
-
-
-def _axes(width: float, height: float, **kwargs: Any) -> tuple[Any, Any]:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), dpi=110, layout="constrained")
-    return figure, figure.subplots(**kwargs)
-
-
-def inline(figure: Any) -> str:
-    """A figure as a data URI."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", facecolor="white")
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+INK, PALE, BEFORE, AFTER = PALETTE["ink"], PALETTE["neutral"], PALETTE["contrast"], PALETTE["accent"]
 
 
 def on_the_cad(d: Diagnosis, left: Sequence[Float]) -> str:
     """The parts seen in the session, coloured by mean gap before and after, from the middle view's side."""
     limit = _limit(d)
-    figure, axes = _axes(11, 4.6, ncols=2)
+    figure, grid = axes(11, 4.6, columns=2)
     points: Any = None
-    for ax, maps, title in zip(axes, (d.residual, left), ("before", "after adding what was named"), strict=True):
+    for ax, maps, title in zip(grid[0], (d.residual, left), ("before", "after adding what was named"), strict=True):
         xy, value = _projected(d, maps)
         points = ax.scatter(xy[:, 0], xy[:, 1], c=value, s=7, marker="s", cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
         ax.set_aspect("equal")
         ax.axis("off")
         ax.set_title(title, color=INK, fontsize=11)
-    figure.colorbar(points, ax=list(axes), label="measured minus simulated, mm", shrink=0.8)
-    return inline(figure)
+    figure.colorbar(points, ax=list(grid[0]), label="measured minus simulated, mm", shrink=0.8)
+    return figure_uri(figure)
 
 
 def _limit(d: Diagnosis) -> float:
@@ -72,36 +57,37 @@ def _projected(d: Diagnosis, maps: Sequence[Float], cell_m: float = 0.012) -> tu
 
 
 def how_far(d: Diagnosis) -> str:
-    """Bars: before, after, floor; and each named effect alone."""
-    rows = [("before", d.gap.before.rmse, BEFORE), ("after", d.gap.after.rmse, AFTER)]
-    rows += [(f"only {c.named.name}", c.alone.after.rmse, PALE) for c in d.causes]
-    figure, ax = _axes(6.2, 0.55 * len(rows) + 1.0)
-    ax.barh([r[0] for r in rows], [r[1] for r in rows], color=[r[2] for r in rows], height=0.62)
+    """Bars of the gap above the noise: before, after, and with each named effect alone; the noise as a band of its own."""
+    gap = d.gap
+    rows = [("gap before", gap.above_mm(gap.before), BEFORE), ("gap after", gap.above_mm(gap.after), AFTER)]
+    rows += [(f"only {c.named.name.replace('_', ' ')}", gap.above_mm(c.alone.after), PALE) for c in d.causes]
+    figure, ((ax,),) = axes(6.2, 0.45 * len(rows) + 1.0)
+    ax.axvspan(0.0, gap.floor_mm, color=PALETTE["wash"], zorder=0)
+    ax.axvline(gap.floor_mm, color=PALE, linestyle="--", linewidth=1, zorder=1)
+    ax.barh([r[0] for r in rows], [r[1] for r in rows], color=[r[2] for r in rows], height=0.6, zorder=2)
     for i, (_, value, _) in enumerate(rows):
         ax.text(value, i, f" {value:.2f}", va="center", color=INK, fontsize=9)
-    ax.axvline(d.gap.floor_mm, color=INK, linestyle="--", linewidth=1)
-    ax.text(d.gap.floor_mm, -0.75, "floor", ha="center", color=INK, fontsize=8)
+    ax.text(gap.floor_mm, -0.72, f"noise {gap.floor_mm:.2f}", ha="center", color=INK, fontsize=8)
     ax.invert_yaxis()
-    ax.set_xlabel("RMS on held-out views, mm")
-    ax.spines[["top", "right"]].set_visible(False)
-    return inline(figure)
+    ax.set_xlabel("RMS above the noise on held-out views, mm")
+    return figure_uri(figure)
 
 
 def views(d: Diagnosis, left: Sequence[Float], most: int = 4) -> str:
     """Residual maps of a few views, before above, after below."""
     chosen = np.unique(np.linspace(0, len(d.residual) - 1, min(most, len(d.residual))).round().astype(int))
     limit = _limit(d)
-    figure, axes = _axes(11, 4.4, nrows=2, ncols=len(chosen), squeeze=False)
+    figure, grid = axes(11, 4.4, 2, len(chosen))
     for column, v in enumerate(chosen):
         for row, maps in enumerate((d.residual, left)):
-            ax = axes[row][column]
+            ax = grid[row][column]
             ax.imshow(1e3 * maps[v], cmap="RdBu_r", vmin=-limit, vmax=limit)
             ax.set_xticks([])
             ax.set_yticks([])
-        axes[0][column].set_title(f"view {v}", fontsize=9, color=INK)
-    axes[0][0].set_ylabel("before")
-    axes[1][0].set_ylabel("after")
-    return inline(figure)
+        grid[0][column].set_title(f"view {v}", fontsize=9, color=INK)
+    grid[0][0].set_ylabel("before")
+    grid[1][0].set_ylabel("after")
+    return figure_uri(figure)
 
 
 LABELS = {
@@ -123,15 +109,15 @@ def by_quantity(bins: dict[str, list[Bin]]) -> str:
     known = [(k, b) for k, b in bins.items() if len(b) >= 2]
     columns = 4
     rows = max(1, -(-len(known) // columns))
-    figure, axes = _axes(11, 2.2 * rows, nrows=rows, ncols=columns, squeeze=False)
-    for ax in axes.ravel()[len(known) :]:
+    figure, grid = axes(11, 2.2 * rows, rows, columns)
+    for ax in grid.ravel()[len(known) :]:
         ax.axis("off")
-    for ax, (name, b) in zip(axes.ravel(), known, strict=False):
+    for ax, (name, b) in zip(grid.ravel(), known, strict=False):
         middle = [0.5 * (x.low + x.high) for x in b]
         ax.axhline(0, color=PALE, linewidth=0.8)
         ax.plot(middle, [x.bias_mm for x in b], color=BEFORE, marker="o", markersize=3, linewidth=1.2)
         ax.set_xlabel(LABELS.get(name, name), fontsize=8)
         ax.tick_params(labelsize=7)
         ax.spines[["top", "right"]].set_visible(False)
-    axes[0][0].set_ylabel("mean gap, mm", fontsize=8)
-    return inline(figure)
+    grid[0][0].set_ylabel("mean gap, mm", fontsize=8)
+    return figure_uri(figure)

@@ -36,6 +36,10 @@ class Shrink:
     shrink: float | None
     ci95: tuple[float, float] | None
 
+    def above_mm(self, errors: Errors) -> float:
+        """RMS in mm of errors on the held-out views without noise and pose posterior: what is gap and not noise."""
+        return float(np.sqrt(max(errors.rmse**2 - self.floor_mm**2, 0.0)))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldOut:

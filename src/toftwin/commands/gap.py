@@ -143,7 +143,8 @@ def summary(d: Diagnosis) -> str:
     g = d.gap
     lines = [
         f"verdict: {', '.join(d.verdict)}",
-        f"gap on held-out views: {g.before.rmse:.2f} mm RMS before, {g.after.rmse:.2f} after, floor {g.floor_mm:.2f}",
+        f"gap on held-out views: {g.above_mm(g.before):.2f} mm RMS above the noise of {g.floor_mm:.2f} mm",
+        f"with the named effects added: {g.above_mm(g.after):.2f} mm",
     ]
     if g.shrink is not None and g.ci95 is not None:
         lines.append(f"shrink: {g.shrink:.0%} (95 %: {g.ci95[0]:.0%} to {g.ci95[1]:.0%})")
