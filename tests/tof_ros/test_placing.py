@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,7 +35,7 @@ class Bench:
 
         from tof_ros import qos
 
-        self.node, self.observer = node, Observer(context)
+        self.node, self.observer = node, Observer(context, earlier_log=True)
         self.source = ViewSource(self.observer.node, root="odom", T_root_cell=T_ODOM_CELL)
         self.static: dict[tuple[str, str], Float] = {}
         self.moving: dict[str, str] = {}
@@ -77,18 +76,8 @@ class Bench:
 
         out = self.observer.node.create_publisher(PoseWithCovarianceStamped, "/spot/initialpose", qos.OUTPUT)
         wait_for(out.get_subscription_count)
-
-        def heard() -> bool:
-            """Draw, and draw again where the log line was published before the observer had been discovered."""
-            out.publish(messages.pose(T, np.zeros((6, 6)), messages.header(0, frame)))
-            deadline = time.monotonic() + 2.0
-            while time.monotonic() < deadline:
-                if any("the session begins anew" in line for line in self.observer.log):
-                    return True
-                time.sleep(0.01)
-            return False
-
-        wait_for(heard)
+        out.publish(messages.pose(T, np.zeros((6, 6)), messages.header(0, frame)))
+        wait_for(lambda: any("the session begins anew" in line for line in self.observer.log))
         self.observer.log.clear()
 
 

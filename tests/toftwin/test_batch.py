@@ -26,7 +26,7 @@ from toftwin.pipeline import PipelineConfig
 GOLDEN = Path(__file__).parents[1] / "data" / "golden" / "bag"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two good bags and one that is none."""
     folder = tmp_path_factory.mktemp("bags")
