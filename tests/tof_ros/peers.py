@@ -23,21 +23,18 @@ def wait_for(condition: Callable[[], Any], seconds: float = 30.0, what: str = ""
 class Observer:
     """A node that calls services and keeps diagnostics and log lines; somebody else spins it."""
 
-    def __init__(self, context: Any, name: str = "observer", *, earlier_log: bool = False) -> None:
-        """`earlier_log`: log lines of the last ten seconds too, which nodes keep for those who come late."""
+    def __init__(self, context: Any, name: str = "observer") -> None:
         import rclpy
         from diagnostic_msgs.msg import DiagnosticArray
         from rcl_interfaces.msg import Log
-        from rclpy.qos import DurabilityPolicy, QoSProfile
 
         from tof_ros import qos
 
         self.node = rclpy.create_node(name, context=context)
         self.statuses: dict[str, list[Any]] = defaultdict(list)
         self.log: list[str] = []
-        kept = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, qos.OUTPUT)
-        self.node.create_subscription(Log, "/rosout", lambda m: self.log.append(f"{m.name}: {m.msg}"), kept if earlier_log else qos.RECORD)
+        self.node.create_subscription(Log, "/rosout", lambda m: self.log.append(f"{m.name}: {m.msg}"), qos.RECORD)
 
     def _diagnosed(self, message: Any) -> None:
         for status in message.status:
