@@ -26,17 +26,13 @@ if TYPE_CHECKING:
 class Selection:
     """The chosen hypothesis and what is known of its members.
 
-    chosen, empty: with and without members; fit: of the chosen one; ties: per member, candidates that could stand in for it;
-    visible (members,): metres RMS that each member explains of held-out views; left_out (members,): held-out chi-square lost without it;
+    fit: of the chosen one; ties: per member, candidates that could stand in for it;
     unknown: observables of chosen free functions, most first; small_together: effects that each explain little, and much together.
     """
 
     chosen: Hypothesis
     fit: ColumnFit
-    empty: Hypothesis
     ties: tuple[tuple[int, ...], ...]
-    visible: Float
-    left_out: Float
     unknown: tuple[str, ...]
     small_together: tuple[str, ...]
 
@@ -141,19 +137,10 @@ def _rough(judge: Selector, current: Hypothesis, place: int, lost: Float) -> flo
 
 
 def _described(judge: Selector, current: Hypothesis, small: tuple[str, ...]) -> Selection:
-    lost, visible = worth(judge, current) if current.members else (np.zeros(0), np.zeros(0))
+    lost = worth(judge, current)[0] if current.members else np.zeros(0)
     ties = tuple(
         () if judge.is_free(m) else stand_ins(judge, current, place, float(lost[place])) for place, m in enumerate(current.members)
     )
     free = [judge.design.candidates[m].free for m in current.members]
     unknown = tuple(f.quantity for _, f in sorted(zip(-lost, free, strict=True), key=lambda lf: lf[0]) if f is not None)
-    return Selection(
-        current,
-        judge.fit(current),
-        judge.score((), current.inflate),
-        ties,
-        visible,
-        lost,
-        unknown,
-        small,
-    )
+    return Selection(current, judge.fit(current), ties, unknown, small)

@@ -118,6 +118,5 @@ def by_quantity(bins: dict[str, list[Bin]]) -> str:
         ax.plot(middle, [x.bias_mm for x in b], color=BEFORE, marker="o", markersize=3, linewidth=1.2)
         ax.set_xlabel(LABELS.get(name, name), fontsize=8)
         ax.tick_params(labelsize=7)
-        ax.spines[["top", "right"]].set_visible(False)
     grid[0][0].set_ylabel("mean gap, mm", fontsize=8)
     return figure_uri(figure)
