@@ -59,10 +59,28 @@ COLOUR = Topic(
     "optional; the newest image of a dwell belongs to its view",
 )
 
+IDEAL = Topic(
+    "`sim/depth/image` (`input.depth_topic`)",
+    IMAGE,
+    "ideal depth along the optical axis, 32FC1 in metres or 16UC1; NaN and +inf: nothing there",
+)
+IDEAL_CAMERA = Topic("`sim/depth/camera_info` (`input.info_topic`)", INFO, "intrinsics; the newest message applies")
+ALBEDO = Topic(
+    "`sim/ir/image` (`input.amplitude_topic`)",
+    IMAGE,
+    "optional: albedo or amplitude, as `sensor.light` says; frames wait for it once it has been received",
+)
+NORMALS = Topic("`live.normals_topic`", IMAGE, "optional: unit normals in the camera's optical frame (32FC3)")
+IDEAL_TEMPERATURE = Topic(
+    "`sim/temperature` (`input.temperature_topic`)", "sensor_msgs/Temperature", "optional: the camera's temperature, for drift"
+)
+SCENE_TRANSFORMS = Topic("`/tf`, `/tf_static`", "tf2_msgs/TFMessage", "only with `live.scene`: from the cell to the camera's optical frame")
+
 INPUTS = {
     "preproc": [DEPTH, Topic("`input.points_topic`", "sensor_msgs/PointCloud2", "instead of a depth image"), CAMERA, AMPLITUDE, TEMPERATURE, TRANSFORMS],
     "sim_label": VIEWS,
     "infer": [DEPTH, CAMERA, AMPLITUDE, TEMPERATURE],
+    "sensor": [IDEAL, IDEAL_CAMERA, ALBEDO, NORMALS, IDEAL_TEMPERATURE, SCENE_TRANSFORMS],
     "correct": [*VIEWS, COLOUR],
     "inspect": [*VIEWS, COLOUR],
     "gap": [*VIEWS, Topic("`label/pose`", "geometry_msgs/PoseWithCovarianceStamped", "solved pose of the camera; `sim_label` must run")],
@@ -118,6 +136,23 @@ NODE_TEXTS = {
         },
         figures=("model", "device", "kept_raw"),
         warns="the network refuses the camera, or keeps the raw depth in more than half of the image",
+    ),
+    "sensor": NodeText(
+        short="simulates a real camera: ideal depth of any simulator in, what the camera of a sensor.yaml measures out",
+        about="Adds the effects of a sensor.yaml (`sensor.model`) to each ideal frame: bias, noise, mixed pixels at edges, lost pixels, amplitude. The random numbers of a frame "
+        "are those of `sensor.seed` and its stamp, so the same frames give the same images. Normals come from `live.normals_topic`, from the scene (`live.scene`), or from the depth. "
+        "Topics of Gazebo and Isaac Sim: [simulators](../simulators.md).",
+        start=(
+            "toftwin node sensor --param sensor.sensor.model=sensor.yaml",
+            "ros2 run toftwin sensor --ros-args -p sensor.model:=sensor.yaml -p input.depth_topic:=camera/depth_image",
+        ),
+        outputs={
+            "depth": "measured depth, metres along z, NaN where the camera has no return (32FC1)",
+            "amplitude": "amplitude in the camera's unit (32FC1)",
+            "camera_info": "intrinsics of these rasters",
+        },
+        figures=("effects", "scene"),
+        warns="the camera's unit of amplitude is unknown, or effects of the model need a scene and there is none",
     ),
     "correct": NodeText(
         short="proposes, on request, the pose of the hand at which the next view equals the reference view",

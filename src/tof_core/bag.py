@@ -114,16 +114,17 @@ class BagReader:
         """Why the last frame was left out, in one line."""
         return self._builder.last_error
 
-    def captures(self, *, need_tf: bool = True) -> Iterator[Capture]:
+    def captures(self, *, need_tf: bool = True, repeats: bool = False) -> Iterator[Capture]:
         """Captures by header stamp; frozen frames are one, frames without TF are counted in `skipped`.
 
         Args:
             need_tf: False also yields frames without a transform, with `robot=None`.
+            repeats: True takes a frame of the same content as the one before for a frame of its own, as ideal images have it.
 
         Raises:
             TransformError: TF lacks the cell or the camera frame altogether.
         """
-        builder = self._builder = self._new_builder(need_tf=need_tf)
+        builder = self._builder = self._new_builder(need_tf=need_tf, repeats=repeats)
         if need_tf:
             self._check_frames()
         takes = {
@@ -161,8 +162,8 @@ class BagReader:
         """The message's fields."""
         return deserialize(self._files, message.topic, message.cdr)
 
-    def _new_builder(self, *, need_tf: bool) -> CaptureBuilder:
-        return CaptureBuilder(self.options, self.chain, self.topics, need_tf=need_tf)
+    def _new_builder(self, *, need_tf: bool, repeats: bool = False) -> CaptureBuilder:
+        return CaptureBuilder(self.options, self.chain, self.topics, need_tf=need_tf, repeats=repeats)
 
     def _first_camera(self) -> Camera:
         first = next(iter(self.messages((self.topics.info,))), None)

@@ -76,6 +76,7 @@ class CaptureBuilder:
         need_tf: skip (and count) frames that TF has no answer for, instead of `robot=None`.
         wait_s: how far the depth stamps may run ahead of a frame before it stops waiting; infinite leaves that to
             `overdue`, the stamp up to which no frame waits any longer.
+        repeats: take frames whose content is that of the frame before: a simulator's camera that stands still sees the same twice.
         ahead_s: TF must reach this far beyond a frame before it is given out, so that the motion
             gate (`motion.is_still`) sees the same live as offline.
 
@@ -89,11 +90,12 @@ class CaptureBuilder:
         topics: Topics,
         *,
         need_tf: bool = True,
+        repeats: bool = False,
         wait_s: float = 0.5,
         ahead_s: float = 0.04,
     ) -> None:
         """Nothing received yet."""
-        self.options, self.chain, self.topics, self.need_tf = options, chain, topics, need_tf
+        self.options, self.chain, self.topics, self.need_tf, self._repeats = options, chain, topics, need_tf, repeats
         self.skipped: Counter[str] = Counter()
         self.on_skip: Callable[[int, str], None] = lambda _stamp, _reason: None
         self.last_error = ""
@@ -166,7 +168,8 @@ class CaptureBuilder:
         stamp = stamp_ns(msg)
         content = np.frombuffer(msg.data, np.uint8) if not isinstance(msg.data, list) else np.asarray(msg.data, np.uint8)
         waiting = {f.stamp for f in self._frames}
-        if stamp == self.last_stamp or stamp in waiting or (self._last_content is not None and np.array_equal(content, self._last_content)):
+        same = not self._repeats and self._last_content is not None and np.array_equal(content, self._last_content)
+        if stamp == self.last_stamp or stamp in waiting or same:
             self._skip(stamp, FROZEN)
             return
         if stamp < self.last_stamp:

@@ -28,6 +28,8 @@ ENCODINGS = {
     "16UC1": Encoding("u2", 1),
     "mono16": Encoding("u2", 1),
     "32FC1": Encoding("f4", 1),
+    "32FC3": Encoding("f4", 3),
+    "32FC4": Encoding("f4", 4),
     "mono8": Encoding("u1", 1),
     "8UC1": Encoding("u1", 1),
     "16SC1": Encoding("i2", 1),

@@ -161,6 +161,11 @@ class Effect(ABC):
         return None
 
     @property
+    def needs_scene(self) -> bool:
+        """Whether it does nothing where depth and amplitude alone are known."""
+        return False
+
+    @property
     def late_s(self) -> float:
         """Seconds by which depth is later than its stamp."""
         return 0.0

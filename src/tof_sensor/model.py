@@ -30,9 +30,13 @@ SCHEMA = "toftwin.sensor/1"
 
 @dataclass(frozen=True, slots=True)
 class SensorModel:
-    """Effects, sorted into physical order. Several of one kind are allowed (one per part)."""
+    """Effects, sorted into physical order. Several of one kind are allowed (one per part).
+
+    gain: amplitude of albedo 1 seen head-on from 1 m, in the camera's unit; None where no amplitude was seen.
+    """
 
     effects: tuple[Effect, ...] = ()
+    gain: float | None = None
 
     def __post_init__(self) -> None:
         """Sort."""
@@ -51,7 +55,7 @@ class SensorModel:
 
     def without(self, name: str) -> SensorModel:
         """The model less every effect of that name."""
-        return SensorModel(tuple(e for e in self.effects if name != e.NAME))
+        return replace(self, effects=tuple(e for e in self.effects if name != e.NAME))
 
     @property
     def law(self) -> PhotonLaw | None:
@@ -78,9 +82,10 @@ def simulate(
 
 
 def save_model(model: SensorModel, path: Path) -> None:
-    """Write `sensor.yaml`: schema, then one block per effect."""
+    """Write `sensor.yaml`: schema, the camera's unit of amplitude where it is known, then one block per effect."""
     blocks = [{"effect": e.NAME} | _plain(to_mapping(e)) for e in model.effects]
-    path.write_text(yaml.safe_dump({"schema": SCHEMA, "effects": blocks}, sort_keys=False, default_flow_style=None))
+    gain = {} if model.gain is None else {"gain": float(model.gain)}
+    path.write_text(yaml.safe_dump({"schema": SCHEMA, **gain, "effects": blocks}, sort_keys=False, default_flow_style=None))
 
 
 def load_model(path: Path) -> SensorModel:
@@ -90,10 +95,19 @@ def load_model(path: Path) -> SensorModel:
         msg = f"is no sensor model (schema must be {SCHEMA})"
         raise ConfigError(msg, where=path)
     blocks = data.get("effects")
-    if set(data) != {"schema", "effects"} or not isinstance(blocks, list):
-        msg = "must hold the keys schema and effects, nothing else"
+    if set(data) - {"gain"} != {"schema", "effects"} or not isinstance(blocks, list):
+        msg = "must hold the keys schema and effects, and may hold gain, nothing else"
         raise ConfigError(msg, where=path)
-    return SensorModel(tuple(_effect(b, f"{path}: effects[{i}]") for i, b in enumerate(blocks)))
+    return SensorModel(tuple(_effect(b, f"{path}: effects[{i}]") for i, b in enumerate(blocks)), _gain(data.get("gain"), path))
+
+
+def _gain(value: Any, path: Path) -> float | None:
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < LARGEST:
+        msg = "gain must be a number above 0"
+        raise ConfigError(msg, where=path)
+    return float(value)
 
 
 def _effect(block: Any, where: str) -> Effect:

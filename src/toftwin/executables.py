@@ -62,3 +62,8 @@ def inspect() -> int:
 def gap() -> int:
     """Watch the gap between camera and simulation."""
     return _main("gap")
+
+
+def sensor() -> int:
+    """Simulate a camera on ideal depth."""
+    return _main("sensor")

@@ -28,6 +28,7 @@ NODES = {
     "correct": "arm_correction.node",
     "inspect": "tof_inspect.node",
     "gap": "tof_gap.node",
+    "sensor": "tof_sensor.node",
 }
 """Every node of the graph and the module whose `make_node` makes it."""
 DONE = {
@@ -37,9 +38,12 @@ DONE = {
     "correct": "correction/done",
     "inspect": "inspect/done",
     "gap": "gap/done",
+    "sensor": "sensor/done",
 }
 """Where each node says what became of a frame."""
-WITH_SCENE = ("sim_label", "correct", "inspect", "gap")
+PLACED = ("sim_label", "correct", "inspect", "gap")
+"""Nodes that need to know where the cell is."""
+WITH_SCENE = (*PLACED, "sensor")
 """Nodes that take the CAD."""
 
 

@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     from tof_scene.scene import Scene
     from toftwin.boarded import BoardSource
     from toftwin.pipeline import PipelineConfig
+    from toftwin.sensing import SensingConfig
 
 
 @contextmanager
 def opened(
-    bag: str | Path, scene_path: Path | None, config: PipelineConfig, initial_pose: str | None = None
+    bag: str | Path, scene_path: Path | None, config: PipelineConfig | SensingConfig, initial_pose: str | None = None
 ) -> Iterator[tuple[BagReader, Scene | None]]:
     """A bag and its scene; the pose of the cell comes from `--initial-pose`, or from `placed_in` of the scene."""
     from dataclasses import replace

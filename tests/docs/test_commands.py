@@ -14,6 +14,8 @@ import pytest
 
 from tests.tof_infer.made import write_dataset
 from tof_scene.builtin import write_builtin
+from tof_sensor.effects.range_offset import RangeOffset
+from tof_sensor.model import SensorModel, save_model
 from toftwin import cli
 from toftwin.graph import NODES
 
@@ -80,9 +82,11 @@ RUN = [line for line in OURS if pattern_of(line) is None]
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """session/bag and cell/scene.yaml, as the pages call them."""
+    """session/bag, ideal/bag, sensor.yaml and cell/scene.yaml, as the pages call them."""
     folder = tmp_path_factory.mktemp("docs")
-    shutil.copytree(GOLDEN, folder / "session" / "bag")
+    for name in ("session", "ideal"):
+        shutil.copytree(GOLDEN, folder / name / "bag")
+    save_model(SensorModel((RangeOffset(0.01),), gain=100.0), folder / "sensor.yaml")
     write_builtin("body_section", folder / "cell")
     return folder
 

@@ -13,7 +13,7 @@ ROOT = HERE.parents[2]
 # setuptools wants paths relative to this folder, wherever it was called from.
 SOURCES = os.path.relpath(ROOT / "src", HERE)
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-NODES = ("preproc", "sim_label", "infer", "correct", "inspect", "gap")
+NODES = ("preproc", "sim_label", "infer", "correct", "inspect", "gap", "sensor")
 
 setup(
     name="toftwin",

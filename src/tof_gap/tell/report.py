@@ -13,6 +13,7 @@ from tof_core import se3
 from tof_gap.tell.where import by_quantity, regions
 from tof_scene.regions import surface_regions
 from tof_sensor.effect import Evidence
+from tof_sensor.frame import amplitude_gain, lambert_amplitude
 from tof_sensor.model import SensorModel, save_model
 
 if TYPE_CHECKING:
@@ -167,9 +168,17 @@ def _finite(value: Any) -> Any:
 
 
 def sensor_model(d: Diagnosis) -> SensorModel:
-    """The fitted sensor: every named effect, and the photon law of the remaining noise."""
+    """The fitted sensor: every named effect, the photon law of the remaining noise, and the camera's unit of amplitude."""
     effects = [e for c in d.causes for e in c.named.effects] + [f.effect for f in d.findings]
-    return SensorModel((*effects, *([] if d.law is None else [d.law])))
+    return SensorModel((*effects, *([] if d.law is None else [d.law])), _gain(d))
+
+
+def _gain(d: Diagnosis) -> float | None:
+    """Amplitude of albedo 1 head-on from 1 m: the median over the views that have an amplitude image, None where none has."""
+    lit = [(v.view.amplitude, lambert_amplitude(v.rendering)) for v in d.evidence]
+    gains = [amplitude_gain(seen.astype(np.float64), own) for seen, own in lit if seen is not None]
+    known = [g for g in gains if g is not None]
+    return float(np.median(known)) if known else None
 
 
 def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str]) -> dict[str, Any]:

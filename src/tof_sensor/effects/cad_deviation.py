@@ -50,6 +50,11 @@ class CadDeviation(FieldEffect):
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
     half_size_m: float = param(0.1, "half of the part's largest side", unit="m", low=1e-4)
 
+    @property
+    def needs_scene(self) -> bool:
+        """Its part."""
+        return True
+
     def columns(self, frame: Frame) -> Float:
         """z by each of the nine values, on the pixels of the part."""
         here = frame.rendering.part == self.part

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from numba import njit
 
 from tof_core.config import param
 from tof_sensor.effect import Effect, stack
 from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float, Image, Ints
+    from tof_core.arrays import Float, Image, Ints, Mask
     from tof_sensor.frame import Frame
 
 
@@ -81,6 +82,8 @@ class Edge:
 
 REACH_PX = 3
 """How far from a mixed pixel its surfaces are looked for."""
+NEAR_M = 0.05
+"""Depth difference beyond which a neighbour is another surface."""
 
 
 def neighbour_amplitude(frame: Frame, depth: Float | Image) -> Float:
@@ -88,19 +91,26 @@ def neighbour_amplitude(frame: Frame, depth: Float | Image) -> Float:
 
     Filled on mixed pixels alone.
     """
-    clean = frame.valid & ~(np.nan_to_num(frame.rendering.mixed) > 0)
-    rows, columns = np.nonzero(np.nan_to_num(frame.rendering.mixed) > 0)
-    target = np.asarray(depth, float)[rows, columns]
-    best, found = np.full(len(rows), np.inf), np.zeros(len(rows))
-    height, width = frame.depth.shape
-    for dv in range(-REACH_PX, REACH_PX + 1):
-        for du in range(-REACH_PX, REACH_PX + 1):
-            v, u = np.clip(rows + dv, 0, height - 1), np.clip(columns + du, 0, width - 1)
-            # A surface that goes on may slope; among near ones the nearer pixel is better.
-            miss = np.abs(frame.depth[v, u] - target) + 1e-3 * np.hypot(dv, du)
-            better = clean[v, u] & (miss < best) & (miss < 0.05)
-            best = np.where(better, miss, best)
-            found = np.where(better, frame.amplitude[v, u], found)
+    mixed = np.nan_to_num(frame.rendering.mixed) > 0
+    rows, columns = np.nonzero(mixed)
     out = np.zeros(frame.depth.shape)
-    out[rows, columns] = found
+    out[rows, columns] = _nearest(
+        rows, columns, np.asarray(depth, float)[rows, columns], frame.valid & ~mixed, frame.depth, frame.amplitude
+    )
     return out
+
+
+@njit(cache=True, nogil=True)
+def _nearest(rows: Ints, columns: Ints, target: Float, clean: Mask, depth: Float, amplitude: Float) -> Float:
+    """(n,) amplitude of the clean pixel about (row, column) whose depth is nearest to the target; of near ones the nearer pixel."""
+    height, width = depth.shape
+    found = np.zeros(len(rows))
+    for i in range(len(rows)):
+        best = np.inf
+        for v in range(max(rows[i] - REACH_PX, 0), min(rows[i] + REACH_PX + 1, height)):
+            for u in range(max(columns[i] - REACH_PX, 0), min(columns[i] + REACH_PX + 1, width)):
+                # A surface that goes on may slope; among near ones the nearer pixel is better.
+                miss = abs(depth[v, u] - target[i]) + 1e-3 * np.hypot(v - rows[i], u - columns[i])
+                if clean[v, u] and miss < min(best, NEAR_M):
+                    best, found[i] = miss, amplitude[v, u]
+    return found

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -60,14 +61,31 @@ class Intrinsics(Effect):
 
     def columns(self, frame: Frame) -> Float:
         """z by each parameter: the ray turns against the change of the projection."""
-        x, y = np.moveaxis(frame.rays[..., :2], -1, 0)
-        r2, zero = x * x + y * y, np.zeros_like(x)
-        shift_x = [-x, zero, zero - 1 / frame.camera.fx, zero, -x * r2, -x * r2 * r2, -2 * x * y, -(r2 + 2 * x * x)]
-        shift_y = [zero, -y, zero, zero - 1 / frame.camera.fy, -y * r2, -y * r2 * r2, -(r2 + 2 * y * y), -2 * x * y]
-        return ray_columns(frame, np.nan_to_num(np.stack([np.stack(shift_x, -1), np.stack(shift_y, -1)], axis=-2)))
+        return ray_columns(frame, self._shift(frame))
+
+    def bias(self, frame: Frame) -> Float:
+        """The same for the parameters as they are, without a column for each."""
+        return np.asarray(ray_columns(frame, self._shift(frame) @ self.coefficients[:, None])[..., 0])
+
+    def _shift(self, frame: Frame) -> Float:
+        """(H, W, 2, 8) true minus stated ray, normalised x and y, by each parameter."""
+        return _ray_shift(frame.camera) if frame.rays is frame.camera.rays() else _shift_of(frame.rays, frame.camera)
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
         """Its one form."""
         del session
         yield Form(cls())
+
+
+@lru_cache(maxsize=8)
+def _ray_shift(camera: Camera) -> Float:
+    return _shift_of(camera.rays(), camera)
+
+
+def _shift_of(rays: Float, camera: Camera) -> Float:
+    x, y = np.moveaxis(rays[..., :2], -1, 0)
+    r2, zero = x * x + y * y, np.zeros_like(x)
+    shift_x = [-x, zero, zero - 1 / camera.fx, zero, -x * r2, -x * r2 * r2, -2 * x * y, -(r2 + 2 * x * x)]
+    shift_y = [zero, -y, zero, zero - 1 / camera.fy, -y * r2, -y * r2 * r2, -(r2 + 2 * y * y), -2 * x * y]
+    return np.asarray(np.nan_to_num(np.stack([np.stack(shift_x, -1), np.stack(shift_y, -1)], axis=-2)))

@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter
 
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
@@ -90,7 +91,17 @@ def blurred(own: ComplexImage, sigma: float, pixels: Ints) -> ComplexImage:
     padded = np.pad(own, ((0, -h % block), (0, -w % block)))
     coarse = padded.reshape(padded.shape[0] // block, block, padded.shape[1] // block, block).mean(axis=(1, 3))
     parts = [gaussian_filter(part, sigma / block, mode="constant", truncate=3.0) for part in (coarse.real, coarse.imag)]
-    row, column = np.divmod(pixels, w)
-    at = [(row + 0.5) / block - 0.5, (column + 0.5) / block - 0.5]
-    real, imag = (map_coordinates(part, at, order=1, mode="nearest") for part in parts)
-    return np.asarray(real + 1j * imag)
+    down, across = _between(h, coarse.shape[0], block), _between(w, coarse.shape[1], block)
+    real, imag = (down @ part @ across.T for part in parts)
+    return np.asarray((real + 1j * imag).ravel()[pixels])
+
+
+@lru_cache(maxsize=32)
+def _between(size: int, blocks: int, block: int) -> Float:
+    """(size, blocks) weights of linear interpolation between the centres of blocks; beyond the outer ones their own value."""
+    at = np.clip((np.arange(size) + 0.5) / block - 0.5, 0, blocks - 1)
+    low = np.minimum(at.astype(int), max(blocks - 2, 0))
+    weights = np.zeros((size, blocks))
+    weights[np.arange(size), low] = 1.0 - (at - low)
+    weights[np.arange(size), np.minimum(low + 1, blocks - 1)] += at - low
+    return weights

@@ -45,6 +45,11 @@ class Multipath(Effect):
     strength: float = param(0.0, "against one bounce at the scene's albedos", low=0.0, high=5.0)
     modulation_mhz: float = param(60.0, "modulation frequency (weak influence)", unit="MHz", low=5.0, high=400.0)
 
+    @property
+    def needs_scene(self) -> bool:
+        """The surfaces between which light bounces."""
+        return True
+
     def columns(self, frame: Frame) -> Float:
         """The bias at strength 1, along z."""
         return stack([self._bias(indirect_phasor(frame, self._waves)) / frame.length], frame)

@@ -42,6 +42,11 @@ class Specular(Effect):
     gloss: float = param(0.5, "the lobe's peak, as an albedo", low=1e-3, high=100.0)
     part: int = param(-1, "index of the shining part, -1: all", low=-1)
 
+    @property
+    def needs_scene(self) -> bool:
+        """Its part, unless it is on all."""
+        return self.part >= 0
+
     def columns(self, frame: Frame) -> Float:
         """The coat's share of the light, along z."""
         incidence = np.minimum(np.nan_to_num(frame.rendering.incidence.astype(np.float64), nan=1.5), 1.5)

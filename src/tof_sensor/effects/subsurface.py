@@ -39,6 +39,11 @@ class Subsurface(Effect):
     aslant_m: float = param(0.0, "added besides at grazing incidence", unit="m", low=-0.1, high=0.1)
     part: int = param(0, "index of the part in the scene", low=0)
 
+    @property
+    def needs_scene(self) -> bool:
+        """Its part."""
+        return True
+
     def columns(self, frame: Frame) -> Float:
         """One, and how far the incidence is from normal, on the pixels of the part."""
         here = frame.rendering.part == self.part

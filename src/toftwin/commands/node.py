@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run until stopped."""
     from tof_core.errors import UsageError
-    from toftwin.graph import WITH_SCENE, GraphSpec, parse_parameters, run_graph
+    from toftwin.graph import PLACED, WITH_SCENE, GraphSpec, parse_parameters, run_graph
 
     remaps = [tuple(pair.split(":=", 1)) for pair in args.remap]
     if bad := [pair for pair, parts in zip(args.remap, remaps, strict=True) if len(parts) != 2]:
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     for name in args.nodes:
         if args.scene and name in WITH_SCENE:
             parameters[name].setdefault("live.scene", args.scene)
-        if args.initial_pose and name in WITH_SCENE:
+        if args.initial_pose and name in PLACED:
             parameters[name].setdefault("live.initial_pose", args.initial_pose)
     if args.auto and not args.list_params:
         import sys

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ideal captures of any simulator in, captures as the modelled camera measures them out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.config import param
+from tof_core.errors import ConfigError, RefusedError
+from tof_core.reasons import Reason
+from tof_scene.render import render
+from tof_sensor.frame import Context, ideal_frame
+from tof_sensor.ideal import completed, imaged
+from tof_sensor.model import SensorModel, load_model
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Image
+    from tof_core.camera import Camera
+    from tof_core.capture import Capture
+    from tof_scene.raycast import Raycaster
+    from tof_scene.rendering import Rendering
+
+STILL = 1e-4
+"""Velocity (m/s, rad/s) that differences of rounded TF give a camera that stands still."""
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatorConfig:
+    """What is simulated, and what the images beside the ideal depth mean."""
+
+    model: str = param("", "sensor.yaml of the camera, as `toftwin gap` writes it")
+    seed: int = param(0, "seed of noise, losses and edges", low=0, high=2**31 - 1)
+    light: str = param(
+        "albedo",
+        "what the amplitude image beside the ideal depth holds: the surfaces' albedo, or the amplitude in the camera's unit",
+        choices=("albedo", "amplitude"),
+    )
+    albedo: float = param(0.5, "albedo of surfaces for which neither an image nor the scene has one", low=1e-3, high=10.0)
+    albedo_per_count: float = param(1.0, "albedo of one count of the albedo image; 0.0039 for 8 bits", low=1e-9, high=10.0)
+    gain: float = param(0.0, "amplitude of albedo 1 seen head-on from 1 m, in the camera's unit; 0 takes the sensor.yaml's", low=0.0)
+
+
+class Simulator:
+    """One camera. The same captures in the same order give the same images; each capture has random numbers of its own stamp."""
+
+    def __init__(self, config: SimulatorConfig, model: SensorModel, caster: Raycaster | None = None) -> None:
+        """A camera with the effects of `model`; `caster` is the scene, for captures that have a pose."""
+        self.config, self.model, self.caster = config, model, caster
+        self._start: int | None = None
+        self._border: Float = np.zeros((2, 0, 0))
+
+    @classmethod
+    def load(cls, config: SimulatorConfig, caster: Raycaster | None = None) -> Simulator:
+        """The camera of `config.model`.
+
+        Raises:
+            ConfigError: no file is named, or it is no sensor model.
+        """
+        if not config.model:
+            raise ConfigError("names no sensor.yaml", where="sensor.model", todo="toftwin gap writes one")
+        return cls(config, load_model(Path(config.model)), caster)
+
+    @property
+    def without_effect(self) -> tuple[str, ...]:
+        """Names of the model's effects that do nothing without a scene."""
+        return () if self.caster is not None else tuple(sorted({e.NAME for e in self.model.effects if e.needs_scene}))
+
+    def reset(self) -> None:
+        """Begin a session: the next capture is its first."""
+        self._start = None
+
+    def measured(self, ideal: Capture, normal: Image | None = None) -> Capture:
+        """What the camera measures where `ideal` is exact.
+
+        Args:
+            ideal: depth as the simulator has it; `amplitude` holds what `config.light` says.
+            normal: (H, W, 3) unit normals in the camera frame, where the simulator gives them.
+
+        Raises:
+            RefusedError: the camera's unit of amplitude is not known.
+        """
+        rng = np.random.default_rng([self.config.seed, ideal.stamp_ns])
+        frame = ideal_frame(self._rendering(ideal, normal), self._context(ideal), *self._light(ideal))
+        made = self.model.apply(frame, rng)
+        depth, amplitude = made.depth.astype(np.float32), made.amplitude.astype(np.float32)
+        lost = ~np.isfinite(depth) & (ideal.reason == Reason.VALID)
+        return replace(ideal, depth=depth, amplitude=amplitude, reason=np.where(lost, np.uint8(Reason.NO_RETURN), ideal.reason))
+
+    def _rendering(self, ideal: Capture, normal: Image | None) -> Rendering:
+        camera = ideal.camera
+        albedo = np.full(camera.shape, self.config.albedo, np.float32)
+        if ideal.amplitude is not None and self.config.light == "albedo":
+            albedo = self.config.albedo_per_count * ideal.amplitude
+        seen = imaged(camera, ideal.depth, self._edges(camera), albedo=albedo, normal=normal)
+        if self.caster is None or ideal.robot is None:
+            return seen
+        return completed(seen, render(self.caster, camera, ideal.robot.T_cell_camera))
+
+    def _edges(self, camera: Camera) -> Float:
+        """The same for every capture: a camera that stands still mixes the same pixels."""
+        if self._border.shape[1:] != camera.shape:
+            self._border = np.random.default_rng([self.config.seed, 0]).random((2, *camera.shape))
+        return self._border
+
+    def _context(self, ideal: Capture) -> Context:
+        if self._start is None:
+            self._start = ideal.stamp_ns
+        twist = None if ideal.robot is None else ideal.robot.twist
+        still = twist is None or np.abs(twist).max() < STILL
+        return Context(
+            temperature=ideal.temperature,
+            time_s=(ideal.stamp_ns - self._start) * 1e-9,
+            twist=np.zeros(6) if still or twist is None else twist,
+            caster=self.caster,
+        )
+
+    def _light(self, ideal: Capture) -> tuple[Float | None, float]:
+        """The amplitude that the simulator gives, None where it gives none; and the camera's unit."""
+        if ideal.amplitude is not None and self.config.light == "amplitude":
+            return ideal.amplitude.astype(np.float64), 1.0
+        gain = self.config.gain or self.model.gain
+        if not gain:
+            raise RefusedError(
+                "the camera's unit of amplitude is not known",
+                where="sensor.gain",
+                todo="say --gain: the amplitude of albedo 1 head-on from 1 m",
+            )
+        return None, gain
