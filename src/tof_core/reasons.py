@@ -27,3 +27,5 @@ class Reason(IntEnum):
     """The robot's own gripper."""
     MASKED_AMPLITUDE = 11
     """Amplitude below or above the configured bounds."""
+    NOT_CAD = 12
+    """Of something that is not as the CAD has it: a missing part, a foreign object."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.config import param, section
 from tof_gap.limits.report import ReportLimits
-from tof_gap.limits.seen import EvidenceLimits, MissingLimits, NoiseLimits
+from tof_gap.limits.seen import EvidenceLimits, MissingLimits, NoiseLimits, WorldEvidence
 from tof_gap.limits.solve import SelectLimits, SolveLimits
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ class GapConfig:
     )
     hand_deg: float = param(0.005, "the same, rotation", unit="deg", low=1e-5, why="the same")
     evidence: EvidenceLimits = section(EvidenceLimits, "which pixels count")
+    world: WorldEvidence = section(WorldEvidence, "when the world is not as the CAD has it")
     solve: SolveLimits = section(SolveLimits, "poses and linearisation")
     select: SelectLimits = section(SelectLimits, "when an effect is believed")
     noise: NoiseLimits = section(NoiseLimits, "when there is more noise than photons make")

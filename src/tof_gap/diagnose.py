@@ -12,6 +12,7 @@ import numpy as np
 from tof_align.folds import deal
 from tof_core.errors import RefusedError
 from tof_gap.seen.photons import own_law
+from tof_gap.solve.apart import set_apart
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.candidates import not_testable
 from tof_gap.solve.conclude import conclude
@@ -23,6 +24,7 @@ from tof_gap.tell.account import account
 from tof_gap.tell.diagnosis import Diagnosis
 from tof_gap.tell.explainable import explainable
 from tof_gap.tell.unexplained import look
+from tof_scene.world.words import described
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.radial_depth import RadialDepth
@@ -78,6 +80,7 @@ def diagnose(
     first = (start(views, caster, config, align), None) if RadialDepth.NAME in left_out else gate(views, caster, config, align)
     begun, along_ray = first
     check_enough(views, along_ray, config.solve.views)
+    world, begun = set_apart(begun, caster, config)
 
     progress("poses and effects together")
     joint = solve(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
@@ -102,6 +105,7 @@ def diagnose(
         too_few(len(views)) if few else untested(joint, found, config, law) | dict(untestable),
         law_beside(found, config),
         config,
+        described(world, caster.scene),
     )
 
 

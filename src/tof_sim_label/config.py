@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tof_core.config import param
+from tof_core.config import param, section
+from tof_scene.world.limits import WorldLimits
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +27,4 @@ class LabelConfig:
     max_sigma_mm: float = param(
         10.0, "labels less certain than this are masked: at silhouettes the pose decides which surface a pixel sees", unit="mm", low=0.01
     )
-    foreign_mm: float = param(
-        60.0,
-        "a patch measured farther than this from its label (and beyond 3 sigma) is an object that is not in the CAD",
-        unit="mm",
-        low=1.0,
-    )
-    foreign_px: int = param(30, "least size of such a patch; smaller ones are errors of the sensor", unit="px", low=1)
+    world: WorldLimits = section(WorldLimits, "where the world is not as the CAD has it")

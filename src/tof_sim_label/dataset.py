@@ -87,6 +87,7 @@ class DatasetWriter:
                 "label": label.depth,
                 "label_sigma": label.sigma,
                 "mask": label.mask,
+                "reason": label.reason,
                 "part": label.part,
                 "mixed": label.mixed,
                 "incidence": label.incidence,

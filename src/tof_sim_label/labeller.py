@@ -13,6 +13,7 @@ from tof_core.config import section
 from tof_sim_label.config import LabelConfig
 from tof_sim_label.gate import RadialGate
 from tof_sim_label.label import Label, label_view
+from tof_sim_label.world import session_surprises
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,5 +52,6 @@ def label_session(views: Sequence[View], caster: Raycaster, config: LabellerConf
 
 
 def _labels(views: Sequence[View], solution: SessionSolution, caster: Raycaster, config: LabellerConfig) -> Labels:
-    for view, posed in zip(views, solution.posed, strict=True):
-        yield view, label_view(view, posed, caster, config.label)
+    world = session_surprises(views, solution.posed, caster, config.label)
+    for view, posed, codes in zip(views, solution.posed, world.pixels, strict=True):
+        yield view, label_view(view, posed, caster, config.label, codes)

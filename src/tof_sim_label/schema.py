@@ -52,6 +52,7 @@ COLUMNS: dict[str, dict[str, Column]] = {
         "label": Column("f4", IMAGE, "z-depth of the CAD at the solved pose, metres, NaN where the ray misses it"),
         "label_sigma": Column("f4", IMAGE, "standard deviation of label, metres"),
         "mask": Column("u1", IMAGE, "1 where the label may be trained on"),
+        "reason": Column("u1", IMAGE, "why not: 0 usable, else a code of tof_sim_label.reasons"),
         "part": Column("i2", IMAGE, "index into the attribute 'parts', -1 where the ray misses"),
         "mixed": Column("f4", IMAGE, "share of the second surface in the pixel, 0 to 0.5"),
         "incidence": Column("f4", IMAGE, "angle between ray and surface normal, radians"),

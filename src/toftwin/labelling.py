@@ -17,6 +17,7 @@ from tof_core.hashing import digest_config
 from tof_core.progress import progress
 from tof_core.yamlio import save_yaml
 from tof_eval.pooled import PooledError
+from tof_scene.world.words import described
 from toftwin.pipeline import PipelineConfig, ViewStream
 from toftwin.resume import OtherBagError, Unfinished, save_json
 
@@ -43,7 +44,8 @@ POSE_SOURCES = {"final": "session, final", "causal": "session, causal", "per_vie
 class LabelResult:
     """Result of a bag: counts, depth errors against the label, the verdict of each view.
 
-    `others` holds the `T_cell_camera` of each view by the further modes that were requested.
+    `reasons` counts the pixels of all views by why they may not be trained on (`tof_sim_label.reasons`); `world` lists missing parts
+    and foreign objects, with mode final. `others` holds the `T_cell_camera` of each view by the further modes that were requested.
     """
 
     dataset: Path
@@ -51,6 +53,8 @@ class LabelResult:
     views: int = 0
     skipped: Counter[str] = field(default_factory=Counter)
     verdicts: Counter[str] = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)
+    world: dict[str, Any] = field(default_factory=lambda: {"missing": [], "foreign": []})
     raw: PooledError = field(default_factory=PooledError)
     filtered: PooledError = field(default_factory=PooledError)
     others: dict[str, list[Float]] = field(default_factory=dict)
@@ -68,6 +72,8 @@ class LabelResult:
             "views": self.views,
             "skipped": dict(self.skipped),
             "verdicts": dict(self.verdicts),
+            "reasons": dict(self.reasons),
+            "world": self.world,
             "raw": self.raw.error.to_dict(),
             "filtered": self.filtered.error.to_dict(),
             "note": self.note,
@@ -138,6 +144,7 @@ class _Job:
         from tof_align.session import solve_session
         from tof_sim_label.label import label_view
         from tof_sim_label.labeller import label_session
+        from tof_sim_label.world import session_surprises
 
         views = list[View]()
         for view, members in self._views(result):
@@ -149,8 +156,10 @@ class _Job:
             other = replace(self.config.align, mode=MODES[name])
             found = dataset.solved(views, name, partial(solve_session, views, self.caster, other))
             result.others[name] = [p.T_cell_camera for p in found]
-        for view, pose in progress(zip(views, posed, strict=True), "labels", len(views)):
-            yield view, pose, partial(label_view, view, pose, self.caster, self.config.label)
+        world = session_surprises(views, posed, self.caster, self.config.label)
+        result.world = described(world, self.caster.scene)
+        for view, pose, codes in progress(zip(views, posed, world.pixels, strict=True), "labels", len(views)):
+            yield view, pose, partial(label_view, view, pose, self.caster, self.config.label, codes)
 
     def _causal(self, dataset: Unfinished, result: LabelResult) -> Iterator[Labelled]:
         """The live result, by the code of the node `sim_label`: the pose of each view follows from the views before it."""
@@ -209,13 +218,16 @@ def _entry(view: View, posed: Posed) -> dict[str, Any]:
 
 
 def _score(path: Path, result: LabelResult) -> None:
-    """Errors of every view and every capture against the label."""
+    """Errors of every view and every capture against the label, and why pixels have none."""
     from tof_sim_label.dataset import open_dataset
+    from tof_sim_label.reasons import LabelReason
 
     dataset = open_dataset(path)
     of_view = dataset.column("captures/view")
     for v in range(dataset.views):
         label, mask = dataset.frame("views/label", v), dataset.frame("views/mask", v) > 0
+        counts = np.bincount(dataset.frame("views/reason", v).ravel(), minlength=len(LabelReason))
+        result.reasons.update({code.name.lower(): int(counts[code]) for code in LabelReason if counts[code]})
         result.filtered.add(dataset.frame("views/depth", v), label, mask)
         for capture in np.flatnonzero(of_view == v):
             result.raw.add(dataset.frame("captures/raw", int(capture)), label, mask)

@@ -50,6 +50,7 @@ def labelled(number: int, camera: Camera = CAMERA) -> Label:
         true,
         np.full_like(true, 1e-4),
         np.ones(true.shape, np.uint8),
+        np.zeros(true.shape, np.uint8),
         np.zeros(true.shape, np.int16),
         np.zeros_like(true),
         np.full_like(true, 0.2),

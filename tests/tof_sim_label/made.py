@@ -54,6 +54,7 @@ def label(number: int, camera: Camera = CAMERA) -> Label:
         depth=np.where(hit, 3.0 + number / 1000, np.nan).astype(np.float32) * np.ones(shape, np.float32),
         sigma=np.full(shape, 2e-3, np.float32),
         mask=np.broadcast_to(hit, shape).astype(np.uint8),
+        reason=np.broadcast_to(~hit, shape).astype(np.uint8) * np.uint8(2),
         part=np.broadcast_to(np.where(hit, 0, -1), shape).astype(np.int16),
         mixed=np.full(shape, 0.25, np.float32),
         incidence=np.full(shape, 0.5, np.float32),

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tof_core.config import param, section
+from tof_scene.world.limits import WorldLimits
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,16 @@ class PatternLimits:
         0.1, "least noise beside the pattern, of the pattern's variance", low=0.0, high=1.0, why="differences overlap"
     )
     level_share: float = param(0.25, "least noise without the pattern, of the variance with it", low=0.0, high=1.0, why="the same")
+
+
+@dataclass(frozen=True, slots=True)
+class WorldEvidence:
+    """When a part is missing and an object foreign, before poses and effects are solved together."""
+
+    pose_mm: float = param(2.0, "error of the first poses along a surface's normal", unit="mm", low=0.0, why="arm, hand-eye and bias")
+    least_cosine: float = param(0.2, "least cosine of incidence", low=0.01, high=1.0, why="its inverse grows without bound")
+    rim_px: int = param(2, "pixels around what is not the CAD that do not count", unit="px", low=0, high=50, why="they mix both")
+    world: WorldLimits = section(WorldLimits, "when measurement and CAD contradict each other")
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ class Diagnosis:
     verdict: effects, `none`, `unknown`, sorted; account: what was read off the solution, with its poses, maps and figures;
     explainable: share of the gap that any model could explain, None without a gap; unexplained: what no named effect explains;
     not_testable: effects that the session cannot test, with the reason; law: photon law of the noise beside what was named of it,
-    None where too little is seen.
+    None where too little is seen; world: missing parts and foreign objects (`tof_scene.world.words.described`).
     """
 
     verdict: tuple[str, ...]
@@ -38,6 +38,7 @@ class Diagnosis:
     not_testable: dict[str, str]
     law: PhotonLaw | None
     config: GapConfig
+    world: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=lambda: {"missing": (), "foreign": ()})
 
     @property
     def solved(self) -> Solved:

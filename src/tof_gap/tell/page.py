@@ -10,6 +10,7 @@ import numpy as np
 from tof_core.page import render_page
 from tof_gap.tell import pictures
 from tof_gap.tell.where import by_quantity
+from tof_scene.world.words import lines
 from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str) 
         causes=[c | {"fitted": _fitted(c)} for c in content["causes"]],
         meaning={name: effect.MEANING for name, effect in EFFECTS.items()},
         unexplained=content["unexplained"],
+        world=lines(content["world"]),
         advice=content["advice"],
         not_testable=content["not_testable"],
         split=content["split"],

@@ -52,6 +52,7 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str])
                 "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2, limits.bins).items()},
             },
             "unexplained": asdict(d.unexplained),
+            "world": d.world,
             "not_testable": d.not_testable,
             "pose": _pose(d),
             "advice": advice,

@@ -147,9 +147,11 @@ class World:
     gloss_rough: float = param(0.15, "roughness of the glossy coat", low=0.03, high=1)
     translucent_mm: float = param(0.0, "mean way of light within one translucent part", unit="mm", low=0, high=1000)
     moved_mm: float = param(0.0, "distance by which parts stand off their CAD", unit="mm", low=0, high=300)
+    moved_parts: int = param(3, "how many parts do", low=1, high=100)
     bent_mm: float = param(0.0, "sagitta by which one part is bent", unit="mm", low=0, high=300)
     foreign_m: float = param(0.0, "edge of a box that stands in the cell and not in the CAD; 0: none", unit="m", low=0, high=2)
     missing: bool = param(False, "one part of the CAD is not there")
+    arm_share: float = param(0.0, "share of the views into which a person's arm reaches, each time elsewhere", low=0, high=1)
     pane_mm: float = param(0.0, "thickness of a glass pane between camera and half of the scene", unit="mm", low=0, high=500)
     neighbour: float = param(0.0, "power of another camera's lamp on the scene over the own one", low=0, high=100)
 

@@ -57,7 +57,7 @@ class Truth:
         self._key = key
         device = s.device()
         sight = s.view(shutter, device)
-        world = s.real(device).world
+        world = s.real(device, shutter).world
         part = np.where(sight.main.face >= 0, world.soup.body[sight.main.face], -1)
         number = {name: k for k, name in enumerate(b.name for b in s.bodies)}
         nominal = np.array([number.get(name, -1) for name in world.soup.names] + [-1])

@@ -14,6 +14,7 @@ from tof_virtual.emerging.bounce import indirect
 from tof_virtual.emerging.camera import Camera
 from tof_virtual.emerging.causes import CAUSES, applied
 from tof_virtual.emerging.light import gather
+from tof_virtual.emerging.person import arm, reaches
 from tof_virtual.emerging.surfaces import Surfaces, surfaces
 from tof_virtual.emerging.waveform import STEPS, response
 from tof_virtual.robot import HAND_OF_CAMERA
@@ -75,13 +76,19 @@ class EmergingSession(Session):
             self._cameras[device] = Camera(device, self.healthy, self.camera)
         return self._cameras[device]
 
-    def real(self, device: Device) -> Surfaces:
-        """The world as it really is."""
-        key = (device.world, device.serial)
+    def real(self, device: Device, shutter: Shutter | None = None) -> Surfaces:
+        """The world as it really is; with a person's arm where one reaches into the view of `shutter`."""
+        reached = shutter is not None and reaches(shutter.stop, device.world.arm_share, device.serial)
+        key = (device.world, device.serial, *((shutter.stop,) if shutter is not None and reached else ()))
         if key not in self._surfaces:
             _make_room(self._surfaces)
-            self._surfaces[key] = surfaces(self.bodies, self._seen_shares, device)
+            beside = self._arm(shutter, device) if shutter is not None and reached else None
+            self._surfaces[key] = surfaces(self.bodies, self._seen_shares, device, beside)
         return self._surfaces[key]
+
+    def _arm(self, shutter: Shutter, device: Device) -> Body | None:
+        half = 0.5 * self.camera.width / self.camera.fx
+        return arm(self.real(device).world, self.camera_pose(shutter, device), half, shutter.stop, device.serial)
 
     def true_lens(self, device: Device) -> Lens:
         """The lens behind the published calibration."""
@@ -121,7 +128,7 @@ class EmergingSession(Session):
         """Whatever decides what the pixels look at."""
         o, w = device.optics, device.world
         lens = (o.focal_pct, o.centre_x_px, o.centre_y_px, o.k1, o.defocus_px)
-        parts = (w.moved_mm, w.bent_mm, w.foreign_m, w.missing)
+        parts = (w.moved_mm, w.bent_mm, w.foreign_m, w.missing, w.arm_share, w.moved_parts)
         return self.camera_pose(shutter, device, shift_s).tobytes(), shift_s, subsamples, lens, parts
 
     def _seen(self, key: ViewKey, shutter: Shutter, device: Device) -> Sight:
@@ -129,7 +136,7 @@ class EmergingSession(Session):
             _make_room(self._looks)
             _, shift_s, subsamples, _, _ = key
             self._looks[key] = look(
-                self.real(device).world,
+                self.real(device, shutter).world,
                 self.true_lens(device).rays(),
                 self.camera_pose(shutter, device, shift_s),
                 subsamples=subsamples,
@@ -154,18 +161,18 @@ class EmergingSession(Session):
         if key not in self._gathered:
             _make_room(self._gathered)
             sight, omega = self._seen(view_key, shutter, device), response(device).omega
-            bounced = self._bounced(view_key, sight, device, omega) if device.lamp.flood_share > 0 else None
-            self._gathered[key] = gather(device, self.real(device), sight, omega, bounced, power)
+            bounced = self._bounced(view_key, shutter, sight, device, omega) if device.lamp.flood_share > 0 else None
+            self._gathered[key] = gather(device, self.real(device, shutter), sight, omega, bounced, power)
         light = self._gathered[key]
         light.phase = float(np.random.default_rng([self.config.seed, 41, index]).uniform(0, 2 * np.pi))
         return light
 
-    def _bounced(self, view_key: ViewKey, sight: Sight, device: Device, omega: Float) -> NDArray[np.complex128]:
+    def _bounced(self, view_key: ViewKey, shutter: Shutter, sight: Sight, device: Device, omega: Float) -> NDArray[np.complex128]:
         lamp = device.lamp
         key = (view_key, lamp.offset_x_mm, lamp.offset_y_mm, lamp.baseline_mm, device.world, device.clock)
         if key not in self._indirect:
             _make_room(self._indirect)
-            self._indirect[key] = indirect(device, self.real(device), sight, self.true_lens(device).rays(), omega)
+            self._indirect[key] = indirect(device, self.real(device, shutter), sight, self.true_lens(device).rays(), omega)
         return self._indirect[key]
 
     def exposed(self, index: int, device: Device, *, noise: bool = False) -> Frame:

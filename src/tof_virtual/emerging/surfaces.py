@@ -80,12 +80,12 @@ class Surfaces:
         return np.where(within, self.pane_m / np.sqrt(1 - (1 - cosine**2) / GLASS_INDEX**2), 0.0)
 
 
-def surfaces(bodies: Sequence[Body], shares: Float, device: Device) -> Surfaces:
-    """The world of one device's session; `shares` (bodies,): share of all pixels that each body fills."""
+def surfaces(bodies: Sequence[Body], shares: Float, device: Device, beside: Body | None = None) -> Surfaces:
+    """The world of one device's session; `shares` (bodies,): share of all pixels that each body fills; `beside`: a body of one view alone."""
     w = device.world
     rng = np.random.default_rng([device.serial, 23])
     chosen = _choose(shares, rng)
-    moved = _choose(shares, rng, count=3)
+    moved = _choose(shares, rng, count=w.moved_parts)
     factor = 1 + w.albedo_off * rng.uniform(-1, 1, len(bodies))
     directions = rng.normal(0, 1, (WAVES, 3))
     length = np.exp(rng.uniform(np.log(0.02), np.log(0.2), WAVES))
@@ -102,6 +102,9 @@ def surfaces(bodies: Sequence[Body], shares: Float, device: Device) -> Surfaces:
     if w.missing:
         del real[small]
         factor = np.delete(factor, small)
+    if beside is not None:
+        real.append(beside)
+        factor = np.append(factor, 1.0)
     names = [b.name for b in real]
     subject = bodies[chosen[0]].name
     mark = np.array([float(n == subject) for n in names])

@@ -140,6 +140,8 @@ def worth(r: Retrained) -> str:
 
 def summary(d: Diagnosis) -> str:
     """A few lines for a terminal."""
+    from tof_scene.world.words import lines as world_lines
+
     g = d.gap
     lines = [
         f"verdict: {', '.join(d.verdict)}",
@@ -154,6 +156,7 @@ def summary(d: Diagnosis) -> str:
     lines += [f"  {f.name}: confidence {f.confidence:.2f} {f.note}".rstrip() for f in d.findings]
     if d.unexplained.structured:
         lines.append(unexplained_line(d.unexplained))
+    lines += world_lines(d.world)
     lines += [f"not testable: {name} ({why})" for name, why in d.not_testable.items()]
     return "\n".join(lines)
 

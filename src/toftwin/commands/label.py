@@ -110,6 +110,7 @@ def _batch(args: argparse.Namespace, config: PipelineConfig) -> int:
 
 def _print(result: LabelResult) -> None:
     from tof_eval.tables import depth_table
+    from tof_scene.world.words import lines
 
     if result.note:
         print(result.note)
@@ -117,3 +118,12 @@ def _print(result: LabelResult) -> None:
     print(f"{result.captures} captures, {result.views} views in {result.dataset}{skipped}")
     print("verdicts: " + ", ".join(f"{verdict} {count}" for verdict, count in result.verdicts.most_common()))
     print(depth_table(result.rows))
+    print(_usable(result))
+    print("\n".join(lines(result.world)), end="\n" if any(result.world.values()) else "")
+
+
+def _usable(result: LabelResult) -> str:
+    """How many pixels may be trained on, and why the others may not."""
+    total = max(result.reasons.total(), 1)
+    shares = [f"{name} {100 * count / total:.1f} %" for name, count in result.reasons.most_common() if name != "usable"]
+    return f"labels usable in {100 * result.reasons['usable'] / total:.1f} % of all pixels; the others: {', '.join(shares) or 'none'}"

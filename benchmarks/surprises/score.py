@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Labels of a recorded session against its truth: what is kept of pixels that the world makes wrong, and what is lost of good ones."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core.errors import RefusedError
+from tof_scene.raycast import Raycaster
+from tof_scene.render import render
+from tof_scene.scene_file import load_scene
+from tof_scene.world.words import described
+from tof_sim_label.label import label_view
+from tof_sim_label.labeller import label_session
+from tof_sim_label.reasons import WORLD, LabelReason
+from tof_sim_label.world import session_surprises
+from toftwin.inputs import opened
+from toftwin.pipeline import PipelineConfig, ViewStream
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+WRONG_M = 0.015
+"""A label is wrong that is farther from the true surface."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Pixel counts of one session.
+
+    wrong: labels made wrong by the world, kept: of those usable, both of pixels with a measurement; wrong_unmeasured, kept_unmeasured: of those
+    without; pose: labels wrong without the world's doing (silhouettes); good: right labels that would be usable in a world as its CAD,
+    lost: of those not usable because of the world. alone_kept, alone_lost: the same with each view judged by itself, as live.
+    """
+
+    name: str
+    kind: str
+    refused: str = ""
+    wrong: int = 0
+    kept: int = 0
+    wrong_unmeasured: int = 0
+    kept_unmeasured: int = 0
+    pose: int = 0
+    good: int = 0
+    lost: int = 0
+    alone_kept: int = 0
+    alone_lost: int = 0
+    world: str = ""
+
+
+def score(folder: Path) -> Row:
+    """Label the session in `folder` (`cases.record_case`) as `toftwin label` does, and count."""
+    case = json.loads((folder / "case.json").read_text())
+    config, scene_file = PipelineConfig(), folder / "scene" / "scene.yaml"
+    with opened(folder / "bag", scene_file, config, "") as (reader, _):
+        views = list(ViewStream(reader, config))
+    caster = Raycaster(load_scene(scene_file))
+    try:
+        solution, _ = label_session(views, caster, config.labeller)
+    except RefusedError as error:
+        return Row(case["name"], case["kind"], refused=str(error))
+    world = session_surprises(views, solution.posed, caster, config.label)
+    truth, counts = np.load(folder / "truth.npz"), dict[str, int]()
+    for number, (view, posed) in enumerate(zip(views, solution.posed, strict=True)):
+        label, alone = (label_view(view, posed, caster, config.label, codes) for codes in (world.pixels[number], None))
+        true = truth["depth"][number]
+        cad = render(caster, view.camera, truth["T_cell_camera"][number], footprints=False).depth
+        for name, count in _counted(label.depth, label.reason, alone.reason, true, cad, np.isfinite(view.depth)).items():
+            counts[name] = counts.get(name, 0) + count
+    return replace(Row(case["name"], case["kind"], world=json.dumps(described(world, caster.scene))), **counts)  # type: ignore[arg-type]
+
+
+def _counted(label: Any, reason: Any, alone: Any, true: Any, cad: Any, measured: Any) -> dict[str, int]:
+    """The counts of one view, images (H, W)."""
+    judged = np.isin(reason, [LabelReason.USABLE, *WORLD])
+    off = judged & (np.abs(label - true) > WRONG_M)
+    by_world = off & (np.abs(cad - true) > WRONG_M)
+    good = judged & (np.abs(label - true) <= WRONG_M)
+    usable, usable_alone = reason == LabelReason.USABLE, alone == LabelReason.USABLE
+    sums = {
+        "wrong": by_world & measured,
+        "kept": by_world & measured & usable,
+        "wrong_unmeasured": by_world & ~measured,
+        "kept_unmeasured": by_world & ~measured & usable,
+        "pose": off & ~by_world,
+        "good": good,
+        "lost": good & ~usable,
+        "alone_kept": by_world & measured & usable_alone,
+        "alone_lost": good & ~usable_alone,
+    }
+    return {name: int(mask.sum()) for name, mask in sums.items()}

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A world that is not the CAD: missing parts and foreign objects, found before any effect is asked, and taken out of the views.
+
+They are the world's and no sensor's: left in, they would be noise, lost returns, or deviations of the CAD.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from tof_core.reasons import Reason
+from tof_scene.world.seen import Seen
+from tof_scene.world.surprises import ABSENT, OBJECT, find_surprises
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Mask
+    from tof_core.capture import View
+    from tof_gap.limits.seen import WorldEvidence
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_scene.raycast import Raycaster
+    from tof_scene.world.surprises import Surprises
+
+
+def world_of(evidence: Sequence[ViewEvidence], caster: Raycaster, limits: WorldEvidence) -> Surprises:
+    """What is not as the CAD has it, at the poses of the evidence; views that move are left out, since motion moves their edges."""
+    still = [k for k, v in enumerate(evidence) if not v.frame.context.twist.any()]
+    found = find_surprises([_seen(evidence[k], limits) for k in still], caster, limits.world)
+    pixels = [np.zeros(v.residual.shape, np.uint8) for v in evidence]
+    for k, codes in zip(still, found.pixels, strict=True):
+        pixels[k] = codes
+    return replace(found, pixels=tuple(pixels)).of_views(still)
+
+
+def _seen(v: ViewEvidence, limits: WorldEvidence) -> Seen:
+    slope = np.maximum(np.cos(np.nan_to_num(v.rendering.incidence)), limits.least_cosine)
+    return Seen(
+        camera=v.frame.camera,
+        T_cell_camera=v.rendering.T_cell_camera,
+        depth=v.view.depth,
+        noise=v.sigma.astype(np.float32),
+        cad=v.frame.depth.astype(np.float32),
+        cad_sigma=(1e-3 * limits.pose_mm / slope).astype(np.float32),
+        part=v.rendering.part,
+        reason=v.view.reason,
+        amplitude=v.view.amplitude,
+    )
+
+
+def without_world(views: Sequence[View], world: Surprises, rim_px: int) -> list[View]:
+    """The views without the pixels of missing parts and foreign objects, and without a rim of `rim_px` around, where both mix."""
+    return [_without(view, np.isin(codes, (ABSENT, OBJECT)), rim_px) for view, codes in zip(views, world.pixels, strict=True)]
+
+
+def _without(view: View, gone: Mask, rim_px: int) -> View:
+    if not gone.any():
+        return view
+    gone = binary_dilation(gone, np.ones((3, 3), bool), iterations=rim_px)
+    return replace(view, depth=np.where(gone, np.float32(np.nan), view.depth), reason=np.where(gone, np.uint8(Reason.NOT_CAD), view.reason))

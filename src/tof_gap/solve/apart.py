@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is not as the CAD has it is set apart before poses and effects are solved."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tof_gap.seen.world import without_world, world_of
+from tof_gap.solve.start import Start, observe
+
+if TYPE_CHECKING:
+    from tof_gap.config import GapConfig
+    from tof_scene.raycast import Raycaster
+    from tof_scene.world.surprises import Surprises
+
+
+def set_apart(begun: Start, caster: Raycaster, config: GapConfig) -> tuple[Surprises, Start]:
+    """Missing parts and foreign objects at the first poses, and the start without their pixels."""
+    world = world_of(begun.evidence, caster, config.world)
+    if not (world.missing or world.foreign):
+        return world, begun
+    views = without_world(begun.views, world, config.world.rim_px)
+    return world, Start(views, begun.chain, observe(views, caster, begun.chain, config, footprints=False))

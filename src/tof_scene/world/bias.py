@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The session's own sensor effects, roughly: what residuals have in common by range, by amplitude and by view.
+
+Medians, so that surprises that fill less than half of a bin do not count; fitted kind by kind in turn (backfitting).
+They say what a contradiction may not be, and are no model of the sensor.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Ints
+    from tof_scene.world.limits import WorldLimits
+    from tof_scene.world.seen import Seen
+
+ROUNDS = 3
+BINS = 16
+"""Bins of equal counts over range and over amplitude: each holds a sixteenth of all pixels."""
+BIN_PIXELS = 60
+"""Pixels of a bin below which it states nothing."""
+PIXELS = 200_000
+"""Pixels of a session that are used."""
+
+
+def session_bias(views: Sequence[Seen], limits: WorldLimits) -> list[Float]:
+    """(H, W) metres of z per view: what sensor effects add to the measured depth, 0 where nothing is measured.
+
+    A single view has too few surfaces for a function of range or amplitude: a constant alone.
+    """
+    residual = [v.residual for v in views]
+    known = [np.isfinite(r) & (np.abs(r) < limits.bias_most_mm * 1e-3) for r in residual]
+    step = max(1, sum(int(k.sum()) for k in known) // PIXELS)
+    r = np.concatenate([x[k][::step] for x, k in zip(residual, known, strict=True)])
+    if not len(r):
+        return [np.zeros(v.depth.shape) for v in views]
+    keys = [_KINDS[k] for k in range(len(_KINDS) if len(views) > 1 else 1)]
+    samples = [np.concatenate([key(n, v)[k][::step] for n, (v, k) in enumerate(zip(views, known, strict=True))]) for key in keys]
+    fits = _backfit(r, samples, len(views))
+    return [
+        np.where(np.isfinite(x), sum(fit(key(n, v)) for key, fit in zip(keys, fits, strict=True)), 0.0)
+        for n, (v, x) in enumerate(zip(views, residual, strict=True))
+    ]
+
+
+def _view(number: int, seen: Seen) -> Float:
+    return np.full(seen.depth.shape, float(number))
+
+
+def _range(_number: int, seen: Seen) -> Float:
+    return np.asarray(np.nan_to_num(seen.cad), float)
+
+
+def _amplitude(_number: int, seen: Seen) -> Float:
+    if seen.amplitude is None:
+        return np.zeros(seen.depth.shape)
+    return np.log(np.maximum(np.nan_to_num(seen.amplitude.astype(float)), 1e-6))
+
+
+_KINDS = (_view, _amplitude, _range)
+
+
+class _Steps:
+    """A function through the medians of bins."""
+
+    def __init__(self, centres: Float, values: Float) -> None:
+        self.centres, self.values = centres, values
+
+    def __call__(self, x: Float) -> Float:
+        return np.asarray(np.interp(x, self.centres, self.values))
+
+
+def _backfit(r: Float, samples: Sequence[Float], views: int) -> list[_Steps]:
+    """One function per kind of sample (n,), each fitted to what the others leave of the residuals (n,)."""
+    bins = [_bins(x, views if k == 0 else 0) for k, x in enumerate(samples)]
+    share = [np.zeros(len(r)) for _ in samples]
+    fits = [_Steps(np.zeros(1), np.zeros(1)) for _ in samples]
+    for _ in range(ROUNDS):
+        for k, (x, (which, centres)) in enumerate(zip(samples, bins, strict=True)):
+            fits[k] = _Steps(centres, _medians(r - sum(share) + share[k], which, len(centres)))
+            share[k] = fits[k](x)
+    return fits
+
+
+def _bins(x: Float, views: int) -> tuple[Ints, Float]:
+    """Bin of each sample and the bins' centres: one per view, or of equal counts."""
+    if views:
+        return x.astype(np.int64), np.arange(float(views))
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)))
+    if len(edges) < 2:
+        return np.zeros(len(x), np.int64), edges[:1]
+    which = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    return which, 0.5 * (edges[1:] + edges[:-1])
+
+
+def _medians(values: Float, which: Ints, count: int) -> Float:
+    """(count,) median of each bin, 0 where it has too few."""
+    order = np.argsort(which, kind="stable")
+    parts = np.split(values[order], np.searchsorted(which[order], np.arange(1, count)))
+    return np.array([float(np.median(p)) if len(p) >= BIN_PIXELS else 0.0 for p in parts])

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Objects that the CAD lacks: measured before it, by several views at the same place, or by one view alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from tof_core.stats import robust_std
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Ints, Mask
+    from tof_scene.world.limits import WorldLimits
+    from tof_scene.world.seen import Seen
+
+POINTS = 4000
+"""Points of a view that are used."""
+CAD_POINTS = 60_000
+"""Points of the rendered CAD to which distances are taken."""
+TRIM = 0.02
+"""Share of an object's points that its box leaves out at each side."""
+
+LEAST_WRAP_M = 0.3
+"""Unambiguous range at 500 MHz, beyond any camera's: no shorter jump is a wrapped phase."""
+WRAP_SPREAD = 0.05
+"""Spread of the jumps of one object, over their size, below which they are all alike."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Foreign:
+    """An object that the CAD lacks.
+
+    centre_m, size_m (3,): of its box along the axes of the cell, of what the views see of it; views: indices of those that show it;
+    pixels: how many do; moves: other views see through its place, as through a hand's; points (n, 3): measured ones, in the cell.
+    """
+
+    centre_m: Float
+    size_m: Float
+    views: tuple[int, ...]
+    pixels: int
+    moves: bool
+    points: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cloud:
+    """Points (n, 3) measured before the CAD.
+
+    view (n,): of each; jump (n,): metres of z before the CAD; static (n,): other views measured them too; through (n,): other views
+    see through their place; step (views,): every so manieth pixel is a point.
+    """
+
+    points: Float
+    view: Ints
+    jump: Float
+    static: Mask
+    through: Mask
+    step: Ints
+
+
+def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Sequence[Float], limits: WorldLimits) -> tuple[Foreign, ...]:
+    """Objects of the session, those of several views first.
+
+    Args:
+        views: of the session.
+        before: (H, W) pixels of each that were measured before the CAD.
+        measured: (H, W) depth of each without the sensor's own effects.
+        limits: how large an object is at least.
+    """
+    cloud = _cloud(views, before, measured, limits)
+    if not len(cloud.points):
+        return ()
+    clearance = _clearance(views, cloud.points)
+    out = list[Foreign]()
+    for mine in _clusters(cloud.points, cloud.static, limits.voxel_mm * 1e-3):
+        shown = _views(cloud, mine, limits.object_view_px)
+        if len(shown) > 1 and cloud.step[cloud.view[mine]].sum() >= limits.object_px and _stands_out(clearance[mine], limits):
+            out.append(_object(cloud, mine, shown, moves=False))
+    for number, seen in enumerate(views):
+        alone = ~cloud.static & (cloud.view == number)
+        least = max(limits.object_px, limits.moving_share * seen.depth.size)
+        for mine in _clusters(cloud.points, alone, limits.voxel_mm * 1e-3):
+            if len(mine) * cloud.step[number] >= least and _stands_out(clearance[mine], limits) and not _wrapped(cloud.jump[mine]):
+                out.append(_object(cloud, mine, (number,), moves=bool(cloud.through[mine].mean() > 0.5)))
+    return tuple(out)
+
+
+def _cloud(views: Sequence[Seen], before: Sequence[Mask], measured: Sequence[Float], limits: WorldLimits) -> _Cloud:
+    """All points before the CAD, each compared with what the other views measure in its direction."""
+    points, view, jump, step = [], [], [], []
+    for number, (seen, near, z) in enumerate(zip(views, before, measured, strict=True)):
+        at = near & np.isfinite(z)
+        found = seen.points(at, z)
+        every = max(1, len(found) // POINTS)
+        points.append(found[::every])
+        view.append(np.full(len(found[::every]), number))
+        jump.append((seen.cad - z)[at][::every])
+        step.append(every)
+    every_point, of_view = np.concatenate(points), np.concatenate(view)
+    agree, through = np.zeros((2, len(every_point)), int)
+    margin = limits.agree_mm * 1e-3
+    for number, (seen, near, z) in enumerate(zip(views, before, measured, strict=True)):
+        row, column, depth, inside = seen.pixels_of(every_point)
+        ahead = z[row, column] - depth
+        other = inside & (of_view != number)
+        agree += other & near[row, column] & (np.abs(ahead) < margin)
+        through += other & (ahead > margin)
+    return _Cloud(every_point, of_view, np.concatenate(jump), (agree > 0) & (agree >= through), through > agree, np.array(step))
+
+
+def _clusters(points: Float, where: Mask, voxel: float) -> list[Ints]:
+    """Indices of the points of each connected cluster of voxels, with one empty voxel between at most."""
+    index = np.flatnonzero(where)
+    if not len(index):
+        return []
+    cell = np.floor(points[index] / voxel).astype(np.int64)
+    cell -= cell.min(axis=0) - 1
+    if np.prod(cell.max(axis=0) + 2.0) > 5e7:  # Points scattered over tens of metres are no object.
+        return []
+    grid = np.zeros(cell.max(axis=0) + 2, bool)
+    grid[tuple(cell.T)] = True
+    number, count = ndimage.label(ndimage.binary_dilation(grid, np.ones((2, 2, 2), bool)), np.ones((3, 3, 3), bool))
+    mine = number[tuple(cell.T)]
+    return [index[mine == k] for k in range(1, count + 1)]
+
+
+def _clearance(views: Sequence[Seen], points: Float) -> Float:
+    """(n,) metres from points (n, 3) to the nearest point of the CAD that any view can see."""
+    cad = np.concatenate([v.points(np.isfinite(v.cad), v.cad.astype(float)) for v in views])
+    distance, _ = cKDTree(cad[:: max(1, len(cad) // CAD_POINTS)]).query(points)
+    return np.asarray(distance)
+
+
+def _stands_out(clearance: Float, limits: WorldLimits) -> bool:
+    """Whether an object's points are far enough from the CAD, the farthest fifth of them aside."""
+    return bool(np.quantile(clearance, 0.8) > limits.stands_out_mm * 1e-3)
+
+
+def _wrapped(jump: Float) -> bool:
+    """Whether pixels (n,) of one view jump all alike and far, as a wrapped phase does and no object."""
+    size = float(np.median(jump))
+    return size > LEAST_WRAP_M and robust_std(jump) < WRAP_SPREAD * size
+
+
+def _views(cloud: _Cloud, mine: Ints, least: int) -> tuple[int, ...]:
+    count = np.bincount(cloud.view[mine], minlength=len(cloud.step)) * cloud.step
+    return tuple(int(v) for v in np.flatnonzero(count >= least))
+
+
+def _object(cloud: _Cloud, mine: Ints, views: tuple[int, ...], *, moves: bool) -> Foreign:
+    points = cloud.points[mine]
+    low, high = np.quantile(points, [TRIM, 1 - TRIM], axis=0)
+    return Foreign(0.5 * (low + high), high - low, views, int(cloud.step[cloud.view[mine]].sum()), moves, points)

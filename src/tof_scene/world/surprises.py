@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is not as the CAD has it, over all views of a session: pixels, absent parts, foreign objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from tof_scene.world.absent import missing_parts
+from tof_scene.world.bias import session_bias
+from tof_scene.world.contradiction import EIGHT, contradictions, smooth_spread
+from tof_scene.world.foreign import foreign_objects
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Bytes, Float, Mask
+    from tof_scene.raycast import Raycaster
+    from tof_scene.world.absent import Missing
+    from tof_scene.world.foreign import Foreign
+    from tof_scene.world.limits import WorldLimits
+    from tof_scene.world.seen import Seen
+
+NONE, BEFORE, BEHIND, ABSENT, OBJECT = 0, 1, 2, 3, 4
+"""Codes of `Surprises.pixels`: as the CAD has it, measured before it, measured behind it, of a part that is not there, of an
+object that the CAD lacks."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surprises:
+    """pixels: (H, W) uint8 per view, the codes above; missing: parts that are not there; foreign: objects that the CAD lacks."""
+
+    pixels: tuple[Bytes, ...]
+    missing: tuple[Missing, ...]
+    foreign: tuple[Foreign, ...]
+
+    def of_views(self, numbers: Sequence[int]) -> Surprises:
+        """The same with views numbered as `numbers` has them: views of a session among which some were left out."""
+        missing = (replace(m, views=tuple(numbers[v] for v in m.views)) for m in self.missing)
+        foreign = (replace(f, views=tuple(numbers[v] for v in f.views)) for f in self.foreign)
+        return Surprises(self.pixels, tuple(missing), tuple(foreign))
+
+
+def find_surprises(views: Sequence[Seen], caster: Raycaster, limits: WorldLimits) -> Surprises:
+    """Judge every view by itself, then make the views agree: a part that is absent is absent in all of them, an object is where several see it."""
+    bias = session_bias(views, limits)
+    spread = smooth_spread(views, bias, limits)
+    sides = [contradictions(v, b, spread, limits) for v, b in zip(views, bias, strict=True)]
+    before, behind = [s[0] for s in sides], [s[1] for s in sides]
+    measured = [v.depth - b for v, b in zip(views, bias, strict=True)]
+    missing = missing_parts(views, behind, measured, spread, caster, limits)
+    foreign = foreign_objects(views, before, measured, limits)
+    gone = [m.part for m in missing]
+    pixels = []
+    for number, seen in enumerate(views):
+        code = np.zeros(seen.depth.shape, np.uint8)
+        code[before[number]], code[behind[number]] = BEFORE, BEHIND
+        here = [f.points for f in foreign if (len(f.views) > 1 and not f.moves) or number in f.views]
+        code[_of_objects(seen, measured[number], before[number], here, limits)] = OBJECT
+        code[np.isin(seen.part, gone)] = ABSENT
+        pixels.append(code)
+    return Surprises(tuple(pixels), missing, foreign)
+
+
+def view_surprises(seen: Seen, limits: WorldLimits) -> Bytes:
+    """(H, W) the codes of one view by itself, as a live one is judged."""
+    bias = session_bias([seen], limits)
+    before, behind = contradictions(seen, bias[0], smooth_spread([seen], bias, limits), limits)
+    return np.where(before, np.uint8(BEFORE), np.where(behind, np.uint8(BEHIND), np.uint8(NONE)))
+
+
+def _of_objects(seen: Seen, measured: Float, before: Mask, objects: Sequence[Float], limits: WorldLimits) -> Mask:
+    """(H, W) pixels that lie on objects, each given by points (n, 3) of it: those measured at them, and lost ones in their outline."""
+    out = np.zeros(seen.depth.shape, bool)
+    if not objects:
+        return out
+    tree = cKDTree(np.concatenate(objects))
+    with np.errstate(invalid="ignore"):
+        near = ndimage.binary_dilation(before, EIGHT, iterations=3) | (measured < seen.cad)
+        doubtful = near & np.isfinite(measured) & (seen.cad - measured > 0.5e-3 * limits.least_mm)
+    distance, _ = tree.query(seen.points(doubtful, measured), distance_upper_bound=limits.agree_mm * 1e-3)
+    out[doubtful] = np.isfinite(distance)
+    # Rays that end on the object give no return at its rim: its points of all views, as this view would see them.
+    row, column, depth, inside = seen.pixels_of(np.concatenate(objects))
+    outline = np.zeros(seen.depth.shape, bool)
+    ahead = inside & (seen.cad[row, column] - depth > 1e-3 * limits.least_mm)
+    outline[row[ahead], column[ahead]] = True
+    outline = ndimage.binary_closing(outline, EIGHT)
+    return np.asarray(out | (outline & ~np.isfinite(measured)))

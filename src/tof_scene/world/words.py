@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is not as the CAD has it, as plain values and in one line each."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tof_scene.scene import Scene
+    from tof_scene.world.surprises import Surprises
+
+
+def described(world: Surprises, scene: Scene) -> dict[str, list[dict[str, Any]]]:
+    """`missing` and `foreign` for JSON: views count from 0, metres along the axes of the cell."""
+    return {
+        "missing": [{"part": scene.names[m.part], "views": list(m.views), "pixels": m.pixels} for m in world.missing],
+        "foreign": [
+            {
+                "centre_m": [round(float(x), 3) for x in f.centre_m],
+                "size_m": [round(float(x), 3) for x in f.size_m],
+                "views": list(f.views),
+                "pixels": f.pixels,
+                "moves": f.moves,
+            }
+            for f in world.foreign
+        ],
+    }
+
+
+def lines(world: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[str]:
+    """One line per missing part and foreign object, largest first; `world` as `described` gives it."""
+    out = [f"missing: {m['part']}, in {of_views(m['views'])}" for m in world["missing"]]
+    for f in sorted(world["foreign"], key=lambda f: -f["pixels"]):
+        size = " x ".join(f"{100 * s:.0f}" for s in f["size_m"])
+        at = ", ".join(f"{x:.2f}" for x in f["centre_m"])
+        what = "moving object" if f["moves"] else "foreign object"
+        out.append(f"{what}: {size} cm at ({at}), seen in {of_views(f['views'])}")
+    return out
+
+
+def of_views(numbers: Sequence[int]) -> str:
+    """`view 4`, `views 3 to 9`, `views 1, 4 to 6`; numbers count from 0, words from 1."""
+    ordered = sorted({n + 1 for n in numbers})
+    if not ordered:
+        return "no view"
+    starts = [ordered[0], *(b for a, b in pairwise(ordered) if b > a + 1)]
+    ends = [*(a for a, b in pairwise(ordered) if b > a + 1), ordered[-1]]
+    runs = [str(a) if a == b else f"{a}, {b}" if b == a + 1 else f"{a} to {b}" for a, b in zip(starts, ends, strict=True)]
+    return ("view " if len(ordered) == 1 else "views ") + ", ".join(runs)

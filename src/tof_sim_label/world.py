@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the world is not as the CAD has it, for the labels of a session."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_sim_label.reasons import LabelReason
+from tof_sim_label.sigma import label_sigma
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Bytes, Image
+    from tof_core.capture import Posed, View
+    from tof_scene.raycast import Raycaster
+    from tof_scene.render import Rendering
+    from tof_scene.world.seen import Seen
+    from tof_scene.world.surprises import Surprises
+    from tof_sim_label.config import LabelConfig
+
+
+def session_surprises(views: Sequence[View], posed: Sequence[Posed], caster: Raycaster, config: LabelConfig) -> Surprises:
+    """What the views of a session say together; a view whose pose was refused says nothing."""
+    from tof_scene.render import render
+    from tof_scene.world.surprises import Surprises, find_surprises
+
+    def seen(view: View, pose: Posed) -> Seen:
+        rendering = render(caster, view.camera, pose.T_cell_camera, footprints=False)
+        return seen_of(view, rendering, label_sigma(rendering, pose.cov_right, config), config)
+
+    accepted = [k for k, p in enumerate(posed) if p.accepted]
+    found = find_surprises([seen(views[k], posed[k]) for k in accepted], caster, config.world)
+    pixels = [np.zeros(v.depth.shape, np.uint8) for v in views]
+    for k, codes in zip(accepted, found.pixels, strict=True):
+        pixels[k] = codes
+    return Surprises(tuple(pixels), found.missing, found.foreign).of_views(accepted)
+
+
+def seen_of(view: View, rendering: Rendering, sigma: Image, config: LabelConfig) -> Seen:
+    """A view beside its rendering; a label less certain than its limit is masked anyway, and allows no more than that."""
+    from tof_scene.world.seen import Seen
+
+    return Seen(
+        camera=view.camera,
+        T_cell_camera=rendering.T_cell_camera,
+        depth=view.depth,
+        noise=view.sigma,
+        cad=rendering.depth,
+        cad_sigma=np.minimum(sigma, config.max_sigma_mm * 1e-3),
+        part=rendering.part,
+        reason=view.reason,
+        amplitude=view.amplitude,
+    )
+
+
+def why_not(world: Bytes) -> Bytes:
+    """(H, W) `LabelReason` of pixels by the codes of `tof_scene.world.surprises`."""
+    from tof_scene.world import surprises as codes
+
+    table = np.zeros(256, np.uint8)
+    table[codes.ABSENT], table[codes.BEHIND] = LabelReason.ABSENT, LabelReason.BEHIND
+    table[[codes.BEFORE, codes.OBJECT]] = LabelReason.FOREIGN
+    return np.asarray(table[world])

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Absent parts, foreign objects and sensor errors, told apart in views of a plate with a block on it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tof_core.camera import Camera
+from tof_core.reasons import Reason
+from tof_scene.builtin.shapes import box
+from tof_scene.raycast import Raycaster
+from tof_scene.render import render
+from tof_scene.scene import Part, Scene
+from tof_scene.world.limits import WorldLimits
+from tof_scene.world.seen import Seen
+from tof_scene.world.surprises import ABSENT, BEFORE, BEHIND, NONE, OBJECT, find_surprises, view_surprises
+from tof_scene.world.words import described, lines, of_views
+from tof_virtual.plan import look_at
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+
+CAMERA = Camera(width=96, height=72, fx=90.0, fy=90.0, cx=47.5, cy=35.5)
+LIMITS = WorldLimits()
+NOISE_M = 0.002
+EYES = ((0.0, -0.6, 0.8), (0.5, -0.4, 0.8), (-0.5, -0.3, 0.9), (0.3, 0.5, 0.9), (-0.3, 0.5, 0.7), (0.0, 0.1, 1.0))
+PLATE = Part("plate", *box((1.6, 1.6, 0.02), (0, 0, -0.01)))
+BLOCK = Part("block", *box((0.12, 0.12, 0.1), (0.15, 0.0, 0.05)))
+CRATE = Part("crate", *box((0.1, 0.14, 0.12), (-0.15, 0.05, 0.06)))
+
+
+def scene(*parts: Part) -> Raycaster:
+    return Raycaster(Scene("cell", parts))
+
+
+def views(real: Raycaster, cad: Raycaster, bias: Float | float = 0.0) -> list[Seen]:
+    """What the real parts give from all eyes, with noise and a bias, beside the CAD."""
+    rng, out = np.random.default_rng(4), []
+    for eye in EYES:
+        T = look_at(np.array(eye), np.zeros(3))
+        true, drawn = render(real, CAMERA, T), render(cad, CAMERA, T, footprints=False)
+        measured = (true.depth + bias + rng.normal(0, NOISE_M, CAMERA.shape)).astype(np.float32)
+        noise, pose = np.full(CAMERA.shape, NOISE_M, np.float32), np.full(CAMERA.shape, 0.001, np.float32)
+        valid = np.where(np.isfinite(measured), Reason.VALID, Reason.NO_RETURN).astype(np.uint8)
+        out.append(Seen(CAMERA, T, measured, noise, drawn.depth, pose, drawn.part, valid))
+    return out
+
+
+def wrong(seen: list[Seen], real: Raycaster) -> list[np.ndarray]:
+    """Pixels whose CAD is more than 15 mm off the real surface."""
+    return [np.abs(render(real, CAMERA, s.T_cell_camera, footprints=False).depth - s.cad) > 0.015 for s in seen]
+
+
+def test_a_world_that_is_its_cad_has_no_surprise_in_spite_of_sensor_errors() -> None:
+    cad = scene(PLATE, BLOCK)
+    ramp = 0.012 * np.linspace(-1, 1, CAMERA.width)  # a smooth error of the sensor
+    found = find_surprises(views(cad, cad, 0.008), cad, LIMITS)
+    assert all((p == NONE).all() for p in found.pixels)
+    assert (found.missing, found.foreign) == ((), ())
+    tilted = find_surprises(views(cad, cad, 0.3 * ramp), cad, LIMITS)
+    assert np.mean([(p != NONE).mean() for p in tilted.pixels]) < 0.002
+
+
+def test_an_absent_part_is_named_and_none_of_its_pixels_stays() -> None:
+    real, cad = scene(PLATE), scene(PLATE, BLOCK)
+    seen = views(real, cad)
+    found = find_surprises(seen, cad, LIMITS)
+    assert [(m.part, len(m.views)) for m in found.missing] == [(1, len(EYES))]
+    assert found.foreign == ()
+    for codes, s, off in zip(found.pixels, seen, wrong(seen, real), strict=True):
+        assert (codes[s.part == 1] == ABSENT).all()
+        assert (codes[off] == NONE).mean() < 0.02
+        assert (codes[~off & (s.part == 0)] != NONE).mean() < 0.02
+    assert lines(described(found, cad.scene)) == ["missing: block, in views 1 to 6"]
+
+
+def test_a_foreign_object_is_found_where_it_stands_with_its_size() -> None:
+    real, cad = scene(PLATE, BLOCK, CRATE), scene(PLATE, BLOCK)
+    seen = views(real, cad)
+    found = find_surprises(seen, cad, LIMITS)
+    assert found.missing == ()
+    (crate,) = found.foreign
+    assert not crate.moves
+    assert crate.views == tuple(range(len(EYES)))
+    np.testing.assert_allclose(crate.centre_m, [-0.15, 0.05, 0.06], atol=0.015)
+    np.testing.assert_allclose(crate.size_m, [0.1, 0.14, 0.12], atol=0.03)
+    for codes, s, off in zip(found.pixels, seen, wrong(seen, real), strict=True):
+        assert (codes[off] == OBJECT).mean() > 0.98
+        assert (codes[~off & np.isfinite(s.cad)] != NONE).mean() < 0.02
+    (line,) = lines(described(found, cad.scene))
+    assert line.startswith("foreign object: ")
+    assert line.endswith("seen in views 1 to 6")
+
+
+def test_what_one_view_alone_sees_moves() -> None:
+    real, cad = scene(PLATE, BLOCK, CRATE), scene(PLATE, BLOCK)
+    seen = [views(real, cad)[0], *views(cad, cad)[1:]]
+    (crate,) = find_surprises(seen, cad, LIMITS).foreign
+    assert (crate.moves, crate.views) == (True, (0,))
+
+
+def test_a_wrapped_phase_is_no_object() -> None:
+    cad = scene(PLATE, BLOCK)
+    seen = views(cad, cad)
+    seen[2].depth[20:50, 20:60] -= 0.5
+    found = find_surprises(seen, cad, LIMITS)
+    assert found.foreign == ()
+    assert (found.pixels[2][22:48, 22:58] == BEFORE).mean() > 0.95
+
+
+@pytest.mark.parametrize(("parts", "code"), [((PLATE, BLOCK, CRATE), BEFORE), ((PLATE,), BEHIND)])
+def test_one_view_alone_is_judged_by_itself(parts: tuple[Part, ...], code: int) -> None:
+    real, cad = scene(*parts), scene(PLATE, BLOCK)
+    seen = views(real, cad)
+    codes, off = view_surprises(seen[0], LIMITS), wrong(seen, real)[0]
+    assert (codes[off] == code).mean() > 0.95
+    assert (codes[~off] != NONE).mean() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"), [([], "no view"), ([3], "view 4"), ([2, 3, 4], "views 3 to 5"), ([0, 4, 3, 7], "views 1, 4, 5, 8")]
+)
+def test_views_in_words(numbers: list[int], words: str) -> None:
+    assert of_views(numbers) == words
