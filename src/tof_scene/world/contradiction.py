@@ -57,7 +57,7 @@ def contradictions(seen: Seen, bias: Float, spread: float, limits: WorldLimits) 
 def allowance(seen: Seen, spread: float, limits: WorldLimits) -> Float:
     """(H, W) metres by which measurement and CAD may differ beside noise."""
     beside = np.hypot(1e-3 * limits.least_mm, limits.spread_sigma * spread)
-    return np.hypot(beside, limits.cad_sigma * np.nan_to_num(seen.cad_sigma.astype(float)))
+    return np.asarray(np.hypot(beside, limits.cad_sigma * np.nan_to_num(seen.cad_sigma.astype(float))))
 
 
 def smooth_spread(views: Sequence[Seen], bias: Sequence[Float], limits: WorldLimits) -> float:
