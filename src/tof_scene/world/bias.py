@@ -58,7 +58,7 @@ def _range(_number: int, seen: Seen) -> Float:
 def _amplitude(_number: int, seen: Seen) -> Float:
     if seen.amplitude is None:
         return np.zeros(seen.depth.shape)
-    return np.log(np.maximum(np.nan_to_num(seen.amplitude.astype(float)), 1e-6))
+    return np.asarray(np.log(np.maximum(np.nan_to_num(seen.amplitude.astype(float)), 1e-6)))
 
 
 _KINDS = (_view, _amplitude, _range)

@@ -121,7 +121,7 @@ def _clusters(points: Float, where: Mask, voxel: float) -> list[Ints]:
         return []
     cell = np.floor(points[index] / voxel).astype(np.int64)
     cell -= cell.min(axis=0) - 1
-    if np.prod(cell.max(axis=0) + 2.0) > 5e7:  # Points scattered over tens of metres are no object.
+    if np.prod(cell.max(axis=0) + 2.0) > 5e7:  # Points that lie tens of metres apart are no object.
         return []
     grid = np.zeros(cell.max(axis=0) + 2, bool)
     grid[tuple(cell.T)] = True

@@ -37,7 +37,7 @@ class WorldLimits:
         20.0, "an object stands this far out of the CAD at least; less is a part that is bent or displaced", unit="mm", low=1.0
     )
     object_px: int = param(40, "least pixels, over all views, of an object", unit="px", low=1)
-    object_view_px: int = param(10, "least pixels of an object in a view that is said to show it", unit="px", low=1)
+    object_view_px: int = param(10, "least pixels of an object in a view that counts as showing it", unit="px", low=1)
     moving_share: float = param(0.01, "least share of a view's pixels that something seen in that view alone fills", low=0.0, high=1.0)
     absent_px: int = param(25, "least pixels, over all views, that decide whether a part is there", unit="px", low=1)
     absent_share: float = param(0.85, "least share of those in which the scene without the part was measured", low=0.5, high=1.0)

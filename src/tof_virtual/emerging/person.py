@@ -10,6 +10,8 @@ import numpy as np
 from tof_virtual.body import Body
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from tof_core.arrays import Float
     from tof_virtual.sight import World
 
@@ -53,7 +55,7 @@ def arm(world: World, T_cell_camera: Float, half_fov: float, stop: int, serial: 
     return Body(ARM, *_tapered(fist, way / np.linalg.norm(way)), ALBEDO)
 
 
-def _tapered(fist: Float, way: Float) -> tuple[Float, Float]:
+def _tapered(fist: Float, way: Float) -> tuple[Float, NDArray[np.int32]]:
     """Vertices and triangles of rings along the arm."""
     along = np.array([-FIST_M, -0.7 * FIST_M, 0.0, 0.06, 0.1, LENGTH_M])
     radii = np.array([0.3 * FIST_M, 0.8 * FIST_M, FIST_M, 0.9 * FIST_M, WRIST_M, ELBOW_M])
