@@ -23,6 +23,10 @@ CORE = 5.0
 """Robust standard deviations from the median beyond which `trimmed_std` takes a sample for an outlier."""
 
 
+AFFECTED, AFFECTED_QUANTILE = 0.1, 0.995
+"""Entries count as affected from this share of this quantile on: the quantile stands for the largest, which may be an outlier."""
+
+
 def robust_std(values: ArrayLike, centre: float | None = None) -> float:
     """Standard deviation of samples (n,), estimated by the median absolute deviation; 0 for no samples.
 
@@ -53,6 +57,18 @@ def trimmed_std(values: Float) -> float:
         return float(values.std())
     core = around[np.abs(around) < CORE * scale]
     return float(np.sqrt((core * core).mean()))
+
+
+def affected_rms(values: Float) -> float:
+    """Root mean square over the entries that an effect touches: those above a tenth of the 99.5 % quantile of |values|; NaN counts as 0.
+
+    An effect on few pixels and one on all are measured alike by it.
+    """
+    size = np.abs(np.nan_to_num(values)).ravel()
+    size = size[size > 0]
+    if not len(size):
+        return 0.0
+    return float(np.sqrt(np.mean(size[size >= AFFECTED * np.quantile(size, AFFECTED_QUANTILE)] ** 2)))
 
 
 def second_differences(values: Float, axis: int = -1, step: int = 1) -> Float:

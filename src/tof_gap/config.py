@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.calibration import Calibration
 from tof_core.config import param, section
 from tof_gap.limits.report import ReportLimits
 from tof_gap.limits.seen import EvidenceLimits, MissingLimits, NoiseLimits, WorldEvidence
@@ -29,6 +30,7 @@ class GapConfig:
         why="calibrated; errors show when it is under test",
     )
     hand_deg: float = param(0.005, "the same, rotation", unit="deg", low=1e-5, why="the same")
+    calibration: Calibration = section(Calibration, "largest errors of the stated calibration (calibration.yaml beside scene.yaml)")
     evidence: EvidenceLimits = section(EvidenceLimits, "which pixels count")
     world: WorldEvidence = section(WorldEvidence, "when the world is not as the CAD has it")
     solve: SolveLimits = section(SolveLimits, "poses and linearisation")
@@ -39,5 +41,10 @@ class GapConfig:
 
     @property
     def hand_sd(self) -> Float:
-        """(6,) metres and radians."""
-        return np.repeat([self.hand_mm * 1e-3, np.radians(self.hand_deg)], 3)
+        """(6,) prior deviations of hand-eye where it is not under test: metres, radians."""
+        return np.asarray(np.hypot(np.repeat([self.hand_mm * 1e-3, np.radians(self.hand_deg)], 3), self.calibration.hand_eye_sd))
+
+    @property
+    def lens_sd(self) -> Float:
+        """(4,) prior deviations of fx, fy (relative), cx, cy (pixels) where the lens is not under test; 0: exact."""
+        return self.calibration.lens_sd

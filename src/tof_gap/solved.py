@@ -52,9 +52,10 @@ class Solved:
     evidence: the views at `chain`; linearised: the views at `linearised_at`, where the solution was linearised last;
     named: the effects; maps: (H, W) metres of z per named effect and view; tied: pairs of an effect and of one that could stand in
     for it (None: hand-eye);
-    bias: (H, W) metres of z per view, all smooth bias together, that of free functions of an observable in, single pixels of a
-    pattern out; depends_on: observables of those free functions, most first;
+    bare: the views where the cameras really were, less all smooth bias (that of free functions of an observable in, single pixels of
+    a pattern out): what noise, loss and edges are read from; depends_on: observables of those free functions, most first;
     small_together: effects that each explain little and together much, not named for that;
+    small: effects of the solution, and observables, that a healthy camera's tolerance or the stated calibration covers: not named;
     arms_alike: chi-square (6 degrees of freedom) of what all arm errors have in common;
     split: views fitted to and held out.
     """
@@ -69,9 +70,10 @@ class Solved:
     named: tuple[Named, ...]
     maps: Mapping[str, Sequence[Float]]
     tied: tuple[tuple[Effect | None, Effect | None], ...]
-    bias: Sequence[Float]
+    bare: tuple[ViewEvidence, ...]
     depends_on: tuple[str, ...]
     small_together: tuple[str, ...]
+    small: tuple[str, ...]
     arms_alike: float
     split: Split
 

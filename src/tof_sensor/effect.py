@@ -85,8 +85,8 @@ class Effect(ABC):
     """Share of its own energy by which its map may be wrong, where only a coarse model of it can be computed."""
     MODULATED: ClassVar[bool] = False
     """Whether a camera has it only if it times modulated light."""
-    PER_PART: ClassVar[bool] = False
-    """Whether it may be there once per part at the same time."""
+    REPEATS: ClassVar[bool] = False
+    """Whether it may be there several times at once: once per part, or once per modulation frequency."""
     IN_CHAIN: ClassVar[bool] = False
     """Whether it is a member of the chain of poses, which the solution frees in place of columns."""
     SMEARS: ClassVar[bool] = False
@@ -154,6 +154,10 @@ class Effect(ABC):
     def camera(self, stated: Camera) -> Camera:
         """The camera as it is where `stated` is what CameraInfo says: the same, unless the effect is the lens's."""
         return stated
+
+    def published(self, stated: Camera) -> Float:
+        """(H, W) z that the camera publishes over the z of the surface that its pixels see: 1, unless the effect is the lens's."""
+        return np.ones((stated.height, stated.width))
 
     @property
     def mount(self) -> Float | None:

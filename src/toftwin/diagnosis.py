@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from tof_core.calibration import FILE as CALIBRATION_FILE
+from tof_core.calibration import Calibration, load_calibration
 from tof_core.config import section
 from tof_gap.config import GapConfig
 from tof_gap.diagnose import diagnose
@@ -50,5 +52,9 @@ def diagnose_bag(
     if known is not None:
         progress("removing known effects")
         views = known_removed(views, caster, known, align)
+    gap = config.gap
+    beside = scene.folder / CALIBRATION_FILE
+    if gap.calibration == Calibration() and beside.exists():
+        gap = replace(gap, calibration=load_calibration(beside))
     law = None if known is None else known.law
-    return diagnose(views, caster, config.gap, align, left_out, progress, untestable=untestable, law=law), caster
+    return diagnose(views, caster, gap, align, left_out, progress, untestable=untestable, law=law), caster

@@ -118,6 +118,13 @@ class SelectLimits:
     small_together: float = param(
         0.06, "of the explained chi-square, what such effects explain together", low=0.0, high=1.0, why="beyond, it is `unknown`"
     )
+    least_mm: float = param(
+        0.8,
+        "RMS over the affected pixels that an effect must exceed to be named",
+        unit="mm",
+        low=0.0,
+        why="data sheets allow a healthy camera some millimetre of systematic error",
+    )
     named_freely: int = param(2, "effects of which small ones are believed", low=1, high=12, why="two causes are usual")
     neighbours: float = param(30.0, "drawn pixels that share one unmodelled error", low=1.0, why="such errors are some 15 pixels wide")
     folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50, why="two of twelve views each")

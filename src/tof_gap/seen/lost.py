@@ -16,7 +16,7 @@ from tof_sensor.frame import lambert_amplitude
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_gap.limits.seen import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
 
@@ -24,14 +24,20 @@ LEAST_COVER = 0.1
 """Share of a window that must count, so that a mean over the rest stays finite."""
 
 
+def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
+    """(H, W) pixels that should return light: on the CAD, away from edges, not seen at grazing incidence."""
+    grazing = view.rendering.incidence > np.radians(limits.lost_grazing_deg)
+    return np.asarray(view.frame.valid & ~view.edge & ~grazing)
+
+
 def lost(view: ViewEvidence, limits: MissingLimits) -> Float:
-    """(H, W) share of a view's captures in which no light came back, away from edges where the CAD is.
+    """(H, W) share of a view's captures in which no light came back, where it is `expected` to.
 
     Saturation is too much light: its code says so, or an amplitude above the `saturated` quantile of the measured ones.
     """
     seen = view.view
     some = np.where(seen.valid, 1.0 - seen.count / max(seen.captures, 1), seen.reason == Reason.NO_RETURN)
-    gone = np.where(view.frame.valid & ~view.edge, some, 0.0)
+    gone = np.where(expected(view, limits), some, 0.0)
     if seen.amplitude is None or not view.smooth.any():
         return gone
     brightest = np.quantile(view.frame.amplitude[view.smooth], limits.saturated)
@@ -40,10 +46,10 @@ def lost(view: ViewEvidence, limits: MissingLimits) -> Float:
 
 def dropout(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | None:
     """`dropout` where more is lost than `lost_share`: by amplitude below a threshold, and at random."""
-    gone = np.concatenate([lost(v, limits)[v.frame.valid & ~v.edge] for v in views])
+    gone = np.concatenate([lost(v, limits)[expected(v, limits)] for v in views])
     if gone.mean() < limits.lost_share:
         return None
-    light = np.concatenate([lambert_amplitude(v.rendering)[v.frame.valid & ~v.edge] for v in views])
+    light = np.concatenate([lambert_amplitude(v.rendering)[expected(v, limits)] for v in views])
     random = float(gone[light > np.median(light)].mean())
     share = np.stack([np.where(v.frame.valid, _rate(v, light, gone, limits), np.nan) for v in views])
     effect = Dropout(threshold=_half_lost(light, gone, limits), random=min(random, 1.0))
@@ -56,7 +62,7 @@ def _rate(view: ViewEvidence, light: Float, gone: Float, limits: MissingLimits) 
     which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, len(edges) - 2)
     by_light = np.bincount(which, gone, len(edges) - 1) / np.maximum(np.bincount(which, minlength=len(edges) - 1), 1)
     own = by_light[np.clip(np.searchsorted(edges, lambert_amplitude(view.rendering), side="right") - 1, 0, len(edges) - 2)]
-    inside = (view.frame.valid & ~view.edge).astype(float)
+    inside = expected(view, limits).astype(float)
     cover = np.maximum(uniform_filter(inside, limits.near_px), LEAST_COVER)
     return np.asarray(0.5 * (own + uniform_filter(lost(view, limits), limits.near_px) / cover))
 

@@ -87,11 +87,14 @@ def _mixture_map(view: ViewEvidence, edge: Edge, effect: FlyingPixels) -> Float:
 
 
 def _between(views: Sequence[ViewEvidence], limits: MissingLimits) -> tuple[Float, Float]:
-    """Of mixed pixels at a clear step: place between the surfaces (0 own, 1 second), and mixed share."""
+    """Of mixed pixels at a clear step: place between the surfaces (0 own, 1 second; NaN where nothing is measured), and mixed share.
+
+    Pixels that a filter in the camera removed count as well: what such a filter misses is no sign of its absence.
+    """
     lying, mixed = [], []
     for v in views:
         step = v.rendering.second.astype(np.float64) - v.frame.depth
-        clear = (v.rendering.mixed > limits.mixed_least) & (np.abs(step) > limits.step_mm * 1e-3) & np.isfinite(v.view.depth)
+        clear = (v.rendering.mixed > limits.mixed_least) & (np.abs(step) > limits.step_mm * 1e-3)
         clear &= np.abs(step) > limits.step_sigma * v.sigma
         lying.append(((v.view.depth - v.frame.depth) / np.where(step == 0, 1, step))[clear])
         mixed.append(v.rendering.mixed[clear].astype(np.float64))

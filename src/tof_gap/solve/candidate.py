@@ -36,4 +36,4 @@ class Candidate:
     @property
     def repeatable(self) -> bool:
         """Whether there may be several of its name at once: one per part, one per observable."""
-        return self.free is not None or (self.effect is not None and self.effect.PER_PART)
+        return self.free is not None or (self.effect is not None and self.effect.REPEATS)

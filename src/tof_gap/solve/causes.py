@@ -12,10 +12,12 @@ import numpy as np
 from tof_core import se3
 from tof_core.cores import in_threads
 from tof_gap.seen.pattern import line_means, single_pixels
+from tof_gap.solve.solution import calibrated_lens
 from tof_gap.solved import Named
 from tof_scene.render import render
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.hand_eye import HandEye
+from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,6 +78,9 @@ def _in_units(
     sd = np.sqrt(np.diag(solution.theta_cov)[columns]) / design.scale[group]
     if isinstance(candidate.effect, FixedPattern):
         return _pattern(joint, candidate.effect, values, fit_views), {"smooth": float(sd[:-1].max()), "lines": float(sd[-1])}
+    calibrated = calibrated_lens(joint)
+    if calibrated is not None and isinstance(candidate.effect, Intrinsics):
+        values = values + calibrated.coefficients
     effect = candidate.effect.plausible(values)
     return effect, dict(zip(effect.coefficient_names, sd.tolist(), strict=True))
 
@@ -103,13 +108,9 @@ def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generat
     return float((won[draws].sum(axis=1) > judge.gain(chosen.members[place])).mean())
 
 
-def free_share(joint: Joint, view: ViewEvidence) -> Float:
-    """(H, W) metres of what the solution gives to functions of observables: error that shows but has no name."""
-    out = np.zeros(view.residual.shape)
-    for candidate, coefficients in joint.members():
-        if candidate.free is not None:
-            out += candidate.free.share(coefficients, view)
-    return out
+def free_shares(joint: Joint, views: Sequence[ViewEvidence]) -> dict[str, list[Float]]:
+    """Per observable its (H, W) metres of z in every view that the solution gives to free functions: error that shows but has no name."""
+    return {c.note: [c.free.share(values, view) for view in views] for c, values in joint.members() if c.free is not None}
 
 
 def shares(
@@ -124,10 +125,10 @@ def shares(
     return {c.name: in_threads(partial(of_view, c), range(len(views)), views) for c in causes}
 
 
-def without_pixels(causes: Sequence[Named]) -> list[Named]:
-    """Those causes that err by single pixels, without them: removed, these would leave the views that they were fitted to quieter than the others."""
+def smooth_ones(causes: Sequence[Named]) -> list[Named]:
+    """The causes less what single pixels err by: removed, that would leave the views that it was fitted to quieter than the others."""
     smooth = [replace(c, effects=tuple(e.smooth for e in c.effects)) for c in causes]
-    return [s for s, c in zip(smooth, causes, strict=True) if s.effects != c.effects]
+    return [c if s.effects == c.effects else s for s, c in zip(smooth, causes, strict=True)]
 
 
 def _bias(effect: Effect, view: ViewEvidence, v: int, chain: Chain, caster: Raycaster, other_surface_m: float) -> Float:
@@ -142,5 +143,5 @@ def _bias(effect: Effect, view: ViewEvidence, v: int, chain: Chain, caster: Rayc
     elif camera == stated:
         return linear
     there = render(caster, camera, chain.pose(v), footprints=False)
-    exact = there.depth - view.frame.depth
+    exact = there.depth * effect.published(stated) - view.frame.depth
     return np.where((there.part == view.rendering.part) & (np.abs(exact - linear) < other_surface_m), exact, linear)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,16 +13,17 @@ from tof_align.columns import ColumnSystem, Priors
 from tof_core.cores import in_threads
 from tof_gap.seen.motion import moving
 from tof_gap.seen.pattern import pattern_columns
+from tof_gap.solve.candidate import Candidate
 from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float, Ints
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.candidate import Candidate
     from tof_gap.solve.free import FreeFunction
     from tof_sensor.effect import Effect
 
@@ -35,17 +36,26 @@ class Design:
     """All hypotheses of a session over one linear system.
 
     `groups[i]` are the columns of candidate i, scaled to unit RMS over the session; a coefficient
-    in its own unit is theta / scale[column].
+    in its own unit is theta / scale[column]. `always` are columns of every hypothesis: the lens within its stated calibration.
     """
 
     candidates: tuple[Candidate, ...]
     groups: tuple[Ints, ...]
     scale: Float
     system: ColumnSystem
+    always: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def active(self, members: Iterable[int]) -> Ints:
+        """Columns of a hypothesis: those of all hypotheses, then those of its members."""
+        return np.concatenate([self.always, *(self.groups[m] for m in members)]).astype(np.int64)
+
+    def own(self, members: Iterable[int]) -> Ints:
+        """Columns of some candidates alone."""
+        return np.concatenate([np.zeros(0, np.int64), *(self.groups[m] for m in members)]).astype(np.int64)
 
     def placed(self, members: Sequence[int]) -> Iterator[tuple[Candidate, Ints, slice]]:
         """Of each member its candidate, its columns, and where its coefficients stand in a solution of all members."""
-        start = 0
+        start = len(self.always)
         for member in members:
             group = self.groups[member]
             yield self.candidates[member], group, slice(start, start + len(group))
@@ -82,16 +92,26 @@ class ColumnStore:
         return effect.columns_at(view.frame, view.pixels)
 
 
+LENS_COLUMNS = 4
+"""Of `intrinsics`, those that a calibration states: fx, fy, cx, cy."""
 PINNED_SD = np.repeat([3e-3, np.radians(0.2)], 3)
 """How far the base of a moving session may be from where edges put it: smear shifts them by millimetres, and is given up to ask for effects."""
 
 
-def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd: Float) -> Design:
-    """One system of all hypotheses, linearised at `chain`; `hand_sd` (6,) holds X where it is not freed.
+LENS = Candidate(Intrinsics.NAME, Intrinsics())
+"""The lens within its calibration: the first columns of `intrinsics`, focal lengths and principal point."""
 
-    The bases of a moving session stay by the chain's, and not by the robot's word.
+
+def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd: Float, lens_sd: Float | None = None) -> Design:
+    """One system of all hypotheses, linearised at `chain`.
+
+    `hand_sd` (6,) holds X where it is not freed, `lens_sd` (4,) focal lengths (relative) and principal point (pixels); without it, or
+    where it is 0, the lens is exact. The bases of a moving session stay by the chain's, and not by the robot's word.
     """
+    calibrated = lens_sd is not None and bool(lens_sd.any())
     by_candidate = store.of(tested)
+    if calibrated:
+        by_candidate.append([c[:, :LENS_COLUMNS] for c in store.of([LENS])[0]])
     ends = np.cumsum([0, *(columns[0].shape[1] for columns in by_candidate)])
     groups = tuple(np.arange(a, b) for a, b in itertools.pairwise(ends))
     C = [
@@ -103,21 +123,25 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     live = scale > 1e-12
     safe = np.where(live, scale, 1.0)
     in_motion = moving(store.views)
+    sd = _column_sd(tested, groups, safe)
+    if lens_sd is not None and calibrated:
+        sd = np.concatenate([sd, lens_sd * safe[groups[-1]]])
     base_sd = np.minimum(chain.priors.base, PINNED_SD) if in_motion else chain.priors.base
     system = ColumnSystem.of(
         in_threads(lambda view, c: _gram(view, c / safe), store.views, C),
         chain,
         # A column that vanishes everywhere is pinned: it explains nothing.
-        np.where(live, _column_sd(tested, groups, safe), 1e-9),
+        np.where(live, sd, 1e-9),
         Priors(base_sd, hand_sd, at_chain=in_motion),
         pixels=np.array([float(len(v.pixels)) for v in store.views]),
         weight=np.array([float((v.sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
     )
-    return Design(tuple(tested), groups, safe, system)
+    always = groups[-1] if calibrated else np.zeros(0, np.int64)
+    return Design(tuple(tested), groups[: len(tested)], safe, system, always)
 
 
 def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints], scale: Float) -> Float:
-    sd = [np.full(len(g), FREE_SD_M) if c.effect is None else c.effect.prior_sd(scale[g]) for c, g in zip(tested, groups, strict=True)]
+    sd = [np.full(len(g), FREE_SD_M) if c.effect is None else c.effect.prior_sd(scale[g]) for c, g in zip(tested, groups, strict=False)]
     return np.concatenate([np.zeros(0), *sd])
 
 

@@ -8,21 +8,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.solve.causes import free_share, named, shares, without_pixels
+from tof_gap.solve.candidate import HAND_EYE
+from tof_gap.solve.causes import free_shares, named, shares, smooth_ones
 from tof_gap.solve.judge import Selector
-from tof_gap.solve.solution import delayed, solution
+from tof_gap.solve.solution import delayed, lens_of, solution, through
 from tof_gap.solve.start import observe
+from tof_gap.solve.tolerance import below, calibrated
 from tof_gap.solved import Solved
+from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tof_core.arrays import Float
+    from tof_core.calibration import Calibration
+    from tof_core.camera import Camera
     from tof_core.capture import View
     from tof_gap.config import GapConfig
+    from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solve.solution import Joint
-    from tof_gap.solved import Split
+    from tof_gap.solved import Named, Split
     from tof_scene.raycast import Raycaster
+    from tof_sensor.effect import Effect
 
 
 def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: GapConfig, split: Split, rng: np.random.Generator) -> Solved:
@@ -38,18 +46,31 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     """
     judge = Selector(joint.design, config.select)
     after, late_s = solution(joint)
-    # Hand-eye and lateness are effects: the figures are stated at poses without them. Mixed pixels need exact poses and footprints.
-    final = replace(delayed(after, joint.views, -late_s), hand_eye=np.eye(4))
-    with_effects = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
-    evidence = observe(views, caster, final, config, concavity=True)
-    causes = tuple(named(joint, split.fit, judge, rng))
-    other_m = config.solve.joint.other_surface_mm * 1e-3
-    maps = shares(causes, evidence, final, caster, other_m)
-    smooth = maps | shares(without_pixels(causes), evidence, final, caster, other_m)
-    moved = Motion.NAME in maps
+    found = tuple(named(joint, split.fit, judge, rng))
+    camera, other_m = joint.views[0].view.camera, config.solve.joint.other_surface_mm * 1e-3
+    rest = tuple(n for n in found if not calibrated(n, config.calibration, camera))
+    # Hand-eye, lens and lateness are effects: the figures are stated without them, unless they are within the stated calibration.
+    final = replace(delayed(after, joint.views, -late_s), hand_eye=_mount(joint, rest, config.calibration))
+    lens = None if any(n.name == Intrinsics.NAME for n in rest) else lens_of(joint)
+    there = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
+    # Mixed pixels need exact poses and footprints.
+    evidence = observe(through(lens, views), caster, final, config, concavity=True)
+    maps, free = shares(rest, evidence, final, caster, other_m), free_shares(joint, evidence)
+    small = below(maps | free, config.select.least_mm * 1e-3)
+    # What a healthy camera errs by is no gap: it is taken off before anything is stated.
+    evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
+    maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
+    causes = tuple(n for n in rest if n.name not in small)
+    if any(moves_camera(e, camera) for n in causes for e in n.effects):
+        seen = observe(through(lens_of(joint), views), caster, there, config)
+        pixelwise = smooth_ones([n for n in rest if not any(moves_camera(e, camera) for e in n.effects)])
+        bare = less(seen, [*shares(pixelwise, seen, there, caster, other_m).values(), *free_shares(joint, seen).values()])
+    else:
+        smooth = maps | shares([n for n in smooth_ones(causes) if n not in causes], evidence, final, caster, other_m)
+        bare = less(evidence, [*smooth.values(), *free.values()])
     return Solved(
         chain=final,
-        cameras=np.stack([with_effects.pose(v) for v in range(len(evidence))]),
+        cameras=np.stack([there.pose(v) for v in range(len(evidence))]),
         camera_covs=joint.design.system.camera_covs(joint.selection.fit),
         hand_eye=joint.hand_eye,
         evidence=evidence,
@@ -61,14 +82,32 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
             (joint.design.candidates[member].effect, joint.design.candidates[other].effect)
             for member, others in zip(joint.selection.chosen.members, joint.selection.ties, strict=True)
             for other in others
+            if any(joint.design.candidates[member].name == n.name for n in causes)
         ),
-        bias=[
-            np.sum([np.zeros(e.residual.shape), *(np.nan_to_num(m[v]) for m in smooth.values()), free_share(joint, e)], axis=0)
-            for v, e in enumerate(evidence)
-        ],
-        depends_on=joint.selection.unknown,
+        bare=bare,
+        depends_on=tuple(quantity for quantity in joint.selection.unknown if quantity in free),
+        small=tuple(sorted(small | {n.name for n in found if n not in rest})),
         small_together=joint.selection.small_together,
         # Motion shifts what poses are known by: then arms that err alike say nothing of the mount.
-        arms_alike=0.0 if moved else judge.arms_alike(joint.selection.chosen),
+        arms_alike=0.0 if Motion.NAME in maps else judge.arms_alike(joint.selection.chosen),
         split=split,
+    )
+
+
+def _mount(joint: Joint, rest: Sequence[Named], stated: Calibration) -> Float:
+    """(4, 4) X that figures are stated at: the solution's where it is within the stated calibration, else none."""
+    return joint.hand_eye if stated.hand_eye_sd.any() and all(n.name != HAND_EYE for n in rest) else np.eye(4)
+
+
+def moves_camera(effect: Effect, stated: Camera) -> bool:
+    """Whether the effect puts the camera elsewhere or gives it another lens: pixels see other points."""
+    return effect.mount is not None or effect.late_s != 0.0 or effect.camera(stated) != stated
+
+
+def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> tuple[ViewEvidence, ...]:
+    """The views with residuals less some maps, (H, W) metres per map and view."""
+    return (
+        tuple(replace(e, residual=e.residual - sum(np.nan_to_num(m[v]) for m in maps)) for v, e in enumerate(evidence))
+        if maps
+        else tuple(evidence)
     )

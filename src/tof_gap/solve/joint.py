@@ -20,7 +20,7 @@ from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.free import UNKNOWN, free_functions
 from tof_gap.solve.select import narrowed, select
 from tof_gap.solve.shapes import refined
-from tof_gap.solve.solution import Joint, lens_of, solution
+from tof_gap.solve.solution import Joint, lens_of, solution, through
 from tof_gap.solve.start import check_fit, farthest, observe
 from tof_scene.render import render
 from tof_sensor.geometry import pose_columns
@@ -52,7 +52,7 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
     for _ in range(limits.rounds - 1):
         (after, late_s), lens = solution(joint), lens_of(joint)
-        seen = observe(_through(lens, views), caster, after, config, footprints=False, concavity=True, wider_px=wider_px)
+        seen = observe(through(lens, views), caster, after, config, footprints=False, concavity=True, wider_px=wider_px)
         joint, store = _linearised(_as_recorded(seen, late_s, lens), caster, after, config, left_out)
         joint = replace(joint, late_s=late_s)
         if farthest(after, solution(joint)[0], limits) <= 1.0 and _alike(lens, lens_of(joint), views[0].camera, limits.lens_px):
@@ -62,7 +62,7 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     # Named effects had the first word, each in its best shape; now what nobody named may contend.
     finer = refined(store, joint.design, joint.selection, joint.chain, config)
     free = [Candidate(UNKNOWN, None, f.quantity, f) for f in free_functions(joint.views)]
-    design = build(store, [*joint.design.candidates, *finer, *free], joint.chain, config.hand_sd)
+    design = build(store, [*joint.design.candidates, *finer, *free], joint.chain, config.hand_sd, config.lens_sd)
     return replace(joint, design=design, selection=select(design, config.select))
 
 
@@ -77,11 +77,6 @@ def _mixes(views: Sequence[View], caster: Raycaster, chain: Chain, config: GapCo
     some = range(0, len(views), config.solve.joint.mixed_every)
     renderings = in_threads(lambda i: render(caster, views[i].camera, chain.pose(i)), some)
     return mixing(gather([views[i] for i in some], renderings, caster, config.evidence), config.missing) is not None
-
-
-def _through(lens: Effect | None, views: Sequence[View]) -> Sequence[View]:
-    """The views as of a camera with that lens."""
-    return views if lens is None else [replace(v, camera=lens.camera(v.camera)) for v in views]
 
 
 def _alike(one: Effect | None, other: Effect | None, stated: Camera, lens_px: float) -> bool:
@@ -112,5 +107,5 @@ def _linearised(
 ) -> tuple[Joint, ColumnStore]:
     """A selection among all hypotheses at one chain, and the columns it was made of."""
     store = ColumnStore(evidence, deal(chain.station.tolist(), config.select.folds))
-    design = build(store, candidates(evidence, caster.scene, config.noise, left_out, quick=quick), chain, config.hand_sd)
+    design = build(store, candidates(evidence, caster.scene, config.noise, left_out, quick=quick), chain, config.hand_sd, config.lens_sd)
     return Joint(chain, evidence, design, select(design, config.select)), store

@@ -58,9 +58,8 @@ class Selector:
         return self.config.unknown_share if self.is_free(member) else self.config.share
 
     def columns(self, members: Iterable[int]) -> Ints:
-        """Columns of a set of candidates."""
-        groups = [self.design.groups[m] for m in members]
-        return np.concatenate([np.zeros(0, np.int64), *groups]).astype(np.int64)
+        """Columns of a hypothesis."""
+        return self.design.active(members)
 
     def frees_hand(self, members: Iterable[int]) -> bool:
         """Whether hand-eye is among them."""

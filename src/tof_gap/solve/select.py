@@ -123,8 +123,8 @@ def _absorbable(judge: Selector, current: Hypothesis, place: int) -> float:
         return 0.0
     solution = judge.fit(current)
     others = np.concatenate([coefficients(judge, current, solution, i) for i in range(len(members)) if i != place])
-    maps, mine = judge.columns(rest), judge.columns([member])
-    before, after = (judge.design.system.left_of(maps, others, c, inflate=current.inflate) for c in (mine[:0], mine))
+    maps = judge.design.own(rest)
+    before, after = (judge.design.system.left_of(maps, others, judge.columns(m), inflate=current.inflate) for m in ((), (member,)))
     return (before - after) / current.inflate
 
 

@@ -50,7 +50,7 @@ def _best_shape(
     own, steps = getattr(effect, finer.parameter), np.linspace(-1, 1, finer.steps)
     near_by = [replace(effect, **{finer.parameter: float(own * (1 + finer.width) ** s)}) for s in steps]
     trial = [Candidate(e.NAME, e) for e in near_by]
-    judge = Selector(build(store, [*others, *trial], chain, config.hand_sd), config.select)
+    judge = Selector(build(store, [*others, *trial], chain, config.hand_sd, config.lens_sd), config.select)
     base = list(range(len(others)))
     scores = [judge.score([*base, len(others) + i], inflate).score for i in range(len(trial))]
     return near_by[int(np.argmin(scores))]

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core import se3
+from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
+    from tof_core.capture import View
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solve.candidate import Candidate
     from tof_gap.solve.columns import Design
@@ -59,8 +61,28 @@ def delayed(chain: Chain, views: Sequence[ViewEvidence], seconds: float) -> Chai
     return replace(chain, robot=np.array([T @ step for T, step in zip(chain.robot, steps, strict=True)]))
 
 
+def calibrated_lens(joint: Joint) -> Intrinsics | None:
+    """The lens within its stated calibration as the solution has it, None where the calibration is exact."""
+    design = joint.design
+    if not len(design.always):
+        return None
+    values = joint.selection.fit.theta[: len(design.always)] / design.scale[design.always]
+    return Intrinsics(*values.tolist())
+
+
 def lens_of(joint: Joint) -> Effect | None:
-    """The effect by which the solution has another lens, None where CameraInfo's will do."""
-    camera = joint.views[0].view.camera
+    """The effect by which the solution has another lens, None where CameraInfo's will do; both where it is named and calibrated."""
+    camera, calibrated = joint.views[0].view.camera, calibrated_lens(joint)
     there = (c.effect.plausible(values) for c, values in joint.members() if c.effect is not None)
-    return next((effect for effect in there if effect.camera(camera) != camera), None)
+    named = next((effect for effect in there if effect.camera(camera) != camera), None)
+    if named is None or calibrated is None:
+        return named or calibrated
+    return named.plausible(named.coefficients + calibrated.coefficients)
+
+
+def through(lens: Effect | None, views: Sequence[View]) -> Sequence[View]:
+    """The views as of a camera with that lens."""
+    if lens is None:
+        return views
+    ratio = lens.published(views[0].camera)
+    return [replace(v, camera=lens.camera(v.camera), depth=(v.depth / ratio).astype(v.depth.dtype)) for v in views]

@@ -47,8 +47,8 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
     for _ in range(config.solve.start.rounds):
         if moving(evidence):
             break  # Edges, which these poses are found by, are given up from here on.
-        design = build(ColumnStore(evidence, chain.station), [], chain, config.hand_sd)
-        before, chain = chain, design.system.fit(np.zeros(0, np.int64), inflate=config.solve.start.inflate).moved(chain)
+        design = build(ColumnStore(evidence, chain.station), [], chain, config.hand_sd, config.lens_sd)
+        before, chain = chain, design.system.fit(design.always, inflate=config.solve.start.inflate).moved(chain)
         evidence = observe(views, caster, chain, config, footprints=False)
         if farthest(before, chain, config.solve.joint) <= 1.0:
             break

@@ -99,8 +99,8 @@ def account(
 
 
 def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None) -> tuple[Finding, ...]:
-    """What noise, loss and edges show once smooth bias is removed."""
-    left = [replace(v, residual=v.residual - b) for v, b in zip(solved.evidence, solved.bias, strict=True)]
+    """What noise, loss and edges show where the cameras really were, once smooth bias is removed."""
+    left = solved.bare
     light = detected.detected_effects(left, config.noise, law)
     return (
         *light,

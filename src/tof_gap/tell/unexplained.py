@@ -75,11 +75,12 @@ def look(found: Account, scene: Scene, limits: ReportLimits) -> Unexplained:
     gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
     gross = 0.0 if gross_named else min(gross_share(v) for v in (views, solved.linearised))
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
+    a_gap = gap.above_mm(gap.before) > limit.mm
     structured = (
         (size > np.hypot(limit.mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)
         or gross > limit.gross_share
-        or bool(depends_on or solved.small_together or found.withheld)
-        or misfit(views, figures.residual, left, _noise2(found), limits.shrink.noise_known) > limit.misfit
+        or bool(depends_on or (a_gap and solved.small_together) or found.withheld)
+        or (a_gap and misfit(views, figures.residual, left, _noise2(found), limits.shrink.noise_known) > limit.misfit)
     )
     if not structured:
         return Unexplained(size, structured=False, depends_on=(), where=())

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class AmplitudeBias(Effect):
-    """dr = c + a ln(A / A0) + b ln(A / A0)^2 (Lindner 2010; docs/effects.md).
+    """dr = c + a ln(A / A0) + b ln(A / A0)^2 + d A0 / A (Lindner 2010; docs/effects.md).
 
-    c is the bias at the amplitude A0: where none is stated to be free of bias, every A0 describes the same bias.
+    The logarithms follow published walk errors, the inverse charge that arrives late whatever the light. `form` says which of them a
+    fit may use: `log` the first three, `inverse` c, a and d. c is the bias at the amplitude A0: where none is stated to be free of bias, every A0 describes the same bias.
     """
 
     NAME: ClassVar[str] = "amplitude_bias"
@@ -33,19 +34,30 @@ class AmplitudeBias(Effect):
     SEPARATED_BY: ClassVar[str] = "surfaces of different albedo at one distance"
     ACTIONS: ClassVar = (BRIGHTER, NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
-    LINEAR: ClassVar[tuple[str, ...]] = ("at_reference_m", "per_ln_m", "per_ln2_m")
-    OWN: ClassVar[tuple[str, ...]] = ("per_ln_m", "per_ln2_m")
+    LINEAR: ClassVar[tuple[str, ...]] = ("at_reference_m", "per_ln_m", "per_ln2_m", "inverse_m")
+    OWN: ClassVar[tuple[str, ...]] = ("per_ln_m", "per_ln2_m", "inverse_m")
 
     at_reference_m: float = param(0.0, "bias at the reference", unit="m", low=-0.2, high=0.2)
     per_ln_m: float = param(0.0, "bias per e-fold of amplitude", unit="m", low=-0.05, high=0.05)
     per_ln2_m: float = param(0.0, "curvature of the law", unit="m", low=-0.05, high=0.05)
+    inverse_m: float = param(0.0, "bias by late charge at the reference", unit="m", low=-0.1, high=0.1)
+    form: str = param("log", "terms of a fit", choices=("log", "inverse"))
     reference: float = param(1.0, "amplitude to which the bias refers, in the camera's unit", low=1e-12)
 
     def columns(self, frame: Frame) -> Float:
-        """One, log amplitude and its square, along z; 0 where no light came back."""
+        """One, log amplitude, its square, and inverse amplitude, along z; 0 where no light came back and for terms that `form` lacks."""
         log = np.log(np.maximum(frame.amplitude, 1e-12) / self.reference)
         seen = frame.valid & (frame.amplitude > 0)
-        return stack([np.where(seen, power, 0) / frame.length for power in (np.ones_like(log), log, log * log)], frame)
+        zero = np.zeros_like(log)
+        inverse = np.minimum(np.exp(-log), DARKEST)
+        terms = (np.ones_like(log), log, zero, inverse) if self.form == "inverse" else (np.ones_like(log), log, log * log, zero)
+        return stack([np.where(seen, term, 0) / frame.length for term in terms], frame)
+
+    def bias(self, frame: Frame) -> Float:
+        """(H, W) metres: all four terms, whatever the form."""
+        log, inverse = (replace(self, form=form).columns(frame) for form in ("log", "inverse"))
+        every = np.concatenate([log[..., :3], inverse[..., 3:]], axis=-1)
+        return np.asarray(every @ self.coefficients)
 
     @classmethod
     def lacks(cls, session: Session) -> str:
@@ -54,5 +66,10 @@ class AmplitudeBias(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """One form, about the session's median amplitude."""
-        yield Form(cls(reference=session.median_amplitude))
+        """Either form, about the session's median amplitude."""
+        for form in ("log", "inverse"):
+            yield Form(cls(reference=session.median_amplitude, form=form), form)
+
+
+DARKEST = 100.0
+"""Cap of A0 / A: darker pixels return no depth."""

@@ -38,7 +38,7 @@ class CadDeviation(FieldEffect):
     MEANING: ClassVar[str] = "a part stands or bends otherwise than drawn"
     SEPARATED_BY: ClassVar[str] = "a measurement of the part by other means"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
-    PER_PART: ClassVar[bool] = True
+    REPEATS: ClassVar[bool] = True
     REACH_M: ClassVar[float] = 0.008  # Nine coefficients together must not bend what one view saw.
     COEFFICIENTS: ClassVar[tuple[str, ...]] = (
         "x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad", "bow_uu_m", "bow_vv_m", "bow_uv_m",

@@ -26,7 +26,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Intrinsics(Effect):
-    """True minus stated intrinsics: the pixel looks along another ray (docs/effects.md)."""
+    """True minus stated intrinsics: the pixel looks along another ray (docs/effects.md).
+
+    A time-of-flight camera measures distance along the ray and converts it to z by the lens that CameraInfo states (`z_from`
+    "stated_lens"): with another lens, z is wrong by the ratio of the rays' lengths besides. A camera that gives z itself, or converts
+    by its true lens, has `z_from` "true_lens".
+    """
 
     NAME: ClassVar[str] = "intrinsics"
     ORDER: ClassVar[int] = 30
@@ -44,6 +49,15 @@ class Intrinsics(Effect):
     p1: float = param(0.0, "tangential distortion", low=-0.05, high=0.05)
     p2: float = param(0.0, "tangential distortion", low=-0.05, high=0.05)
 
+    z_from: str = param("stated_lens", "lens by which distance became z", choices=("stated_lens", "true_lens"))
+
+    def published(self, stated: Camera) -> Float:
+        """(H, W) published z over true z."""
+        if self.z_from == "true_lens":
+            return np.ones((stated.height, stated.width))
+        true, assumed = (np.linalg.norm(camera.rays(), axis=-1) for camera in (self.camera(stated), stated))
+        return np.asarray(true / assumed)
+
     def camera(self, stated: Camera) -> Camera:
         """The camera as it is where `stated` is what CameraInfo says."""
         d = np.zeros(max(len(stated.distortion), 5))
@@ -60,22 +74,43 @@ class Intrinsics(Effect):
         )
 
     def columns(self, frame: Frame) -> Float:
-        """z by each parameter: the ray turns against the change of the projection."""
-        return ray_columns(frame, self._shift(frame))
+        """z by each parameter: the ray turns against the change of the projection; its length converts distance to z."""
+        return self._answer(frame, self._shift(frame))
 
     def bias(self, frame: Frame) -> Float:
         """The same for the parameters as they are, without a column for each."""
-        return np.asarray(ray_columns(frame, self._shift(frame) @ self.coefficients[:, None])[..., 0])
+        return np.asarray(self._answer(frame, self._shift(frame) @ self.coefficients[:, None])[..., 0])
+
+    def _answer(self, frame: Frame, shift: Float) -> Float:
+        """(H, W, k) metres of z for `shift` (H, W, 2, k) of the rays."""
+        turned = ray_columns(frame, shift)
+        if self.z_from == "true_lens":
+            return turned
+        longer = np.einsum("...i,...ik->...k", frame.rays[..., :2], shift) / frame.length[..., None] ** 2
+        return np.asarray(turned + np.nan_to_num(frame.depth)[..., None] * np.nan_to_num(longer))
 
     def _shift(self, frame: Frame) -> Float:
         """(H, W, 2, 8) true minus stated ray, normalised x and y, by each parameter."""
         return _ray_shift(frame.camera) if frame.rays is frame.camera.rays() else _shift_of(frame.rays, frame.camera)
 
+    def prior_sd(self, scale: Float) -> Float:
+        """(k,) prior deviations of what lenses have, times `scale`: hand-eye, principal point and tangential terms could trade without end."""
+        return np.array(USUAL_SD) * scale
+
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Its one form."""
+        """Either lens for the conversion of distance to z."""
         del session
-        yield Form(cls())
+        for lens in ("stated_lens", "true_lens"):
+            yield Form(cls(z_from=lens), f"z from the {lens.replace('_', ' ')}")
+
+
+USUAL_SD = (0.02, 0.02, 10.0, 10.0, 0.1, 0.1, 1e-3, 1e-3)
+"""Deviations by which a lens may differ from its CameraInfo, in the order of `LINEAR`.
+
+Calibrations of one lens differ by less than 2 % and ten pixels, or by its whole radial distortion; decentring of molded lenses stays
+within 1e-3. A rotation of the camera is a shift of the principal point together with tangential terms.
+"""
 
 
 @lru_cache(maxsize=8)

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.config import param
 from tof_sensor.action import LATER
-from tof_sensor.effect import Effect, Form, stack
+from tof_sensor.effect import Effect, Finer, Form, stack
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,25 +22,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class TemperatureDrift(Effect):
-    """dr = k (T - T0), or w exp(-t / tau) where the temperature is unknown (docs/effects.md)."""
+    """dr = k (T - T0) + w exp(-t / tau) (docs/effects.md).
+
+    The first term is what follows the thermometer. The second is what warms up faster or slower than it: the lamp's driver leads a
+    thermometer in the housing by minutes. Without a thermometer the second term stands alone. t counts from the session's start.
+    """
 
     NAME: ClassVar[str] = "temperature_drift"
     ORDER: ClassVar[int] = 56
     MEANING: ClassVar[str] = "range drifts while the camera warms up"
     SEPARATED_BY: ClassVar[str] = "the same pose recorded over half an hour"
     ACTIONS: ClassVar = (LATER,)
-    LINEAR: ClassVar[tuple[str, ...]] = ("drift_m",)
+    FINER: ClassVar[tuple[Finer, ...]] = (Finer("tau_s", 1.0, 7),)
+    LINEAR: ClassVar[tuple[str, ...]] = ("drift_m", "warmup_m")
 
-    drift_m: float = param(0.0, "per kelvin; without a thermometer at power-on", unit="m", low=-0.1, high=0.1)
+    drift_m: float = param(0.0, "per kelvin of the thermometer", unit="m", low=-0.1, high=0.1)
+    warmup_m: float = param(0.0, "at the session's start, beside what the thermometer shows", unit="m", low=-0.2, high=0.2)
     reference_c: float = param(25.0, "temperature without drift", unit="degC", low=-40.0, high=120.0)
-    tau_s: float = param(600.0, "time constant used where temperature is unknown", unit="s", low=1.0, high=1e5)
+    tau_s: float = param(0.0, "time constant of the warm-up; 0: none beside the thermometer", unit="s", low=0.0, high=1e5)
 
     def columns(self, frame: Frame) -> Float:
-        """One constant per view, along z."""
+        """Two constants per view, along z; 0 for what is unknown."""
         context = frame.context
         warm = context.temperature - self.reference_c
-        level = warm if np.isfinite(warm) else float(np.exp(-context.time_s / self.tau_s))
-        return stack([np.where(frame.valid, level, 0.0) / frame.length], frame)
+        left = float(np.exp(-context.time_s / self.tau_s)) if self.tau_s > 0 else 0.0
+        one = np.where(frame.valid, 1.0 / frame.length, 0.0)
+        return stack([one * (warm if np.isfinite(warm) else 0.0), one * left], frame)
 
     @classmethod
     def lacks(cls, session: Session) -> str:
@@ -49,10 +56,15 @@ class TemperatureDrift(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """By the thermometer about its mean; without one, three time constants."""
+        """By the thermometer about its mean, alone and with a warm-up of each time constant beside it."""
         temperature = session.temperatures
-        if np.isfinite(temperature).all():
-            yield Form(cls(reference_c=float(temperature.mean())))
-            return
-        for tau in (60.0, 300.0, 1200.0):
-            yield Form(cls(tau_s=tau), f"tau {tau:g} s")
+        known = bool(np.isfinite(temperature).all())
+        mean = float(temperature.mean()) if known else 25.0
+        if known:
+            yield Form(cls(reference_c=mean), "thermometer")
+        for tau in TIME_CONSTANTS_S:
+            yield Form(cls(reference_c=mean, tau_s=tau), f"tau {tau:g} s")
+
+
+TIME_CONSTANTS_S = (60.0, 300.0, 1200.0)
+"""Usual of a lamp's driver, a sensor and a housing."""

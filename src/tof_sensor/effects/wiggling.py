@@ -34,6 +34,7 @@ class Wiggling(Effect):
     SEPARATED_BY: ClassVar[str] = "views over a whole period of range"
     ACTIONS: ClassVar = (NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
+    REPEATS: ClassVar[bool] = True  # Each frequency of a camera that merges two or three, and each harmonic, has a wave of its own.
     FINER: ClassVar[tuple[Finer, ...]] = tuple(Finer("modulation_mhz", width, 13) for width in (0.2, 0.05, 0.012))
     LINEAR: ClassVar[tuple[str, ...]] = ("sine_m", "cosine_m")
 

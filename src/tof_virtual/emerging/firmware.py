@@ -25,6 +25,8 @@ STEP_SIGMAS = 10.0
 
 Of means over three rows: sigma / sqrt 3 * sqrt 10 is 1.8 sigma, so that a plane exceeds it in one of ten million pixels.
 """
+STEP_LEAST_M = 0.01
+"""Least step of the flying-pixel filter: a filter that took steps of millimetres for edges would remove what fixed patterns leave."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +109,8 @@ def edges(distance: Float, noise: Float, shape: tuple[int, int], pitch: float) -
     slopes on either side and the `noise` (P,) explain. `pitch` is the angle of a pixel in radians; NaN is no neighbour.
     """
     image, sigma = (np.ascontiguousarray(a.reshape(shape)) for a in (distance, noise))
-    steps = _steps(image, sigma, STEP_SIGMAS) | _steps(np.ascontiguousarray(image.T), np.ascontiguousarray(sigma.T), STEP_SIGMAS).T
+    steps = _steps(image, sigma, STEP_SIGMAS, STEP_LEAST_M)
+    steps |= _steps(np.ascontiguousarray(image.T), np.ascontiguousarray(sigma.T), STEP_SIGMAS, STEP_LEAST_M).T
     return np.asarray((_spans(image, EDGE_SLOPE * pitch) | steps).ravel())
 
 
@@ -128,7 +131,7 @@ def _spans(distance: Float, slope: float) -> Mask:
 
 
 @njit(cache=True, error_model="numpy")
-def _steps(distance: Float, noise: Float, sigmas: float) -> Mask:
+def _steps(distance: Float, noise: Float, sigmas: float, least: float) -> Mask:
     """Steps along rows, of means over three rows."""
     H, W = distance.shape
     out = np.zeros((H, W), np.bool_)
@@ -142,5 +145,5 @@ def _steps(distance: Float, noise: Float, sigmas: float) -> Mask:
                 d += distance[y, u + 2] / 3
             low, high = 2 * min(b - a, d - c), 2 * max(b - a, d - c)
             beyond = max(c - b - high, low - (c - b))
-            out[v, u] = beyond > sigmas * noise[v, u]  # false where a neighbour is NaN
+            out[v, u] = beyond > max(sigmas * noise[v, u], least)  # false where a neighbour is NaN
     return out

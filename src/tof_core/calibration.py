@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How good a camera's calibration is: the largest errors that its maker or the plant states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.config import from_mapping, param, section
+from tof_core.yamlio import load_yaml
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tof_core.arrays import Float
+
+FILE = "calibration.yaml"
+"""Name of the file beside scene.yaml."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandEyeLimits:
+    """Largest errors of the hand-eye calibration."""
+
+    translation_mm: float = param(0.0, "largest error of the camera's place in the hand", unit="mm", low=0.0, high=100.0)
+    rotation_deg: float = param(0.0, "largest error of its direction", unit="deg", low=0.0, high=10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class LensLimits:
+    """Largest errors of the lens calibration."""
+
+    principal_point_px: float = param(0.0, "largest error of the principal point", unit="px", low=0.0, high=100.0)
+    focal_pct: float = param(0.0, "largest error of the focal length", unit="%", low=0.0, high=10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class AlbedoLimits:
+    """Largest errors of the scene's albedos."""
+
+    relative: float = param(0.0, "largest relative error of a part's infrared albedo", low=0.0, high=10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Stated largest errors of a calibration; 0 states nothing.
+
+    Within them errors are taken as drawn evenly from 0 to the largest, in any direction: of n components each has the standard
+    deviation `largest / sqrt(3 n)`.
+    """
+
+    hand_eye: HandEyeLimits = section(HandEyeLimits, "hand-eye")
+    lens: LensLimits = section(LensLimits, "lens")
+    albedo: AlbedoLimits = section(AlbedoLimits, "albedo")
+
+    @property
+    def hand_eye_sd(self) -> Float:
+        """(6,) prior deviations of hand-eye: metres, radians."""
+        return np.repeat([1e-3 * self.hand_eye.translation_mm, np.radians(self.hand_eye.rotation_deg)], 3) / 3.0
+
+    @property
+    def lens_sd(self) -> Float:
+        """(4,) prior deviations of fx and fy (relative) and of cx and cy (pixels)."""
+        focal, centre = 1e-2 * self.lens.focal_pct / np.sqrt(3.0), self.lens.principal_point_px / np.sqrt(6.0)
+        return np.array([focal, focal, centre, centre])
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Read `calibration.yaml`; unknown keys and values out of bounds are refused."""
+    return from_mapping(Calibration, load_yaml(path), where=str(path))
