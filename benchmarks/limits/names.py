@@ -20,9 +20,15 @@ SEEDS = ("evidence.seed",)
 """Numbers whose size means nothing."""
 
 
+STATED = "calibration."
+"""What a user states of the camera: it decides nothing by itself."""
+
+
 def numbers(of: str) -> list[ParamInfo]:
     """The numbers of a section, in the order of `--settings`."""
-    return [info for info in table(SECTIONS[of]) if info.kind in (int, float) and info.name not in SEEDS]
+    return [
+        info for info in table(SECTIONS[of]) if info.kind in (int, float) and info.name not in SEEDS and not info.name.startswith(STATED)
+    ]
 
 
 def value_at(info: ParamInfo, factor: float) -> float | None:

@@ -24,23 +24,33 @@ FILE = "calibration.yaml"
 class HandEyeLimits:
     """Largest errors of the hand-eye calibration."""
 
-    translation_mm: float = param(0.0, "largest error of the camera's place in the hand", unit="mm", low=0.0, high=100.0)
-    rotation_deg: float = param(0.0, "largest error of its direction", unit="deg", low=0.0, high=10.0)
+    translation_mm: float = param(
+        0.0, "largest error of the camera's place in the hand", unit="mm", low=0.0, high=100.0, why="as the calibration's report states"
+    )
+    rotation_deg: float = param(
+        0.0, "largest error of its direction", unit="deg", low=0.0, high=10.0, why="as the calibration's report states"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class LensLimits:
     """Largest errors of the lens calibration."""
 
-    principal_point_px: float = param(0.0, "largest error of the principal point", unit="px", low=0.0, high=100.0)
-    focal_pct: float = param(0.0, "largest error of the focal length", unit="%", low=0.0, high=10.0)
+    principal_point_px: float = param(
+        0.0, "largest error of the principal point", unit="px", low=0.0, high=100.0, why="as the calibration's report states"
+    )
+    focal_pct: float = param(
+        0.0, "largest error of the focal length", unit="%", low=0.0, high=10.0, why="as the calibration's report states"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class AlbedoLimits:
     """Largest errors of the scene's albedos."""
 
-    relative: float = param(0.0, "largest relative error of a part's infrared albedo", low=0.0, high=10.0)
+    relative: float = param(
+        0.0, "largest relative error of a part's infrared albedo", low=0.0, high=10.0, why="as the calibration's report states"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +66,18 @@ class Calibration:
     albedo: AlbedoLimits = section(AlbedoLimits, "albedo")
 
     @property
+    def hand_eye_most(self) -> tuple[float, float]:
+        """Largest error of hand-eye: metres, radians."""
+        return 1e-3 * self.hand_eye.translation_mm, float(np.radians(self.hand_eye.rotation_deg))
+
+    def lens_most_px(self, radius_px: float) -> float:
+        """Largest shift in pixels of a point `radius_px` from the principal point."""
+        return self.lens.principal_point_px + 1e-2 * self.lens.focal_pct * radius_px
+
+    @property
     def hand_eye_sd(self) -> Float:
         """(6,) prior deviations of hand-eye: metres, radians."""
-        return np.repeat([1e-3 * self.hand_eye.translation_mm, np.radians(self.hand_eye.rotation_deg)], 3) / 3.0
+        return np.repeat(self.hand_eye_most, 3) / 3.0
 
     @property
     def lens_sd(self) -> Float:

@@ -63,7 +63,20 @@ def test_drift_follows_the_thermometer_and_without_one_the_clock() -> None:
     warm = plane_frame(Context(temperature=35.0))
     np.testing.assert_allclose(TemperatureDrift(drift_m=5e-4).bias(warm) * warm.length, 0.005, rtol=1e-12)
     late = plane_frame(Context(time_s=600.0))
-    np.testing.assert_allclose(TemperatureDrift(drift_m=0.01).bias(late) * late.length, 0.01 / np.e, rtol=1e-12)
+    np.testing.assert_allclose(TemperatureDrift(warmup_m=0.01, tau_s=600.0).bias(late) * late.length, 0.01 / np.e, rtol=1e-12)
+    assert not TemperatureDrift(drift_m=0.01).bias(late).any()  # no thermometer
+
+
+def test_a_warm_up_that_leads_the_thermometer_adds_to_what_it_shows() -> None:
+    frame = plane_frame(Context(temperature=35.0, time_s=300.0))
+    both = TemperatureDrift(drift_m=5e-4, warmup_m=-0.01, tau_s=300.0)
+    np.testing.assert_allclose(both.bias(frame) * frame.length, 0.005 - 0.01 / np.e, rtol=1e-12)
+
+
+def test_late_charge_goes_with_inverse_amplitude() -> None:
+    frame = plane_frame()
+    walk = AmplitudeBias(inverse_m=0.004, reference=2.0, form="inverse")
+    np.testing.assert_allclose(walk.bias(frame) * frame.length, 0.004 * 2.0 / frame.amplitude, rtol=1e-12)
 
 
 def test_offset_scale_and_radial_are_what_they_say() -> None:
@@ -147,10 +160,18 @@ def test_an_axial_motion_is_late_more_than_its_taps_disagree() -> None:
 
 @pytest.mark.parametrize("name", Intrinsics.LINEAR)
 def test_a_lens_that_is_off_by_little_changes_depth_as_its_column_says(name: str) -> None:
-    little = Intrinsics(**{name: 1e-3})
-    exact = plane_depth(little.camera(CAMERA).rays()) - plane_depth(CAMERA.rays())
-    assert np.abs(exact).max() > 1e-6
-    np.testing.assert_allclose(little.bias(plane_frame()), exact, atol=1e-2 * np.abs(exact).max() + 1e-7)
+    for lens in ("true_lens", "stated_lens"):
+        little = Intrinsics(z_from=lens, **{name: 1e-3})
+        exact = plane_depth(little.camera(CAMERA).rays()) * little.published(CAMERA) - plane_depth(CAMERA.rays())
+        assert np.abs(exact).max() > 1e-6
+        np.testing.assert_allclose(little.bias(plane_frame()), exact, atol=1e-2 * np.abs(exact).max() + 1e-7)
+
+
+def test_a_camera_that_converts_by_its_stated_lens_publishes_z_by_the_ratio_of_the_rays() -> None:
+    lens = Intrinsics(cx_px=2.0, k1=0.02)
+    true, stated = (np.linalg.norm(c.rays(), axis=-1) for c in (lens.camera(CAMERA), CAMERA))
+    np.testing.assert_allclose(lens.published(CAMERA), true / stated)
+    assert (replace(lens, z_from="true_lens").published(CAMERA) == 1.0).all()
 
 
 def test_a_lens_adds_to_the_one_that_is_stated() -> None:

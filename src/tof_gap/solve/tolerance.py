@@ -35,8 +35,8 @@ def below(maps: Mapping[str, Sequence[Float]], least_m: float) -> set[str]:
 def _mounted_as_stated(one: Named, stated: Calibration) -> bool:
     """Whether place and direction of the camera are off by no more than stated, to within one standard deviation."""
     values, sd = one.effects[0].coefficients, np.array([*one.std[0].values()])
-    bounds = (1e-3 * stated.hand_eye.translation_mm, float(np.radians(stated.hand_eye.rotation_deg)))
-    return all(_no_longer(values[at], sd[at], bound) for at, bound in zip((slice(3), slice(3, 6)), bounds, strict=True))
+    parts = zip((slice(3), slice(3, 6)), stated.hand_eye_most, strict=True)
+    return all(_no_longer(values[at], sd[at], bound) for at, bound in parts)
 
 
 def _no_longer(vector: Float, sd: Float, bound: float) -> bool:
@@ -51,4 +51,4 @@ def _seen_as_stated(one: Named, stated: Calibration, camera: Camera) -> bool:
         return False
     rays, there = ((c.rays()[..., :2] * (camera.fx, camera.fy)) for c in (camera, one.effects[0].camera(camera)))
     shift, radius = (float(np.sqrt(np.mean(np.sum(r**2, axis=-1)))) for r in (there - rays, rays))
-    return shift <= stated.lens.principal_point_px + 1e-2 * stated.lens.focal_pct * radius
+    return shift <= stated.lens_most_px(radius)

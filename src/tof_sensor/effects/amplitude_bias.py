@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -52,12 +52,6 @@ class AmplitudeBias(Effect):
         inverse = np.minimum(np.exp(-log), DARKEST)
         terms = (np.ones_like(log), log, zero, inverse) if self.form == "inverse" else (np.ones_like(log), log, log * log, zero)
         return stack([np.where(seen, term, 0) / frame.length for term in terms], frame)
-
-    def bias(self, frame: Frame) -> Float:
-        """(H, W) metres: all four terms, whatever the form."""
-        log, inverse = (replace(self, form=form).columns(frame) for form in ("log", "inverse"))
-        every = np.concatenate([log[..., :3], inverse[..., 3:]], axis=-1)
-        return np.asarray(every @ self.coefficients)
 
     @classmethod
     def lacks(cls, session: Session) -> str:

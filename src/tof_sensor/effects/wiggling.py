@@ -68,13 +68,16 @@ class Wiggling(Effect):
 
 LEAST_SPAN_M = 0.08
 """Span of range from which a period can show: a quarter of the shortest usual one (c0 / 8f at 120 MHz)."""
-SHORTEST_M, MOST_PERIODS = 0.06, 40
-"""Shortest period that is tried (620 MHz, above any camera's), and how many at most."""
+SHORTEST_M, LONGEST_M, MOST_PERIODS = 0.06, 1.0, 40
+"""Shortest and longest period that are tried (c0 / 8f at 620 MHz, above any camera's, and at 37 MHz), and how many at most.
+
+A longer wave would be hardly one period of any session: a bend over range, which much else makes too.
+"""
 
 
 def periods(span: float) -> Float:
-    """Wiggle periods to try, metres: from twice the span down to `SHORTEST_M`, neighbours 90 degrees apart over it."""
-    out, period = [], 2.0 * max(span, 0.2)
+    """Wiggle periods to try, metres: from twice the span (or `LONGEST_M`) down to `SHORTEST_M`, neighbours 90 degrees apart over it."""
+    out, period = [], min(2.0 * max(span, 0.2), LONGEST_M)
     while period > SHORTEST_M:
         out.append(period)
         period = 1.0 / (1.0 / period + 0.25 / max(span, 0.2))

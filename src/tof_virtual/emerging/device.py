@@ -112,7 +112,7 @@ class Firmware:
     min_amplitude_e: float = param(150.0, "amplitude below which a pixel is invalid", unit="e-", low=0, high=1e6)
     captures: int = param(1, "internal captures that are averaged; a pixel must be valid in each", low=1, high=8)
     agree_mm: float = param(100.0, "largest difference of internal captures of a valid pixel", unit="mm", low=1, high=1e5)
-    range_m: float = param(3.0, "largest distance that unwrapping considers", unit="m", low=0.5, high=50)
+    range_m: float = param(5.0, "largest distance that unwrapping considers", unit="m", low=0.5, high=50)
     step_mm: float = param(1.0, "step of the depth output", unit="mm", low=0.01, high=200)
     radial: bool = param(False, "write the distance along the ray instead of z")
     latency_ms: float = param(0.0, "latency of the driver: stamps are late by it", unit="ms", low=-1000, high=1000)

@@ -11,7 +11,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, chain, views
 from tof_gap.limits.solve import SelectLimits
-from tof_gap.solve.causes import confidence, shares, without_pixels
+from tof_gap.solve.causes import confidence, shares, smooth_ones
 from tof_gap.solved import Named
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.range_offset import RangeOffset
@@ -53,8 +53,9 @@ def test_a_pattern_without_its_pixels_keeps_its_fields() -> None:
     image = np.random.default_rng(2).normal(0, 0.003, SHAPE)
     pattern = FixedPattern(values=(0.0,) * (SHAPE[0] + SHAPE[1]) + (0.001,) * 15, pixels=packed(image))
     causes = [Named("fixed_pattern", (pattern,), ({},), (), 1.0), Named("range_offset", (RangeOffset(),), ({},), (), 1.0)]
-    (smooth,) = without_pixels(causes)
+    smooth, other = smooth_ones(causes)
     (effect,) = smooth.effects
     assert isinstance(effect, FixedPattern)
     assert effect.pixels == ""
     assert effect.values == pattern.values
+    assert other is causes[1]
