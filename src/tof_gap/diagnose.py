@@ -77,8 +77,8 @@ def diagnose(
     few, rng = len(views) < config.solve.views, np.random.default_rng(config.evidence.seed)
 
     progress("first poses: depth or distance along the ray")
-    first = (start(views, caster, config, align), None) if RadialDepth.NAME in left_out else gate(views, caster, config, align)
-    begun, along_ray = first
+    may_be_radial = RadialDepth.NAME not in left_out
+    begun, along_ray = gate(views, caster, config, align) if may_be_radial else (start(views, caster, config, align), None)
     check_enough(views, along_ray, config.solve.views)
     world, begun = set_apart(begun, caster, config)
 
@@ -96,11 +96,10 @@ def diagnose(
     progress("what no named effect explains")
     unexplained = look(found, caster.scene, config.report)
     verdict = sorted({*found.names, *(("unknown",) if unexplained.structured else ())}) or ["none"]
-    solved, left = found.solved, found.figures.left()
     return Diagnosis(
         tuple(verdict),
         found,
-        explainable(solved.evidence, left, split, found.gap, config.report.explainable),
+        explainable(found.solved.evidence, found.figures.left(), split, found.gap, config.report.explainable),
         unexplained,
         too_few(len(views)) if few else untested(joint, found, config, law) | dict(untestable),
         law_beside(found, config),

@@ -78,7 +78,7 @@ def test_albedo_of_eight_bits_is_a_share() -> None:
 
 
 def test_time_runs_from_the_first_capture_and_from_a_reset() -> None:
-    drift = TemperatureDrift().with_coefficients(np.full(len(TemperatureDrift().coefficients), 0.01))
+    drift = TemperatureDrift(warmup_m=0.01, tau_s=600.0)
     camera = Simulator(SimulatorConfig(), SensorModel((drift,), gain=1.0))
     first, later = camera.measured(wall(10**9)), camera.measured(wall(2000 * 10**9))
     assert np.abs(first.depth - later.depth).max() > 1e-3
