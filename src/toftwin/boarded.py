@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from tof_align.config import AlignConfig, Priors
     from tof_core.arrays import Float
+    from tof_core.bag import BagReader
     from tof_core.board.pose import BoardPose
     from tof_core.board.spec import Board
     from tof_core.camera import Camera
@@ -75,13 +76,25 @@ class BoardSession:
         )
 
 
+def posed_by_board(reader: BagReader | BoardSource, config: AlignConfig) -> AlignConfig:
+    """Settings with which a session before a board keeps the poses of its corners, with their covariance; a bag's are as they are.
+
+    Depth has no say in these poses, so labels owe nothing to the camera's range errors.
+    """
+    return replace(reader.session.align(config), mode="robot") if isinstance(reader, BoardSource) else config
+
+
 class BoardSource:
     """Captures before a board in the place of a bag: each is a view of its own, since the board or the camera is held by hand."""
 
-    def __init__(self, captures: Sequence[Capture], board: Board, *, calibrate: bool = False) -> None:
-        """Find the board in every capture; errors as of `board_session`."""
+    def __init__(self, captures: Sequence[Capture], board: Board, *, calibrate: bool = False, apart: bool = False) -> None:
+        """Find the board in every capture; errors as of `board_session`.
+
+        `apart` makes each view a station of its own: a dataset is divided by stations, and no two views have a stand in common.
+        """
         self.session = board_session(captures, board, calibrate=calibrate)
-        posed = {v.stamp_ns: v.robot for v in self.session.views}
+        seen = [(v.stamp_ns, v.robot) for v in self.session.views if v.robot is not None]
+        posed = {stamp: RobotPose(robot.T_cell_camera, np.eye(4)) if apart else robot for stamp, robot in seen}
         self._captures = [replace(c, camera=self.camera, robot=posed[c.stamp_ns]) for c in captures if c.stamp_ns in posed]
         self.skipped, self.last_error = Counter(board=len(self.session.skipped)), ""
         self.note = f"the board is seen in {len(posed)} of {len(captures)} captures"

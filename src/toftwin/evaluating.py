@@ -25,14 +25,15 @@ if TYPE_CHECKING:
     from tof_eval.methods import Method
     from tof_scene.raycast import Raycaster
     from tof_sensor.model import SensorModel
+    from toftwin.boarded import BoardSource
     from toftwin.pipeline import PipelineConfig
 
-BY_FRAME = frozenset({"range_offset", "depth_scale", "wiggling", "amplitude_bias", "temperature_drift", "fixed_pattern"})
+BY_FRAME = frozenset({"range_offset", "depth_scale", "wiggling", "amplitude_bias", "temperature_drift", "fixed_pattern", "emitter_offset"})
 """Effects whose bias follows from a measured frame alone, without CAD."""
 
 
 def evaluate_bag(
-    reader: BagReader, caster: Raycaster, methods: Sequence[Method], config: PipelineConfig, *, truth: Path | None = None
+    reader: BagReader | BoardSource, caster: Raycaster, methods: Sequence[Method], config: PipelineConfig, *, truth: Path | None = None
 ) -> Comparison:
     """Compare methods on every view of a bag, with the truth file if there is one, else with the session's own labels.
 
@@ -54,7 +55,8 @@ def evaluate_bag(
         judged, reference = by_truth(views, caster, truth), "the truth beside the bag"
     else:
         posed = solve_session([view for view, _ in views], caster, config.align).posed
-        judged, reference = by_label(views, posed, caster, config.label), "the session's own labels (poses solved from the same frames)"
+        source = "TF or the board's corners alone" if config.align.mode == "robot" else "solved from the same frames"
+        judged, reference = by_label(views, posed, caster, config.label), f"the session's own labels (poses {source})"
     found = compare(judged, methods, caster.scene.names)
     return replace(found, result={**found.result, "scene": caster.scene.folder.name, "reference": reference})
 

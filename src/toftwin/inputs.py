@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from toftwin.options import parse_placement
 
 if TYPE_CHECKING:
-    from argparse import Namespace
     from collections.abc import Iterator
     from pathlib import Path
 
@@ -42,8 +41,17 @@ def opened(
 
 
 @contextmanager
-def source(args: Namespace, config: PipelineConfig) -> Iterator[tuple[BagReader | BoardSource, Scene]]:
-    """What the command line names: a bag and `--scene`, or captures before `--board`, which is then the scene.
+def source(
+    bag: str | Path,
+    config: PipelineConfig,
+    *,
+    scene: Path | None = None,
+    board: str | None = None,
+    calibrate: bool = False,
+    apart: bool = False,
+    initial_pose: str | None = None,
+) -> Iterator[tuple[BagReader | BoardSource, Scene]]:
+    """What the command line names: a bag and `--scene`, or captures before `--board`, which is then the scene; `apart` as of `BoardSource`.
 
     Raises:
         UsageError: neither or both are given.
@@ -52,13 +60,13 @@ def source(args: Namespace, config: PipelineConfig) -> Iterator[tuple[BagReader 
     from tof_core.errors import UsageError
     from toftwin.boarded import BoardSource, read_captures
 
-    if (args.scene is None) == (args.board is None):
-        what = "neither a scene nor a board is given" if args.scene is None else "a scene and a board are given"
-        raise UsageError(what, where=args.bag, todo=f"say --scene FILE, or --board {FORMS}")
-    if args.board is not None:
-        before = BoardSource(read_captures(args.bag, config.input), Board.parse(args.board), calibrate=args.calibrate)
+    if (scene is None) == (board is None):
+        what = "neither a scene nor a board is given" if scene is None else "a scene and a board are given"
+        raise UsageError(what, where=bag, todo=f"say --scene FILE, or --board {FORMS}")
+    if board is not None:
+        before = BoardSource(read_captures(bag, config.input), Board.parse(board), calibrate=calibrate, apart=apart)
         yield before, before.session.scene
         return
-    with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
-        assert scene is not None
-        yield reader, scene
+    with opened(bag, scene, config, initial_pose) as (reader, opened_scene):
+        assert opened_scene is not None
+        yield reader, opened_scene

@@ -22,27 +22,35 @@ DONE, KEPT, FAILED = "done", "kept", "failed"
 
 @dataclass(frozen=True, slots=True)
 class LabelCall:
-    """A bag, the scene it shows, the folder of its dataset, and how it is labelled.
+    """A bag, the scene or board it shows, the folder of its dataset, and how it is labelled.
 
-    `mode` is one of `toftwin.labelling.MODES`; `initial_pose` is the text of `--initial-pose`, "" for none.
+    `mode` is one of `toftwin.labelling.MODES`; `initial_pose` is the text of `--initial-pose`, "" for none; `board` that of `--board`, ""
+    where `scene` is given.
     """
 
     bag: str
-    scene: Path
+    scene: Path | None
     out: Path
     config: PipelineConfig
     mode: str = "final"
     initial_pose: str = ""
+    board: str = ""
+    calibrate: bool = False
 
     def run(self) -> LabelResult:
         """Label the bag in this process; `toftwin.labelling.label_bag` names the errors."""
         from tof_scene.raycast import Raycaster
-        from toftwin.inputs import opened
+        from toftwin.boarded import posed_by_board
+        from toftwin.inputs import source
         from toftwin.labelling import label_bag
 
-        with opened(self.bag, self.scene, self.config, self.initial_pose) as (reader, scene):
-            assert scene is not None
-            return label_bag(reader, Raycaster(scene), self.config, self.out, mode=self.mode)
+        board, config = self.board or None, self.config
+        opened = source(
+            self.bag, config, scene=self.scene, board=board, calibrate=self.calibrate, apart=True, initial_pose=self.initial_pose
+        )
+        with opened as (reader, scene):
+            config = replace(config, align=posed_by_board(reader, config.align))
+            return label_bag(reader, Raycaster(scene), config, self.out, mode=self.mode)
 
     def provenance(self) -> tuple[str, str, str]:
         """Digest of the scene, digest of the configuration and source of the poses, as the dataset records them."""
@@ -50,6 +58,7 @@ class LabelCall:
         from tof_scene.builtin import open_scene
         from toftwin.labelling import MODES, POSE_SOURCES
 
+        assert self.scene is not None, "a batch is of bags that show one scene"
         config = replace(self.config, align=replace(self.config.align, mode=MODES[self.mode]))
         return open_scene(self.scene).digest, digest_config(config), POSE_SOURCES[self.mode]
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
     from tof_sim_label.label import Label
     from tof_sim_label.schema import Attributes
+    from toftwin.boarded import BoardSource
 
     Labelled: TypeAlias = tuple[View, Posed, Callable[[], Label]]
 
@@ -81,7 +82,7 @@ class LabelResult:
 
 
 def label_bag(
-    reader: BagReader,
+    reader: BagReader | BoardSource,
     caster: Raycaster,
     config: PipelineConfig,
     out: Path,
@@ -120,7 +121,7 @@ def label_bag(
 class _Job:
     """Bag, scene and settings of one labelling."""
 
-    reader: BagReader
+    reader: BagReader | BoardSource
     caster: Raycaster
     config: PipelineConfig
     also: tuple[str, ...]
@@ -197,7 +198,7 @@ def _itself(label: Label) -> Label:
     return label
 
 
-def _why_nothing(reader: BagReader) -> str:
+def _why_nothing(reader: BagReader | BoardSource) -> str:
     skipped = ", ".join(f"{reason} {count}" for reason, count in reader.skipped.items())
     return f"no frame of {reader.frame_count} can be used ({skipped or 'there are none'}): {reader.last_error}"
 

@@ -17,6 +17,7 @@ from tof_core.board.spec import Board
 from tof_core.capture import Capture
 from tof_core.errors import RefusedError
 from tof_scene.board import BLACK, WHITE
+from tof_sim_label.dataset import open_dataset
 from toftwin.boarded import HELD_MM, BoardSource, board_session
 from toftwin.cli import main
 
@@ -29,7 +30,7 @@ NOISE_M, WALK_M = 0.0015, 0.012
 PLAIN = replace(CAMERA, distortion=())
 
 
-def captures(count: int = 10, *, walk_m: float = WALK_M, seed: int = 0) -> list[Capture]:
+def captures(count: int = 10, *, walk_m: float = WALK_M, seed: int = 0, noiseless: bool = False) -> list[Capture]:
     """Views of the board from poses that differ in distance and tilt."""
     rng = np.random.default_rng(seed)
     rays, out = PLAIN.rays(), []
@@ -39,6 +40,7 @@ def captures(count: int = 10, *, walk_m: float = WALK_M, seed: int = 0) -> list[
         z = -T[2, 3] / direction[..., 2]
         lit = draw(BOARD, T, PLAIN) / z**2
         depth = z + walk_m * np.log(lit.max() / lit) / np.log(8.0) + NOISE_M * np.sqrt(4000.0 / lit) * rng.standard_normal(z.shape)
+        depth = z if noiseless else depth
         reason = np.zeros(z.shape, np.uint8)
         out.append(Capture(k * 10**9, PLAIN, depth.astype(np.float32), reason, amplitude=lit.astype(np.float32)))
     return out
@@ -105,3 +107,30 @@ def test_scene_and_board_exclude_each_other(folder: Path, tmp_path: Path, capsys
     assert "neither a scene nor a board" in capsys.readouterr().err
     assert main(["gap", str(folder), "--board", "5x7x0.030", "--scene", "x.yaml", "--out", str(tmp_path)]) == 2
     assert main(["gap", str(folder), "--board", "5x7", "--out", str(tmp_path)]) == 2
+
+
+def test_labels_owe_nothing_to_the_range_error_and_a_method_is_judged_by_them(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Dark squares are 12 mm too far: the label keeps the board's plane, where a solution that uses depth would follow them."""
+    assert main(["label", str(folder), "--board", "5x7x0.030", "--out", str(tmp_path / "label"), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["views"] == 10
+    assert result["verdicts"] == {"robot": 10}
+    dataset = open_dataset(tmp_path / "label" / "dataset.zarr")
+    assert len(np.unique(dataset.column("views/station"))) == 10
+    true = {c.stamp_ns: c for c in captures(noiseless=True)}
+    for v, stamp in enumerate(dataset.column("views/stamp_ns")):
+        label, mask = dataset.frame("views/label", v), dataset.frame("views/mask", v) > 0
+        assert mask.sum() > 1000
+        assert np.abs(label - true[int(stamp)].depth)[mask].max() < 0.002
+    assert result["raw"]["mae"] > 0.003
+    assert main(["evaluate", str(folder), "--board", "5x7x0.030", "--methods", "raw,rules", "--json"]) == 0
+    judged = json.loads(capsys.readouterr().out)
+    assert judged["views"] == 10
+    assert "corners" in judged["reference"]
+
+
+def test_boards_are_labelled_one_bag_at_a_time(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["label", str(folder), str(folder), "--board", "5x7x0.030", "--out", str(tmp_path / "out")]) == 2
+    assert "a batch is of one scene" in capsys.readouterr().err

@@ -74,6 +74,16 @@ class FixedPattern(FieldEffect):
             field = field + v[:w][None, :] + v[w : w + h][:, None] + cosines(h, w, self.order) @ v[w + h :]
         return stack([np.where(frame.valid, field / frame.length, 0)], frame)[..., 0]
 
+    def prior_sd(self, scale: Float) -> Float:
+        """Of the cosines falling with the square of their frequency, and of what follows them (lines) `REACH_M`.
+
+        Run times over an array are smooth: what the views do not show between the pixels they cover is not bent for it.
+        """
+        i, j = np.mgrid[: self.order, : self.order].reshape(2, -1)[:, 1:]
+        sd = np.full(len(scale), self.REACH_M)
+        sd[: len(i)] /= i**2 + j**2
+        return sd
+
     @property
     def smooth(self) -> FixedPattern:
         """Lines and fields alone."""
@@ -81,11 +91,14 @@ class FixedPattern(FieldEffect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """The smooth field; lines and pixels come from the views' residuals."""
+        """A tilt, and a smooth field; lines and pixels come from the views' residuals."""
         del session
+        yield Form(cls(order=TILT), "tilt")
         yield Form(cls(), "smooth field")
 
 
+TILT = 2
+"""Cosines per axis of a pattern that falls from one side of the array to the other: few views determine it, and not a field of 15 cosines."""
 STEP_M = 1e-5
 """Of `pixels`: far below any camera's own step, and 0.3 m as int16."""
 

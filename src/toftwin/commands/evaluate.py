@@ -21,10 +21,10 @@ EXAMPLE = "toftwin evaluate out/sweep --scene cell/scene.yaml --methods raw,rule
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag, add_bag_arguments, add_config_arguments, add_scene, at_least
+    from toftwin.options import add_bag, add_bag_arguments, add_config_arguments, add_scene_arguments, at_least
 
     add_bag(parser)
-    add_scene(parser, required=True)
+    add_scene_arguments(parser)
     parser.add_argument(
         "--methods",
         default="raw,rules,model",
@@ -60,14 +60,17 @@ def _settings() -> type[Any]:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print the table."""
+    from dataclasses import replace
+
     from tof_eval.methods import make_methods
     from tof_eval.tables import captures_table, methods_table
     from tof_infer.config import InferConfig
     from tof_infer.session import Session
     from tof_scene.raycast import Raycaster
     from tof_sensor.model import load_model
+    from toftwin.boarded import posed_by_board
     from toftwin.evaluating import evaluate_bag, frame_bias
-    from toftwin.inputs import opened
+    from toftwin.inputs import source
     from toftwin.options import load_config
     from toftwin.pipeline import PipelineConfig
 
@@ -76,10 +79,11 @@ def run(args: argparse.Namespace) -> int:
     session = Session(InferConfig(model=args.model, force=args.force)) if "model" in names else None
     bias = frame_bias(load_model(args.sensor)) if args.sensor else None
     methods = make_methods(names, config.preproc, session, bias, args.frames)
-    with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
-        assert scene is not None
+    opened = source(args.bag, config, scene=args.scene, board=args.board, calibrate=args.calibrate, initial_pose=args.initial_pose)
+    with opened as (reader, scene):
+        config = replace(config, align=posed_by_board(reader, config.align))
         evaluation = evaluate_bag(reader, Raycaster(scene), methods, config, truth=args.truth)
-    result = {**evaluation.result, "bag": Path(args.bag).name, "scene": evaluation.result["scene"] or str(args.scene)}
+    result = {**evaluation.result, "bag": Path(args.bag).name, "scene": evaluation.result["scene"] or str(args.scene or args.board)}
     if args.out is not None:
         from tof_eval.report import write
 

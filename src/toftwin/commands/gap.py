@@ -98,7 +98,8 @@ def run(args: argparse.Namespace) -> int:
     left_out = _effects(args.leave_out)
     known = load_model(args.sensor) if args.sensor else None
     say = _Progress(args.json)
-    with source(args, config) as (reader, scene):
+    opened = source(args.bag, config, scene=args.scene, board=args.board, calibrate=args.calibrate, initial_pose=args.initial_pose)
+    with opened as (reader, scene):
         diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=left_out, progress=say)
     say("advice and report")
     content = write(diagnosis, caster, args.out, advise(diagnosis, caster))

@@ -7,6 +7,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tof_core.errors import UsageError
+
 if TYPE_CHECKING:
     import argparse
 
@@ -26,22 +28,21 @@ EXAMPLE = "toftwin label session/bag --scene cell/scene.yaml --out out/session\n
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments, add_scene, at_least
+    from toftwin.options import add_bag_arguments, add_config_arguments, add_scene_arguments, at_least
 
     parser.add_argument(
         "bag", nargs="+", metavar="BAG", help="folder of the bag, or its .mcap or .db3 file; several, or a quoted pattern, make a batch"
     )
-    add_scene(parser, required=True)
+    add_scene_arguments(parser)
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder for dataset.zarr, poses.json, metrics.json, config.yaml"
     )
     parser.add_argument(
         "--mode",
-        default="final",
         choices=("final", "causal", "per_view", "robot"),
         help=(
             "source of the camera poses. final: one solution of the whole session, for training; causal: each from the views before it, "
-            "as live; per_view: each view on its own, as in the paper; robot: TF alone (default: final)"
+            "as live; per_view: each view on its own, as in the paper; robot: TF, or the corners of --board, alone (default: final; with --board robot)"
         ),
     )
     parser.add_argument(
@@ -71,7 +72,10 @@ def run(args: argparse.Namespace) -> int:
     config = load_config(PipelineConfig, args)
     if is_batch(args.bag, args.engine):
         return _batch(args, config)
-    result = LabelCall(args.bag[0], args.scene, args.out, config, args.mode, args.initial_pose or "").run()
+    mode = args.mode or ("final" if args.board is None else "robot")
+    result = LabelCall(
+        args.bag[0], args.scene, args.out, config, mode, args.initial_pose or "", args.board or "", calibrate=args.calibrate
+    ).run()
     if args.json:
         print(json.dumps(result.to_dict(), indent=1))
     else:
@@ -85,6 +89,10 @@ def _batch(args: argparse.Namespace, config: PipelineConfig) -> int:
     from toftwin.batch import REPORT, label_bags
     from toftwin.label_call import FAILED, KEPT
 
+    if args.scene is None:
+        what = "a batch is of one scene" if args.board else "no scene is given"
+        raise UsageError(what, where="label", todo="say --scene FILE, or label each bag before a board by itself")
+
     def show(outcome: Outcome) -> None:
         if not args.json:
             print(outcome.line(), flush=True)
@@ -94,7 +102,7 @@ def _batch(args: argparse.Namespace, config: PipelineConfig) -> int:
         args.scene,
         args.out,
         config,
-        mode=args.mode,
+        mode=args.mode or "final",
         initial_pose=args.initial_pose or "",
         engine=args.engine or "local",
         workers=args.workers,
