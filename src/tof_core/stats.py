@@ -59,16 +59,14 @@ def trimmed_std(values: Float) -> float:
     return float(np.sqrt((core * core).mean()))
 
 
-def affected_rms(values: Float) -> float:
-    """Root mean square over the entries that an effect touches: those above a tenth of the 99.5 % quantile of |values|; NaN counts as 0.
+def touched(values: Float) -> Mask:
+    """Entries of a map that an effect touches: those above a tenth of the 99.5 % quantile of |values| other than 0.
 
-    An effect on few pixels and one on all are measured alike by it.
+    An effect on few pixels and one on all are measured alike over them.
     """
-    size = np.abs(np.nan_to_num(values)).ravel()
-    size = size[size > 0]
-    if not len(size):
-        return 0.0
-    return float(np.sqrt(np.mean(size[size >= AFFECTED * np.quantile(size, AFFECTED_QUANTILE)] ** 2)))
+    size = np.abs(values)
+    some = size[size > 0]
+    return size >= AFFECTED * np.quantile(some, AFFECTED_QUANTILE) if len(some) else size > 0
 
 
 def second_differences(values: Float, axis: int = -1, step: int = 1) -> Float:

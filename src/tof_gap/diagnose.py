@@ -77,8 +77,8 @@ def diagnose(
     few, rng = len(views) < config.solve.views, np.random.default_rng(config.evidence.seed)
 
     progress("first poses: depth or distance along the ray")
-    may_be_radial = RadialDepth.NAME not in left_out
-    begun, along_ray = gate(views, caster, config, align) if may_be_radial else (start(views, caster, config, align), None)
+    z_alone = RadialDepth.NAME in left_out
+    begun, along_ray = (start(views, caster, config, align), None) if z_alone else gate(views, caster, config, align)
     check_enough(views, along_ray, config.solve.views)
     world, begun = set_apart(begun, caster, config)
 

@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation
 
 from tof_core.reasons import Reason
 from tof_scene.world.seen import Seen
-from tof_scene.world.surprises import ABSENT, OBJECT, find_surprises
+from tof_scene.world.surprises import ABSENT, OBJECT, Surprises, find_surprises
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,12 +24,13 @@ if TYPE_CHECKING:
     from tof_gap.limits.seen import WorldEvidence
     from tof_gap.seen.residual import ViewEvidence
     from tof_scene.raycast import Raycaster
-    from tof_scene.world.surprises import Surprises
 
 
 def world_of(evidence: Sequence[ViewEvidence], caster: Raycaster, limits: WorldEvidence) -> Surprises:
     """What is not as the CAD has it, at the poses of the evidence; views that move are left out, since motion moves their edges."""
     still = [k for k, v in enumerate(evidence) if not v.frame.context.twist.any()]
+    if not still:
+        return Surprises(tuple(np.zeros(v.residual.shape, np.uint8) for v in evidence), (), ())
     found = find_surprises([_seen(evidence[k], limits) for k in still], caster, limits.world)
     pixels = [np.zeros(v.residual.shape, np.uint8) for v in evidence]
     for k, codes in zip(still, found.pixels, strict=True):

@@ -56,7 +56,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     # Mixed pixels need exact poses and footprints.
     evidence = observe(through(lens, views), caster, final, config, concavity=True)
     maps, free = shares(rest, evidence, final, caster, other_m), free_shares(joint, evidence)
-    small = below(maps | free, config.select.least_mm * 1e-3)
+    small = below(joint, config.select.least_mm * 1e-3) & {*maps, *free}
     # What a healthy camera errs by is no gap: it is taken off before anything is stated.
     evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))

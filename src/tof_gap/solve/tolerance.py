@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.stats import affected_rms
+from tof_align.folds import deal
+from tof_core.stats import touched
 from tof_gap.solve.candidate import HAND_EYE
+from tof_gap.solve.columns import ColumnStore
 from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from tof_core.arrays import Float
     from tof_core.calibration import Calibration
     from tof_core.camera import Camera
+    from tof_gap.solve.solution import Joint
     from tof_gap.solved import Named
 
 
@@ -27,9 +28,36 @@ def calibrated(one: Named, stated: Calibration, camera: Camera) -> bool:
     return one.name == Intrinsics.NAME and _seen_as_stated(one, stated, camera)
 
 
-def below(maps: Mapping[str, Sequence[Float]], least_m: float) -> set[str]:
-    """Names of the maps, (H, W) metres per view, whose RMS over the affected pixels is below `least_m`."""
-    return {name for name, by_view in maps.items() if affected_rms(np.stack(by_view)) < least_m}
+def below(joint: Joint, least_m: float) -> set[str]:
+    """Names of effects, and observables of free functions, all of whose members are smaller than `least_m` as `size_m` measures them."""
+    design, fit = joint.design, joint.selection.fit
+    store = ColumnStore(joint.views, deal(joint.chain.station.tolist(), FOLDS))
+    largest = dict[str, float]()
+    for candidate, group, at in design.placed(joint.selection.chosen.members):
+        name = candidate.note if candidate.free is not None else candidate.name
+        scale = design.scale[group]
+        columns = np.concatenate(store.of([candidate])[0])
+        size = size_m(columns, fit.theta[at] / scale, fit.theta_cov[at, at] / np.outer(scale, scale)) if len(group) else np.inf
+        largest[name] = max(size, largest.get(name, 0.0))
+    return {name for name, size in largest.items() if size < least_m}
+
+
+FOLDS = 6
+"""Parts of the views; the lines of a fixed pattern come from the other parts."""
+
+
+def size_m(columns: Float, values: Float, cov: Float) -> float:
+    """Metres of z: RMS of the map `columns` (n, k) @ `values` (k,) over the pixels that it affects, less the map's own variance.
+
+    `cov` (k, k) is the values' covariance: what noise alone would give a map is no size.
+    """
+    values_of = columns @ values
+    affected = touched(values_of)
+    if not affected.any():
+        return 0.0
+    C = columns[affected]
+    mean2 = float(np.mean(values_of[affected] ** 2 - np.einsum("nk,kl,nl->n", C, cov, C)))
+    return float(np.sqrt(max(mean2, 0.0)))
 
 
 def _mounted_as_stated(one: Named, stated: Calibration) -> bool:

@@ -6,7 +6,7 @@ import pytest
 
 from tof_core.calibration import Calibration, HandEyeLimits, LensLimits
 from tof_core.camera import Camera
-from tof_gap.solve.tolerance import below, calibrated
+from tof_gap.solve.tolerance import calibrated, size_m
 from tof_gap.solved import Named
 from tof_sensor.effect import Effect
 from tof_sensor.effects.hand_eye import HandEye
@@ -48,7 +48,19 @@ def test_nothing_is_covered_where_nothing_is_stated() -> None:
     assert not calibrated(named(Intrinsics(cx_px=1e-3)), Calibration(), CAMERA)
 
 
-def test_maps_are_measured_over_the_pixels_that_they_affect() -> None:
-    everywhere, corner = np.full((2, 10, 10), 5e-4), np.zeros((2, 10, 10))
-    corner[:, 0, :3] = 2e-3
-    assert below({"a": list(everywhere), "b": list(corner)}, 1e-3) == {"a"}
+def test_a_map_is_measured_over_the_pixels_that_it_affects() -> None:
+    corner = np.zeros((1000, 1))
+    corner[:30] = 1.0
+    exact = np.zeros((1, 1))
+    assert size_m(corner, np.array([2e-3]), exact) == pytest.approx(2e-3)
+    assert size_m(np.ones((1000, 1)), np.array([2e-3]), exact) == pytest.approx(2e-3)
+    assert size_m(np.zeros((1000, 1)), np.array([2e-3]), exact) == 0.0
+
+
+def test_what_noise_gives_a_map_is_no_size() -> None:
+    rng = np.random.default_rng(0)
+    columns, cov = rng.normal(size=(1000, 2)), np.diag([4e-6, 1e-6])
+    by_chance = [size_m(columns, rng.multivariate_normal(np.zeros(2), cov), cov) ** 2 for _ in range(500)]
+    assert np.sqrt(np.mean(by_chance)) < np.sqrt(np.trace(cov))
+    values = np.array([5e-3, 0.0])
+    assert size_m(columns, values, cov) ** 2 < size_m(columns, values, 0 * cov) ** 2
