@@ -119,11 +119,11 @@ class SelectLimits:
         0.06, "of the explained chi-square, what such effects explain together", low=0.0, high=1.0, why="beyond, it is `unknown`"
     )
     least_mm: float = param(
-        0.8,
+        1.0,
         "RMS over the affected pixels that an effect must exceed to be named",
         unit="mm",
         low=0.0,
-        why="data sheets allow a healthy camera some millimetre of systematic error",
+        why="a healthy camera errs by up to a millimetre: table, temperature, albedo",
     )
     named_freely: int = param(2, "effects of which small ones are believed", low=1, high=12, why="two causes are usual")
     neighbours: float = param(30.0, "drawn pixels that share one unmodelled error", low=1.0, why="such errors are some 15 pixels wide")

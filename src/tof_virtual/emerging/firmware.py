@@ -25,8 +25,8 @@ STEP_SIGMAS = 10.0
 
 Of means over three rows: sigma / sqrt 3 * sqrt 10 is 1.8 sigma, so that a plane exceeds it in one of ten million pixels.
 """
-STEP_LEAST_M = 0.01
-"""Least step of the flying-pixel filter: a filter that took steps of millimetres for edges would remove what fixed patterns leave."""
+STEP_LEAST_M = 0.03
+"""Least step of the flying-pixel filter: one that took steps of a centimetre for edges would remove what fixed patterns leave."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +87,7 @@ def _decode(electrons: NDArray[np.float32], span: Float, weight: Float, cyclic: 
                 cost += weight[f] * (d - first) ** 2
                 merged += weight[f] * d
                 total += weight[f]
-            if cost < least:
+            if cost < least and merged < reach * total:
                 best, least = merged / total, cost
         distance[p] = best
     return distance, amplitude
