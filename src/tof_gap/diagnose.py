@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from tof_gap.seen.finding import Finding
     from tof_gap.solve.solution import Joint
     from tof_gap.tell.account import Account
+    from tof_gap.tell.unexplained import Unexplained
     from tof_scene.raycast import Raycaster
     from tof_sensor.effects.photon_law import PhotonLaw
 
@@ -69,8 +70,7 @@ def diagnose(
         law: the camera's photon law, where it is known; without one, noise has the law that the session itself shows.
 
     Raises:
-        RefusedError: too few views, or a session that fits the scene nowhere. Fewer than `solve.views` carry one answer alone: that
-            depth is distance along the ray.
+        RefusedError: the session fits the scene nowhere, or fewer views than `solve.views` do not even show distance along the ray.
     """
     check(views, config.solve.views)
     left_out = left_out | untestable.keys()
@@ -94,10 +94,9 @@ def diagnose(
         found = read(conclude(joint, begun.views, caster, config, split, rng))
 
     progress("what no named effect explains")
-    unexplained = look(found, caster.scene, config.report)
-    verdict = sorted({*found.names, *(("unknown",) if unexplained.structured else ())}) or ["none"]
+    unexplained = look(found, caster.scene, config.report, config.missing)
     return Diagnosis(
-        tuple(verdict),
+        verdict(found, unexplained),
         found,
         explainable(found.solved.evidence, found.figures.left(), split, found.gap, config.report.explainable),
         unexplained,
@@ -106,6 +105,11 @@ def diagnose(
         config,
         described(world, caster.scene),
     )
+
+
+def verdict(found: Account, unexplained: Unexplained) -> tuple[str, ...]:
+    """Names of effects, and `unknown` where structure is left; `none` without any."""
+    return tuple(sorted({*found.names, *(("unknown",) if unexplained.structured else ())})) or ("none",)
 
 
 def too_few(views: int) -> dict[str, str]:

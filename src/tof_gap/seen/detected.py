@@ -16,16 +16,19 @@ from tof_sensor.registry import PHYSICAL_ORDER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from collections.abc import Set as AbstractSet
 
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effects.photon_law import PhotonLaw
 
 
-def detected_effects(views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None) -> list[Finding]:
-    """What the effects' own detectors find; `law`: the camera's photon law as `--sensor` states it."""
+def detected_effects(
+    views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None, left_out: AbstractSet[str] = frozenset()
+) -> list[Finding]:
+    """What the own detectors of effects find that are not left out; `law`: the camera's photon law as `--sensor` states it."""
     session = replace(session_of(views, limits, law=law), noise=binned(views, limits.bins, limits))
-    found = [kind.detect(session) for kind in PHYSICAL_ORDER if kind.not_testable(session) is None]
+    found = [kind.detect(session) for kind in PHYSICAL_ORDER if kind.NAME not in left_out and kind.not_testable(session) is None]
     return [
         Finding(
             d.effect,

@@ -8,16 +8,24 @@ from typing import TYPE_CHECKING
 from tof_gap.seen.lost import dropout
 from tof_gap.seen.mixed import flying_pixels
 from tof_gap.seen.wrapped import phase_wrap
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from collections.abc import Set as AbstractSet
 
     from tof_gap.limits.seen import MissingLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.seen.residual import ViewEvidence
 
 
-def missing_effects(views: Sequence[ViewEvidence], limits: MissingLimits, *, blurred: bool = False) -> list[Finding]:
-    """`dropout`, `phase_wrap` and `flying_pixels` where the pixels show them; `blurred`: motion mixes edges of its own."""
-    found = (dropout(views, limits), phase_wrap(views, limits), None if blurred else flying_pixels(views, limits))
+def missing_effects(
+    views: Sequence[ViewEvidence], limits: MissingLimits, left_out: AbstractSet[str] = frozenset(), *, blurred: bool = False
+) -> list[Finding]:
+    """`dropout`, `phase_wrap` and `flying_pixels` where the pixels show them, unless left out; `blurred`: motion mixes edges of its own."""
+    detectors = {Dropout.NAME: dropout, PhaseWrap.NAME: phase_wrap, FlyingPixels.NAME: flying_pixels}
+    apart = left_out | ({FlyingPixels.NAME} if blurred else frozenset())
+    found = (detect(views, limits) for name, detect in detectors.items() if name not in apart)
     return [f for f in found if f is not None]

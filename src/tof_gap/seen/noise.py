@@ -18,6 +18,7 @@ from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from collections.abc import Set as AbstractSet
 
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.seen import NoiseLimits
@@ -28,25 +29,28 @@ if TYPE_CHECKING:
     from tof_sensor.session import NoiseBins
 
 
-def noise_effects(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Finding]:
-    """`quantization`, or else `interference` or `noise`, where the noise shows them."""
+def noise_effects(views: Sequence[ViewEvidence], limits: NoiseLimits, left_out: AbstractSet[str] = frozenset()) -> list[Finding]:
+    """`quantization`, or else `interference` or `noise`, where the noise shows them and they are not left out."""
     step = code_step(views)
-    coarse = step > limits.step_mm * 1e-3
-    out = [Finding(Quantization(step_m=step), 1.0, share=_constant(views, step / np.sqrt(12)))] if coarse else []
+    if step > limits.step_mm * 1e-3:  # Coarse steps leave contours and uneven noise of their own.
+        found = Finding(Quantization(step_m=step), 1.0, share=_constant(views, step / np.sqrt(12)))
+        return [] if Quantization.NAME in left_out else [found]
     b = binned(views, limits.bins, limits)
     if len(b.view) < limits.least_bins or step > np.sqrt(np.median(b.variance)):
-        return out  # Between steps wider than the noise nothing is known of it.
-    if out:
-        return out  # Coarse steps leave contours and uneven noise of their own.
-    wave = beat(views, limits.beat)
-    if wave is not None and wave.size_m > limits.extra_mm * 1e-3:
-        return [_stripes(views, wave, float(np.median(b.amplitude)), limits)]
+        return []  # Between steps wider than the noise nothing is known of it.
     # Without amplitude there is no law to compare with: only noise that light cannot make is found.
     dark = all(v.view.amplitude is None for v in views)
-    found = None if dark else _bursts(views, b, step, limits)
-    if found is None:
-        found = _noise(views, b, None if dark else fit_law(b, step, limits), step, limits)
-    return [] if found is None else [found]
+    if Interference.NAME not in left_out:
+        wave = beat(views, limits.beat)
+        if wave is not None and wave.size_m > limits.extra_mm * 1e-3:
+            return [_stripes(views, wave, float(np.median(b.amplitude)), limits)]
+    hit = None if dark or {Interference.NAME, Noise.NAME} <= left_out else _bursts(views, b, step, limits)
+    if hit is not None:
+        return [] if hit.name in left_out else [hit]
+    if Noise.NAME in left_out:
+        return []
+    own = _noise(views, b, None if dark else fit_law(b, step, limits), step, limits)
+    return [] if own is None else [own]
 
 
 def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: NoiseLimits) -> Finding | None:

@@ -37,13 +37,12 @@ class Account:
     """Everything that is read off one solution.
 
     causes: effects of the solution with what each does on held-out views; findings: effects that noise, loss or edges show;
-    withheld: such effects that may not be named; figures: the arrays behind every figure; gap: before and after all causes.
+    figures: the arrays behind every figure; gap: before and after all causes.
     """
 
     solved: Solved
     causes: tuple[Cause, ...]
     findings: tuple[Finding, ...]
-    withheld: tuple[Finding, ...]
     figures: Figures
     gap: Shrink
 
@@ -84,8 +83,7 @@ def account(
         law: the camera's photon law, where it is known.
     """
     gated = () if along_ray is None else (along_ray,)
-    found = gated if alone else (*gated, *_findings(solved, config, law))
-    findings = tuple(f for f in found if f.name not in left_out)
+    findings = gated if alone else (*gated, *_findings(solved, config, law, left_out))
     counted = figures(solved, findings, rng, config.report)
     if along_ray is not None and along_ray.share is not None:
         counted = replace(counted, residual=[r + share for r, share in zip(counted.residual, along_ray.share, strict=True)])
@@ -95,15 +93,17 @@ def account(
     causes = tuple(
         Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink) for n in solved.named
     )
-    return Account(solved, causes, findings, tuple(f for f in found if f.name in left_out), counted, gap)
+    return Account(solved, causes, findings, counted, gap)
 
 
-def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None) -> tuple[Finding, ...]:
-    """What noise, loss and edges show where the cameras really were, once smooth bias is removed."""
+def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out: AbstractSet[str]) -> tuple[Finding, ...]:
+    """What noise, loss and edges show where the cameras really were, once smooth bias is removed; detectors of `left_out` do not run."""
     left = solved.bare
-    light = detected.detected_effects(left, config.noise, law)
+    light = detected.detected_effects(left, config.noise, law, left_out)
+    beside = detected.explained(left, light)
+    blurred = solved.names(Motion.NAME)
     return (
         *light,
-        *noise.noise_effects(detected.explained(left, light), config.noise),
-        *missing.missing_effects(left, config.missing, blurred=solved.names(Motion.NAME)),
+        *noise.noise_effects(beside, config.noise, left_out),
+        *missing.missing_effects(left, config.missing, left_out, blurred=blurred),
     )

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.stats import blocks
+from tof_gap.seen.lost import expected, lost
 from tof_gap.tell.where import by_quantity
 from tof_sensor.effect import Evidence
+from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
@@ -18,11 +20,12 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Ints
     from tof_gap.limits.report import ReportLimits
-    from tof_gap.seen.finding import Finding
+    from tof_gap.limits.seen import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
     from tof_scene.scene import Scene
 
+LOST = "lost pixels"
 HAND = "hand"
 """What arm errors that all views share depend on: the place of the camera on the hand."""
 
@@ -56,13 +59,12 @@ class BlockMeans:
         return np.asarray(self.mean**2 - self.white2)
 
 
-def look(found: Account, scene: Scene, limits: ReportLimits) -> Unexplained:
+def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits) -> Unexplained:
     """Judge what the named effects leave, against the floor.
 
     It is structured where block means exceed what white noise gives them. Where a named noise is shared by neighbours (steps, rows,
     stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias, away from edges, unless
-    `phase_wrap` was named, here and where the solution was linearised; effects that show in noise, loss or edges and may not be
-    named; an error that only a free function of an observable describes; small effects that explain much only together; a joint
+    `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` was named; an error that only a free function of an observable describes; small effects that explain much only together; a joint
     fit that leaves a share of what it was to explain; arm errors that are alike in every view.
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
@@ -75,23 +77,23 @@ def look(found: Account, scene: Scene, limits: ReportLimits) -> Unexplained:
     gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
     gross = 0.0 if gross_named else min(gross_share(v) for v in (views, solved.linearised))
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
+    gone = by_part(solved.bare, [lost(v, missing) for v in solved.bare], len(scene.parts))
+    unseen = all(f.name != Dropout.NAME for f in found.findings) and gone.sum() > missing.lost_share * expected_pixels(solved.bare, missing)
     a_gap = gap.above_mm(gap.before) > limit.mm
     structured = (
         (size > np.hypot(limit.mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)
         or gross > limit.gross_share
-        or bool(depends_on or (a_gap and solved.small_together) or found.withheld)
+        or bool(depends_on or (a_gap and solved.small_together) or unseen)
         or (a_gap and misfit(views, figures.residual, left, _noise2(found), limits.shrink.noise_known) > limit.misfit)
     )
     if not structured:
         return Unexplained(size, structured=False, depends_on=(), where=())
-    energy = np.bincount(means.part, means.pixels * np.maximum(means.excess2, 0), len(scene.parts))
-    if found.withheld:
-        energy = np.sum([carried(views, f, len(scene.parts)) for f in found.withheld], axis=0)
+    energy = gone if unseen else np.bincount(means.part, means.pixels * np.maximum(means.excess2, 0), len(scene.parts))
     order = [int(i) for i in np.argsort(-energy) if energy[i] > limit.part_share * energy.sum()]
     return Unexplained(
         size,
         structured=True,
-        depends_on=depends_on or _depends_on(views, left, floor2, limits),
+        depends_on=(*((LOST,) if unseen else ()), *(depends_on or _depends_on(views, left, floor2, limits))),
         where=tuple(scene.parts[i].name for i in order[: limit.parts]),
     )
 
@@ -119,13 +121,18 @@ def misfit(
     return 0.0 if after < noise_known else after / max(excess(before), after)
 
 
-def carried(views: Sequence[ViewEvidence], finding: Finding, parts: int) -> Float:
-    """(parts,) m^2: summed squares of what a finding adds, by the part that it adds it to."""
+def by_part(views: Sequence[ViewEvidence], maps: Sequence[Float], parts: int) -> Float:
+    """(parts,) sums of maps (H, W), one per view, by the part that the CAD has there."""
     out = np.zeros(parts)
-    for v, share in zip(views, finding.share if finding.share is not None else [], strict=False):
-        seen = np.isfinite(share) & (v.rendering.part >= 0)
-        out += np.bincount(v.rendering.part[seen].astype(np.int64), share[seen] ** 2, parts)
+    for v, values in zip(views, maps, strict=True):
+        seen = np.isfinite(values) & (v.rendering.part >= 0)
+        out += np.bincount(v.rendering.part[seen].astype(np.int64), values[seen], parts)
     return out
+
+
+def expected_pixels(views: Sequence[ViewEvidence], limits: MissingLimits) -> int:
+    """Pixels of all views that should return light."""
+    return sum(int(expected(v, limits).sum()) for v in views)
 
 
 def gross_share(views: Sequence[ViewEvidence]) -> float:

@@ -22,7 +22,7 @@ def account(shrink: float | None, **left_out: float | None) -> Account:
     causes = tuple(Cause(Named(name, (), (), (), 1.0), gap, without) for name, without in left_out.items())
     unused = cast("Any", None)
     figures = cast("Any", SimpleNamespace(limits=ReportLimits()))
-    return Account(unused, causes, (), (), figures, gap)
+    return Account(unused, causes, (), figures, gap)
 
 
 @pytest.mark.parametrize(

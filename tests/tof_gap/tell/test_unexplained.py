@@ -12,11 +12,13 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.config import updated
+from tof_core.reasons import Reason
 from tof_gap.limits.report import ReportLimits
+from tof_gap.limits.seen import MissingLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.tell.shrink import Errors, Shrink
-from tof_gap.tell.unexplained import block_means, carried, gross_share, look, misfit
-from tof_sensor.effects.noise import Noise
+from tof_gap.tell.unexplained import block_means, gross_share, look, misfit
+from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
@@ -50,9 +52,9 @@ def account(seen: tuple[ViewEvidence, ...], left: list[np.ndarray], before_mm: f
     figures = SimpleNamespace(
         left=lambda: left, floors=[np.full(SHAPE, NOISE_M**2)] * VIEWS, residual=left, alike_m=0.0, unsure2=np.zeros(SHAPE)
     )
-    solved = SimpleNamespace(evidence=seen, linearised=seen, depends_on=(), small_together=(), arms_alike=0.0)
+    solved = SimpleNamespace(evidence=seen, linearised=seen, bare=seen, depends_on=(), small_together=(), arms_alike=0.0)
     error = Errors(before_mm, before_mm, 0.0)
-    found: dict[str, Any] = {"findings": (), "withheld": (), "gap": Shrink(error, error, 1e3 * NOISE_M, None, None)}
+    found: dict[str, Any] = {"findings": (), "gap": Shrink(error, error, 1e3 * NOISE_M, None, None)}
     for name, value in changes.items():
         for owner in (figures, solved):
             if hasattr(owner, name):
@@ -68,7 +70,7 @@ def parts(count: int) -> Any:
 
 
 def test_a_part_beyond_a_thousand_is_reported_by_its_own_name() -> None:
-    found = look(account(session(FAR_PART), left_over(0.003)), parts(FAR_PART + 1), ReportLimits())
+    found = look(account(session(FAR_PART), left_over(0.003)), parts(FAR_PART + 1), ReportLimits(), MissingLimits())
     assert found.structured
     assert found.where == ("part_1203",)
 
@@ -84,10 +86,10 @@ def test_block_means_are_those_of_one_part_each() -> None:
 
 
 def test_the_size_is_that_of_the_block_means_above_the_floor() -> None:
-    found = look(account(session(), left_over(0.003)), parts(1), ReportLimits())
+    found = look(account(session(), left_over(0.003)), parts(1), ReportLimits(), MissingLimits())
     # Seven blocks lie side by side: three without the error, one half in it, three in it.
     assert found.rmse_mm == pytest.approx(np.sqrt((1.5**2 + 3 * 3.0**2) / 7), rel=0.02)
-    assert look(account(session(), left_over(0.0)), parts(1), ReportLimits()).rmse_mm < 0.05
+    assert look(account(session(), left_over(0.0)), parts(1), ReportLimits(), MissingLimits()).rmse_mm < 0.05
 
 
 @pytest.mark.parametrize(
@@ -101,7 +103,7 @@ def test_the_size_is_that_of_the_block_means_above_the_floor() -> None:
     ],
 )
 def test_what_the_solution_states_makes_it_unknown(changes: dict[str, Any], *, structured: bool) -> None:
-    found = look(account(session(), left_over(0.0), **changes), parts(1), ReportLimits())
+    found = look(account(session(), left_over(0.0), **changes), parts(1), ReportLimits(), MissingLimits())
     assert found.structured is structured
     if "arms_alike" in changes:
         assert found.depends_on == (("hand",) if structured else ())
@@ -110,13 +112,13 @@ def test_what_the_solution_states_makes_it_unknown(changes: dict[str, Any], *, s
 @pytest.mark.parametrize(("size_mm", "before_mm", "structured"), [(0.9, 2.1, False), (1.1, 2.1, True), (1.1, 4.0, False)])
 def test_block_means_must_exceed_a_size_and_a_share_of_the_gap(size_mm: float, before_mm: float, *, structured: bool) -> None:
     limits = updated(ReportLimits(), {"unexplained.mm": 0.7, "unexplained.share": 0.12, "unexplained.misfit": 1.0})
-    assert look(account(session(), left_over(1e-3 * size_mm), before_mm), parts(1), limits).structured is structured
+    assert look(account(session(), left_over(1e-3 * size_mm), before_mm), parts(1), limits, MissingLimits()).structured is structured
 
 
 def test_structure_of_a_named_noise_is_its_own() -> None:
     limits = updated(ReportLimits(), {"unexplained.misfit": 1.0})
-    assert look(account(session(), left_over(0.0015)), parts(1), limits).structured
-    assert not look(account(session(), left_over(0.0015), alike_m=0.002), parts(1), limits).structured
+    assert look(account(session(), left_over(0.0015)), parts(1), limits, MissingLimits()).structured
+    assert not look(account(session(), left_over(0.0015), alike_m=0.002), parts(1), limits, MissingLimits()).structured
 
 
 def test_gross_pixels_count_unless_they_are_wrapped_phase() -> None:
@@ -126,22 +128,33 @@ def test_gross_pixels_count_unless_they_are_wrapped_phase() -> None:
     off = tuple(replace(v, gross=gross) for v in seen)
     share = float(np.mean([100 / (np.isfinite(v.residual) & ~v.edge).sum() for v in seen]))
     assert gross_share(off) == pytest.approx(share)
-    assert look(account(off, left_over(0.0)), parts(1), ReportLimits()).structured
+    assert look(account(off, left_over(0.0)), parts(1), ReportLimits(), MissingLimits()).structured
     wrapped = Finding(PhaseWrap(), 1.0)
-    assert not look(account(off, left_over(0.0), findings=(wrapped,)), parts(1), ReportLimits()).structured
-    assert not look(account(off, left_over(0.0), linearised=seen), parts(1), ReportLimits()).structured, "gross at both poses or not at all"
+    assert not look(account(off, left_over(0.0), findings=(wrapped,)), parts(1), ReportLimits(), MissingLimits()).structured
+    assert not look(account(off, left_over(0.0), linearised=seen), parts(1), ReportLimits(), MissingLimits()).structured, (
+        "gross at both poses or not at all"
+    )
 
 
-def test_noise_that_may_not_be_named_is_unexplained_where_it_is() -> None:
-    share = np.zeros((VIEWS, *SHAPE))
-    share[:, :, SHAPE[1] // 2 :] = 0.004
-    withheld = Finding(Noise(extra_m=0.004), 1.0, share=share)
-    found = look(account(session(7), left_over(0.0), withheld=(withheld,)), parts(8), ReportLimits())
+def test_lost_pixels_that_nothing_names_are_unexplained_where_they_are() -> None:
+    seen = session(7)
+    gone = np.zeros(SHAPE, bool)
+    gone[10:20, SHAPE[1] // 2 + 5 : SHAPE[1] // 2 + 15] = True
+    lacking = tuple(
+        replace(
+            v,
+            view=replace(
+                v.view, depth=np.where(gone, np.float32(np.nan), v.view.depth), reason=np.where(gone, Reason.NO_RETURN, v.view.reason)
+            ),
+        )
+        for v in seen
+    )
+    found = look(account(lacking, left_over(0.0)), parts(8), ReportLimits(), MissingLimits())
     assert found.structured
+    assert found.depends_on[0] == "lost pixels"
     assert found.where == ("part_7",)
-    energy = carried(session(7), withheld, 8)
-    assert energy[7] == pytest.approx(VIEWS * SHAPE[0] * (SHAPE[1] // 2) * 0.004**2)
-    assert energy[0] == 0.0
+    named = Finding(Dropout(random=0.1), 1.0)
+    assert not look(account(lacking, left_over(0.0), findings=(named,)), parts(8), ReportLimits(), MissingLimits()).structured
 
 
 def test_misfit_is_the_share_of_the_chi_square_above_the_floor() -> None:
@@ -154,6 +167,6 @@ def test_misfit_is_the_share_of_the_chi_square_above_the_floor() -> None:
 
 def test_nothing_measured_leaves_nothing() -> None:
     empty = [np.full(SHAPE, np.nan)] * VIEWS
-    found = look(account(session(), empty), parts(1), ReportLimits())
+    found = look(account(session(), empty), parts(1), ReportLimits(), MissingLimits())
     assert (found.rmse_mm, found.structured) == (0.0, False)
     assert found.where == ()
