@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.config import from_mapping, param, section
-from tof_core.yamlio import load_yaml
+from tof_core.config import from_mapping, param, section, to_mapping
+from tof_core.yamlio import load_yaml, save_yaml
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_core.arrays import Float
+    from tof_core.camera import Camera
 
 FILE = "calibration.yaml"
 """Name of the file beside scene.yaml."""
@@ -54,6 +55,15 @@ class AlbedoLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class BoardLimits:
+    """Largest errors of a calibration board."""
+
+    print_scale_pct: float = param(
+        0.0, "largest error of the board's print scale", unit="%", low=0.0, high=10.0, why="as a ruler over ten squares tells"
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class Calibration:
     """Stated largest errors of a calibration; 0 states nothing.
 
@@ -64,6 +74,7 @@ class Calibration:
     hand_eye: HandEyeLimits = section(HandEyeLimits, "hand-eye")
     lens: LensLimits = section(LensLimits, "lens")
     albedo: AlbedoLimits = section(AlbedoLimits, "albedo")
+    board: BoardLimits = section(BoardLimits, "board")
 
     @property
     def hand_eye_most(self) -> tuple[float, float]:
@@ -84,6 +95,18 @@ class Calibration:
         """(4,) prior deviations of fx and fy (relative) and of cx and cy (pixels)."""
         focal, centre = 1e-2 * self.lens.focal_pct / np.sqrt(3.0), self.lens.principal_point_px / np.sqrt(6.0)
         return np.array([focal, focal, centre, centre])
+
+
+def lens_limits(camera: Camera, sd: Float) -> LensLimits:
+    """The limits whose prior has the standard deviations (fx, fy, cx, cy, ...) in pixels that a calibration of the lens found."""
+    focal = float(np.sqrt(np.mean((sd[:2] / [camera.fx, camera.fy]) ** 2)))
+    centre = float(np.sqrt(np.mean(sd[2:4] ** 2)))
+    return LensLimits(principal_point_px=float(np.sqrt(6.0) * centre), focal_pct=float(1e2 * np.sqrt(3.0) * focal))
+
+
+def save_calibration(calibration: Calibration, path: Path) -> None:
+    """Write `calibration.yaml`."""
+    save_yaml(path, to_mapping(calibration))
 
 
 def load_calibration(path: Path) -> Calibration:

@@ -12,12 +12,16 @@ from tof_core.capture import Capture
 from tof_core.decode import check_size, depth_of_counts
 from tof_core.errors import CameraError, ConfigError, DecodeError
 from tof_core.png import decode_png
-from tof_core.yamlio import load_yaml
+from tof_core.yamlio import load_yaml, save_yaml
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tof_core.arrays import Float
+
 CAMERA, DEPTH, AMPLITUDE = "camera.yaml", "depth_", "ir_"
+DEVIATIONS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+"""Names of the parameters of a lens that `--calibrate` fits."""
 LARGEST_FILE = 64 * 2**20
 """Bytes of a PNG beyond which none is read: an image of sixteen million 16-bit pixels has half of that."""
 SPACING_NS = 1_000_000_000
@@ -61,6 +65,20 @@ def _raster(path: Path, camera: Camera, kind: str = "") -> Any:
         raise DecodeError("is no single-channel image" if raster.ndim != 2 else f"holds {raster.dtype} and not {kind}", where=path)
     check_size(raster.shape, camera, str(path))
     return raster
+
+
+def write_camera(camera: Camera, path: Path, sd: Float | None = None) -> None:
+    """Write a `camera.yaml` as `read_camera` reads it; `sd` (9,) are deviations of fx, fy, cx, cy (pixels), k1, k2, p1, p2, k3."""
+    values = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_name": camera.frame_id or "camera",
+        "camera_matrix": {"rows": 3, "cols": 3, "data": [float(x) for x in camera.K.ravel()]},
+        "distortion_model": camera.distortion_model,
+        "distortion_coefficients": {"rows": 1, "cols": len(camera.distortion), "data": list(camera.distortion)},
+    }
+    deviations = {} if sd is None else {"standard_deviations": dict(zip(DEVIATIONS, (float(x) for x in sd), strict=True))}
+    save_yaml(path, values | deviations)
 
 
 def read_camera(path: Path) -> Camera:

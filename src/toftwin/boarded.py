@@ -13,10 +13,11 @@ import numpy as np
 from tof_core.bag import open_bag
 from tof_core.board.corners import find_corners
 from tof_core.board.pose import board_pose, calibrated
+from tof_core.calibration import FILE, BoardLimits, Calibration, LensLimits, lens_limits, save_calibration
 from tof_core.capture import RobotPose, View
 from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
-from tof_core.image_folder import is_image_folder, read_image_folder
+from tof_core.image_folder import CAMERA, is_image_folder, read_image_folder, write_camera
 from tof_scene.board import board_scene
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ WHITE_ALBEDO = 0.8
 """Albedo taken for the paper: only the ratio of the squares' albedos shows in amplitudes of unknown gain."""
 HELD_MM, HELD_DEG = 1e-2, 1e-3
 """Prior deviations of base and hand-eye before a board: there is neither."""
+PRINT_SCALE_PCT = 0.3
+"""Largest error of a board's print scale that is assumed: printers and paper differ by one to three parts in a thousand. Poses scale with it, so depth_scale within it is the board's."""
 NOT_TESTABLE = {
     "cad_deviation": "the board is taken to be flat and whole",
     "hand_eye": "poses come from the board's corners, not from an arm",
@@ -57,6 +60,12 @@ class BoardSession:
     skipped: tuple[int, ...]
     camera: Camera
     lens_std: Float | None = None
+
+    def calibration(self, stated: Calibration) -> Calibration:
+        """What may be off beside the camera: the board's print scale, and a lens calibrated from the same corners by its deviations."""
+        board = stated.board if stated.board != BoardLimits() else BoardLimits(PRINT_SCALE_PCT)
+        lens = stated.lens if self.lens_std is None or stated.lens != LensLimits() else lens_limits(self.camera, self.lens_std)
+        return replace(stated, board=board, lens=lens)
 
     def align(self, config: AlignConfig) -> AlignConfig:
         """The alignment's settings with the corners' covariance as the arm's prior, base and hand-eye held."""
@@ -116,6 +125,14 @@ class BoardSource:
     def still(self, capture: Capture, gate: MotionConfig) -> bool:  # noqa: ARG002 (as a bag's reader is called)
         """Never: no two captures are known to be from one pose."""
         return False
+
+
+def save_lens(session: BoardSession, out: Path) -> None:
+    """Leave a calibrated lens with its deviations: `camera.yaml`, and the `calibration.yaml` that states them for later sessions in a scene."""
+    assert session.lens_std is not None
+    out.mkdir(parents=True, exist_ok=True)
+    write_camera(session.camera, out / CAMERA, session.lens_std)
+    save_calibration(Calibration(lens=lens_limits(session.camera, session.lens_std)), out / FILE)
 
 
 def read_captures(path: str | Path, options: BagOptions) -> list[Capture]:

@@ -12,6 +12,7 @@ from tof_core.config import section
 from tof_gap.config import GapConfig
 from tof_gap.diagnose import diagnose
 from tof_gap.solve.known import known_removed
+from tof_gap.tell.against import AgainstLimits
 from tof_scene.raycast import Raycaster
 from toftwin.boarded import NOT_TESTABLE, BoardSource
 from toftwin.pipeline import PipelineConfig, raw_views
@@ -31,6 +32,7 @@ class GapPipelineConfig(PipelineConfig):
     """Settings of the pipeline and of the diagnosis."""
 
     gap: GapConfig = section(GapConfig, "when an effect is believed")
+    against: AgainstLimits = section(AgainstLimits, "when a simulator differs from the camera")
     retrain: RetrainConfig = section(RetrainConfig, "training with the fitted sensor")
 
 
@@ -49,6 +51,7 @@ def diagnose_bag(
     caster, align, untestable = Raycaster(scene), config.align, dict[str, str]()
     if isinstance(reader, BoardSource):
         align, untestable = reader.session.align(align), NOT_TESTABLE
+        config = replace(config, gap=replace(config.gap, calibration=reader.session.calibration(config.gap.calibration)))
     if known is not None:
         progress("removing known effects")
         views = known_removed(views, caster, known, align)

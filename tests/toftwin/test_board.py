@@ -14,11 +14,17 @@ import pytest
 from tests.tof_core.board.drawn import CAMERA, draw, pose
 from tof_align.config import Priors
 from tof_core.board.spec import Board
+from tof_core.calibration import BoardLimits, Calibration, load_calibration
 from tof_core.capture import Capture
 from tof_core.errors import RefusedError
+from tof_core.image_folder import read_camera
+from tof_core.yamlio import load_yaml
+from tof_gap.solve.tolerance import calibrated
+from tof_gap.solved import Named
 from tof_scene.board import BLACK, WHITE
+from tof_sensor.effects.depth_scale import DepthScale
 from tof_sim_label.dataset import open_dataset
-from toftwin.boarded import HELD_MM, BoardSource, board_session
+from toftwin.boarded import HELD_MM, PRINT_SCALE_PCT, BoardSource, board_session, save_lens
 from toftwin.cli import main
 
 if TYPE_CHECKING:
@@ -134,3 +140,32 @@ def test_labels_owe_nothing_to_the_range_error_and_a_method_is_judged_by_them(
 def test_boards_are_labelled_one_bag_at_a_time(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["label", str(folder), str(folder), "--board", "5x7x0.030", "--out", str(tmp_path / "out")]) == 2
     assert "a batch is of one scene" in capsys.readouterr().err
+
+
+def test_a_calibrated_lens_is_left_with_its_deviations_and_stated_for_later_sessions(tmp_path: Path) -> None:
+    session = board_session(captures(10), BOARD, calibrate=True)
+    save_lens(session, tmp_path)
+    assert read_camera(tmp_path / "camera.yaml") == replace(session.camera, frame_id="camera")
+    assert session.lens_std is not None
+    values = load_yaml(tmp_path / "camera.yaml")["standard_deviations"]
+    assert values["cx"] == pytest.approx(session.lens_std[2])
+    stated = load_calibration(tmp_path / "calibration.yaml")
+    np.testing.assert_allclose(stated.lens_sd[2:], np.sqrt(np.mean(session.lens_std[2:4] ** 2)), rtol=1e-9)
+    assert session.calibration(Calibration()).lens == stated.lens
+
+
+def test_a_scale_within_the_print_scale_is_the_boards() -> None:
+    session = board_session(captures(3), BOARD)
+    stated = session.calibration(Calibration())
+    assert stated.board.print_scale_pct == PRINT_SCALE_PCT
+    own = Calibration(board=BoardLimits(0.05))
+    assert session.calibration(own).board == own.board
+
+    def covered(scale: float, calibration: Calibration) -> bool:
+        named = Named("depth_scale", (DepthScale(scale),), ({"scale": 1e-4},), (), 1.0)
+        return calibrated(named, calibration, session.camera)
+
+    assert covered(0.003, stated)
+    assert not covered(0.0032, stated)
+    assert not covered(0.003, own)
+    assert not covered(0.003, Calibration())

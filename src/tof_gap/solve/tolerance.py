@@ -11,6 +11,7 @@ from tof_align.folds import deal
 from tof_core.stats import touched
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.columns import ColumnStore
+from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
@@ -22,9 +23,11 @@ if TYPE_CHECKING:
 
 
 def calibrated(one: Named, stated: Calibration, camera: Camera) -> bool:
-    """Whether a named effect is hand-eye or lens, and no farther off than the calibration states."""
+    """Whether a named effect is hand-eye, lens, or scale before a printed board, and no farther off than the calibration states."""
     if one.name == HAND_EYE:
         return _mounted_as_stated(one, stated)
+    if one.name == DepthScale.NAME:
+        return _no_longer(one.effects[0].coefficients, np.array([*one.std[0].values()]), 1e-2 * stated.board.print_scale_pct)
     return one.name == Intrinsics.NAME and _seen_as_stated(one, stated, camera)
 
 

@@ -44,6 +44,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str) 
         causes=[c | {"fitted": _fitted(c)} for c in content["causes"]],
         meaning={name: effect.MEANING for name, effect in EFFECTS.items()},
         unexplained=content["unexplained"],
+        against=content.get("against"),
         world=lines(content["world"]),
         advice=content["advice"],
         not_testable=content["not_testable"],

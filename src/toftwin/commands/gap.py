@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Sequence
 
+    from tof_gap.tell.against import Against
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.unexplained import Unexplained
     from tof_scene.raycast import Raycaster
@@ -42,6 +43,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="sensor.yaml with effects that are known already; they are removed first, the rest is diagnosed",
+    )
+    parser.add_argument(
+        "--against",
+        metavar="SIMULATED",
+        help="bag of a simulator, of the same scene from any poses; diagnosed too, and compared effect by effect (writes against.json)",
     )
     parser.add_argument("--leave-out", action="append", default=[], metavar="EFFECT", help="do not consider this effect; may be repeated")
     parser.add_argument(
@@ -90,6 +96,7 @@ def run(args: argparse.Namespace) -> int:
     from tof_gap.tell.page import write_page
     from tof_gap.tell.report import write
     from tof_sensor.model import load_model
+    from toftwin.boarded import BoardSource, save_lens
     from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
     from toftwin.inputs import source
     from toftwin.options import load_config
@@ -101,15 +108,43 @@ def run(args: argparse.Namespace) -> int:
     opened = source(args.bag, config, scene=args.scene, board=args.board, calibrate=args.calibrate, initial_pose=args.initial_pose)
     with opened as (reader, scene):
         diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=left_out, progress=say)
+    if args.calibrate and isinstance(reader, BoardSource):
+        save_lens(reader.session, args.out)
+    compared = _compared(args, config, diagnosis, caster, left_out, say) if args.against else None
     say("advice and report")
     content = write(diagnosis, caster, args.out, advise(diagnosis, caster))
+    if compared is not None:
+        content["against"] = compared.to_dict() | {"lines": compared.lines()}
     page = write_page(diagnosis, content, args.out, Path(args.bag).name)
     learned = _retrained(diagnosis, caster, args.out, config, say) if args.retrain else None
     if args.json:
         print(json.dumps(content | ({} if learned is None else {"retrain": asdict(learned)}), indent=1))
     else:
-        print("\n".join([summary(diagnosis), *([] if learned is None else [worth(learned)]), f"report: {page}"]))
+        lines = [*([] if compared is None else compared.lines()), *([] if learned is None else [worth(learned)])]
+        print("\n".join([summary(diagnosis), *lines, f"report: {page}"]))
     return 0
+
+
+def _compared(
+    args: argparse.Namespace,
+    config: GapPipelineConfig,
+    real: Diagnosis,
+    caster: Raycaster,
+    left_out: frozenset[str],
+    say: Callable[[str], None],
+) -> Against:
+    """The simulator's bag diagnosed in the same scene, and compared; leaves against.json."""
+    import json
+
+    from tof_gap.tell.against import against
+    from toftwin.against import diagnose_simulated
+
+    say("the simulator's bag")
+    simulated = diagnose_simulated(args.against, caster, config, left_out=left_out, progress=say)
+    compared = against(real, simulated, caster.scene.names, config.against)
+    args.out.mkdir(parents=True, exist_ok=True)
+    (args.out / "against.json").write_text(json.dumps(compared.to_dict(), indent=1, allow_nan=False))
+    return compared
 
 
 def _effects(names: Sequence[str]) -> frozenset[str]:

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulator's bag, diagnosed in the scene of the real one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tof_core.bag import open_bag
+from tof_core.errors import UsageError
+from tof_core.options import BagOptions
+from tof_scene.board import FRAME
+from toftwin.diagnosis import diagnose_bag
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tof_gap.tell.diagnosis import Diagnosis
+    from tof_scene.raycast import Raycaster
+    from toftwin.diagnosis import GapPipelineConfig
+
+
+def diagnose_simulated(
+    bag: str, caster: Raycaster, config: GapPipelineConfig, *, left_out: frozenset[str] = frozenset(), progress: Callable[[str], None]
+) -> Diagnosis:
+    """The diagnosis of a simulator's session at its own poses; its topics are found by type and name, whatever those of the real bag are.
+
+    Raises:
+        UsageError: the scene is a board, which a simulator's bag cannot be asked for.
+        RefusedError: the session supports no diagnosis.
+    """
+    scene = caster.scene
+    if scene.frame == FRAME:
+        raise UsageError("a board is the camera's own scene", where="--against", todo="compare sessions of a CAD scene (--scene)")
+    with open_bag(bag, BagOptions(), cell_frame=scene.frame, placed=scene.placed_in) as reader:
+        return diagnose_bag(reader, scene, config, left_out=left_out, progress=progress)[0]

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulator against a camera: effects lacking, superfluous, too weak, too strong, of another form, and nothing where they agree."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_gap.limits.report import ReportLimits
+from tof_gap.tell.against import LACKS, OTHER, STRONG, SUPERFLUOUS, WEAK, Against, against
+from tof_gap.tell.figures import Figures, used
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
+from tof_sensor.effects.depth_scale import DepthScale
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.photon_law import PhotonLaw
+from tof_sensor.effects.wiggling import Wiggling
+
+if TYPE_CHECKING:
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.tell.diagnosis import Diagnosis
+    from tof_sensor.effect import Effect
+
+WIGGLE = Wiggling(sine_m=0.006, modulation_mhz=90.0)
+WALK = AmplitudeBias(per_ln_m=0.004, reference=2000.0)
+HELD = tuple(range(0, VIEWS, 3))
+LAW = PhotonLaw(floor_m=0.0, shot_m=0.004, reference=2000.0)
+
+
+@pytest.fixture(scope="module")
+def evidence() -> tuple[ViewEvidence, ...]:
+    """Views of a plane with photon noise."""
+    return views(np.random.default_rng(3))
+
+
+def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonLaw = LAW, ties: tuple[str, ...] = ()) -> Diagnosis:
+    """A session in which these effects were found rightly."""
+    biases = [e for e in effects if not isinstance(e, Dropout)]
+    maps = {e.NAME: [e.bias(v.frame) for v in evidence] for e in biases}
+    residual = [used(v, ()) + sum((m[i] for m in maps.values()), np.zeros(SHAPE)) for i, v in enumerate(evidence)]
+    floors = [v.sigma**2 for v in evidence]
+    edge = [v.edge for v in evidence]
+    figures = Figures(
+        residual, floors, maps, [np.zeros(SHAPE)] * VIEWS, edge, HELD, np.zeros(SHAPE), 0.0, np.random.default_rng(0), ReportLimits()
+    )
+    causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
+    findings = [SimpleNamespace(effect=e) for e in effects if isinstance(e, Dropout)]
+    made = {"evidence": evidence, "causes": causes, "findings": findings, "law": law, "floor2": floors}
+    return cast("Diagnosis", SimpleNamespace(account=SimpleNamespace(figures=figures), **made))
+
+
+def compared(real: Diagnosis, simulated: Diagnosis) -> Against:
+    return against(real, simulated, ("panel",))
+
+
+def only(found: Against) -> Any:
+    (difference,) = found.differences
+    return difference
+
+
+def test_the_same_effects_are_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:
+    found = compared(diagnosis(evidence, WIGGLE, WALK), diagnosis(evidence, WIGGLE, WALK))
+    assert found.verdict == ("none",)
+    assert found.distance.shrink is None
+    assert "has the camera's effects" in found.lines()[-1]
+
+
+def test_a_missing_effect_is_lacking_and_closes_the_distance(evidence: tuple[ViewEvidence, ...]) -> None:
+    found = compared(diagnosis(evidence, WIGGLE, WALK), diagnosis(evidence, WALK))
+    assert found.verdict == ("wiggling",)
+    assert only(found).simulator == LACKS
+    assert only(found).shrink == pytest.approx(1.0, abs=0.05)
+    assert only(found).parts["panel"] == pytest.approx(only(found).real_mm, rel=1e-6)
+    assert only(found).real_mm == pytest.approx(6.0 / np.sqrt(2), rel=0.15)
+
+
+def test_an_effect_that_reality_has_not_is_superfluous(evidence: tuple[ViewEvidence, ...]) -> None:
+    found = compared(diagnosis(evidence, WALK), diagnosis(evidence, WALK, DepthScale(0.01)))
+    assert (found.verdict, only(found).simulator) == (("depth_scale",), SUPERFLUOUS)
+    assert only(found).simulated_mm > 5.0 > only(found).real_mm
+
+
+def test_size_and_form_are_distinguished(evidence: tuple[ViewEvidence, ...]) -> None:
+    real = diagnosis(evidence, WIGGLE)
+    half, twice, other = (Wiggling(sine_m=s, cosine_m=c, modulation_mhz=90.0) for s, c in ((0.003, 0.0), (0.012, 0.0), (0.0, 0.006)))
+    assert [only(compared(real, diagnosis(evidence, e))).simulator for e in (half, twice, other)] == [WEAK, STRONG, OTHER]
+
+
+def test_each_effect_takes_its_share_of_the_distance(evidence: tuple[ViewEvidence, ...]) -> None:
+    found = compared(diagnosis(evidence, WIGGLE, WALK), diagnosis(evidence))
+    assert found.verdict == ("amplitude_bias", "wiggling")
+    assert sum(d.shrink or 0.0 for d in found.differences) == pytest.approx(1.0, abs=0.25)
+    assert found.distance.shrink == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_tie_is_the_effect_of_the_other_session(evidence: tuple[ViewEvidence, ...]) -> None:
+    real = diagnosis(evidence, DepthScale(0.01), ties=("wiggling",))
+    found = compared(real, diagnosis(evidence, WIGGLE))
+    assert found.verdict == ("depth_scale",)
+    assert only(found).simulator == OTHER
+
+
+def test_noise_and_loss_are_compared_at_the_cameras_light(evidence: tuple[ViewEvidence, ...]) -> None:
+    loud, quiet = PhotonLaw(shot_m=0.008, floor_m=0.0, reference=2000.0), PhotonLaw(shot_m=0.0042, floor_m=0.0, reference=2000.0)
+    found = compared(diagnosis(evidence), diagnosis(evidence, law=loud))
+    assert (found.verdict, only(found).simulator) == (("noise",), STRONG)
+    assert compared(diagnosis(evidence), diagnosis(evidence, law=quiet)).verdict == ("none",)
+    lossy = compared(diagnosis(evidence, Dropout(random=0.05)), diagnosis(evidence))
+    assert (lossy.verdict, only(lossy).simulator) == (("dropout",), LACKS)
+    assert "5.0% of the pixels real, 0.0% simulated" in only(lossy).line()
+    assert lossy.to_dict()["differences"][0]["real_mm"] is None
