@@ -120,7 +120,7 @@ class SelectLimits:
     )
     least_mm: float = param(
         1.0,
-        "RMS over the affected pixels that an effect must exceed to be named",
+        "RMS over the affected pixels, confirmed by held-out views, that an effect must exceed to be named",
         unit="mm",
         low=0.0,
         why="a healthy camera errs by up to a millimetre: table, temperature, albedo",

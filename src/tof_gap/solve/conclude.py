@@ -13,7 +13,7 @@ from tof_gap.solve.causes import free_shares, named, shares, smooth_ones
 from tof_gap.solve.judge import Selector
 from tof_gap.solve.solution import delayed, lens_of, solution, through
 from tof_gap.solve.start import observe
-from tof_gap.solve.tolerance import below, calibrated
+from tof_gap.solve.tolerance import calibrated, sizes_m
 from tof_gap.solved import Solved
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.motion import Motion
@@ -56,7 +56,8 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     # Mixed pixels need exact poses and footprints.
     evidence = observe(through(lens, views), caster, final, config, concavity=True)
     maps, free = shares(rest, evidence, final, caster, other_m), free_shares(joint, evidence)
-    small = below(joint, config.select.least_mm * 1e-3) & {*maps, *free}
+    sizes = sizes_m(maps | free, evidence, split.held_out)
+    small = {name for name, size in sizes.items() if size < config.select.least_mm * 1e-3}
     # What a healthy camera errs by is no gap: it is taken off before anything is stated.
     evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
@@ -78,6 +79,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         linearised_at=joint.chain,
         named=causes,
         maps=maps,
+        sizes={n.name: sizes[n.name] for n in causes},
         tied=tuple(
             (joint.design.candidates[member].effect, joint.design.candidates[other].effect)
             for member, others in zip(joint.selection.chosen.members, joint.selection.ties, strict=True)

@@ -23,24 +23,30 @@ USUAL_KNOTS = 7
 
 @dataclass(frozen=True, slots=True)
 class FreeFunction:
-    """An error along the ray that is any function of the observable `quantity`, piecewise linear between `knots`.
+    """An error along the ray that is any function of the observable `quantity`, piecewise linear between `knots`, 0 in the mean.
 
-    It stands among the hypotheses so that named effects do not stand in for one that is missing from the vocabulary.
+    `means` are those of the function's hats over the session's pixels: what is common to all pixels is an offset, and no dependence. It stands among the hypotheses so that named effects do not stand in for one that is missing from the vocabulary.
     """
 
     quantity: str
     knots: tuple[float, ...]
+    means: tuple[float, ...]
 
     def columns(self, view: ViewEvidence) -> Float:
         """(n, knots) on a view's drawn pixels: metres of z for a metre along the ray at each knot."""
         value = observed(view, self.quantity, view.pixels)
-        hats = np.stack([np.interp(value, self.knots, row) for row in np.eye(len(self.knots))], axis=1)
-        return np.asarray(np.nan_to_num(hats) / view.frame.length.ravel()[view.pixels, None])
+        centred = hats(value, self.knots) - self.means
+        return np.asarray(np.nan_to_num(centred) / view.frame.length.ravel()[view.pixels, None])
 
     def share(self, values: Float, view: ViewEvidence) -> Float:
         """(H, W) metres of z for `values` (knots,), metres along the ray at the knots."""
         value = observed(view, self.quantity, np.arange(view.residual.size)).reshape(view.residual.shape)
-        return np.asarray(np.nan_to_num(np.interp(value, self.knots, values)) / view.frame.length)
+        return np.asarray(np.nan_to_num(np.interp(value, self.knots, values) - values @ self.means) / view.frame.length)
+
+
+def hats(value: Float, knots: Sequence[float] | Float) -> Float:
+    """(n, knots) piecewise linear functions that are 1 at one knot and 0 at all others."""
+    return np.stack([np.interp(value, knots, row) for row in np.eye(len(knots))], axis=1)
 
 
 UNKNOWN = "unknown"
@@ -58,7 +64,8 @@ def free_functions(views: Sequence[ViewEvidence]) -> list[FreeFunction]:
             else np.zeros(0)
         )
         if len(knots) > 2:
-            out.append(FreeFunction(name, tuple(knots.tolist())))
+            means = hats(seen[np.isfinite(seen)], knots).mean(axis=0)
+            out.append(FreeFunction(name, tuple(knots.tolist()), tuple(means.tolist())))
     return out
 
 

@@ -59,11 +59,11 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
             break
     if not joint.design.candidates:
         return joint
-    # Named effects had the first word, each in its best shape; now what nobody named may contend.
+    # Named effects go first, each in its best shape; then errors that no effect explains may compete.
     finer = refined(store, joint.design, joint.selection, joint.chain, config)
     free = [Candidate(UNKNOWN, None, f.quantity, f) for f in free_functions(joint.views)]
     design = build(store, [*joint.design.candidates, *finer, *free], joint.chain, config.hand_sd, config.lens_sd)
-    return replace(joint, design=design, selection=select(design, config.select))
+    return replace(joint, design=design, selection=select(design, config.select, joint.selection.chosen.members))
 
 
 def without(joint: Joint, name: str, config: GapConfig) -> Joint:

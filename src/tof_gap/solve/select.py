@@ -37,17 +37,28 @@ class Selection:
     small_together: tuple[str, ...]
 
 
-def select(design: Design, config: SelectLimits) -> Selection:
-    """Add, exchange and drop effects until no held-out chi-square is won; then find which effects the session cannot tell apart."""
+def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> Selection:
+    """Add, exchange and drop effects until no held-out chi-square is won; then find which effects the session cannot tell apart.
+
+    Effects are added to none, and to those `begun` with; the better of both ends is chosen, since an addition that explains most by
+    itself may stand in for several.
+    """
     judge = Selector(design, config)
-    current = judge.score((), judge.inflation(()))
-    while len(current.members) < config.most:
+    ends = [_grown(judge, members) for members in dict.fromkeys([(), tuple(begun)])]
+    best = min(ends, key=lambda end: judge.score(end.members, ends[0].inflate).score)
+    current, small = without_small(judge, best)
+    return _described(judge, current, small)
+
+
+def _grown(judge: Selector, members: Sequence[int]) -> Hypothesis:
+    """The hypothesis that members grow into by additions and exchanges, without those that turn out weak."""
+    current = judge.score(members, judge.inflation(members))
+    while len({judge.design.candidates[m].name for m in current.members}) < judge.config.most:
         better = _best_addition(judge, current)
         if better is None:
             break
         current = _exchange(judge, better)
-    current, small = without_small(judge, _prune(judge, current))
-    return _described(judge, current, small)
+    return _prune(judge, current)
 
 
 def narrowed(design: Design, config: SelectLimits, selection: Selection, members: Sequence[int]) -> Selection:

@@ -18,18 +18,27 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
     maps of the others.
     """
     whole, small = current, list[str]()
-    while (
-        len(named := [i for i, m in enumerate(current.members) if not judge.is_free(m) and not judge.frees_hand([m])])
-        > judge.config.named_freely
-    ):
-        _, visible = worth(judge, current)
-        least = min(named, key=lambda i: visible[i])
-        if visible[least] ** 2 >= judge.config.small_share * float((visible**2).sum()):
+    while len(names := _names(judge, current)) > judge.config.named_freely:
+        lost = {name: max(judge.score(_without(judge, current, name), current.inflate).score - current.score, 0.0) for name in names}
+        others = [i for i, m in enumerate(current.members) if judge.is_free(m) or judge.frees_hand([m])]
+        beside = float(worth(judge, current)[0][others].clip(0.0).sum()) if others else 0.0
+        least = min(lost, key=lost.__getitem__)
+        if lost[least] >= judge.config.small_share * (sum(lost.values()) + beside):
             break
-        small.append(judge.design.candidates[current.members[least]].name)
-        current = rescored(judge, [m for i, m in enumerate(current.members) if i != least])
+        small.append(least)
+        current = rescored(judge, _without(judge, current, least))
     if not set(small) - {judge.design.candidates[m].name for m in current.members}:
         return whole, ()  # A second part that deviates is the same effect.
     without = judge.score(current.members, whole.inflate).score - whole.score
     explained = judge.score((), whole.inflate).score - whole.score
     return current, tuple(small) if without > judge.config.small_together * explained else ()
+
+
+def _names(judge: Selector, current: Hypothesis) -> list[str]:
+    """Names of the effects, once each; hand-eye, whose evidence are the arms, is not among them."""
+    return sorted({judge.design.candidates[m].name for m in current.members if not judge.is_free(m) and not judge.frees_hand([m])})
+
+
+def _without(judge: Selector, current: Hypothesis, name: str) -> list[int]:
+    """The members of other names."""
+    return [m for m in current.members if judge.design.candidates[m].name != name]

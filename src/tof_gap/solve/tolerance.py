@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_align.folds import deal
 from tof_core.stats import touched
 from tof_gap.solve.candidate import HAND_EYE
-from tof_gap.solve.columns import ColumnStore
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from tof_core.arrays import Float
     from tof_core.calibration import Calibration
     from tof_core.camera import Camera
-    from tof_gap.solve.solution import Joint
+    from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solved import Named
 
 
@@ -31,36 +31,27 @@ def calibrated(one: Named, stated: Calibration, camera: Camera) -> bool:
     return one.name == Intrinsics.NAME and _seen_as_stated(one, stated, camera)
 
 
-def below(joint: Joint, least_m: float) -> set[str]:
-    """Names of effects, and observables of free functions, all of whose members are smaller than `least_m` as `size_m` measures them."""
-    design, fit = joint.design, joint.selection.fit
-    store = ColumnStore(joint.views, deal(joint.chain.station.tolist(), FOLDS))
-    largest = dict[str, float]()
-    for candidate, group, at in design.placed(joint.selection.chosen.members):
-        name = candidate.note if candidate.free is not None else candidate.name
-        scale = design.scale[group]
-        columns = np.concatenate(store.of([candidate])[0])
-        size = size_m(columns, fit.theta[at] / scale, fit.theta_cov[at, at] / np.outer(scale, scale)) if len(group) else np.inf
-        largest[name] = max(size, largest.get(name, 0.0))
-    return {name for name, size in largest.items() if size < least_m}
+def sizes_m(maps: Mapping[str, Sequence[Float]], views: Sequence[ViewEvidence], held_out: Sequence[int]) -> dict[str, float]:
+    """Of each map, (H, W) metres per view, the size in metres that the held-out views confirm."""
+    left = [v.residual - sum((np.nan_to_num(m[k]) for m in maps.values()), np.zeros(v.residual.shape)) for k, v in enumerate(views)]
+    out = {}
+    for name, by_view in maps.items():
+        pairs = [(np.nan_to_num(by_view[k][views[k].smooth]), left[k][views[k].smooth]) for k in held_out]
+        out[name] = confirmed_m(*(np.concatenate(one) for one in zip(*pairs, strict=True)))
+    return out
 
 
-FOLDS = 6
-"""Parts of the views; the lines of a fixed pattern come from the other parts."""
+def confirmed_m(effect: Float, left: Float) -> float:
+    """Metres: RMS of a map (n,) over the pixels that it touches, as far as measurements agree with it.
 
-
-def size_m(columns: Float, values: Float, cov: Float) -> float:
-    """Metres of z: RMS of the map `columns` (n, k) @ `values` (k,) over the pixels that it affects, less the map's own variance.
-
-    `cov` (k, k) is the values' covariance: what noise alone would give a map is no size.
+    `left` (n,) is what the map and all others leave of the measurements. Of e = `left` + `effect`, which the map stands for, subtracting
+    the map removes e^2 - left^2 = effect^2 + 2 effect left: the map's square where it is right, and less than nothing where nothing is
+    there. Pixels that the map was not fitted to make that an unbiased estimate of the square of the true effect's size.
     """
-    values_of = columns @ values
-    affected = touched(values_of)
+    affected = touched(effect)
     if not affected.any():
         return 0.0
-    C = columns[affected]
-    mean2 = float(np.mean(values_of[affected] ** 2 - np.einsum("nk,kl,nl->n", C, cov, C)))
-    return float(np.sqrt(max(mean2, 0.0)))
+    return float(np.sqrt(max(float(np.mean(effect[affected] ** 2 + 2 * effect[affected] * left[affected])), 0.0)))
 
 
 def _mounted_as_stated(one: Named, stated: Calibration) -> bool:

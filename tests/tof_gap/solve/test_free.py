@@ -46,17 +46,19 @@ def test_observables_that_do_not_vary_are_no_hypotheses() -> None:
     assert "concavity" not in names  # Nobody looked at the sky of a lone plane.
 
 
-def test_columns_share_a_metre_along_the_ray_among_the_knots() -> None:
+def test_columns_are_metres_along_the_ray_at_the_knots_with_the_mean_of_the_session_taken_off() -> None:
     view = views(np.random.default_rng(0))[3]
     free = next(f for f in free_functions([view]) if f.quantity == "range_m")
     columns = free.columns(view)
     length = CAMERA.ray_length().ravel()[view.pixels]
-    np.testing.assert_allclose(columns.sum(axis=1) * length, 1.0)
+    np.testing.assert_allclose((columns * length[:, None]).mean(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(columns.sum(axis=1), 0.0, atol=1e-12)  # an offset is no dependence
     values = np.linspace(-1.0, 1.0, len(free.knots))
     np.testing.assert_allclose(columns @ values, free.share(values, view).ravel()[view.pixels])
     at = observed(view, "range_m", view.pixels)
     middle = np.argmin(np.abs(at - free.knots[4]))
-    assert columns[middle] @ values * length[middle] == pytest.approx(values[4], abs=0.01)
+    mean = float(np.dot(free.means, values))
+    assert columns[middle] @ values * length[middle] == pytest.approx(values[4] - mean, abs=0.01)
 
 
 def test_an_error_that_has_a_name_is_named() -> None:

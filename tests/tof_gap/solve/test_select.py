@@ -28,7 +28,7 @@ from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.wiggling import Wiggling
 
 VIEWS, PIXELS = 12, 400
-FREE = FreeFunction("range_m", (0.0, 1.0, 2.0))
+FREE = FreeFunction("range_m", (0.0, 1.0, 2.0), (0.0, 0.0, 0.0))
 """A candidate that is no effect."""
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from tof_core.calibration import Calibration, HandEyeLimits, LensLimits
 from tof_core.camera import Camera
-from tof_gap.solve.tolerance import calibrated, size_m
+from tof_gap.solve.tolerance import calibrated, confirmed_m
 from tof_gap.solved import Named
 from tof_sensor.effect import Effect
 from tof_sensor.effects.hand_eye import HandEye
@@ -48,19 +48,22 @@ def test_nothing_is_covered_where_nothing_is_stated() -> None:
     assert not calibrated(named(Intrinsics(cx_px=1e-3)), Calibration(), CAMERA)
 
 
-def test_a_map_is_measured_over_the_pixels_that_it_affects() -> None:
-    corner = np.zeros((1000, 1))
-    corner[:30] = 1.0
-    exact = np.zeros((1, 1))
-    assert size_m(corner, np.array([2e-3]), exact) == pytest.approx(2e-3)
-    assert size_m(np.ones((1000, 1)), np.array([2e-3]), exact) == pytest.approx(2e-3)
-    assert size_m(np.zeros((1000, 1)), np.array([2e-3]), exact) == 0.0
-
-
-def test_what_noise_gives_a_map_is_no_size() -> None:
+def test_a_right_map_is_confirmed_with_its_size_over_the_pixels_that_it_affects() -> None:
     rng = np.random.default_rng(0)
-    columns, cov = rng.normal(size=(1000, 2)), np.diag([4e-6, 1e-6])
-    by_chance = [size_m(columns, rng.multivariate_normal(np.zeros(2), cov), cov) ** 2 for _ in range(500)]
-    assert np.sqrt(np.mean(by_chance)) < np.sqrt(np.trace(cov))
-    values = np.array([5e-3, 0.0])
-    assert size_m(columns, values, cov) ** 2 < size_m(columns, values, 0 * cov) ** 2
+    noise, corner = rng.normal(0, 3e-3, 20_000), np.zeros(20_000)
+    corner[:4000] = 2e-3
+    assert confirmed_m(corner, noise) == pytest.approx(2e-3, rel=0.1)
+    assert confirmed_m(np.full(20_000, 2e-3), noise) == pytest.approx(2e-3, rel=0.1)
+    assert confirmed_m(np.zeros(20_000), noise) == 0.0
+
+
+def test_a_map_of_what_is_not_there_is_not_confirmed() -> None:
+    rng = np.random.default_rng(0)
+    false = np.full(20_000, 2e-3)
+    assert confirmed_m(false, rng.normal(0, 3e-3, 20_000) - false) == 0.0
+
+
+def test_a_map_twice_too_large_is_confirmed_by_nothing_and_one_of_half_the_size_by_more_than_its_own() -> None:
+    true, noise = np.full(20_000, 2e-3), np.random.default_rng(0).normal(0, 1e-3, 20_000)
+    assert confirmed_m(2 * true, noise - true) == pytest.approx(0.0, abs=3e-4)
+    assert confirmed_m(true / 2, noise + true / 2) == pytest.approx(np.sqrt(3) * 1e-3, rel=0.05)
