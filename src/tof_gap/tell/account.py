@@ -25,11 +25,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cause:
-    """One effect of the verdict with what it does on held-out views."""
+    """One effect of the verdict with what it does on held-out views; size_m: RMS over the pixels that it affects."""
 
     named: Named
     alone: Shrink
     left_out: float | None
+    size_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +92,8 @@ def account(
     if findings and not counted.maps:
         gap = replace(gap, shrink=None, ci95=None)  # Noise and loss alone: no bias is there to be removed.
     causes = tuple(
-        Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink) for n in solved.named
+        Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink, solved.sizes[n.name])
+        for n in solved.named
     )
     return Account(solved, causes, findings, counted, gap)
 

@@ -45,6 +45,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str) 
         meaning={name: effect.MEANING for name, effect in EFFECTS.items()},
         unexplained=content["unexplained"],
         against=content.get("against"),
+        small=content["small"],
         world=lines(content["world"]),
         advice=content["advice"],
         not_testable=content["not_testable"],

@@ -19,7 +19,7 @@ NOTHING = Errors(0.0, 0.0, 0.0)
 def account(shrink: float | None, **left_out: float | None) -> Account:
     """A solution that shrinks the held-out gap by `shrink`, and by so much without each cause."""
     gap = Shrink(NOTHING, NOTHING, 0.0, shrink, None)
-    causes = tuple(Cause(Named(name, (), (), (), 1.0), gap, without) for name, without in left_out.items())
+    causes = tuple(Cause(Named(name, (), (), (), 1.0), gap, without, 2e-3) for name, without in left_out.items())
     unused = cast("Any", None)
     figures = cast("Any", SimpleNamespace(limits=ReportLimits()))
     return Account(unused, causes, (), figures, gap)
