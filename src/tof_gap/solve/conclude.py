@@ -80,12 +80,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         named=causes,
         maps=maps,
         sizes={n.name: sizes[n.name] for n in causes},
-        tied=tuple(
-            (joint.design.candidates[member].effect, joint.design.candidates[other].effect)
-            for member, others in zip(joint.selection.chosen.members, joint.selection.ties, strict=True)
-            for other in others
-            if any(joint.design.candidates[member].name == n.name for n in causes)
-        ),
+        tied=_tied(joint, {n.name for n in causes}),
         bare=bare,
         depends_on=tuple(quantity for quantity in joint.selection.unknown if quantity in free),
         small=tuple(sorted(small | {n.name for n in found if n not in rest})),
@@ -99,6 +94,13 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
 def _mount(joint: Joint, rest: Sequence[Named], stated: Calibration) -> Float:
     """(4, 4) X that figures are stated at: the solution's where it is within the stated calibration, else none."""
     return joint.hand_eye if stated.hand_eye_sd.any() and all(n.name != HAND_EYE for n in rest) else np.eye(4)
+
+
+def _tied(joint: Joint, names: set[str]) -> tuple[tuple[Effect | None, Effect | None], ...]:
+    """Pairs of a member of these names and of an effect that could stand in for it."""
+    candidates, selection = joint.design.candidates, joint.selection
+    pairs = ((m, other) for m, others in zip(selection.chosen.members, selection.ties, strict=True) for other in others)
+    return tuple((candidates[m].effect, candidates[other].effect) for m, other in pairs if candidates[m].name in names)
 
 
 def moves_camera(effect: Effect, stated: Camera) -> bool:
