@@ -21,7 +21,7 @@ from tof_gap.solve.radial import gate
 from tof_gap.solve.start import start
 from tof_gap.solved import Split
 from tof_gap.tell.account import account
-from tof_gap.tell.diagnosis import Diagnosis
+from tof_gap.tell.diagnosis import Diagnosis, doubted
 from tof_gap.tell.explainable import explainable
 from tof_gap.tell.unexplained import look
 from tof_scene.world.words import described
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from tof_align.config import AlignConfig
     from tof_core.capture import View
     from tof_gap.config import GapConfig
+    from tof_gap.limits.report import ReportLimits
     from tof_gap.limits.solve import SolveLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.solve.solution import Joint
@@ -96,7 +97,7 @@ def diagnose(
     progress("what no named effect explains")
     unexplained = look(found, caster.scene, config.report, config.missing)
     return Diagnosis(
-        verdict(found, unexplained),
+        verdict(found, unexplained, config.report),
         found,
         explainable(found.solved.evidence, found.figures.left(), split, found.gap, config.report.explainable),
         unexplained,
@@ -107,9 +108,10 @@ def diagnose(
     )
 
 
-def verdict(found: Account, unexplained: Unexplained) -> tuple[str, ...]:
-    """Names of effects, and `unknown` where structure is left; `none` without any."""
-    return tuple(sorted({*found.names, *(("unknown",) if unexplained.structured else ())})) or ("none",)
+def verdict(found: Account, unexplained: Unexplained, limits: ReportLimits) -> tuple[str, ...]:
+    """Names of effects, and `unknown` where structure is left; `none` without any. Beside much that is unexplained, causes are only suspected."""
+    names = found.names(causes=not doubted(unexplained, limits))
+    return tuple(sorted({*names, *(("unknown",) if unexplained.structured else ())})) or ("none",)
 
 
 def too_few(views: int) -> dict[str, str]:

@@ -54,7 +54,8 @@ class Solved:
     affects, as the held-out views confirm it; tied: pairs of an effect and of one that could stand in
     for it (None: hand-eye);
     bare: the views where the cameras really were, less all smooth bias (that of free functions of an observable in, single pixels of
-    a pattern out): what noise, loss and edges are read from; depends_on: observables of those free functions, most first;
+    a pattern out): what noise, loss and edges are read from; unnamed_m: metres, RMS of those free functions together; depends_on: their
+    observables, most first;
     small_together: effects that each explain little and together much, not named for that;
     small: effects of the solution, and observables, that a healthy camera's tolerance or the stated calibration covers: not named;
     arms_alike: chi-square (6 degrees of freedom) of what all arm errors have in common;
@@ -73,6 +74,7 @@ class Solved:
     sizes: Mapping[str, float]
     tied: tuple[tuple[Effect | None, Effect | None], ...]
     bare: tuple[ViewEvidence, ...]
+    unnamed_m: float
     depends_on: tuple[str, ...]
     small_together: tuple[str, ...]
     small: tuple[str, ...]

@@ -39,6 +39,13 @@ class UnexplainedLimits:
     gross_share: float = param(
         0.004, "share of gross pixels away from edges", low=0.0, high=1.0, why="tools and cables stand beside the CAD"
     )
+    doubt: float = param(
+        0.1,
+        "of the gap's energy, what may stay unexplained before the named effects are only suspected",
+        low=0.0,
+        high=1.0,
+        why="a fit bends its effects towards whatever it cannot name",
+    )
     block_pixels: int = param(40, "pixels of a block", low=1, why="a sixth of the block; its mean is known to a sixth of the noise")
     part_share: float = param(0.1, "of what is left, share of a part that is reported", low=0.0, high=1.0, why="brevity")
     parts: int = param(4, "parts that are reported", low=1, why="brevity")

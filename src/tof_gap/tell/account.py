@@ -47,10 +47,9 @@ class Account:
     figures: Figures
     gap: Shrink
 
-    @property
-    def names(self) -> set[str]:
-        """Verdict of every cause and name of every finding."""
-        return {*(c.named.verdict for c in self.causes), *(f.name for f in self.findings)}
+    def names(self, *, causes: bool) -> set[str]:
+        """Name of every finding, and verdict of every cause where `causes` may be asserted."""
+        return {*(c.named.verdict for c in self.causes if causes), *(f.name for f in self.findings)}
 
     @property
     def worsens(self) -> str | None:

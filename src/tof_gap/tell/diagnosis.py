@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from tof_align.chain import Chain
     from tof_core.arrays import Float
     from tof_gap.config import GapConfig
+    from tof_gap.limits.report import ReportLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solved import Solved, Split
@@ -49,6 +50,15 @@ class Diagnosis:
     def causes(self) -> tuple[Cause, ...]:
         """Effects of the solution."""
         return self.account.causes
+
+    @property
+    def doubted(self) -> bool:
+        """Whether so much of the gap stays unexplained that the effects of the solution are only suspected."""
+        return doubted(self.unexplained, self.config.report)
+
+    def confidence(self, cause: Cause) -> float:
+        """Of a cause, 0 to 1: the share of resampled sets of views in which it wins, times the share of the gap that is explained."""
+        return cause.named.confidence * (1.0 - self.unexplained.share)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -99,3 +109,8 @@ class Diagnosis:
     def split(self) -> Split:
         """Views fitted to and held out."""
         return self.account.solved.split
+
+
+def doubted(unexplained: Unexplained, limits: ReportLimits) -> bool:
+    """Whether more of the gap stays unexplained than `limits.unexplained.doubt` allows."""
+    return unexplained.structured and unexplained.share > limits.unexplained.doubt

@@ -64,7 +64,9 @@ def sentence(content: dict[str, Any]) -> str:
     if content["verdict"] == ["none"]:
         return "Camera and simulation agree to within the noise: nothing needs to be added."
     if not names:
-        return f"Camera and simulation differ, and no effect known here explains how.{_clue(content['unexplained'])}"
+        suspects = [c["effect"].replace("_", " ") for c in content["causes"] if not c["asserted"]]
+        also = f" Part of it looks like {_listed(suspects)}, but too much is left to be sure." if suspects else ""
+        return f"Camera and simulation differ, and no effect known here explains how.{_clue(content['unexplained'])}{also}"
     listed = _listed(names)
     verb = "explain" if len(names) > 1 else "explains"
     how = "" if gap["shrink"] is None else f" and {verb} {_percent(gap['shrink'])} of the gap"

@@ -46,7 +46,7 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str])
             "verdict": list(d.verdict),
             "gap": _shrink(d.gap)
             | {"explainable": d.explainable, "dispersion": _dispersion(d), "missing": _missing(d), "floor_from": _floor_from(d)},
-            "causes": [_cause(c) for c in d.causes] + [_finding(f) for f in d.findings],
+            "causes": [_cause(c, d) for c in d.causes] + [_finding(f) for f in d.findings],
             "where": {
                 "regions": [asdict(r) for r in found[: limits.regions]],
                 "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2, limits.bins).items()},
@@ -73,13 +73,14 @@ def _shrink(s: Shrink) -> dict[str, Any]:
     }
 
 
-def _cause(c: Cause) -> dict[str, Any]:
+def _cause(c: Cause, d: Diagnosis) -> dict[str, Any]:
     params = [_params(e) for e in c.named.effects]
     alone = _shrink(c.alone)
     return {
         "effect": c.named.name,
         "tied_with": list(c.named.ties),
-        "confidence": c.named.confidence,
+        "asserted": not d.doubted,
+        "confidence": d.confidence(c),
         "size_mm": 1e3 * c.size_m,
         "params": params[0] if len(params) == 1 else {str(i): p for i, p in enumerate(params)},
         "params_std": c.named.std[0] if len(params) == 1 else {str(i): s for i, s in enumerate(c.named.std)},
@@ -92,6 +93,7 @@ def _finding(f: Finding) -> dict[str, Any]:
     return {
         "effect": f.name,
         "tied_with": [],
+        "asserted": True,
         "confidence": f.confidence,
         "size_mm": None,
         "params": _params(f.effect),

@@ -35,6 +35,7 @@ class Unexplained:
     """What is left above the floor.
 
     rmse_mm: RMS of block means above the floor; structured: whether that is more than the named effects' maps leave;
+    share: of the gap's energy above the floor, what is left or goes to free functions of an observable, 0 where nothing is structured;
     depends_on: quantities that it varies with, most first; where: parts that carry it, most first.
     """
 
@@ -42,6 +43,7 @@ class Unexplained:
     structured: bool
     depends_on: tuple[str, ...]
     where: tuple[str, ...]
+    share: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,8 +66,8 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
 
     It is structured where block means exceed what white noise gives them. Where a named noise is shared by neighbours (steps, rows,
     stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias, away from edges, unless
-    `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` was named; an error that only a free function of an observable describes; small effects that explain much only together; a joint
-    fit that leaves a share of what it was to explain; arm errors that are alike in every view.
+    `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` was named; an error that only a
+    free function of an observable describes; small effects that explain much only together; a joint fit that leaves a share of what it was to explain; arm errors that are alike in every view.
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, left, floor2 = solved.evidence, figures.left(), figures.floors
@@ -95,7 +97,13 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         structured=True,
         depends_on=(*((LOST,) if unseen else ()), *(depends_on or _depends_on(views, left, floor2, limits))),
         where=tuple(scene.parts[i].name for i in order[: limit.parts]),
+        share=_share(size**2, (1e3 * solved.unnamed_m) ** 2, before2),
     )
+
+
+def _share(left2: float, free2: float, before2: float) -> float:
+    """Share of the gap that no named effect explains: what is left and what free functions take, over that and the gap (all mm^2)."""
+    return min((left2 + free2) / max(before2 + free2, left2 + free2), 1.0)
 
 
 def _noise2(found: Account) -> list[Float]:

@@ -188,7 +188,8 @@ def summary(d: Diagnosis) -> str:
         lines.append(f"shrink: {g.shrink:.0%} (95 %: {g.ci95[0]:.0%} to {g.ci95[1]:.0%})")
     for c in d.causes:
         alone = "" if c.alone.shrink is None else f", alone {c.alone.shrink:.0%} of the gap"
-        lines.append(f"  {c.named.verdict}: confidence {c.named.confidence:.2f}{alone}")
+        suspected = " (suspected)" if d.doubted else ""
+        lines.append(f"  {c.named.verdict}{suspected}: confidence {d.confidence(c):.2f}{alone}")
     lines += [f"  {f.name}: confidence {f.confidence:.2f} {f.note}".rstrip() for f in d.findings]
     if d.unexplained.structured:
         lines.append(unexplained_line(d.unexplained))

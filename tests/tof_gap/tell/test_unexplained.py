@@ -16,8 +16,9 @@ from tof_core.reasons import Reason
 from tof_gap.limits.report import ReportLimits
 from tof_gap.limits.seen import MissingLimits
 from tof_gap.seen.finding import Finding
+from tof_gap.tell.diagnosis import doubted
 from tof_gap.tell.shrink import Errors, Shrink
-from tof_gap.tell.unexplained import block_means, gross_share, look, misfit
+from tof_gap.tell.unexplained import Unexplained, block_means, gross_share, look, misfit
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
@@ -52,7 +53,7 @@ def account(seen: tuple[ViewEvidence, ...], left: list[np.ndarray], before_mm: f
     figures = SimpleNamespace(
         left=lambda: left, floors=[np.full(SHAPE, NOISE_M**2)] * VIEWS, residual=left, alike_m=0.0, unsure2=np.zeros(SHAPE)
     )
-    solved = SimpleNamespace(evidence=seen, linearised=seen, bare=seen, depends_on=(), small_together=(), arms_alike=0.0)
+    solved = SimpleNamespace(evidence=seen, linearised=seen, bare=seen, unnamed_m=0.0, depends_on=(), small_together=(), arms_alike=0.0)
     error = Errors(before_mm, before_mm, 0.0)
     found: dict[str, Any] = {"findings": (), "gap": Shrink(error, error, 1e3 * NOISE_M, None, None)}
     for name, value in changes.items():
@@ -170,3 +171,18 @@ def test_nothing_measured_leaves_nothing() -> None:
     found = look(account(session(), empty), parts(1), ReportLimits(), MissingLimits())
     assert (found.rmse_mm, found.structured) == (0.0, False)
     assert found.where == ()
+
+
+def test_what_is_left_and_what_free_functions_take_count_as_unexplained() -> None:
+    half = look(account(session(), left_over(2e-3), before_mm=3.0), parts(1), ReportLimits(), MissingLimits())
+    gap2 = 9.0 - (1e3 * NOISE_M) ** 2
+    assert half.share == pytest.approx(half.rmse_mm**2 / gap2, rel=1e-6)
+    free = look(account(session(), left_over(0.0), depends_on=("range_m",), unnamed_m=2e-3), parts(1), ReportLimits(), MissingLimits())
+    assert free.share == pytest.approx(4.0 / (gap2 + 4.0), rel=0.01)
+
+
+def test_effects_are_only_suspected_where_much_stays_unexplained() -> None:
+    limits = ReportLimits()
+    assert doubted(Unexplained(1.0, structured=True, depends_on=(), where=(), share=0.11), limits)
+    assert not doubted(Unexplained(1.0, structured=True, depends_on=(), where=(), share=0.09), limits)
+    assert not doubted(Unexplained(1.0, structured=False, depends_on=(), where=(), share=0.5), limits)

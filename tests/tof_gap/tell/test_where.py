@@ -84,9 +84,13 @@ def test_the_verdict_reads_as_a_sentence() -> None:
     two = sentence({"verdict": ["amplitude_bias|wiggling", "multipath"], "gap": shrunk})
     assert two == "Camera and simulation differ by amplitude bias or wiggling and multipath, which together explain 97% of the gap."
     clue = {"depends_on": ["amplitude", "x_m", "z_m"], "where": ["floor", "wall"]}
-    assert sentence({"verdict": ["unknown"], "gap": shrunk, "unexplained": clue}) == (
+    assert sentence({"verdict": ["unknown"], "gap": shrunk, "unexplained": clue, "causes": []}) == (
         "Camera and simulation differ, and no effect known here explains how. "
         "It goes with amplitude and place in the cell; it shows most on floor and wall."
+    )
+    suspected = [{"effect": "lens_scatter", "asserted": False}]
+    assert sentence({"verdict": ["unknown"], "gap": shrunk, "unexplained": clue, "causes": suspected}).endswith(
+        "Part of it looks like lens scatter, but too much is left to be sure."
     )
     nowhere: dict[str, list[str]] = {"depends_on": [], "where": []}
     assert sentence({"verdict": ["multipath", "unknown"], "gap": shrunk, "unexplained": nowhere}).endswith("no effect known here explains.")
