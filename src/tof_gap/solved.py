@@ -54,7 +54,7 @@ class Solved:
     affects, as the held-out views confirm it; tied: pairs of an effect and of one that could stand in
     for it (None: hand-eye);
     bare: the views where the cameras really were, less all smooth bias (that of free functions of an observable in, single pixels of
-    a pattern out): what noise, loss and edges are read from; unnamed_m: metres, RMS of those free functions together; depends_on: their
+    a pattern out): what noise, loss and edges are read from; unnamed_m: metres, sizes of those free functions together (root of the sum of squares); depends_on: their
     observables, most first;
     small_together: effects that each explain little and together much, not named for that;
     small: effects of the solution, and observables, that a healthy camera's tolerance or the stated calibration covers: not named;

@@ -82,7 +82,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         sizes={n.name: sizes[n.name] for n in causes},
         tied=_tied(joint, {n.name for n in causes}),
         bare=bare,
-        unnamed_m=_rms([np.sum([m[v] for m in free.values()], axis=0)[e.smooth] for v, e in enumerate(evidence)] if free else []),
+        unnamed_m=float(np.sqrt(sum(sizes[quantity] ** 2 for quantity in free))),
         depends_on=tuple(quantity for quantity in joint.selection.unknown if quantity in free),
         small=tuple(sorted(small | {n.name for n in found if n not in rest})),
         small_together=joint.selection.small_together,
@@ -95,11 +95,6 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
 def _mount(joint: Joint, rest: Sequence[Named], stated: Calibration) -> Float:
     """(4, 4) X that figures are stated at: the solution's where it is within the stated calibration, else none."""
     return joint.hand_eye if stated.hand_eye_sd.any() and all(n.name != HAND_EYE for n in rest) else np.eye(4)
-
-
-def _rms(values: Sequence[Float]) -> float:
-    """Root mean square of some arrays together, 0 of none."""
-    return float(np.sqrt(np.mean(np.concatenate(values) ** 2))) if values else 0.0
 
 
 def _tied(joint: Joint, names: set[str]) -> tuple[tuple[Effect | None, Effect | None], ...]:
