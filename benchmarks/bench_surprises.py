@@ -15,7 +15,7 @@ from benchmarks.surprises.cases import draw, record_case
 from benchmarks.surprises.score import Row, score
 
 LONG = True
-COUNT, SEED, SIZE = 24, 2, (128, 98)
+COUNT, SEED, SIZE = 16, 2, (128, 98)
 """Sessions of the bench; those that the limits were found on have seed 1."""
 PERCENT = 2.0
 

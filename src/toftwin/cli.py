@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import sys
 import traceback
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from textwrap import fill
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 from tof_core.page import set_command, version
 from tof_core.progress import set_quiet
 from toftwin.faults import explain
+from toftwin.paths import check_paths
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,6 +78,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     argv = list(sys.argv[1:] if argv is None else argv)
     names = command_names()
     chosen = argv[0] if argv and argv[0] in names else ""
+    if argv and not chosen and not argv[0].startswith("-"):
+        return _say(_no_such(argv[0], names), 2)
     try:
         parser = build_parser(chosen)
         args = parser.parse_args(argv)
@@ -87,12 +91,20 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 2
         if args.quiet:
             set_quiet()
+        check_paths(args)
         set_command(argv)
         return load_command(chosen).run(args)
     except SystemExit as stop:  # argparse has printed its message
         return stop.code if isinstance(stop.code, int) else 2
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001
         return report(error, debug="--debug" in argv)
+
+
+def _no_such(word: str, names: list[str]) -> str:
+    """There is no such command, and which one may be meant."""
+    near = get_close_matches(word.lower(), names, n=1, cutoff=0.5)
+    meant = f"did you mean '{near[0]}'?" if near else f"commands: {', '.join(names)}"
+    return f"there is no command '{word}'; {meant}"
 
 
 def report(error: BaseException, *, debug: bool = False) -> int:

@@ -18,6 +18,7 @@ from tof_core.progress import progress
 from tof_core.yamlio import save_yaml
 from tof_eval.pooled import PooledError
 from tof_scene.world.words import described
+from toftwin.mistakes.refusal import explained
 from toftwin.pipeline import PipelineConfig, ViewStream
 from toftwin.resume import OtherBagError, Unfinished, save_json
 
@@ -104,6 +105,7 @@ def label_bag(
     if mode not in MODES:
         raise UsageError(f"'{mode}' is not one of {', '.join(MODES)}", where="--mode")
     config = replace(config, align=replace(config.align, mode=MODES[mode]))
+    new = not out.exists()
     out.mkdir(parents=True, exist_ok=True)
     attributes = Attributes(caster.scene.digest, digest_config(config), POSE_SOURCES[mode], caster.scene.names)
     job = _Job(reader, caster, config, tuple(also), causal=mode == "causal")
@@ -111,6 +113,10 @@ def label_bag(
         result, poses = job.run(out, attributes)
     except OtherBagError:  # the data of an earlier run belong to another bag, and are removed now
         result, poses = job.run(out, attributes)
+    except RefusedError:
+        if new and not any(out.iterdir()):
+            out.rmdir()
+        raise
     save_yaml(out / "config.yaml", to_mapping(config))
     save_json(out / "poses.json", poses)
     save_json(out / "metrics.json", result.to_dict())
@@ -152,7 +158,10 @@ class _Job:
             for capture in members:
                 dataset.append_capture(capture, len(views))
             views.append(view)
-        posed = dataset.solved(views, "labels", lambda: label_session(views, self.caster, self.config.labeller)[0])
+        try:
+            posed = dataset.solved(views, "labels", lambda: label_session(views, self.caster, self.config.labeller)[0])
+        except RefusedError as error:
+            raise explained(error, views, self.caster, self.config.input, self.config.align) from error
         for name in self.also:
             other = replace(self.config.align, mode=MODES[name])
             found = dataset.solved(views, name, partial(solve_session, views, self.caster, other))

@@ -100,7 +100,12 @@ def _scene(path: Path | None) -> tuple[Scene | None, list[Finding]]:
         return None, [refused("scene", error)]
     inspected = sum(part.inspect for part in scene.parts)
     triangles = sum(len(part.faces) for part in scene.parts)
-    return scene, [ok("scene", f"{len(scene.parts)} parts, {inspected} inspected, {triangles} triangles, frame '{scene.frame}'")]
+    from toftwin.doctor.fit import examine_parts
+
+    return scene, [
+        *examine_parts(scene, path),
+        ok("scene", f"{len(scene.parts)} parts, {inspected} inspected, {triangles} triangles, frame '{scene.frame}'"),
+    ]
 
 
 def _summary(findings: list[Finding]) -> str:

@@ -10,7 +10,8 @@ from tof_core.errors import BagError, ToftwinError
 from tof_core.topics import find_topics
 from toftwin.doctor.camera import camera_of
 from toftwin.doctor.chain import examine_chain
-from toftwin.doctor.finding import fix, note, ok, refused
+from toftwin.doctor.finding import fix, healthy, note, ok, refused
+from toftwin.doctor.fit import examine_fit
 from toftwin.doctor.frames import examine_frames
 from toftwin.doctor.recording import Recording
 from toftwin.doctor.streams import examine_streams
@@ -73,7 +74,10 @@ def _examine(recording: Recording, scene: Scene | None, initial_pose: str | None
     yield from examine_frames(source.kept, topics, camera, recording.options)
     frame = _camera_frame(recording, topics) or camera.frame_id
     placed = parse_placement(initial_pose, frame) or (scene.placed_in if scene else None)
-    yield from examine_chain(recording.transforms, frame, source.stamps, recording.options, scene.frame if scene else "", placed)
+    chain = list(examine_chain(recording.transforms, frame, source.stamps, recording.options, scene.frame if scene else "", placed))
+    yield from chain
+    if scene is not None and healthy(chain):
+        yield from examine_fit(recording.files.path, scene, recording.options, initial_pose)
 
 
 def _camera_frame(recording: Recording, topics: Topics) -> str:

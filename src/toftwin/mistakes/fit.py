@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well a few views fit the CAD: at the robot's pose loosely, and after the base has been moved as far as it may err."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align.approach import approach
+from tof_align.pixels import take_pixels
+from tof_core import se3
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.config import AlignConfig
+    from tof_align.pixels import Pixels
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+    from tof_scene.raycast import Raycaster
+    from toftwin.mistakes.hypotheses import Mistake
+
+LOOSE_M, TIGHT_M = 0.1, 0.015
+"""Error up to which a pixel fits: at the robot's pose, whose base may be 50 mm and 2 degrees off; and after alignment."""
+ROOM_M = 1.5
+"""Longest side from which a part is a floor, a wall or a table, which many scenes have."""
+FEW = 0.03
+"""Share of the pixels below which small parts tell nothing."""
+PIXELS = 700
+"""Pixels of a view that are used."""
+STARTS, KEPT = 64, 2
+"""Places of the base that are looked at, and from which a descent starts: an eighth of an alignment's, since many mistakes are tried."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Taken:
+    """Pixels of some views of one station, and where the robot says that their cameras are (V, 4, 4)."""
+
+    pixels: tuple[Pixels, ...]
+    poses: Float
+
+    def share(self, caster: Raycaster, poses: Float, limit: float) -> float:
+        """Share of the measured pixels that the CAD has within `limit` metres; where the ray misses it, it has not."""
+        fits = count = 0
+        for p, T in zip(self.pixels, poses, strict=True):
+            known = np.isfinite(p.depth.ravel())
+            hits = caster.cast(T[:3, 3], p.rays.reshape(-1, 3)[known] @ T[:3, :3].T)
+            with np.errstate(invalid="ignore"):
+                fits += int((np.abs(p.depth.ravel()[known] - hits.t) < limit).sum())
+            count += int(known.sum())
+        return fits / max(count, 1)
+
+
+def on_small(taken: Taken, poses: Float, caster: Raycaster) -> float:
+    """Of the pixels that the CAD says lie on a part smaller than a room, the share that fits; 1 where they are too few to tell."""
+    small = np.array([float(np.ptp(p.vertices, axis=0).max()) < ROOM_M for p in caster.scene.parts])
+    fits = count = total = 0
+    for p, T in zip(taken.pixels, poses, strict=True):
+        known = np.isfinite(p.depth.ravel())
+        hits = caster.cast(T[:3, 3], p.rays.reshape(-1, 3)[known] @ T[:3, :3].T)
+        mine = (hits.part >= 0) & small[hits.part]
+        with np.errstate(invalid="ignore"):
+            fits += int((mine & (np.abs(p.depth.ravel()[known] - hits.t) < 2 * TIGHT_M)).sum())
+        count, total = count + int(mine.sum()), total + int(known.sum())
+    return fits / count if count > FEW * total else 1.0
+
+
+def take(views: Sequence[View], mistake: Mistake, config: AlignConfig) -> Taken:
+    """Pixels and poses of the views with a mistake undone."""
+    undone = [mistake.undone(v) for v in views]
+    poses = np.array([v.robot.T_cell_camera for v in undone if v.robot is not None])
+    return Taken(tuple(take_pixels(v, config.weights, pixels=PIXELS) for v in undone), poses)
+
+
+def loose(taken: Taken, caster: Raycaster, metres: float = 1.0) -> float:
+    """Share of pixels that fit roughly, at the robot's pose; `metres`: length of a metre in the CAD's unit."""
+    return taken.share(caster, taken.poses, LOOSE_M * metres)
+
+
+def aligned(taken: Taken, caster: Raycaster, config: AlignConfig, metres: float = 1.0) -> float:
+    """Share of pixels that fit once the base has been moved as far as it may err."""
+    return moved(taken, caster, config, metres)[0]
+
+
+def moved(taken: Taken, caster: Raycaster, config: AlignConfig, metres: float = 1.0) -> tuple[float, Float]:
+    """The same, and the poses (V, 4, 4) there."""
+    if metres != 1.0:  # Kernels and priors of an alignment are in metres.
+        return taken.share(caster, taken.poses, LOOSE_M * metres), taken.poses
+    quick = replace(config, approach=replace(config.approach, views=len(taken.pixels), starts=STARTS, kept=KEPT, slides=1, slide_rounds=1))
+    frame = taken.poses[0]
+    motion = approach(taken.pixels, taken.poses, frame, config.priors.base, caster, quick)
+    places = (frame @ motion @ se3.inverse(frame) @ taken.poses, taken.poses)
+    shares = [taken.share(caster, poses, TIGHT_M) for poses in places]
+    best = int(np.argmax(shares))
+    return shares[best], places[best]

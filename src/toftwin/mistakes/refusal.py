@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A refused session, with the usual mistake that explains the refusal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tof_core.errors import RefusedError
+from toftwin.mistakes.find import find_mistake
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.config import AlignConfig
+    from tof_core.capture import View
+    from tof_core.options import BagOptions
+    from tof_scene.raycast import Raycaster
+
+
+def explained(error: RefusedError, views: Sequence[View], caster: Raycaster, options: BagOptions, align: AlignConfig) -> RefusedError:
+    """The refusal with the line to change, where a usual mistake explains it; else the same."""
+    found = find_mistake(views, caster, options, align)
+    if found.mistake is None:
+        return error
+    why = f"{error.what}; {found.mistake.what}: without that {found.undone:.0%} of the pixels fit the CAD, with it {found.share:.0%}"
+    return RefusedError(why, where=error.where, todo=found.mistake.todo)
