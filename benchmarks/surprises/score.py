@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tof_core import se3
 from tof_core.errors import RefusedError
 from tof_scene.raycast import Raycaster
 from tof_scene.render import render
@@ -18,14 +19,23 @@ from tof_sim_label.label import label_view
 from tof_sim_label.labeller import label_session
 from tof_sim_label.reasons import WORLD, LabelReason
 from tof_sim_label.world import session_surprises
+from tof_virtual.emerging.person import reaches
 from toftwin.inputs import opened
 from toftwin.pipeline import PipelineConfig, ViewStream
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
+
+    from tof_core.capture import View
+    from tof_scene.world.surprises import Surprises
 
 WRONG_M = 0.015
 """A label is wrong that is farther from the true surface."""
+SHOWS_PX = 20
+"""Pixels from which a view shows a thing."""
+NEAR_M = 0.1
+"""Distance of a named object from the middle of the true one's visible points up to which it is that one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +45,8 @@ class Row:
     wrong: labels made wrong by the world, kept: of those usable, both of pixels with a measurement; wrong_unmeasured, kept_unmeasured: of those
     without; pose: labels wrong without the world's doing (silhouettes); good: right labels that would be usable in a world as its CAD,
     lost: of those not usable because of the world. alone_kept, alone_lost: the same with each view judged by itself, as live.
+    things: foreign objects and missing parts that the views show, named: of those named where they are, false: named and not there;
+    all of the session, not of pixels.
     """
 
     name: str
@@ -49,6 +61,9 @@ class Row:
     lost: int = 0
     alone_kept: int = 0
     alone_lost: int = 0
+    things: int = 0
+    named: int = 0
+    false: int = 0
     world: str = ""
 
 
@@ -71,7 +86,45 @@ def score(folder: Path) -> Row:
         cad = render(caster, view.camera, truth["T_cell_camera"][number], footprints=False).depth
         for name, count in _counted(label.depth, label.reason, alone.reason, true, cad, np.isfinite(view.depth)).items():
             counts[name] = counts.get(name, 0) + count
+    counts |= _named(world, true_things(views, truth, caster, case), caster.scene.names)
     return replace(Row(case["name"], case["kind"], world=json.dumps(described(world, caster.scene))), **counts)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, slots=True)
+class Things:
+    """What the views truly show: names of parts that are gone, the middle (3,) of a foreign object or None."""
+
+    gone: tuple[str, ...]
+    middle: Any
+
+
+def true_things(views: Sequence[View], truth: Mapping[str, Any], caster: Raycaster, case: Mapping[str, Any]) -> Things:
+    """From the truth: a part is gone that the CAD shows and no pixel is of; a foreign object shows where no body of the CAD is, and no arm."""
+    shown, points, covered = np.zeros((2, len(caster.scene.parts)), int), list[Any](), np.zeros(len(caster.scene.parts), int)
+    for number, view in enumerate(views):
+        T, part, depth = truth["T_cell_camera"][number], truth["part"][number], truth["depth"][number]
+        drawn = render(caster, view.camera, T, footprints=False).part
+        shown[0] += np.bincount(drawn[drawn >= 0], minlength=len(covered))
+        shown[1] += np.bincount(part[part >= 0], minlength=len(covered))
+        foreign = (part < 0) & np.isfinite(depth)
+        covered += np.bincount(drawn[foreign & (drawn >= 0)], minlength=len(covered))
+        if not reaches(int(truth["stop"][number]), case["world"]["world.arm_share"], case["seed"]) and foreign.sum() >= SHOWS_PX:
+            points.append(se3.apply(T, view.camera.rays()[foreign] * depth[foreign][:, None]))
+    gone = (shown[0] - covered >= 2 * SHOWS_PX) & (shown[1] == 0) & case["world"]["world.missing"]
+    middle = np.median(np.concatenate(points), axis=0) if len(points) > 1 and "foreign" in case["kind"] else None
+    return Things(tuple(caster.scene.names[k] for k in np.flatnonzero(gone)), middle)
+
+
+def _named(world: Surprises, true: Things, names: Sequence[str]) -> dict[str, int]:
+    """How many things there are, how many are named at their place, how many are named and not there."""
+    parts = {names[m.part] for m in world.missing}
+    standing = [f for f in world.foreign if not f.moves]
+    right = [f for f in standing if true.middle is not None and np.linalg.norm(f.centre_m - true.middle) < NEAR_M]
+    return {
+        "things": len(true.gone) + (true.middle is not None),
+        "named": len(parts & set(true.gone)) + bool(right),
+        "false": len(parts - set(true.gone)) + len(standing) - len(right),
+    }
 
 
 def _counted(label: Any, reason: Any, alone: Any, true: Any, cad: Any, measured: Any) -> dict[str, int]:

@@ -61,7 +61,7 @@ def test_built_in_scenes_are_known() -> None:
     assert set(BUILT_IN) == set(builtin_names())
 
 
-@pytest.mark.parametrize(("word", "meant"), [("lable", "'label'"), ("Gap", "'gap'"), ("evalute", "'evaluate'"), ("inspct", "'inspect'")])
+@pytest.mark.parametrize(("word", "meant"), [("lable", "'label'"), ("Gap", "'gap'"), ("evaluat", "'evaluate'"), ("inspct", "'inspect'")])
 def test_a_mistyped_command_gets_a_suggestion(word: str, meant: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main([word, "bag"]) == 2
     assert f"there is no command '{word}'; did you mean {meant}?" in capsys.readouterr().err

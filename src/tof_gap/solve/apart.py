@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tof_gap.seen.world import without_world, world_of
-from tof_gap.solve.start import Start, observe
+from tof_gap.solve.start import Start, check_fit, observe
 
 if TYPE_CHECKING:
     from tof_gap.config import GapConfig
@@ -15,7 +15,12 @@ if TYPE_CHECKING:
 
 
 def set_apart(begun: Start, caster: Raycaster, config: GapConfig) -> tuple[Surprises, Start]:
-    """Missing parts and foreign objects at the first poses, and the start without their pixels."""
+    """Missing parts and foreign objects at the first poses, and the start without their pixels.
+
+    Raises:
+        RefusedError: the session fits the scene nowhere; without what does not fit, another scene's floor would.
+    """
+    check_fit(begun.evidence, config.solve.start)
     world = world_of(begun.evidence, caster, config.world)
     if not (world.missing or world.foreign):
         return world, begun
