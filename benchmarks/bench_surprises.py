@@ -83,7 +83,7 @@ def _figures(words: str, rows: list[Row]) -> list[Figure]:
         "%",
         remark=f"of {total['good']}; {sessions}; each view by itself, as live: {percent('alone_lost', 'good'):.2f} %",
     )
-    if not total["wrong"]:
+    if words.startswith("nothing"):
         return [lost]
     remark = (
         f"of {total['wrong']} measured pixels; of {total['wrong_unmeasured']} without a return {percent('kept_unmeasured', 'wrong_unmeasured'):.0f} %; "

@@ -99,15 +99,16 @@ class Things:
 
 
 def true_things(views: Sequence[View], truth: Mapping[str, Any], caster: Raycaster, case: Mapping[str, Any]) -> Things:
-    """From the truth: a part is gone that the CAD shows and no pixel is of; a foreign object shows where no body of the CAD is, and no arm."""
+    """From the truth: a part is gone that no pixel is of, where what is behind it is more than 15 mm away in some; a foreign object shows where no body of the CAD is, and no arm."""
     shown, points, covered = np.zeros((2, len(caster.scene.parts)), int), list[Any](), np.zeros(len(caster.scene.parts), int)
     for number, view in enumerate(views):
         T, part, depth = truth["T_cell_camera"][number], truth["part"][number], truth["depth"][number]
-        drawn = render(caster, view.camera, T, footprints=False).part
-        shown[0] += np.bincount(drawn[drawn >= 0], minlength=len(covered))
+        cad = render(caster, view.camera, T, footprints=False)
+        drawn, off = cad.part, np.abs(cad.depth - depth) > WRONG_M
+        shown[0] += np.bincount(drawn[(drawn >= 0) & off], minlength=len(covered))
         shown[1] += np.bincount(part[part >= 0], minlength=len(covered))
         foreign = (part < 0) & np.isfinite(depth)
-        covered += np.bincount(drawn[foreign & (drawn >= 0)], minlength=len(covered))
+        covered += np.bincount(drawn[foreign & off & (drawn >= 0)], minlength=len(covered))
         if not reaches(int(truth["stop"][number]), case["world"]["world.arm_share"], case["seed"]) and foreign.sum() >= SHOWS_PX:
             points.append(se3.apply(T, view.camera.rays()[foreign] * depth[foreign][:, None]))
     gone = (shown[0] - covered >= 2 * SHOWS_PX) & (shown[1] == 0) & case["world"]["world.missing"]
@@ -118,7 +119,7 @@ def true_things(views: Sequence[View], truth: Mapping[str, Any], caster: Raycast
 def _named(world: Surprises, true: Things, names: Sequence[str]) -> dict[str, int]:
     """How many things there are, how many are named at their place, how many are named and not there."""
     parts = {names[m.part] for m in world.missing}
-    standing = [f for f in world.foreign if not f.moves]
+    standing = [f for f in world.foreign if not f.moves and len(f.views) > 1]
     right = [f for f in standing if true.middle is not None and np.linalg.norm(f.centre_m - true.middle) < NEAR_M]
     return {
         "things": len(true.gone) + (true.middle is not None),

@@ -26,7 +26,9 @@ class LabelReason(IntEnum):
     """Measured before the CAD: an object that the CAD lacks, a hand, a displaced part."""
     BEHIND = 8
     """Measured behind the CAD: something is missing there, or displaced."""
+    DISPLACED = 9
+    """Of a part that stands elsewhere: something of its size is measured beside its place, which is empty."""
 
 
-WORLD = (LabelReason.ABSENT, LabelReason.FOREIGN, LabelReason.BEHIND)
+WORLD = (LabelReason.ABSENT, LabelReason.FOREIGN, LabelReason.BEHIND, LabelReason.DISPLACED)
 """Reasons that say that the world is not as the CAD has it."""

@@ -62,5 +62,6 @@ def why_not(world: Bytes) -> Bytes:
 
     table = np.zeros(256, np.uint8)
     table[codes.ABSENT], table[codes.BEHIND] = LabelReason.ABSENT, LabelReason.BEHIND
+    table[codes.DISPLACED] = LabelReason.DISPLACED
     table[[codes.BEFORE, codes.OBJECT]] = LabelReason.FOREIGN
     return np.asarray(table[world])

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from tof_scene.world.absent import missing_parts
 from tof_scene.world.bias import session_bias
 from tof_scene.world.contradiction import EIGHT, contradictions, smooth_spread
+from tof_scene.world.displaced import half_empty_boxes, is_displaced_part
 from tof_scene.world.foreign import foreign_objects
 
 if TYPE_CHECKING:
@@ -25,9 +26,9 @@ if TYPE_CHECKING:
     from tof_scene.world.limits import WorldLimits
     from tof_scene.world.seen import Seen
 
-NONE, BEFORE, BEHIND, ABSENT, OBJECT = 0, 1, 2, 3, 4
+NONE, BEFORE, BEHIND, ABSENT, OBJECT, DISPLACED = 0, 1, 2, 3, 4, 5
 """Codes of `Surprises.pixels`: as the CAD has it, measured before it, measured behind it, of a part that is not there, of an
-object that the CAD lacks."""
+object that the CAD lacks, of a part that stands elsewhere."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,14 +54,18 @@ def find_surprises(views: Sequence[Seen], caster: Raycaster, limits: WorldLimits
     before, behind = [s[0] for s in sides], [s[1] for s in sides]
     measured = [v.depth - b for v, b in zip(views, bias, strict=True)]
     missing = missing_parts(views, behind, measured, spread, caster, limits)
-    foreign = foreign_objects(views, before, measured, limits)
+    moved = half_empty_boxes(views, behind, caster.scene)
+    objects = foreign_objects(views, before, measured, limits)
+    elsewhere = [o for o in objects if is_displaced_part(o.points, moved)]
+    foreign = tuple(o for o in objects if o not in elsewhere)
     gone = [m.part for m in missing]
     pixels = []
     for number, seen in enumerate(views):
         code = np.zeros(seen.depth.shape, np.uint8)
         code[before[number]], code[behind[number]] = BEFORE, BEHIND
-        here = [f.points for f in foreign if (len(f.views) > 1 and not f.moves) or number in f.views]
-        code[_of_objects(seen, measured[number], before[number], here, limits)] = OBJECT
+        for things, name in ((elsewhere, DISPLACED), (foreign, OBJECT)):
+            here = [f.points for f in things if (len(f.views) > 1 and not f.moves) or number in f.views]
+            code[_of_objects(seen, measured[number], before[number], here, limits)] = name
         code[np.isin(seen.part, gone)] = ABSENT
         pixels.append(code)
     return Surprises(tuple(pixels), missing, foreign)

@@ -16,7 +16,7 @@ from tof_scene.render import render
 from tof_scene.scene import Part, Scene
 from tof_scene.world.limits import WorldLimits
 from tof_scene.world.seen import Seen
-from tof_scene.world.surprises import ABSENT, BEFORE, BEHIND, NONE, OBJECT, find_surprises, view_surprises
+from tof_scene.world.surprises import ABSENT, BEFORE, BEHIND, DISPLACED, NONE, OBJECT, find_surprises, view_surprises
 from tof_scene.world.words import described, lines, of_views
 from tof_virtual.plan import look_at
 
@@ -125,3 +125,15 @@ def test_one_view_alone_is_judged_by_itself(parts: tuple[Part, ...], code: int) 
 )
 def test_views_in_words(numbers: list[int], words: str) -> None:
     assert of_views(numbers) == words
+
+
+def test_a_displaced_part_is_no_foreign_object() -> None:
+    moved = Part("block", BLOCK.vertices + np.array([0.05, 0.03, 0.0]), BLOCK.faces)
+    real, cad = scene(PLATE, moved), scene(PLATE, BLOCK)
+    seen = views(real, cad)
+    found = find_surprises(seen, cad, LIMITS)
+    assert found.foreign == ()
+    assert found.missing == ()
+    assert any((codes == DISPLACED).any() for codes in found.pixels)
+    kept = [(codes[off] == NONE).mean() for codes, off in zip(found.pixels, wrong(seen, real), strict=True)]
+    assert np.mean(kept) < 0.05
