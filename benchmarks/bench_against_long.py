@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sessions of the emerging camera against simulators with an effect missing, superfluous or of another size, and with none of these."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from benchmarks.figure import Figure, at_least
+
+if TYPE_CHECKING:
+    from tof_core.capture import View
+    from tof_gap.tell.diagnosis import Diagnosis
+    from tof_scene.scene import Scene
+    from tof_sensor.model import SensorModel
+
+LONG = True
+SESSIONS, SEED, VIEWS, SIZE = 12, 41, 12, (160, 122)
+OUT = Path("out/bench/against")
+SUPERFLUOUS_M = 0.02
+"""Relative depth scale that a simulator has and the camera has not: 10 mm at 0.5 m."""
+
+
+def run() -> list[Figure]:
+    """Share of simulators whose difference is named, and of right simulators that differ in nothing."""
+    named, nulls = list[bool](), list[bool]()
+    for case in _recorded():
+        for what, expected, found in _compared(case):
+            print(f"{case.name}, {what}: {', '.join(found)}", flush=True)
+            (named if expected else nulls).append(found == ((expected,) if expected else ("none",)))
+    remark = f"{SESSIONS} sessions; simulators from their own fitted sensor, on the views of the same session with other noise"
+    return [
+        at_least("simulator against camera: one effect missing, superfluous or of twice the size, named", 100 * float(np.mean(named or [False])), 85, "%",
+                 remark=f"{sum(named)} of {len(named)}; {remark}"),
+        at_least("simulator against camera: right simulators differ in nothing", 100 * float(np.mean(nulls or [False])), 97, "%",
+                 remark=f"{sum(nulls)} of {len(nulls)}"),
+    ]  # fmt: skip
+
+
+def _recorded() -> list[Path]:
+    """Sessions of the emerging camera, each with its scene."""
+    from benchmarks.gap_check.foreign.cases import draw_foreign
+    from benchmarks.gap_check.foreign.record import record_foreign
+    from benchmarks.gap_check.record import BAGS
+
+    if not (OUT / BAGS).exists():
+        shutil.rmtree(OUT, ignore_errors=True)
+        record_foreign(draw_foreign(SESSIONS, SEED, VIEWS), OUT, SIZE)
+    return sorted((OUT / BAGS).iterdir())
+
+
+def _compared(case: Path) -> list[tuple[str, str, tuple[str, ...]]]:
+    """What was changed in the simulator, the effect that must be named, and the verdict."""
+    from tof_gap.tell.against import against
+    from tof_gap.tell.report import sensor_model
+    from tof_scene.scene_file import load_scene
+
+    scene = load_scene(case / "scene" / "scene.yaml")
+    real = _diagnosed(_views(case, scene), scene)
+    model = sensor_model(real)
+    out = []
+    for what, expected, simulator in _simulators(model):
+        views = _simulated(real, simulator)
+        out.append((what, expected, against(real, _diagnosed(views, scene), scene.names).verdict))
+    return out
+
+
+def _simulators(model: SensorModel) -> list[tuple[str, str, SensorModel]]:
+    """The camera's model as it is, and with one effect changed."""
+    from tof_sensor.effect import Evidence
+    from tof_sensor.effects.depth_scale import DepthScale
+    from tof_sensor.registry import VOCABULARY
+
+    out = [("right", "", model)]
+    biases = [e for e in model.effects if e.NAME in VOCABULARY and e.EVIDENCE is Evidence.BIAS and e.LINEAR and e.mount is None]
+    if biases:
+        first = biases[0]
+        doubled = tuple(e.with_coefficients(2 * e.coefficients) if e.NAME == first.NAME else e for e in model.effects)
+        out += [
+            (f"without {first.NAME}", first.NAME, model.without(first.NAME)),
+            (f"twice {first.NAME}", first.NAME, replace(model, effects=doubled)),
+        ]
+    if DepthScale.NAME not in model.names:
+        out.append(("with depth_scale", DepthScale.NAME, replace(model, effects=(*model.effects, DepthScale(SUPERFLUOUS_M)))))
+    return out
+
+
+def _views(case: Path, scene: Scene) -> list[View]:
+    from tof_core.bag import open_bag
+    from toftwin.diagnosis import GapPipelineConfig
+    from toftwin.pipeline import raw_views
+
+    with open_bag(case / "bag", cell_frame=scene.frame) as reader:
+        return raw_views(reader, GapPipelineConfig())
+
+
+def _simulated(real: Diagnosis, model: SensorModel) -> list[View]:
+    """The simulator's views: ideal depth at the poses of the real diagnosis, through the model, with TF as the robot has it."""
+    out = []
+    for k, v in enumerate(real.evidence):
+        made = model.apply(v.frame, np.random.default_rng([SEED, k]))
+        out.append(replace(v.view, depth=made.depth.astype(np.float32), amplitude=made.amplitude.astype(np.float32)))
+    return out
+
+
+def _diagnosed(views: list[View], scene: Scene) -> Diagnosis:
+    from tof_align.config import AlignConfig
+    from tof_gap.config import GapConfig
+    from tof_gap.diagnose import diagnose
+    from tof_scene.raycast import Raycaster
+
+    return diagnose(views, Raycaster(scene), GapConfig(), AlignConfig())

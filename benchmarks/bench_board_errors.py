@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the range error of a real camera before a board depends on: regressions on one half of its frames, judged on the other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from benchmarks.bench_board import BOARD, DATA, HALVINGS
+from benchmarks.figure import Figure
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tof_core.arrays import Float
+
+LONG = True
+EVERY, OUTLIER_M, ROUNDS, RIDGE = 8, 0.006, 6, 1e-6
+"""Every so-many-th pixel; metres beyond which an error counts linearly; rounds of reweighting; share of the diagonal that is added."""
+
+Table = dict[str, "Float"]
+
+
+def run() -> list[Figure]:
+    """Plane error of the other half for growing sets of observables, mean of ten halves."""
+    if not DATA.is_dir():
+        return [
+            Figure("range error of a Kinect v2 by observables", float("nan"), "", remark="skipped: no ../shared/data beside the checkout")
+        ]
+    tables = _tables()
+    apart = [1e3 * float(np.mean(np.abs(t["error"] - np.median(t["error"])) / t["length"])) for t in tables]
+    what = "Kinect v2 before a board, regression on one half: plane error of the other half, MAE, "
+    rows = [Figure(what + name, _judged(tables, columns), "mm") for name, columns in MODELS.items()]
+    return [
+        *rows,
+        Figure("Kinect v2 before a board: plane error after the median of each frame is removed, MAE", float(np.mean(apart)), "mm"),
+    ]
+
+
+def _columns(*names: str) -> Callable[[Table], Float]:
+    return lambda t: np.stack([t[n] for n in names], axis=1)
+
+
+LIGHT, PLACE = ("one", "log", "log2"), ("across", "down")
+MODELS: dict[str, Callable[[Table], Float]] = {
+    "nothing": lambda t: np.zeros((len(t["error"]), 1)),
+    "offset and range": _columns("one", "range"),
+    "ln amplitude and its square": _columns(*LIGHT),
+    "the same and range": _columns(*LIGHT, "range"),
+    "ln amplitude, its square, and a tilt over the image": _columns(*LIGHT, *PLACE),
+    "the same and range as well": _columns(*LIGHT, *PLACE, "range"),
+    "the same and range squared as well": _columns(*LIGHT, *PLACE, "range", "range2"),
+    "ln amplitude, its square, and a tilt by the inverse of range": _columns(*LIGHT, "across/range", "down/range"),
+    "ln amplitude, its square, and light scattered in the lens": _columns(*LIGHT, "range", "veil 4", "veil 30", "veil 100", "veil 400"),
+}
+
+
+def _tables() -> list[Table]:
+    """Per frame the error along the ray and the observables of its pixels, each (n,)."""
+    from tof_core.board.spec import Board
+    from tof_core.options import BagOptions
+    from tof_gap.seen.residual import ideal_frames
+    from tof_scene.raycast import Raycaster
+    from tof_scene.render import render
+    from tof_sensor.effects.lens_scatter import blurred
+    from tof_sensor.frame import LIGHT_M_PER_S
+    from toftwin.boarded import board_session, read_captures
+
+    session = board_session(read_captures(DATA / "bag", BagOptions()), Board.parse(BOARD))
+    caster = Raycaster(session.scene)
+    renderings = [render(caster, v.camera, v.robot.T_cell_camera) for v in session.views if v.robot is not None]
+    out = []
+    for view, frame in zip(session.views, ideal_frames(session.views, renderings, caster), strict=True):
+        seen = np.flatnonzero(np.isfinite(view.depth) & frame.valid)[::EVERY]
+        h, w = view.depth.shape
+        row, column = np.divmod(seen, w)
+        r, A = frame.radial.ravel()[seen], np.maximum(frame.amplitude.ravel()[seen], 1.0)
+        table: Table = {"error": ((view.depth - frame.depth) * frame.length).ravel()[seen], "length": frame.length.ravel()[seen]}
+        table |= {"one": np.ones(len(seen)), "range": r, "range2": r**2, "log": np.log(A / 5e3), "log2": np.log(A / 5e3) ** 2}
+        table |= {"across": 2 * column / w - 1, "down": 2 * row / h - 1}
+        table |= {"across/range": table["across"] / r, "down/range": table["down"] / r}
+        wave = 4e6 * np.pi * 80.0 / LIGHT_M_PER_S
+        measured = np.nan_to_num(np.where(np.isfinite(view.depth), view.depth, np.nanmedian(view.depth)) * frame.length)
+        light = np.nan_to_num(frame.amplitude) * np.exp(1j * wave * measured)
+        own = np.exp(-1j * wave * r) / A / wave
+        table |= {f"veil {s}": np.imag(blurred(light, float(s), seen) * own) for s in (4, 30, 100, 400)}
+        out.append(table)
+    return out
+
+
+def _judged(tables: list[Table], columns: Callable[[Table], Float]) -> float:
+    """Mean in mm, over ten halves, of the mean over frames of the mean absolute error along z."""
+    rng, errors = np.random.default_rng(0), []
+    for _ in range(HALVINGS):
+        order = rng.permutation(len(tables))
+        one, other = order[: len(order) // 2], order[len(order) // 2 :]
+        for fit, judge in ((one, other), (other, one)):
+            beta = _robust(np.concatenate([columns(tables[i]) for i in fit]), np.concatenate([tables[i]["error"] for i in fit]))
+            errors += [np.mean([np.mean(np.abs(t["error"] - columns(t) @ beta) / t["length"]) for t in (tables[i] for i in judge)])]
+    return 1e3 * float(np.mean(errors))
+
+
+def _robust(X: Float, y: Float) -> Float:
+    """Least squares in which errors beyond `OUTLIER_M` count linearly."""
+    scale = np.sqrt((X**2).mean(axis=0)) + 1e-12
+    X, weight = X / scale, np.ones(len(y))
+    beta: Float = np.zeros(X.shape[1])
+    for _ in range(ROUNDS):
+        gram = (X * weight[:, None]).T @ X + RIDGE * len(y) * np.eye(X.shape[1])
+        beta = np.asarray(np.linalg.solve(gram, (X * weight[:, None]).T @ y), np.float64)
+        weight = np.asarray(1.0 / np.maximum(1.0, np.abs(y - X @ beta) / OUTLIER_M))
+    return np.asarray(beta / scale)

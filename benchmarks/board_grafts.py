@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Known errors grafted onto real frames before a board: each must be named, and nothing else that the frames as they are do not show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tof_core.arrays import Float
+    from tof_core.board.spec import Board
+    from tof_core.capture import Capture
+
+WIGGLE_COUNTS = np.array([15, 4, -10, -20, -21, 14, 9, 16, 15], float)
+"""Range error at eight equal steps of one period, and again at its end, in counts: the look-up table of a TI evaluation kit (CalculusCDK, 36 MHz)."""
+COUNTS, PERIOD_M = 1024, 299_792_458.0 / (2 * 36e6)
+WARM_UP_M, WARM_UP_K = 0.010, 12.0
+LATE_NS = 30_000_000
+
+
+def wiggled(capture: Capture, _: float) -> Capture:
+    """Range errors of the look-up table."""
+    length = capture.camera.ray_length()
+    r = capture.depth * length
+    at = np.mod(r, PERIOD_M) / PERIOD_M * (len(WIGGLE_COUNTS) - 1)
+    error = np.interp(at, np.arange(len(WIGGLE_COUNTS)), WIGGLE_COUNTS) * PERIOD_M / COUNTS
+    return replace(capture, depth=((r + error) / length).astype(np.float32))
+
+
+def radial(capture: Capture, _: float) -> Capture:
+    """Distance along the ray in the place of depth."""
+    return replace(capture, depth=(capture.depth * capture.camera.ray_length()).astype(np.float32))
+
+
+def without_lens(capture: Capture, _: float) -> Capture:
+    """A CameraInfo without distortion."""
+    return replace(capture, camera=replace(capture.camera, distortion=()))
+
+
+def warmed(capture: Capture, share: float) -> Capture:
+    """A drift of 10 mm over the frames, with a thermometer."""
+    length: Float = capture.camera.ray_length()
+    return replace(capture, depth=(capture.depth + share * WARM_UP_M / length).astype(np.float32), temperature=30.0 + share * WARM_UP_K)
+
+
+def late(capture: Capture, _: float) -> Capture:
+    """Stamps that are 30 ms late: nothing moves, so nothing may be named."""
+    return replace(capture, stamp_ns=capture.stamp_ns + LATE_NS)
+
+
+GRAFTS: dict[str, tuple[Callable[[Capture, float], Capture], str]] = {
+    "distance along the ray given as depth": (radial, "radial_depth"),
+    "lens coefficients withheld": (without_lens, "intrinsics"),
+    "range errors of a published look-up table": (wiggled, "wiggling"),
+    "warm-up of 10 mm": (warmed, "temperature_drift"),
+    "stamps 30 ms late": (late, ""),
+}
+NEVER = {"temperature_drift", "motion", "time_sync"}
+"""Effects that the frames as they are cannot show."""
+
+
+def grafted(captures: Sequence[Capture], graft: Callable[[Capture, float], Capture]) -> list[Capture]:
+    """The captures with an error; its size may grow from the first (0) to the last (1)."""
+    return [graft(c, k / max(len(captures) - 1, 1)) for k, c in enumerate(captures)]
+
+
+def names(captures: Sequence[Capture], board: Board) -> set[str]:
+    """Effects that the diagnosis names, ties apart."""
+    from tof_align.config import AlignConfig
+    from tof_core.calibration import Calibration
+    from tof_gap.config import GapConfig
+    from tof_gap.diagnose import diagnose
+    from tof_scene.raycast import Raycaster
+    from toftwin.boarded import NOT_TESTABLE, board_session
+
+    session = board_session(captures, board)
+    config = GapConfig(calibration=session.calibration(Calibration()))
+    found = diagnose(session.views, Raycaster(session.scene), config, session.align(AlignConfig()), untestable=NOT_TESTABLE)
+    return {name for verdict in found.verdict for name in verdict.split("|")} - {"none"}
+
+
+def judged(captures: Sequence[Capture], board: Board) -> tuple[int, int, str]:
+    """How many grafts are answered rightly, of how many, and the answers."""
+    plain = names(captures, board)
+    print(f"as they are: {', '.join(sorted(plain))}", flush=True)
+    right, answers = int(not plain & NEVER), [f"as they are {'+'.join(sorted(plain))}"]
+    for what, (graft, effect) in GRAFTS.items():
+        new = names(grafted(captures, graft), board) - plain
+        right += new == ({effect} if effect else set())
+        answers.append(f"{what}: {'+'.join(sorted(new)) or 'nothing'}")
+        print(answers[-1], flush=True)
+    return right, len(GRAFTS) + 1, "; ".join(answers)
