@@ -52,7 +52,7 @@ MODELS: dict[str, Callable[[Table], Float]] = {
     "the same and range as well": _columns(*LIGHT, *PLACE, "range"),
     "the same and range squared as well": _columns(*LIGHT, *PLACE, "range", "range2"),
     "ln amplitude, its square, and a tilt by the inverse of range": _columns(*LIGHT, "across/range", "down/range"),
-    "ln amplitude, its square, and light scattered in the lens": _columns(*LIGHT, "range", "veil 4", "veil 30", "veil 100", "veil 400"),
+    "ln amplitude, its square, and light that spreads in the lens": _columns(*LIGHT, "range", "veil 4", "veil 30", "veil 100", "veil 400"),
 }
 
 
