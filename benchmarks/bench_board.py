@@ -92,8 +92,8 @@ def fitted_and_judged(session: BoardSession, fit: Ints, other: Ints) -> Half:
 
 def plane_errors(views: Sequence[View], caster: Raycaster, model: SensorModel | None) -> float:
     """Mean over views of mean |depth - board| in mm, less the model's bias where one is given."""
-    from tof_gap.seen.residual import ideal_frames
     from tof_scene.render import render
+    from tof_sensor.known import ideal_frames
 
     renderings = [render(caster, v.camera, v.robot.T_cell_camera) for v in views if v.robot is not None]
     frames = ideal_frames(views, renderings, caster)

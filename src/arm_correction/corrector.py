@@ -16,6 +16,7 @@ from arm_correction.first import First
 from arm_correction.frames import Frames
 from arm_correction.reference import Reference, capture_reference
 from tof_align.config import AlignConfig
+from tof_align.known import known_removed_alone
 from tof_align.single import align_view
 from tof_core import se3
 from tof_core.errors import RefusedError
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
     from arm_correction.config import LimitConfig
     from arm_correction.register import Registration
+    from tof_align.known import Bias
     from tof_core.arrays import Float, Mask
     from tof_core.capture import RobotPose, View
     from tof_scene.raycast import Raycaster
@@ -40,9 +42,11 @@ class Corrector:
         *,
         caster: Raycaster | None = None,
         reference: Reference | None = None,
+        bias: Bias | None = None,
     ) -> None:
-        """`caster` allows corrections to the CAD, `reference` corrections to a stored view. Both may be given; `reference` also later."""
+        """`bias`: what is known of the camera, removed before a view is compared with the CAD (against a reference it cancels). `caster` allows corrections to the CAD, `reference` corrections to a stored view. Both may be given; `reference` also later."""
         self.config, self._align, self._caster = config or CorrectConfig(), align or AlignConfig(), caster
+        self._bias = bias
         self._busy = Lock()
         self._first: First | None = None
         if reference is not None:
@@ -112,7 +116,9 @@ class Corrector:
         wanted, priors = robot.T_cell_camera, self._align.priors
         if (first := self.reference) is not None:
             wanted = first.T_cell_body @ first.T_body_camera if first.T_cell_camera is None else first.T_cell_camera
-        found = register_to_cad(view, caster, wanted, robot.T_cell_camera, base_mm=priors.base_mm, base_deg=priors.base_deg)
+        found = register_to_cad(
+            self._clean(view, caster), caster, wanted, robot.T_cell_camera, base_mm=priors.base_mm, base_deg=priors.base_deg
+        )
         return self._proposed(found, robot, frames, now, None)
 
     def _proposed(
@@ -126,8 +132,16 @@ class Corrector:
     def _by_cad(self, view: View) -> Float | None:
         if self._caster is None or view.robot is None:
             return None
-        posed = align_view(view, self._caster, view.robot.T_cell_camera, np.diag(self._align.priors.base**2), self._align).posed
+        clean = self._clean(view, self._caster)
+        posed = align_view(clean, self._caster, view.robot.T_cell_camera, np.diag(self._align.priors.base**2), self._align).posed
         return posed.T_cell_camera if posed.accepted else None
+
+    def _clean(self, view: View, caster: Raycaster) -> View:
+        """The view less what is known of the camera."""
+        if self._bias is None or view.robot is None:
+            return view
+        prior = np.diag(self._align.priors.base**2)
+        return known_removed_alone(view, caster, self._bias, view.robot.T_cell_camera, prior, self._align)
 
     @contextmanager
     def _alone(self) -> Iterator[None]:

@@ -24,6 +24,7 @@ from tof_ros.placing import Placing
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
+from tof_sensor.known import known_bias
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -59,7 +60,7 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         live, config = self.config.live, self.config
         self._scene = open_scene(live.scene) if live.scene else None
         caster = Raycaster(self._scene) if self._scene else None
-        self._corrector = Corrector(config.correct, config.align, caster=caster)
+        self._corrector = Corrector(config.correct, config.align, caster=caster, bias=known_bias(live.sensor))
         if live.reference and Path(live.reference).with_suffix(".json").exists():
             self._corrector.use(load_reference(live.reference))
 

@@ -13,6 +13,7 @@ from tof_align.approach import approach
 from tof_align.carry import Carry
 from tof_align.chain import Chain, chain_of
 from tof_align.discrepancy import basis_of
+from tof_align.known import removed_at
 from tof_align.linearise import Linearised, linearise
 from tof_align.mixed import Mixed, Normal, estimate, solve
 from tof_align.observability import Observability, most_disputed, observe_block, pinned
@@ -26,6 +27,7 @@ from tof_core.capture import Posed
 if TYPE_CHECKING:
     from tof_align.config import AlignConfig
     from tof_align.discrepancy import Basis
+    from tof_align.known import Bias
     from tof_core.arrays import Float
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
@@ -71,18 +73,21 @@ class SessionAligner:
     errors. `finish` solves the whole session anew.
 
     caster: the scene; config: as for `solve_session` (in the modes per_view and robot nothing is
-    carried); window: views that are solved together.
+    carried); window: views that are solved together; bias: what is known of the camera, removed where
+    the views before predict the view's camera.
     """
 
     caster: Raycaster
     config: AlignConfig
     window: int = 24
+    bias: Bias | None = None
     samples: list[Sample] = field(default_factory=list)
     _kept: list[_Kept] = field(default_factory=list)
     _chain: Chain | None = None
     _basis: Basis | None = None
     _carry: Carry | None = None
     _sizes: dict[str, float] = field(default_factory=dict)
+    _start_ns: int | None = None
 
     def push(self, view: View) -> Posed:
         """The pose of a view, from the views so far.
@@ -94,12 +99,18 @@ class SessionAligner:
             TransformError: the view has no robot pose.
         """
         taken = sample(view, self.config.weights)
-        chain_of([taken], self.config.priors)
+        robot = chain_of([taken], self.config.priors)
+        session = self.config.mode == "session"
+        predicted = self._predicted(taken) if session else robot
+        if self.bias is not None:
+            self._start_ns = self._start_ns or view.stamp_ns
+            view = removed_at([view], [predicted.pose(-1)], self.caster, self.bias, self._start_ns)[0]
+            taken = sample(view, self.config.weights)
         self.samples.append(taken)
-        if self.config.mode != "session":
+        if not session:
             return solve_samples([taken], self.caster, self.config).posed[0]
         live = take_pixels(view, self.config.weights, pixels=self.config.weights.live_pixels)
-        return self._place(taken, live)
+        return self._place(taken, live, predicted)
 
     def finish(self) -> SessionSolution:
         """The final solution over all views pushed so far.
@@ -112,10 +123,9 @@ class SessionAligner:
     def reset(self) -> None:
         """Forget everything."""
         self.samples, self._kept, self._sizes = [], [], {}
-        self._chain = self._basis = self._carry = None
+        self._chain = self._basis = self._carry = self._start_ns = None
 
-    def _place(self, taken: Sample, live: Pixels) -> Posed:
-        predicted = self._predicted(taken)
+    def _place(self, taken: Sample, live: Pixels, predicted: Chain) -> Posed:
         lin = linearise(live, predicted.pose(len(self._kept)), self.caster, self.config.weights)
         if len(lin.residual) < self.config.verdict.min_pixels:
             return self._refused(predicted, f"only {len(lin.residual)} pixels see the CAD")
@@ -139,7 +149,7 @@ class SessionAligner:
     def _fit(self, live: Pixels, chain: Chain, lin: Linearised) -> _Fit:
         """Gauss-Newton on the new view and the window; the answer's step is not taken yet."""
         last = len(self._kept)
-        basis = self._basis or basis_of([lin], replace(self.config.discrepancy, centres=0), widen=1.6)
+        basis = self._basis or basis_of([lin], replace(self.config.discrepancy, centres=0, parts=False, bounces=False), widen=1.6)
         weights = weigh(lin, first_look(lin, self.config.weights.shared), self.config.weights)
         fit = self._solved(chain, basis, lin, weights)
         for _ in range(STEPS - 1):

@@ -93,6 +93,9 @@ class DiscrepancyConfig:
 
     enabled: bool = param(True, "estimate smooth errors that neighbours and views share")
     start_mm: float = param(1.0, "size at the start of the estimate", unit="mm", low=1e-3, why="usual bias is millimetres")
+    part_start_mm: float = param(
+        0.2, "the same of a part's motion", unit="mm", low=1e-3, why="what all pixels share is tried before a part is moved"
+    )
     floor_mm: float = param(0.01, "least size", unit="mm", low=1e-5, why="below any effect")
     ceiling_mm: float = param(30.0, "largest size", unit="mm", low=0.1, why="beyond, the scene is wrong")
     range_m: float = param(
@@ -100,6 +103,15 @@ class DiscrepancyConfig:
     )
     object_m: float = param(0.15, "correlation length of errors that stick to the surface", unit="m", low=0.01, why="size of a part")
     centres: int = param(40, "points of the surface that carry those errors", low=0, why="spread over a part")
+    parts: bool = param(True, "allow for parts that stand off their CAD")
+    part_share: float = param(
+        0.002,
+        "of all pixels on the CAD, the share from which a part counts, with a motion of its own",
+        low=0.0,
+        high=1.0,
+        why="a smaller part hardly holds a pose, but must not pull as if it stood right",
+    )
+    bounces: bool = param(True, "allow for light that comes by way of other parts")
     image_order: int = param(5, "highest order of errors that are smooth in the image", low=0, high=12, why="20 cosines")
     rounds: int = param(15, "rounds that estimate the sizes", low=1, why="more change little")
     amplitude: float = param(
@@ -145,6 +157,14 @@ class VerdictConfig:
         high=1.0,
         why="raster and edges move",
     )
+    part_mm: float = param(
+        2.0,
+        "distance from its CAD, relative to the other parts, above which a part is named",
+        unit="mm",
+        low=0.0,
+        why="usual tolerance of a part",
+    )
+    part_sigma: float = param(3.0, "and above so many of its deviations", low=0.0, why="chance: 1 in 370")
     lever_m: float = param(0.3, "1 rad weighs like this many metres where directions mix", unit="m", low=1e-3, why="size of a part")
 
 

@@ -12,12 +12,14 @@ neighbours with the same error count as thousands of measurements and outweigh e
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_align.bounced import Emitters, bounced_columns, emitters_of, no_emitters
+from tof_align.parts import MOTIONS, PartFrames, no_parts, part_columns, parts_of
 from tof_core.stats import grouped
 
 if TYPE_CHECKING:
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
     from tof_align.linearise import Linearised
     from tof_core.arrays import Float
 
-SHARED = ("range", "amplitude", "object", "image")
+SHARED = ("range", "amplitude", "object", "image", "bounce", "part")
 """Kinds whose coefficients all views share, in the order of their columns."""
 SPAN = (0.002, 0.998)
 """Quantiles of an observable between which knots stand: a few gross pixels must not stretch them."""
@@ -59,12 +61,15 @@ class Basis:
     root_object: Float
     object_m: float
     order: int
+    parts: PartFrames = field(default_factory=no_parts)
+    emitters: Emitters = field(default_factory=no_emitters)
 
     @property
     def shared(self) -> tuple[int, ...]:
         """Columns per kind of `SHARED`."""
-        image = _image_count(self.order)
-        return self.root_range.shape[1], self.root_amplitude.shape[1], self.root_object.shape[1], image
+        image, part = _image_count(self.order), MOTIONS * len(self.parts.index)
+        line = self.root_range.shape[1], self.root_amplitude.shape[1], self.root_object.shape[1]
+        return *line, image, self.emitters.count, part
 
     @property
     def local(self) -> tuple[int, ...]:
@@ -94,9 +99,9 @@ def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: f
     knots_a, root_a = _line(amplitudes, config.amplitude, config)
     surface = np.concatenate([_surface(v, config.object_m)[::SURFACE_STRIDE] for v in views])
     centres = farthest_points(surface, config.centres)
-    return Basis(
-        knots, root, knots_a, root_a, centres, _inverse_root(_surface_covariance(centres, centres)), config.object_m, config.image_order
-    )
+    inverse_root = _inverse_root(_surface_covariance(centres, centres))
+    parts = parts_of(views, config.part_share) if config.parts else no_parts()
+    return Basis(knots, root, knots_a, root_a, centres, inverse_root, config.object_m, config.image_order, parts, emitters_of(views))
 
 
 def shared_columns(basis: Basis, view: Linearised) -> Float:
@@ -111,19 +116,27 @@ def shared_columns(basis: Basis, view: Linearised) -> Float:
         parts.append(_surface_covariance(_surface(view, basis.object_m), basis.centres) @ basis.root_object)
     if basis.order > 0:
         parts.append(_image(view, basis.order))
+    if basis.emitters.count:
+        parts.append(bounced_columns(basis.emitters, view))
+    if len(basis.parts.index):
+        parts.append(part_columns(basis.parts, view))
     return np.concatenate(parts, axis=1) if parts else np.zeros((len(view.residual), 0))
 
 
-def beyond_columns(basis: Basis, view: Linearised, sizes: dict[str, float]) -> Float:
-    """(n,) deviation, metres, of errors that stick to the surface and that `shared_columns` cannot say.
+def beyond_columns(basis: Basis, view: Linearised, sizes: dict[str, float], limits: SharedLimits) -> Float:
+    """(n,) deviation, metres, of errors that stick to the surface and that `shared_columns` cannot describe.
 
-    A few dozen centres write down the smooth part of a rough process; how much is left at each place is known
-    (the Schur complement that Nystroem's columns leave out).
+    A few dozen centres describe the smooth part of a rough process; how much is left at each place is known
+    (the Schur complement that Nystroem's columns leave out). Of the light of other parts, one bounce between matt surfaces leaves a
+    share (`limits.light`), so concave places count less.
     """
-    if not basis.root_object.size or "object" not in sizes:
-        return np.zeros(len(view.residual))
-    described = (_surface_covariance(_surface(view, basis.object_m), basis.centres) @ basis.root_object) ** 2
-    return np.asarray(sizes["object"] * np.sqrt(np.maximum(1.0 - described.sum(axis=1), 0.0)))
+    out = np.zeros(len(view.residual))
+    if basis.root_object.size and "object" in sizes:
+        described = (_surface_covariance(_surface(view, basis.object_m), basis.centres) @ basis.root_object) ** 2
+        out = np.asarray(sizes["object"] * np.sqrt(np.maximum(1.0 - described.sum(axis=1), 0.0)))
+    if basis.emitters.count and "bounce" in sizes:
+        out = np.hypot(out, limits.light * sizes["bounce"] * bounced_columns(basis.emitters, view)[:, 0])
+    return out
 
 
 def local_columns(basis: Basis, view: Linearised) -> Float:

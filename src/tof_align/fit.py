@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_align.bounced import bounced
 from tof_align.discrepancy import basis_of, beyond_columns
 from tof_align.linearise import linearise
 from tof_align.mixed import estimate
+from tof_align.parts import PART, counts
 from tof_align.robust import first_look, weigh
 from tof_align.system import R, SessionSystem, assemble, unmodelled, weighted_gram
 from tof_core.arrays import Float
@@ -21,6 +23,7 @@ from tof_core.errors import RefusedError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tof_align.chain import Rig
     from tof_align.config import AlignConfig
     from tof_align.discrepancy import Basis
     from tof_align.linearise import Linearised
@@ -61,15 +64,14 @@ class Fitter:
             rig = rig.moved(answer.x, answer.own)
             if float(np.abs(system.camera_steps(answer)).max()) < STILL:
                 break
-        if self.last and max((self.sizes or {}).values(), default=0.0) < self.config.weights.last_mm * 1e-3:
+        smooth = [size for kind, size in (self.sizes or {}).items() if not kind.startswith(PART)]
+        if self.last and max(smooth, default=0.0) < self.config.weights.last_mm * 1e-3:
             self.pixels = self.last
         return self.once(rig, answer)
 
     def once(self, rig: R, before: Mixed | None = None) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
         """Cast, linearise, weigh by what the last answer left (the first time: a free pose), solve."""
-        views = tuple(
-            in_threads(lambda v: linearise(self.pixels[v], rig.pose(v), self.caster, self.config.weights), range(len(self.pixels)))
-        )
+        views = tuple(in_threads(lambda v: self._linearised(rig, v), range(len(self.pixels))))
         if not any(len(v.residual) for v in views):
             raise RefusedError("no view sees the CAD", where="alignment", todo="check the scene's frame and the robot's pose")
         self.basis = self.basis or basis_of(views, self.config.discrepancy)
@@ -80,18 +82,25 @@ class Fitter:
         answer = self._solve(assemble([gram for _, gram in weighed], rig, self.basis, theta_info))
         return replace(system, weights=tuple(w for w, _ in weighed), sizes=answer.sizes), answer, columns
 
+    def _linearised(self, rig: Rig, v: int) -> Linearised:
+        view = linearise(self.pixels[v], rig.pose(v), self.caster, self.config.weights)
+        if not (self.config.discrepancy.enabled and self.config.discrepancy.bounces):
+            return view
+        return replace(view, bounced=bounced(view, self.caster))
+
     def _weighed(self, system: SessionSystem[R], before: Mixed | None, columns: list[Float] | None, v: int) -> tuple[Float, Float]:
         view = system.views[v]
         smooth = None if before is None else unmodelled(system.rig, system.basis, view, before, v)
         left = first_look(view, self.config.weights.shared) if before is None else view.residual - system.explained(before, v, columns)
-        rough = 0.0 if before is None else beyond_columns(system.basis, view, before.sizes)
-        weight = weigh(view, left, self.config.weights, smooth, rough)
+        rough = 0.0 if before is None else beyond_columns(system.basis, view, before.sizes, self.config.weights.shared)
+        weight = weigh(view, left, self.config.weights, smooth, rough) * counts(system.basis.parts, view)
         return weight, weighted_gram(view, weight, system.basis, None if columns is None else columns[v])
 
     def _solve(self, normal: Normal) -> Mixed:
         d = self.config.discrepancy
         warm = self.sizes or {}
-        sizes = {kind: warm.get(kind, d.start_mm * 1e-3) for kind in (*normal.kinds, *normal.own_kinds)}
+        begin = {kind: (d.part_start_mm if kind.startswith(PART) else d.start_mm) * 1e-3 for kind in (*normal.kinds, *normal.own_kinds)}
+        sizes = begin | {kind: size for kind, size in warm.items() if kind in begin}
         answer = estimate(normal, sizes, rounds=d.rounds, low=d.floor_mm * 1e-3, high=d.ceiling_mm * 1e-3)
         self.sizes = dict(answer.sizes)
         return answer

@@ -74,6 +74,13 @@ class SharedLimits:
     view: float = param(
         0.3, "of an explained error of one view's own, the share that is wrong", low=0.0, high=1.0, why="one view trades it with its pose"
     )
+    light: float = param(
+        0.3,
+        "of the light of other parts, the share that is wrong",
+        low=0.0,
+        high=2.0,
+        why="second bounces, gloss and albedo are unknown by about so much",
+    )
     patches: float = param(16.0, "patches of a view within which such errors are alike", low=1.0, why="a quarter of the image each way")
     first_pixels: int = param(12, "pixels of a view's first robust step", low=7, why="twice the unknowns of a pose")
     first_sigma: float = param(3.0, "median deviations at which that step's weight falls to a half", low=0.5, why="two standard deviations")

@@ -22,7 +22,8 @@ class Linearised:
     jacobian (n, 6): metres of rendered z per right perturbation of the camera's pose (x, y, z,
     rotX, rotY, rotZ); residual (n,): measured minus rendered z, metres; sigma (n,): its noise,
     metres; index (n,): flat indices into (H, W); cell: flat indices into the raster (h, w);
-    point (n, 3), normal (n, 3): where the rays hit, cell frame; ray_length (n,).
+    point (n, 3), normal (n, 3): where the rays hit, cell frame; part (n,): of which part of the scene; ray_length (n,).
+    bounced (n, P): metres of z that the light of each part adds (`bounced.bounced`), where it was computed.
     `on_cad` counts raster pixels with a depth where the CAD has a surface too (before the cuts
     for edges and grazing): the denominator of support.
     """
@@ -39,7 +40,9 @@ class Linearised:
     point: Float
     normal: Float
     log_amplitude: Float | None
+    part: Ints
     on_cad: int
+    bounced: Float | None = None
 
     @property
     def ray_length(self) -> Float:
@@ -85,6 +88,7 @@ def linearise(pixels: Pixels, T_cell_camera: Float, caster: Raycaster, config: W
         point=t + z[at, None] * flat[at],
         normal=normal[at],
         log_amplitude=None if pixels.log_amplitude is None else pixels.log_amplitude.ravel()[at],
+        part=hits.part[at].astype(np.int64),
         on_cad=int(both.sum()),
     )
 

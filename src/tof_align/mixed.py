@@ -195,7 +195,8 @@ def estimate(
     """Solve, and find the sizes (metres, between `low` and `high`) that make the data most probable."""
     answer = solve(normal, sizes, pull)
     for _ in range(rounds if sizes else 0):
-        new = {kind: float(np.clip(_size(normal, answer, kind), low, high)) for kind in answer.sizes}
+        own = _own_variance(answer)
+        new = {kind: float(np.clip(_size(normal, answer, kind, own), low, high)) for kind in answer.sizes}
         still = all(abs(np.log(new[k] / answer.sizes[k])) < SETTLED for k in new)
         answer = solve(normal, new, pull)
         if still:
@@ -203,8 +204,8 @@ def estimate(
     return answer
 
 
-def _size(normal: Normal, answer: Mixed, kind: str) -> float:
-    """One fixed-point step for one kind."""
+def _size(normal: Normal, answer: Mixed, kind: str, own: Float) -> float:
+    """One fixed-point step for one kind; own (V, o): marginal variances of the views' own unknowns."""
     variance = answer.sizes[kind] ** 2
     if kind in normal.kinds:
         at = normal.kinds[kind]
@@ -214,7 +215,7 @@ def _size(normal: Normal, answer: Mixed, kind: str) -> float:
     else:
         at = normal.own_kinds[kind]
         square = float((answer.own[:, at] ** 2).sum())
-        posterior = float(_own_variance(answer)[:, at].sum())
+        posterior = float(own[:, at].sum())
         count = len(at) * len(answer.own)
     learnt = count - posterior / variance
     # EM's step where little is learnt: it is slower but never overshoots.

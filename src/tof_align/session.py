@@ -51,7 +51,7 @@ class SessionSolution:
     posed (V,): the cameras with covariance and verdict; stations (S,): their numbers;
     B (S, 4, 4): T_cell_body is really B @ T_cell_body; A (V, 4, 4); X (4, 4), X_cov (6, 6) of its
     right perturbation; theta (k,), theta_cov (k, k): coefficients of the extra columns;
-    sizes: how large the unmodelled errors are per kind, metres (what `discrepancy` lists);
+    sizes: how large the unmodelled errors are per kind, metres (what `discrepancy` lists; `part I` for part I of the scene);
     observability (S,): what the data leave open; system: the linear system at the solution, to
     refit with; fitted: its answer.
     """
@@ -185,13 +185,17 @@ def _conclude(
     kept = _keep(system, columns, answer, seen)
     chain = system.rig.moved(kept.x, kept.own)
     disputed = _disputed(system, kept, columns, seen, config)
-    judged = tuple(_judge_view(fitter, system, kept, columns, chain, seed, seen, disputed, v) for v in range(len(system.views)))
+    shifts = system.without_each_part(answer)
+    apart, unsure = system.stand_off(answer, len(fitter.caster.scene.parts))
+    parts = np.hypot(apart, unsure)
+    words = verdicts.apart_in_words(fitter.caster.scene.names, apart, unsure, config.verdict)
+    judged = tuple(_judge_view(fitter, system, kept, columns, chain, seed, seen, disputed, words, v) for v in range(len(system.views)))
     if not any(j.accepted for j in judged):
         raise RefusedError(judged[0].reason, where="alignment", todo="check the scene, its placement and the robot's pose")
     k = 0 if columns is None else columns[0].shape[1]
     end = g + sum(system.basis.shared)
     return SessionSolution(
-        posed=tuple(_posed(system, answer, chain, seen, v, judged[v]) for v in range(len(judged))),
+        posed=tuple(_posed(system, answer, chain, seen, v, judged[v], parts, shifts[:, v]) for v in range(len(judged))),
         verdicts=judged,
         stations=chain.names,
         B=chain.B,
@@ -261,13 +265,14 @@ def _judge_view(
     seed: Chain,
     seen: Sequence[Observability],
     disputed: Sequence[tuple[float, str]],
+    apart: str,
     v: int,
 ) -> verdicts.Verdict:
     config, T_seed = fitter.config, seed.pose(v)
     before = verdicts.fit_of(linearise(fitter.pixels[v], T_seed, fitter.caster, config.weights), config)
     after = verdicts.fit_of(system.views[v], config, system.explained(kept, v, columns))
     station = int(chain.station[v])
-    return verdicts.judge(before, after, T_seed, chain.pose(v), seed.prior_cov(v), seen[station].names, config, disputed[station])
+    return verdicts.judge(before, after, T_seed, chain.pose(v), seed.prior_cov(v), seen[station].names, config, disputed[station], apart)
 
 
 def _posed(
@@ -277,7 +282,9 @@ def _posed(
     seen: Sequence[Observability],
     v: int,
     verdict: verdicts.Verdict,
+    parts: Float,
+    shifts: Float,
 ) -> Posed:
     T = chain.pose(v)
-    cov = se3.cov_fixed_axes(T, system.camera_cov(answer, v))
-    return Posed(T, cov, seen[int(chain.station[v])].at(T[:3, 3]), verdict.accepted, verdict.reason)
+    cov = se3.cov_fixed_axes(T, system.camera_cov(answer, v) + shifts.T @ shifts)
+    return Posed(T, cov, seen[int(chain.station[v])].at(T[:3, 3]), verdict.accepted, verdict.reason, parts)

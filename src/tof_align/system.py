@@ -16,6 +16,7 @@ import numpy as np
 from tof_align.chain import Rig
 from tof_align.discrepancy import LOCAL, SHARED, Basis, local_columns, shared_columns
 from tof_align.mixed import Mixed, Normal, solve
+from tof_align.parts import MOTIONS, PART, stand_off
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from tof_align.linearise import Linearised
     from tof_core.arrays import Float, Ints
 
+FREE_PART_M = 0.005
+"""Size of the motion of a part that has no vote: beyond what a part or its light usually makes, and too little to let go of a base."""
 R = TypeVar("R", bound=Rig)
 
 
@@ -67,6 +70,39 @@ class SessionSystem(Generic[R]):
     def camera_cov(self, answer: Mixed, v: int) -> Float:
         """(6, 6) of the right perturbation of a camera, from all its links together."""
         return camera_cov(self.rig, answer, v)
+
+    def without_each_part(self, answer: Mixed) -> Float:
+        """(P, V, 6) right perturbations of the cameras when one part after the other has no vote: free to stand anywhere.
+
+        The part's prior information is taken off the solution (Woodbury's identity), so nothing is solved again.
+        """
+        at = self._part_columns
+        out = np.zeros((len(at), len(self.views), 6))
+        for p, own in enumerate(at):
+            size = answer.sizes[f"{PART}{self.basis.parts.index[p]}"]
+            freed = answer.cov[np.ix_(own, own)] - np.eye(MOTIONS) / (size**-2 - FREE_PART_M**-2)
+            step = -answer.cov[:, own] @ np.linalg.solve(freed, answer.x[own])
+            for v in range(len(self.views)):
+                shared, arm = self.rig.links(v)
+                mine = step[answer.where[v]]
+                out[p, v] = shared @ mine[: shared.shape[1]] - arm @ (answer.gain[v] @ mine)[: arm.shape[1]]
+        return out
+
+    @property
+    def _part_columns(self) -> Ints:
+        """(P, 6) where the columns of each part stand among the session's unknowns."""
+        parts = len(self.basis.parts.index)
+        start = self.rig.globals_ + sum(self.basis.shared) - MOTIONS * parts
+        return start + np.arange(MOTIONS * parts).reshape(-1, MOTIONS)
+
+    def stand_off(self, answer: Mixed, count: int) -> tuple[Float, Float]:
+        """(count,), (count,) metres by which each of the scene's parts seems to stand off its CAD, RMS along its normal, and its deviation."""
+        parts, at = self.basis.parts, self._part_columns
+        motion, cov = answer.x[at], answer.cov[at[:, :, None], at[:, None, :]]
+        apart, std = np.zeros(count), np.zeros(count)
+        apart[parts.index] = stand_off(parts, self.views, motion[:, :, None] * motion[:, None, :])
+        std[parts.index] = stand_off(parts, self.views, cov)
+        return apart, std
 
     def explained(self, answer: Mixed, v: int, columns: Sequence[Float] | None = None) -> Float:
         """(n,) metres of a view that discrepancy and columns explain."""
@@ -132,9 +168,18 @@ def assemble(grams: Sequence[Float], rig: Rig, basis: Basis | None, theta_info: 
         error=np.concatenate([error, np.zeros(m + k)]),
         own_info=np.concatenate([own_info, np.zeros(q)]),
         own_error=np.concatenate([own_error, np.zeros((len(grams), q))], axis=1),
-        kinds=_indices(SHARED, shared_sizes, g),
+        kinds=_kinds(basis, g),
         own_kinds=_indices(LOCAL, local_sizes, rig.own),
     )
+
+
+def _kinds(basis: Basis | None, start: int) -> dict[str, Ints]:
+    """Where the columns of each kind that all views share stand; every part is a kind of its own."""
+    if basis is None:
+        return {}
+    kinds = _indices(SHARED, basis.shared, start)
+    motions = kinds.pop("part", np.zeros(0, np.int64)).reshape(-1, MOTIONS)
+    return kinds | {f"{PART}{index}": at for index, at in zip(basis.parts.index, motions, strict=True)}
 
 
 def _indices(names: Sequence[str], sizes: Sequence[int], start: int) -> dict[str, Ints]:

@@ -11,7 +11,9 @@ import numpy as np
 from tof_core import se3
 
 if TYPE_CHECKING:
-    from tof_align.config import AlignConfig
+    from collections.abc import Sequence
+
+    from tof_align.config import AlignConfig, VerdictConfig
     from tof_align.linearise import Linearised
     from tof_core.arrays import Float
 
@@ -102,12 +104,14 @@ def judge(
     null: tuple[str, ...],
     config: AlignConfig,
     disputed: tuple[float, str] = (1.0, ""),
+    apart: str = "",
 ) -> Verdict:
     """Accept or refuse, with the first reason that applies.
 
     `cov_prior` (6, 6) is of the right perturbation of `T_seed`; None: nothing is known and no
     step is too large. `disputed`: the known direction in which pixels disagree most: the share of
     its information that agrees with the CAD, and the direction in words (`observability.most_disputed`).
+    `apart`: parts that disagree with the rest, in words (`apart_in_words`); "" where all agree.
     """
     limits = config.verdict
     metres, degrees = se3.distance(T_seed, T)
@@ -127,10 +131,19 @@ def judge(
     elif fit.pixels * fit.support < limits.fewer * seed.pixels * seed.support and fit.score > seed.score:
         reason = f"no better than the robot's pose ({100 * fit.support:.0f} % against {100 * seed.support:.0f} % agree)"
     accepted = not reason
-    return Verdict(accepted, reason or _praise(null), seed, fit, metres * 1000, degrees, step, null)
+    return Verdict(accepted, reason or _praise(null, apart), seed, fit, metres * 1000, degrees, step, null)
 
 
-def _praise(null: tuple[str, ...]) -> str:
-    if not null:
-        return "ok"
-    return "robot's pose kept where the data do not say: " + "; ".join(null)
+def _praise(null: tuple[str, ...], apart: str) -> str:
+    open_ = "robot's pose kept where the data do not say: " + "; ".join(null) if null else ""
+    return "; ".join(filter(None, [open_, apart])) or "ok"
+
+
+def apart_in_words(names: Sequence[str], apart: Float, std: Float, config: VerdictConfig) -> str:
+    """Which parts disagree with the rest, largest first; "" where none does.
+
+    names (P,); apart (P,): metres by which each seems to stand off its CAD, std (P,): its deviation.
+    """
+    sure = (apart > config.part_mm * 1e-3) & (apart > config.part_sigma * std)
+    found = [f"{names[p]} against the rest by {1e3 * apart[p]:.0f} mm" for p in np.argsort(-apart) if sure[p]]
+    return "parts disagree: " + ", ".join(found) if found else ""

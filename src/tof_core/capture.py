@@ -127,6 +127,8 @@ class Posed:
     null: Float = field(default_factory=lambda: np.zeros((0, 6)))
     accepted: bool = True
     verdict: str = "ok"
+    parts: Float = field(default_factory=lambda: np.zeros(0))
+    """(P,) metres along the surface's normal by which each part of the scene seems to stand off its CAD, RMS; empty: none does."""
 
     @property
     def cov_right(self) -> Float:

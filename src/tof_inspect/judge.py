@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_align.config import AlignConfig
+from tof_align.known import known_removed
 from tof_align.session import solve_session
 from tof_core.errors import RefusedError, SceneError
 from tof_inspect.colour import Colours, Picture
@@ -22,6 +23,7 @@ from tof_scene.scene import Scene
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tof_align.known import Bias
     from tof_core.capture import Posed, View
     from tof_inspect.evidence import Seen
     from tof_inspect.without import Without
@@ -73,10 +75,15 @@ class Inspector:
     """
 
     def __init__(
-        self, caster: Raycaster, config: InspectConfig | None = None, align: AlignConfig | None = None, first: Sequence[Picture] = ()
+        self,
+        caster: Raycaster,
+        config: InspectConfig | None = None,
+        align: AlignConfig | None = None,
+        first: Sequence[Picture] = (),
+        bias: Bias | None = None,
     ) -> None:
-        """Refuse a scene without parts to inspect."""
-        self.first = tuple(first)
+        """Refuse a scene without parts to inspect; `bias`: what is known of the camera, removed before anything is judged."""
+        self.first, self._bias = tuple(first), bias
         self.caster, self.config, self.align, self.scene = caster, config or InspectConfig(), align or AlignConfig(), caster.scene
         self.names = tuple(part.name for part in self.scene.parts if part.inspect)
         if not self.names:
@@ -103,7 +110,8 @@ class Inspector:
         """
         if not views:
             raise RefusedError("there is no view to judge", where="inspection", todo="toftwin doctor lists what the input lacks")
-        return self.inspect(views, solve_session(views, self.caster, self.align).posed)
+        clean = views if self._bias is None else known_removed(views, self.caster, self._bias, self.align)
+        return self.inspect(clean, solve_session(clean, self.caster, self.align).posed)
 
     def inspect(self, views: Sequence[View], posed: Sequence[Posed]) -> Inspection:
         """Judge every part from views at known poses; those that are not accepted, or disagree with the CAD, are left out.

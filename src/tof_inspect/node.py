@@ -24,6 +24,7 @@ from tof_ros.placing import Placing
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
+from tof_sensor.known import known_bias
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -65,7 +66,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         live = self.config.live
         if not live.scene:
             raise UsageError("no scene given", where=NAME, todo="start it with --scene, or -p live.scene:=FILE")
-        self._inspector = Inspector(Raycaster(open_scene(live.scene)), self.config.inspect, self.config.align)
+        self._inspector = Inspector(Raycaster(open_scene(live.scene)), self.config.inspect, self.config.align, bias=known_bias(live.sensor))
 
     def start(self) -> None:
         """Hear `preproc` and TF."""

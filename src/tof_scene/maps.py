@@ -49,7 +49,7 @@ def concavity(caster: Raycaster, points: Float, normals: Float, rays: int = 32, 
     `points`, `normals` (n, 3) in the cell frame, unit normals away from the surface. A plane has 0, the bottom of a deep hole 1,
     a corner of two walls at right angles 1/2. This is ambient occlusion.
     """
-    directions = np.einsum("nij,kj->nki", _bases(normals), _hemisphere(rays))
+    directions = half_space(normals, rays)
     starts = np.repeat(points + CLEARANCE_M * normals, rays, axis=0)
     return np.asarray(caster.blocked(starts, directions.reshape(-1, 3), reach_m).reshape(len(points), rays).mean(axis=1))
 
@@ -81,6 +81,11 @@ def _spread(coarse: Image, rendering: Rendering, stride: int) -> Image:
     left = np.isnan(out) & (rendering.part >= 0)
     out[left] = np.nan_to_num(coarse[rows[:, None], columns[None]][left])
     return out
+
+
+def half_space(normals: Float, rays: int) -> Float:
+    """(n, rays, 3) directions over the half-space of each unit normal (n, 3), with cosine density."""
+    return np.asarray(np.einsum("nij,kj->nki", _bases(normals), _hemisphere(rays)))
 
 
 def _hemisphere(n: int) -> Float:

@@ -18,6 +18,7 @@ from tof_sim_label.world import session_surprises
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tof_align.known import Bias
     from tof_align.session import SessionSolution
     from tof_scene.raycast import Raycaster
 
@@ -34,20 +35,26 @@ Labels = Iterator[tuple[View, Label]]
 """Views with their labels, rendered one at a time on demand."""
 
 
-def label_session(views: Sequence[View], caster: Raycaster, config: LabellerConfig | None = None) -> tuple[SessionSolution, Labels]:
+def label_session(
+    views: Sequence[View], caster: Raycaster, config: LabellerConfig | None = None, bias: Bias | None = None
+) -> tuple[SessionSolution, Labels]:
     """Final labels of a whole session (batch): its solution, and its views with their labels.
+
+    `bias`: what is known of the camera, removed before the poses are solved.
 
     Raises:
         RefusedError: the session fits the CAD nowhere, there is none, or its depth is radial, not z.
         TransformError: a view has no robot pose.
     """
+    from tof_align.known import known_removed
     from tof_align.session import solve_session
 
     config = config or LabellerConfig()
     gate = RadialGate()
     for view in views:
         gate.check(view)
-    solution = solve_session(views, caster, config.align)
+    clean = views if bias is None else known_removed(views, caster, bias, config.align)
+    solution = solve_session(clean, caster, config.align)
     return solution, _labels(views, solution, caster, config)
 
 

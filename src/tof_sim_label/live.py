@@ -18,6 +18,7 @@ class LiveConfig(ViewOptions):
         2.5, "a view is labelled after this time without another one; 0: only when the next dwell begins", unit="s", low=0.0, high=3600.0
     )
     publish_tf: bool = param(True, "publish the cell's frame (latched) if TF lacks it, and CAMERA_aligned of each view")
+    sensor: str = param("", "sensor.yaml of the camera: its effects are removed before poses are solved; empty: nothing is known")
     record: str = param("", "folder in which ~/start_recording writes a bag of the labels")
 
 

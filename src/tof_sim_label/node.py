@@ -24,6 +24,7 @@ from tof_ros.recorder import RecordService
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
+from tof_sensor.known import known_bias
 from tof_sim_label.live import LabelNodeConfig
 from tof_sim_label.stream import Labelled, LabelStream, warm_up
 
@@ -75,12 +76,13 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
             raise UsageError("no scene given", where="sim_label", todo="start it with --scene, or -p live.scene:=FILE")
         self._scene = open_scene(live.scene)
         self._caster = Raycaster(self._scene)
+        self._bias = known_bias(live.sensor)
         warm_up(self._caster)
 
     def start(self) -> None:
         """Hear `preproc` and TF; a session begins."""
         live = self.config.live
-        self._stream = LabelStream(self._caster, self.config)
+        self._stream = LabelStream(self._caster, self.config, self._bias)
         self._frames = Frames(self) if live.publish_tf else None
         on_placed = self._frames.placed if self._frames else None
         self._chain = self._placing.chain(live, self._scene.frame, self._scene.placed_in, on_placed)
@@ -158,7 +160,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
 
     def retune(self, config: LabelNodeConfig) -> None:
         """Other settings begin a new session; the scene stays loaded."""
-        self._stream = LabelStream(self._caster, config)
+        self._stream = LabelStream(self._caster, config, self._bias)
 
     def reset(self) -> str:
         """Forget the session."""

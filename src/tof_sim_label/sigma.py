@@ -5,7 +5,7 @@ A label is the CAD seen along a ray, so its error is that of the pose and of the
 of the sensor. It has four independent terms, all along z:
 
 - pose: `J cov J'` with the point-to-plane Jacobian of depth along a fixed ray;
-- CAD: the surface's own deviation along its normal;
+- CAD: the surface's own deviation along its normal, and that of its part, where parts disagree;
 - edge: near a silhouette the pose decides which of two surfaces the pixel sees. The term is the step
   between them times the standard deviation of that decision;
 - offset: a constant range offset moves the solved pose with it (5 mm of offset give 4.9 mm of label
@@ -34,17 +34,19 @@ FAR = 4.0
 """Reach of a silhouette in its standard deviations."""
 
 
-def label_sigma(rendering: Rendering, cov_right: Float, config: LabelConfig) -> Image:
+def label_sigma(rendering: Rendering, cov_right: Float, config: LabelConfig, parts: Float | None = None) -> Image:
     """Standard deviation of the label (H, W), metres of z; NaN where the ray misses.
 
     Args:
         rendering: the label's own rendering.
         cov_right: (6, 6) covariance of `T_cell_camera @ exp(xi)`.
         config: the terms that are not the pose's.
+        parts: (P,) metres along the normal by which each part of the scene may stand off its CAD; None or empty: none does.
     """
     camera = rendering.camera
     root = np.linalg.cholesky(np.asarray(cov_right, float) + 1e-18 * np.eye(6))
     sigma: Image = _sigma(
+        _cad(rendering, config.cad_sigma_mm * 1e-3, parts),
         rendering.depth,
         rendering.normal,
         rendering.mixed,
@@ -52,15 +54,23 @@ def label_sigma(rendering: Rendering, cov_right: Float, config: LabelConfig) -> 
         camera.rays(),
         root,
         np.array([camera.fx, camera.fy]),
-        config.cad_sigma_mm * 1e-3,
         config.unseen_offset_mm * 1e-3,
         config.edge_px,
     )
     return sigma
 
 
+def _cad(rendering: Rendering, surface: float, parts: Float | None) -> Image:
+    """(H, W) metres along the normal: how far the real surface is from its CAD."""
+    if parts is None or not len(parts):
+        return np.full(rendering.depth.shape, surface, np.float32)
+    own = np.append(parts, 0.0)[rendering.part]
+    return np.asarray(np.hypot(surface, own), np.float32)
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _sigma(
+    cad: Image,
     depth: Image,
     normal: Image,
     mixed: Image,
@@ -68,7 +78,6 @@ def _sigma(
     rays: Float,
     root: Float,
     focal: Float,
-    cad: float,
     offset: float,
     edge_px: float,
 ) -> Image:
@@ -83,7 +92,7 @@ def _sigma(
                 continue
             n, r = normal[v, u], rays[v, u]
             slope = n[0] * r[0] + n[1] * r[1] + n[2]
-            surface = _pose_variance(n, r, z, root) + cad * cad
+            surface = _pose_variance(n, r, z, root) + cad[v, u] * cad[v, u]
             step2 = 0.0
             if edge[v, u]:
                 step2 = _silhouette(depth, mixed, second, rays, n, z, v, u, reach, _image_sigma(r, z, root, focal, edge_px))

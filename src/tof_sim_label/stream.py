@@ -19,6 +19,7 @@ from tof_sim_label.label import Label, label_view
 from tof_sim_label.labeller import LabellerConfig
 
 if TYPE_CHECKING:
+    from tof_align.known import Bias
     from tof_scene.raycast import Raycaster
 
 
@@ -38,14 +39,14 @@ class LabelStream:
     not grow with time.
     """
 
-    def __init__(self, caster: Raycaster, config: LabellerConfig | None = None) -> None:
-        """No view yet."""
-        self._caster, self._config = caster, config or LabellerConfig()
+    def __init__(self, caster: Raycaster, config: LabellerConfig | None = None, bias: Bias | None = None) -> None:
+        """No view yet; `bias`: what is known of the camera, removed before a pose is solved."""
+        self._caster, self._config, self._bias = caster, config or LabellerConfig(), bias
         self.reset()
 
     def reset(self) -> None:
         """Forget the session."""
-        self._aligner = SessionAligner(self._caster, self._config.align)
+        self._aligner = SessionAligner(self._caster, self._config.align, bias=self._bias)
         self._gate = RadialGate()
         self._pending: View | None = None
 

@@ -29,7 +29,7 @@ def session_surprises(views: Sequence[View], posed: Sequence[Posed], caster: Ray
 
     def seen(view: View, pose: Posed) -> Seen:
         rendering = render(caster, view.camera, pose.T_cell_camera, footprints=False)
-        return seen_of(view, rendering, label_sigma(rendering, pose.cov_right, config), config)
+        return seen_of(view, rendering, label_sigma(rendering, pose.cov_right, config, pose.parts), config)
 
     accepted = [k for k, p in enumerate(posed) if p.accepted]
     found = find_surprises([seen(views[k], posed[k]) for k in accepted], caster, config.world)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from tof_core.errors import DatasetError, UsageError
 from tof_core.progress import progress
 from toftwin.batch_engines import ENGINES
+from toftwin.known import Known
 from toftwin.label_call import KEPT, LabelCall, Outcome, files
 from toftwin.pipeline import PipelineConfig
 
@@ -29,6 +30,7 @@ def label_bags(
     *,
     mode: str = "final",
     initial_pose: str = "",
+    known: Known | None = None,
     engine: str = "local",
     workers: int = 0,
     each: Callable[[Outcome], None] = lambda _: None,
@@ -43,8 +45,9 @@ def label_bags(
         scene: `scene.yaml`, its folder, or the name of a built-in scene.
         out: folder of the datasets' folders; made if it does not exist.
         config: settings; defaults if not given.
-        mode: source of the poses, one of `toftwin.labelling.MODES`.
+        mode: source of the poses, one of `toftwin.known.MODES`.
         initial_pose: the text of `--initial-pose`.
+        known: what is known of the camera.
         engine: `local`, processes of this host, or `ray`, a Ray cluster.
         workers: processes, one core each; 0 for as many as there are cores.
         each: called with every outcome as soon as it is there, except those kept.
@@ -53,7 +56,7 @@ def label_bags(
         UsageError: a pattern fits nothing, two bags would be written to one folder, or Ray is not installed.
     """
     config = config or PipelineConfig()
-    calls = [LabelCall(bag, scene, out / _name(bag), config, mode, initial_pose) for bag in find_bags(bags)]
+    calls = [LabelCall(bag, scene, out / _name(bag), config, mode, initial_pose, known=known or Known()) for bag in find_bags(bags)]
     wanted = calls[0].provenance()
     outcomes = [outcome for call in calls if (outcome := _kept(call, wanted)) is not None]
     before = {outcome.bag for outcome in outcomes}

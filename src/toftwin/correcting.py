@@ -14,6 +14,7 @@ from toftwin.pipeline import PipelineConfig, ViewStream
 
 if TYPE_CHECKING:
     from arm_correction.reference import Reference
+    from tof_align.known import Bias
     from tof_core.bag import BagReader
     from tof_core.capture import View
     from tof_scene.scene import Scene
@@ -34,11 +35,11 @@ def views_of(reader: BagReader, config: CorrectionConfig) -> list[View]:
     return views
 
 
-def corrector_of(scene: Scene | None, reference: Reference | None, config: CorrectionConfig) -> Corrector:
-    """A corrector that compares with the CAD, with a reference view, or with both."""
+def corrector_of(scene: Scene | None, reference: Reference | None, config: CorrectionConfig, bias: Bias | None = None) -> Corrector:
+    """A corrector that compares with the CAD, with a reference view, or with both; `bias`: what is known of the camera."""
     caster = None
     if scene is not None:
         from tof_scene.raycast import Raycaster
 
         caster = Raycaster(scene)
-    return Corrector(config.correct, config.align, caster=caster, reference=reference)
+    return Corrector(config.correct, config.align, caster=caster, reference=reference, bias=bias)

@@ -6,14 +6,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from tof_align.known import known_removed
 from tof_core.calibration import FILE as CALIBRATION_FILE
 from tof_core.calibration import Calibration, load_calibration
 from tof_core.config import section
 from tof_gap.config import GapConfig
 from tof_gap.diagnose import diagnose
-from tof_gap.solve.known import known_removed
 from tof_gap.tell.against import AgainstLimits
 from tof_scene.raycast import Raycaster
+from tof_sensor.known import KnownBias
 from toftwin.boarded import NOT_TESTABLE, BoardSource
 from toftwin.pipeline import PipelineConfig, raw_views
 from toftwin.retraining import RetrainConfig
@@ -54,7 +55,7 @@ def diagnose_bag(
         config = replace(config, gap=replace(config.gap, calibration=reader.session.calibration(config.gap.calibration)))
     if known is not None:
         progress("removing known effects")
-        views = known_removed(views, caster, known, align)
+        views = known_removed(views, caster, KnownBias(known), align)
     gap = config.gap
     beside = scene.folder / CALIBRATION_FILE
     if gap.calibration == Calibration() and beside.exists():

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from toftwin.faults import explain
+from toftwin.known import MODES, Known
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,8 +25,8 @@ DONE, KEPT, FAILED = "done", "kept", "failed"
 class LabelCall:
     """A bag, the scene or board it shows, the folder of its dataset, and how it is labelled.
 
-    `mode` is one of `toftwin.labelling.MODES`; `initial_pose` is the text of `--initial-pose`, "" for none; `board` that of `--board`, ""
-    where `scene` is given.
+    `mode` is one of `toftwin.known.MODES`; `initial_pose` is the text of `--initial-pose`, "" for none; `board` that of `--board`, ""
+    where `scene` is given; `known` is what is known of the camera.
     """
 
     bag: str
@@ -36,6 +37,7 @@ class LabelCall:
     initial_pose: str = ""
     board: str = ""
     calibrate: bool = False
+    known: Known = field(default_factory=Known)
 
     def run(self) -> LabelResult:
         """Label the bag in this process; `toftwin.labelling.label_bag` names the errors."""
@@ -50,17 +52,15 @@ class LabelCall:
         )
         with opened as (reader, scene):
             config = replace(config, align=posed_by_board(reader, config.align))
-            return label_bag(reader, Raycaster(scene), config, self.out, mode=self.mode)
+            return label_bag(reader, Raycaster(scene), config, self.out, known=self.known, mode=self.mode)
 
     def provenance(self) -> tuple[str, str, str]:
         """Digest of the scene, digest of the configuration and source of the poses, as the dataset records them."""
-        from tof_core.hashing import digest_config
         from tof_scene.builtin import open_scene
-        from toftwin.labelling import MODES, POSE_SOURCES
 
         assert self.scene is not None, "a batch is of bags that show one scene"
         config = replace(self.config, align=replace(self.config.align, mode=MODES[self.mode]))
-        return open_scene(self.scene).digest, digest_config(config), POSE_SOURCES[self.mode]
+        return open_scene(self.scene).digest, self.known.digest(config), self.known.source(self.mode)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,11 +13,11 @@ import numpy as np
 from tof_core.capture import View
 from tof_core.config import to_mapping
 from tof_core.errors import RefusedError, UsageError
-from tof_core.hashing import digest_config
 from tof_core.progress import progress
 from tof_core.yamlio import save_yaml
 from tof_eval.pooled import PooledError
 from tof_scene.world.words import described
+from toftwin.known import MODES, Known
 from toftwin.mistakes.refusal import explained
 from toftwin.pipeline import PipelineConfig, ViewStream
 from toftwin.resume import OtherBagError, Unfinished, save_json
@@ -36,10 +36,6 @@ if TYPE_CHECKING:
     from toftwin.boarded import BoardSource
 
     Labelled: TypeAlias = tuple[View, Posed, Callable[[], Label]]
-
-MODES = {"final": "session", "causal": "session", "per_view": "per_view", "robot": "robot"}
-"""Modes of labelling and the alignment mode of each."""
-POSE_SOURCES = {"final": "session, final", "causal": "session, causal", "per_view": "per view", "robot": "robot"}
 
 
 @dataclass(slots=True)
@@ -88,6 +84,7 @@ def label_bag(
     config: PipelineConfig,
     out: Path,
     *,
+    known: Known | None = None,
     mode: str = "final",
     also: Sequence[str] = (),
 ) -> LabelResult:
@@ -95,7 +92,7 @@ def label_bag(
 
     The dataset gets its name when it is complete; an earlier one stays until then. An interrupted run leaves
     `dataset.zarr.part`, and the same call continues where it stopped.
-    `also` names further modes whose poses are computed, too (`LabelResult.others`), with mode final.
+    `known` is what is known of the camera. `also` names further modes whose poses are computed, too (`LabelResult.others`), with mode final.
 
     Raises:
         RefusedError: the bag has no usable frame, or the session fits the CAD nowhere.
@@ -105,10 +102,12 @@ def label_bag(
     if mode not in MODES:
         raise UsageError(f"'{mode}' is not one of {', '.join(MODES)}", where="--mode")
     config = replace(config, align=replace(config.align, mode=MODES[mode]))
+    known = known or Known()
+    known.check(mode)
     new = not out.exists()
     out.mkdir(parents=True, exist_ok=True)
-    attributes = Attributes(caster.scene.digest, digest_config(config), POSE_SOURCES[mode], caster.scene.names)
-    job = _Job(reader, caster, config, tuple(also), causal=mode == "causal")
+    attributes = Attributes(caster.scene.digest, known.digest(config), known.source(mode), caster.scene.names)
+    job = _Job(reader, caster, config, known, tuple(also), causal=mode == "causal")
     try:
         result, poses = job.run(out, attributes)
     except OtherBagError:  # the data of an earlier run belong to another bag, and are removed now
@@ -130,6 +129,7 @@ class _Job:
     reader: BagReader | BoardSource
     caster: Raycaster
     config: PipelineConfig
+    known: Known
     also: tuple[str, ...]
     causal: bool
 
@@ -150,7 +150,6 @@ class _Job:
         """Poses from one solution of the whole session."""
         from tof_align.session import solve_session
         from tof_sim_label.label import label_view
-        from tof_sim_label.labeller import label_session
         from tof_sim_label.world import session_surprises
 
         views = list[View]()
@@ -159,23 +158,33 @@ class _Job:
                 dataset.append_capture(capture, len(views))
             views.append(view)
         try:
-            posed = dataset.solved(views, "labels", lambda: label_session(views, self.caster, self.config.labeller)[0])
+            posed = dataset.solved(views, "labels", partial(self._poses, views))
         except RefusedError as error:
             raise explained(error, views, self.caster, self.config.input, self.config.align) from error
         for name in self.also:
             other = replace(self.config.align, mode=MODES[name])
-            found = dataset.solved(views, name, partial(solve_session, views, self.caster, other))
+            found = dataset.solved(views, name, lambda align=other: solve_session(views, self.caster, align).posed)  # type: ignore[misc]
             result.others[name] = [p.T_cell_camera for p in found]
         world = session_surprises(views, posed, self.caster, self.config.label)
         result.world = described(world, self.caster.scene)
         for view, pose, codes in progress(zip(views, posed, world.pixels, strict=True), "labels", len(views)):
             yield view, pose, partial(label_view, view, pose, self.caster, self.config.label, codes)
 
+    def _poses(self, views: Sequence[View]) -> Sequence[Posed]:
+        """The cameras of all views, by what is known of the camera and, where asked for, by what its diagnosis finds."""
+        from tof_sim_label.labeller import label_session
+
+        if self.known.joint:
+            from toftwin.joint import joint_poses
+
+            return joint_poses(self.reader, views, self.caster, self.config, self.known.model)
+        return label_session(views, self.caster, self.config.labeller, self.known.bias)[0].posed
+
     def _causal(self, dataset: Unfinished, result: LabelResult) -> Iterator[Labelled]:
         """The live result, by the code of the node `sim_label`: the pose of each view follows from the views before it."""
         from tof_sim_label.stream import LabelStream
 
-        stream, number = LabelStream(self.caster, self.config.labeller), 0
+        stream, number = LabelStream(self.caster, self.config.labeller, self.known.bias), 0
         for view, members in self._views(result):
             stream.push(view)
             labelled = stream.flush()

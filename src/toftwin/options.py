@@ -96,6 +96,13 @@ def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_sensor(parser: argparse.ArgumentParser, use: str) -> None:
+    """`--sensor`: what is known of the camera; `use` says before what it is removed."""
+    parser.add_argument(
+        "--sensor", type=Path, metavar="FILE", help=f"sensor.yaml of this camera (toftwin gap): its effects are removed before {use}"
+    )
+
+
 def add_bag_arguments(parser: argparse.ArgumentParser, section: str = "input") -> None:
     """A flag for every row of `BagOptions` (`--depth-topic`, `--cell-frame`, ...), and `--initial-pose`."""
     from tof_core.options import BagOptions

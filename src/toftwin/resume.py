@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
-    from tof_align.session import SessionSolution
     from tof_core.camera import Camera
     from tof_core.capture import Capture, View
     from tof_sim_label.label import Label
@@ -83,13 +82,13 @@ class Unfinished:
         ):
             raise OtherBagError
 
-    def solved(self, views: Sequence[View], name: str, solve: Callable[[], SessionSolution]) -> list[Posed]:
+    def solved(self, views: Sequence[View], name: str, solve: Callable[[], Sequence[Posed]]) -> list[Posed]:
         """The stored poses of these views under `name`; if there are none, those of `solve`, which are stored then."""
         key, kept = _key(views), self._kept_poses()
         if kept.get("of") != key:
             kept = {"of": key}
         if name not in kept:
-            kept[name] = [_to_json(p) for p in solve().posed]
+            kept[name] = [_to_json(p) for p in solve()]
             save_json(self._poses, kept)
         return [_from_json(p) for p in kept[name]]
 
@@ -148,6 +147,7 @@ def _to_json(posed: Posed) -> dict[str, Any]:
         "null": posed.null.tolist(),
         "accepted": bool(posed.accepted),
         "verdict": posed.verdict,
+        "parts": posed.parts.tolist(),
     }
 
 
@@ -158,4 +158,5 @@ def _from_json(values: dict[str, Any]) -> Posed:
         np.array(values["null"]).reshape(-1, 6),
         values["accepted"],
         values["verdict"],
+        np.array(values["parts"]),
     )

@@ -67,7 +67,8 @@ def test_a_coefficient_of_one_means_one_metre_rms(lin: Linearised) -> None:
 
 def test_values_all_alike_still_make_columns(lin: Linearised) -> None:
     few = {
-        name: getattr(lin, name)[:1].repeat(2, axis=0) for name in ("residual", "depth", "ray", "point", "normal", "cell", "log_amplitude")
+        name: getattr(lin, name)[:1].repeat(2, axis=0)
+        for name in ("residual", "depth", "ray", "point", "normal", "part", "cell", "log_amplitude")
     }
     alike = replace(lin, **few)
     columns = shared_columns(basis_of([alike], D), alike)
@@ -79,7 +80,7 @@ def test_every_views_columns_follow_one_basis(lin: Linearised) -> None:
     basis = basis_of([lin], D)
     half = replace(
         lin, depth=lin.depth[::2], ray=lin.ray[::2], point=lin.point[::2], normal=lin.normal[::2], cell=lin.cell[::2],
-        residual=lin.residual[::2], log_amplitude=None if lin.log_amplitude is None else lin.log_amplitude[::2],
+        residual=lin.residual[::2], part=lin.part[::2], log_amplitude=None if lin.log_amplitude is None else lin.log_amplitude[::2],
     )  # fmt: skip
     np.testing.assert_allclose(shared_columns(basis, half), shared_columns(basis, lin)[::2], atol=1e-12)
     np.testing.assert_allclose(local_columns(basis, half), local_columns(basis, lin)[::2], atol=1e-12)
@@ -117,11 +118,11 @@ def test_white_noise_does_not_inflate_and_neighbours_that_err_together_do(lin: L
 def test_what_the_columns_cannot_say_is_the_rest_of_the_processs_variance(lin: Linearised) -> None:
     basis = basis_of([lin], D)
     described = part(shared_columns(basis, lin), basis.shared, SHARED.index("object"))
-    rest = beyond_columns(basis, lin, {"object": 2e-3})
+    rest = beyond_columns(basis, lin, {"object": 2e-3}, SharedLimits())
     np.testing.assert_allclose((4e-6 * described**2).sum(axis=1) + rest**2, 4e-6, rtol=1e-6)
     more = basis_of([lin], replace(D, centres=200))
-    assert (beyond_columns(more, lin, {"object": 2e-3}) ** 2).mean() < 0.6 * (rest**2).mean()
-    assert (beyond_columns(basis, lin, {}) == 0.0).all()
+    assert (beyond_columns(more, lin, {"object": 2e-3}, SharedLimits()) ** 2).mean() < 0.6 * (rest**2).mean()
+    assert (beyond_columns(basis, lin, {}, SharedLimits()) == 0.0).all()
 
 
 def test_white_noise_is_not_inflated_and_what_neighbours_share_counts_once() -> None:

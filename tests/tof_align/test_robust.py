@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from tests.tof_align.made import CONFIG, one_view, section
+from tof_align.discrepancy import LOCAL
+from tof_align.discrepancy import SHARED as SHARED_KINDS
 from tof_align.linearise import Linearised, linearise
 from tof_align.pixels import take_pixels
 from tof_align.robust import first_look, tukey, weigh
@@ -43,7 +45,7 @@ def test_independent_pixels_weigh_as_their_noise_says(lin: Linearised) -> None:
 
 def test_a_share_of_what_is_unmodelled_limits_what_a_sixteenth_of_the_image_can_say(lin: Linearised) -> None:
     error = lin.sigma * np.random.default_rng(0).normal(size=len(lin.residual))
-    explained = np.zeros((len(error), 7))
+    explained = np.zeros((len(error), len(SHARED_KINDS) + len(LOCAL)))
     explained[:, 0] = 4e-3 * np.sign(np.arange(len(error)) % 2 - 0.5)
     information = weigh(lin, error, CONFIG.weights, explained).sum()
     patches = len(error) / (lin.raster[0] * lin.raster[1] / 16)

@@ -12,7 +12,7 @@ from tof_core.cores import in_threads
 from tof_gap.seen.edges import excluded, smear, streaks
 from tof_gap.seen.level import depth_step, noise_level
 from tof_scene.maps import concavity_map
-from tof_sensor.frame import Context, Frame, amplitude_gain, ideal_frame, lambert_amplitude
+from tof_sensor.known import ideal_frames
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,9 +22,7 @@ if TYPE_CHECKING:
     from tof_gap.limits.seen import EvidenceLimits
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
-
-ROUNDING = 1e-4
-"""Velocity (m/s, rad/s) that differences of rounded TF give a camera that stands still."""
+    from tof_sensor.frame import Frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,39 +82,6 @@ def gather(
     return tuple(
         replace(v, pixels=_drawn(v.smooth, limits.pixels, rng)) for v in in_threads(one, views, ideal_frames(views, renderings, caster))
     )
-
-
-def ideal_frames(views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster) -> list[Frame]:
-    """What a perfect sensor would give for each view of a session, with the amplitude that was measured."""
-    start, gain = min(v.stamp_ns for v in views), _gain(views, renderings)
-
-    def one(view: View, rendering: Rendering) -> Frame:
-        context = Context(
-            temperature=view.temperature,
-            time_s=(view.stamp_ns - start) * 1e-9,
-            twist=_twist(view),
-            caster=caster,
-        )
-        amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
-        return ideal_frame(rendering, context, amplitude, gain)
-
-    return in_threads(one, views, renderings)
-
-
-def _gain(views: Sequence[View], renderings: Sequence[Rendering]) -> float:
-    """The camera's unit of amplitude, by which views without an amplitude image are made comparable with those that have one."""
-    lit = [v.amplitude is not None and bool(np.isfinite(v.amplitude).any()) for v in views]
-    if all(lit) or not any(lit):
-        return 1.0
-    seen = [(v.amplitude, r) for v, r, has in zip(views, renderings, lit, strict=True) if has]
-    gains = [amplitude_gain(a.astype(np.float64), lambert_amplitude(r)) for a, r in seen if a is not None]
-    return float(np.median([g for g in gains if g is not None] or [1.0]))
-
-
-def _twist(view: View) -> Float:
-    """(6,) velocity of the camera (m/s, rad/s), zero where it stands still or TF does not state it."""
-    twist = None if view.robot is None else view.robot.twist
-    return np.zeros(6) if twist is None or np.abs(twist).max() < ROUNDING else twist
 
 
 def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image, wider_px: int) -> ViewEvidence:

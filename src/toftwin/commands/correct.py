@@ -23,11 +23,12 @@ EXAMPLE = "toftwin correct today/bag --reference out/first --scene cell/scene.ya
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag, add_bag_arguments, add_config_arguments, add_scene
+    from toftwin.options import add_bag, add_bag_arguments, add_config_arguments, add_scene, add_sensor
 
     add_bag(parser)
     parser.add_argument("--reference", type=Path, metavar="REF", help="reference view, written by --save")
     add_scene(parser, use="the view is compared with it, too")
+    add_sensor(parser, "the view is compared with the CAD")
     parser.add_argument("--save", type=Path, metavar="REF", help="store a view of this bag as the reference (REF.json, REF.npz) and stop")
     parser.add_argument(
         "--region",
@@ -53,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from arm_correction.frames import frames_of
     from arm_correction.reference import load_reference, save_reference
     from tof_core.errors import UsageError
+    from tof_sensor.known import known_bias
     from toftwin.correcting import CorrectionConfig, corrector_of, views_of
     from toftwin.inputs import opened
     from toftwin.options import load_config
@@ -66,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         if not -len(views) <= args.view < len(views):
             raise UsageError(f"there is no view {args.view}; the bag has {len(views)}", where="--view")
         chosen = views[: args.view % len(views) + 1]
-        corrector = corrector_of(scene, reference, config)
+        corrector = corrector_of(scene, reference, config, known_bias(args.sensor))
         if args.save:
             kept = save_reference(corrector.capture(chosen[-1], _region(args.region, chosen[-1].camera.shape)), args.save)
             print(f"reference: {kept}")

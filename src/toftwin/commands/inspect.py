@@ -21,7 +21,7 @@ EXAMPLE = "toftwin inspect session/bag --scene cell/scene.yaml --out out/inspect
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag, add_bag_arguments, add_config_arguments, add_scene
+    from toftwin.options import add_bag, add_bag_arguments, add_config_arguments, add_scene, add_sensor
 
     add_bag(parser)
     add_scene(parser, required=True)
@@ -33,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="REF",
         help="reference view in colour of the complete scene (toftwin correct --save --scene); may be repeated",
     )
+    add_sensor(parser, "poses are solved and parts judged")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for inspection.json and inspection.html (default: print only)")
     parser.add_argument("--json", action="store_true", help="print the verdicts as JSON")
     add_bag_arguments(parser)
@@ -54,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
     from tof_inspect.judge import Inspector
     from tof_inspect.report import content, write
     from tof_scene.raycast import Raycaster
+    from tof_sensor.known import known_bias
     from toftwin.inputs import opened
     from toftwin.inspection import InspectionConfig, first_pictures, inspect_bag
     from toftwin.options import load_config
@@ -64,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         first, lacking = first_pictures({str(path): load_reference(path) for path in args.reference}, scene.digest)
         for line in lacking:
             print(line, file=sys.stderr)
-        inspector = Inspector(Raycaster(scene), config.inspect, config.align, first)
+        inspector = Inspector(Raycaster(scene), config.inspect, config.align, first, known_bias(args.sensor))
         found = inspect_bag(reader, inspector, config)
     result = content(found, scene.digest)
     page = write(inspector, found, args.out, Path(args.bag).name) if args.out else None

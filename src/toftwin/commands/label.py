@@ -12,6 +12,7 @@ from tof_core.errors import UsageError
 if TYPE_CHECKING:
     import argparse
 
+    from toftwin.known import Known
     from toftwin.label_call import Outcome
     from toftwin.labelling import LabelResult
     from toftwin.pipeline import PipelineConfig
@@ -28,7 +29,7 @@ EXAMPLE = "toftwin label session/bag --scene cell/scene.yaml --out out/session\n
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the flags."""
-    from toftwin.options import add_bag_arguments, add_config_arguments, add_scene_arguments, at_least
+    from toftwin.options import add_bag_arguments, add_config_arguments, add_scene_arguments, add_sensor, at_least
 
     parser.add_argument(
         "bag", nargs="+", metavar="BAG", help="folder of the bag, or its .mcap or .db3 file; several, or a quoted pattern, make a batch"
@@ -44,6 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "source of the camera poses. final: one solution of the whole session, for training; causal: each from the views before it, "
             "as live; per_view: each view on its own, as in the paper; robot: TF, or the corners of --board, alone (default: final; with --board robot)"
         ),
+    )
+    add_sensor(parser, "poses are solved")
+    parser.add_argument(
+        "--joint",
+        action="store_true",
+        help="diagnose the session (as toftwin gap) and solve the poses together with the effects found; mode final, needs a minute or more",
     )
     parser.add_argument(
         "--engine", choices=("local", "ray"), help="where a batch runs: in processes of this host, or on a Ray cluster (default: local)"
@@ -65,16 +72,19 @@ def _settings() -> type[Any]:
 def run(args: argparse.Namespace) -> int:
     """Label one bag or a batch, and print the figures; 1 if a bag of a batch failed."""
     from toftwin.batch import is_batch
+    from toftwin.known import Known
     from toftwin.label_call import LabelCall
     from toftwin.options import load_config
     from toftwin.pipeline import PipelineConfig
 
     config = load_config(PipelineConfig, args)
-    if is_batch(args.bag, args.engine):
-        return _batch(args, config)
     mode = args.mode or ("final" if args.board is None else "robot")
+    known = Known(args.sensor, args.joint)
+    known.check(mode)
+    if is_batch(args.bag, args.engine):
+        return _batch(args, config, known)
     result = LabelCall(
-        args.bag[0], args.scene, args.out, config, mode, args.initial_pose or "", args.board or "", calibrate=args.calibrate
+        args.bag[0], args.scene, args.out, config, mode, args.initial_pose or "", args.board or "", calibrate=args.calibrate, known=known
     ).run()
     if args.json:
         print(json.dumps(result.to_dict(), indent=1))
@@ -83,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _batch(args: argparse.Namespace, config: PipelineConfig) -> int:
+def _batch(args: argparse.Namespace, config: PipelineConfig, known: Known) -> int:
     from dataclasses import asdict
 
     from toftwin.batch import REPORT, label_bags
@@ -104,6 +114,7 @@ def _batch(args: argparse.Namespace, config: PipelineConfig) -> int:
         config,
         mode=args.mode or "final",
         initial_pose=args.initial_pose or "",
+        known=known,
         engine=args.engine or "local",
         workers=args.workers,
         each=show,

@@ -4,23 +4,32 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from tests.tof_align.made import CONFIG, panel, pose_error, section, session, wiggling
+from arm_correction.corrector import Corrector
+from tests.tof_align.made import CONFIG, ROBOT, one_view, panel, pose_error, section, session, wiggling
+from tof_align.causal import SessionAligner
+from tof_align.known import known_removed, known_removed_alone
 from tof_align.session import solve_session
+from tof_core import se3
 from tof_core.config import from_mapping
-from tof_gap.solve.known import known_removed
+from tof_inspect.judge import Inspector
 from tof_scene.builtin import write_builtin
+from tof_scene.raycast import Raycaster
+from tof_scene.render import render
 from tof_scene.scene_file import load_scene
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.wiggling import Wiggling
 from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.known import KnownBias, ideal_frames
 from tof_sensor.model import SensorModel
+from tof_sim_label.labeller import LabellerConfig, label_session
 from tof_virtual.config import VirtualConfig
 from tof_virtual.record import record
 from toftwin.cli import main
@@ -84,7 +93,7 @@ def camera_errors(views: Sequence[View], truth: Sequence[Truth]) -> Float:
 def test_what_is_left_is_what_the_camera_would_have_measured_without_it(name: str) -> None:
     model, effect = KNOWN[name]
     views, truth = session(section(), views=4, effect=effect)
-    less = known_removed(views, section(), model, CONFIG)
+    less = known_removed(views, section(), KnownBias(model), CONFIG)
     without, errors = clean()
     off = left_mm(less, without)
     assert np.quantile(np.abs(off), 0.98) < 0.2  # edges apart, where the neighbouring pixel's range may have been bent instead
@@ -96,13 +105,60 @@ def test_a_known_bias_that_poses_could_absorb_comes_off_whole() -> None:
     """Two views of a panel from about one distance: a stretch is seen there as a base that stands off."""
     views, _ = session(panel(), views=2, stations=1, effect=stretch)
     without, _ = session(panel(), views=2, stations=1)
-    less = known_removed(views, panel(), SensorModel((DepthScale(scale=0.05),)), CONFIG)
+    less = known_removed(views, panel(), KnownBias(SensorModel((DepthScale(scale=0.05),))), CONFIG)
     assert np.abs(left_mm(less, without)).max() < 0.1
+
+
+def test_from_one_view_it_comes_off_at_the_pose_without_it() -> None:
+    model, effect = KNOWN["offset and wiggling"]
+    (view, _), (without, truth) = (one_view(section(), np.zeros(6), effect=e) for e in (effect, None))
+    cov = np.diag(ROBOT**2)
+    less = known_removed_alone(view, section(), KnownBias(model), truth.T_cell_camera, cov, CONFIG)
+    off = left_mm([less], [without])
+    assert np.quantile(np.abs(off), 0.95) < 0.3
+    assert abs(np.median(off)) < 0.05
+
+
+def test_views_as_they_come_are_posed_without_it() -> None:
+    model, effect = KNOWN["offset of 50 mm"]
+    views, truth = session(section(), views=6, effect=effect)
+    told, plain = SessionAligner(section(), CONFIG, bias=KnownBias(model)), SessionAligner(section(), CONFIG)
+    errors = np.array([[pose_error(a.push(v).T_cell_camera, t)[0] for a in (told, plain)] for v, t in zip(views, truth, strict=True)])
+    assert np.median(errors[:, 0]) < 1.0
+    assert np.median(errors[:, 1]) > 10.0
+    assert max(pose_error(p.T_cell_camera, t)[0] for p, t in zip(told.finish().posed, truth, strict=True)) < 0.8
+
+
+def test_time_counts_from_the_sessions_first_view() -> None:
+    views, truth = session(section(), views=2)
+    caster, seen = section(), [render(section(), v.camera, t.T_cell_camera) for v, t in zip(views, truth, strict=True)]
+    together = [f.context.time_s for f in ideal_frames(views, seen, caster)]
+    assert together == [0.0, 1.0]
+    assert ideal_frames(views[1:], seen[1:], caster, views[0].stamp_ns)[0].context.time_s == 1.0
+
+
+def test_labels_parts_and_corrections_take_it() -> None:
+    model, effect = KNOWN["offset of 50 mm"]
+    views, truth = session(section(), views=4, effect=effect)
+    bias = KnownBias(model)
+    solution, labels = label_session(views, section(), LabellerConfig(CONFIG), bias)
+    assert max(pose_error(p.T_cell_camera, t)[0] for p, t in zip(solution.posed, truth, strict=True)) < 1.0
+    for (_, label), true in zip(labels, truth, strict=True):
+        assert np.nanmedian(np.abs(label.depth - true.depth)) < 1e-3
+    inspected = Raycaster(replace(section().scene, parts=tuple(replace(p, inspect=True) for p in section().scene.parts)))
+    verdicts = Inspector(inspected, align=CONFIG, bias=bias).judge(views).verdicts
+    assert {v.name: v.state for v in verdicts}["block"] == "present"
+    assert views[0].robot is not None
+    wanted = se3.inverse(truth[0].T_cell_camera) @ views[0].robot.T_cell_camera
+    told, plain = (Corrector(align=CONFIG, caster=section(), bias=b).propose([views[0]])["cad"] for b in (bias, None))
+    assert told.accepted
+    assert 1e3 * se3.distance(told.delta, wanted)[0] < 2.0
+    assert 1e3 * se3.distance(plain.delta, wanted)[0] > 10.0
 
 
 def test_an_empty_model_changes_nothing() -> None:
     views, _ = session(section(), views=2)
-    assert not left_mm(known_removed(views, section(), SensorModel(), CONFIG), views).any()
+    assert not left_mm(known_removed(views, section(), KnownBias(SensorModel()), CONFIG), views).any()
 
 
 def test_what_one_diagnosis_fitted_the_next_knows_and_finds_nothing(tmp_path: Path) -> None:

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where light of other parts can bias a depth: one bounce, as columns with a size to be estimated.
+
+Concave places lie in each other's light; their error has one sign and one pattern, which a pose can imitate. One size is estimated
+for the light of all parts; single parts may send more or less than their stated albedo says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tof_scene.bounce import one_bounce
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.linearise import Linearised
+    from tof_core.arrays import Float, Ints
+    from tof_scene.raycast import Raycaster
+
+RAYS = 48
+"""Rays per point: shares of light to a few per cent."""
+SPACING = 4
+"""Raster pixels between the points that are computed: indirect light is smooth on a part."""
+ALBEDO_OFF = 0.5
+"""Relative deviation of what one part sends from what its stated albedo says: infrared albedo is hardly known."""
+LEAST_SHARE = 0.02
+"""Part of the light of all parts below which a part has no column of its own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Emitters:
+    """Parts whose light has a column of its own: indices (E,) in the scene; scale: RMS in metres of the light of all parts."""
+
+    index: Ints
+    scale: float
+
+    @property
+    def count(self) -> int:
+        """Columns: the light of all parts, then of each of these alone."""
+        return 1 + len(self.index) if self.scale > 0 else 0
+
+
+def no_emitters() -> Emitters:
+    """No light of other parts."""
+    return Emitters(np.zeros(0, np.int64), 0.0)
+
+
+def bounced(view: Linearised, caster: Raycaster) -> Float:
+    """(n, P) metres of z that the light of each part adds, at every `SPACING`-th pixel of the raster and the nearest of those between."""
+    n, width = len(view.residual), view.raster[1]
+    row, column = np.divmod(view.cell, width)
+    chosen = np.flatnonzero((row % SPACING == SPACING // 2) & (column % SPACING == SPACING // 2))
+    if not len(chosen):
+        return np.zeros((n, len(caster.albedo)))
+    light = one_bounce(caster, view.T_cell_camera[:3, 3], view.point[chosen], view.normal[chosen], RAYS)
+    # A pixel takes its value from its own part: another part is farther than the whole image.
+    place = np.column_stack([row, column, view.part * sum(view.raster)]).astype(float)
+    nearest = cKDTree(place[chosen]).query(place)[1]
+    return np.asarray(light[nearest] / view.ray_length[:, None])
+
+
+def emitters_of(views: Sequence[Linearised]) -> Emitters:
+    """The parts that light others in these views."""
+    light = [v.bounced for v in views if v.bounced is not None]
+    if len(light) < len(views):
+        return no_emitters()
+    everything = np.concatenate(light)
+    scale = float(np.sqrt((everything.sum(axis=1) ** 2).mean()))
+    if not scale > 0:
+        return no_emitters()
+    alone = np.sqrt((everything**2).mean(axis=0))
+    return Emitters(np.flatnonzero(alone > LEAST_SHARE * scale), scale)
+
+
+def bounced_columns(emitters: Emitters, view: Linearised) -> Float:
+    """(n, 1 + E) columns: the light of all parts, of unit RMS, and what single parts may send more or less."""
+    if view.bounced is None or not emitters.count:
+        return np.zeros((len(view.residual), 0))
+    return np.column_stack([view.bounced.sum(axis=1), ALBEDO_OFF * view.bounced[:, emitters.index]]) / emitters.scale

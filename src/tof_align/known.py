@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of the sensor already, removed before poses are solved: from a session, from one view, from a view as it comes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from tof_align.chain import chain_of
+from tof_align.pixels import sample
+from tof_align.session import near, solve_session
+from tof_align.single import align_view
+from tof_core.cores import in_threads
+from tof_scene.render import render
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.config import AlignConfig
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+    from tof_scene.raycast import Raycaster
+    from tof_scene.render import Rendering
+
+ROUNDS = 2
+"""Solutions of the poses: of their error each leaves what the bias changes per metre, some hundredths."""
+
+
+class Bias(Protocol):
+    """The stated bias of a camera, from what the CAD shows where the camera is."""
+
+    def __call__(
+        self, views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster, start_ns: int | None = None
+    ) -> list[Float]:
+        """(H, W) metres of z per view; `start_ns`: stamp of the session's first view, where it is not among them."""
+
+
+def known_removed(views: Sequence[View], caster: Raycaster, bias: Bias, align: AlignConfig) -> list[View]:
+    """The views of a session less the bias, at the poses that they have without it.
+
+    The bias is removed, not fitted: poses that could absorb a share of it would.
+    """
+    samples = [sample(v, align.weights) for v in views]
+    chain = near(samples, chain_of(samples, align.priors), caster, align)
+    less = removed_at(views, [chain.pose(v) for v in range(len(views))], caster, bias)
+    for _ in range(ROUNDS):
+        less = removed_at(views, [p.T_cell_camera for p in solve_session(less, caster, align).posed], caster, bias)
+    return less
+
+
+def known_removed_alone(view: View, caster: Raycaster, bias: Bias, T_prior: Float, cov_prior: Float, align: AlignConfig) -> View:
+    """One view less the bias, at the pose that it has without it; prior as of `align_view`."""
+    less = view
+    for _ in range(ROUNDS):
+        less = removed_at([view], [align_view(less, caster, T_prior, cov_prior, align).posed.T_cell_camera], caster, bias)[0]
+    return less
+
+
+def removed_at(views: Sequence[View], cameras: Sequence[Float], caster: Raycaster, bias: Bias, start_ns: int | None = None) -> list[View]:
+    """The views less the bias as cameras (4, 4) there have it."""
+    renderings = in_threads(lambda v, T: render(caster, v.camera, T), views, cameras)
+    found = bias(views, renderings, caster, start_ns)
+    return [replace(v, depth=(v.depth - np.nan_to_num(b)).astype(np.float32)) for v, b in zip(views, found, strict=True)]

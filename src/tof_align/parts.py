@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parts that stand off their CAD, or look as if they did: a rigid motion of each, with a size of its own.
+
+A random effect per part with its own variance (automatic relevance determination, MacKay 1994): the variance of a part that agrees
+with the others goes to zero and the part holds the cameras; one that disagrees gets a large variance and no longer pulls. Multipath
+in a corner, a part put down elsewhere and a wrong CAD all move a part as a whole, first of all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.stats import grouped
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_align.linearise import Linearised
+    from tof_core.arrays import Float, Ints, Mask
+
+MOTIONS = 6
+"""Columns of a part: slides along the cell's axes, turns about them through the part's middle."""
+PART = "part "
+"""How the kind of a part begins; the part's index in the scene follows."""
+LEAST_RADIUS_M = 0.01
+"""Radius of the smallest part: keeps the turn of a single pixel finite."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartFrames:
+    """The parts that a session sees well enough: index (P,) in the scene, middle (P, 3) of what is seen, and its radius (P,), metres."""
+
+    index: Ints
+    middle: Float
+    radius: Float
+
+
+def no_parts() -> PartFrames:
+    """No part may move."""
+    return PartFrames(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0))
+
+
+def parts_of(views: Sequence[Linearised], share: float) -> PartFrames:
+    """The parts that have this share of all pixels, where there are at least two."""
+    part = np.concatenate([v.part for v in views])
+    point = np.concatenate([v.point for v in views])
+    index, of, count = np.unique(part, return_inverse=True, return_counts=True)
+    kept = count >= share * len(part)
+    if kept.sum() < 2:
+        return no_parts()
+    groups = grouped(of)
+    middle = np.stack([groups.sum(point[:, k]) for k in range(3)], axis=1) / count[:, None]
+    radius = np.sqrt(groups.sum(((point - middle[of]) ** 2).sum(axis=1)) / count)
+    return PartFrames(index[kept], middle[kept], np.maximum(radius, LEAST_RADIUS_M)[kept])
+
+
+def counts(parts: PartFrames, view: Linearised) -> Mask:
+    """(n,) pixels that may hold the cameras: not those of a part too small for columns, which would pull as if it stood right."""
+    return np.isin(view.part, parts.index) if len(parts.index) else np.ones(len(view.part), bool)
+
+
+def part_columns(parts: PartFrames, view: Linearised) -> Float:
+    """(n, 6 P) metres of z per metre of motion: turns count by how far they move the part's radius."""
+    n, P = len(view.residual), len(parts.index)
+    out = np.zeros((n, P, MOTIONS))
+    at, place, normal = _normal_motion(parts, view)
+    along = np.einsum("ij,ij->i", view.normal[at], view.ray[at] @ view.T_cell_camera[:3, :3].T)
+    out[at, place] = normal / along[:, None]
+    return out.reshape(n, -1)
+
+
+def stand_off(parts: PartFrames, views: Sequence[Linearised], second: Float) -> Float:
+    """(P,) metres, RMS over what is seen: how far each part moves along its normal; second (P, 6, 6): second moment of its motion."""
+    total, count = np.zeros(len(parts.index)), np.zeros(len(parts.index))
+    for view in views:
+        _, place, normal = _normal_motion(parts, view)
+        total += np.bincount(place, np.einsum("ni,nij,nj->n", normal, second[place], normal, optimize=True), len(total))
+        count += np.bincount(place, minlength=len(total))
+    return np.asarray(np.sqrt(total / np.maximum(count, 1.0)))
+
+
+def _normal_motion(parts: PartFrames, view: Linearised) -> tuple[Ints, Ints, Float]:
+    """Pixels (k,) of these parts, the place of each one's part, and how its columns move it along its normal (k, 6)."""
+    if not len(parts.index):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, MOTIONS))
+    place = np.searchsorted(parts.index, view.part).clip(0, len(parts.index) - 1)
+    at = np.flatnonzero(parts.index[place] == view.part)
+    place, normal = place[at], view.normal[at]
+    arm = (view.point[at] - parts.middle[place]) / parts.radius[place, None]
+    return at, place, np.concatenate([normal, np.cross(arm, normal)], axis=1)

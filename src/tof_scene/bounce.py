@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Light that comes by way of another part: by how much one bounce lengthens what a point measures, from geometry and stated albedo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_scene.maps import CLEARANCE_M, half_space
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_scene.raycast import Raycaster
+
+LIT = 1.0 - 1e-3
+"""Share of the way from the lamp to a surface within which nothing may stand."""
+
+
+def one_bounce(caster: Raycaster, lamp: Float, points: Float, normals: Float, rays: int) -> Float:
+    """(n, P) metres along the ray that the light of each of the scene's P parts adds to what each point measures.
+
+    Monte Carlo gathering (Kajiya 1986) of one bounce between Lambertian surfaces: a part lit by the lamp (radiosity albedo cos / r^2)
+    lights the point; its share of the light, times half the detour, is the shift of the phase where shares are small.
+
+    Args:
+        caster: the scene, with its albedos.
+        lamp: (3,) in the cell frame, where the camera is, too.
+        points: (n, 3) in the cell frame.
+        normals: (n, 3) unit, towards the lamp.
+        rays: rays per point, with cosine density.
+    """
+    n, parts = len(points), len(caster.albedo)
+    starts = np.repeat(points + CLEARANCE_M * normals, rays, axis=0)
+    directions = half_space(normals, rays).reshape(-1, 3)
+    hits = caster.cast(starts, directions)
+    met = np.flatnonzero(np.isfinite(hits.t))
+    at = starts[met] + hits.t[met, None] * directions[met]
+    to_lamp = lamp - at
+    far = np.linalg.norm(to_lamp, axis=1)
+    cosine = np.einsum("ij,ij->i", hits.normal[met], to_lamp) / far
+    free = caster.cast(at + CLEARANCE_M * hits.normal[met], to_lamp).t
+    lit = (cosine > 0) & ~(free < LIT)
+    met, at, far, cosine = met[lit], at[lit], far[lit], cosine[lit]
+    own = lamp - points
+    way = np.linalg.norm(own, axis=1)
+    direct = np.einsum("ij,ij->i", normals, own) / way**3
+    of, part = met // rays, hits.part[met]
+    share = caster.albedo[part] * cosine / far**2 / (rays * direct[of])
+    detour = 0.5 * (far + hits.t[met] - way[of])
+    return np.bincount(of * parts + part, share * detour, n * parts).reshape(n, parts).astype(np.float64, copy=False)

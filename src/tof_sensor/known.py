@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded views as a perfect sensor would have measured them, and the bias that a sensor model states for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.cores import in_threads
+from tof_sensor.frame import Context, Frame, amplitude_gain, ideal_frame, lambert_amplitude
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from tof_core.arrays import Float
+    from tof_core.capture import View
+    from tof_scene.raycast import Raycaster
+    from tof_scene.render import Rendering
+    from tof_sensor.model import SensorModel
+
+ROUNDING = 1e-4
+"""Velocity (m/s, rad/s) that differences of rounded TF give a camera that stands still."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownBias:
+    """The bias of a model's effects at views of a session; what `tof_align.known` removes."""
+
+    model: SensorModel
+
+    def __call__(
+        self, views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster, start_ns: int | None = None
+    ) -> list[Float]:
+        """(H, W) metres of z per view; `start_ns`: stamp of the session's first view, where it is not among them."""
+        return in_threads(self.model.bias, ideal_frames(views, renderings, caster, start_ns))
+
+
+def known_bias(path: Path | str | None) -> KnownBias | None:
+    """The bias of a `sensor.yaml`; None for no file ("" or None)."""
+    from pathlib import Path
+
+    from tof_sensor.model import load_model
+
+    return KnownBias(load_model(Path(path))) if path else None
+
+
+def ideal_frames(views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster, start_ns: int | None = None) -> list[Frame]:
+    """What a perfect sensor would give for each view of a session, with the amplitude that was measured.
+
+    `start_ns`: stamp of the session's first view, where it is not among them.
+    """
+    start, gain = min(v.stamp_ns for v in views) if start_ns is None else start_ns, _gain(views, renderings)
+
+    def one(view: View, rendering: Rendering) -> Frame:
+        context = Context(
+            temperature=view.temperature,
+            time_s=(view.stamp_ns - start) * 1e-9,
+            twist=_twist(view),
+            caster=caster,
+        )
+        amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
+        return ideal_frame(rendering, context, amplitude, gain)
+
+    return in_threads(one, views, renderings)
+
+
+def _gain(views: Sequence[View], renderings: Sequence[Rendering]) -> float:
+    """The camera's unit of amplitude, by which views without an amplitude image are made comparable with those that have one."""
+    lit = [v.amplitude is not None and bool(np.isfinite(v.amplitude).any()) for v in views]
+    if all(lit) or not any(lit):
+        return 1.0
+    seen = [(v.amplitude, r) for v, r, has in zip(views, renderings, lit, strict=True) if has]
+    gains = [amplitude_gain(a.astype(np.float64), lambert_amplitude(r)) for a, r in seen if a is not None]
+    return float(np.median([g for g in gains if g is not None] or [1.0]))
+
+
+def _twist(view: View) -> Float:
+    """(6,) velocity of the camera (m/s, rad/s), zero where it stands still or TF does not state it."""
+    twist = None if view.robot is None else view.robot.twist
+    return np.zeros(6) if twist is None or np.abs(twist).max() < ROUNDING else twist

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Poses of a session solved together with the effects that its diagnosis names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align.session import solve_session
+from tof_core.config import flatten, from_mapping
+from tof_sensor.effects.cad_deviation import CadDeviation
+from tof_sensor.effects.intrinsics import Intrinsics
+from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float
+    from tof_core.bag import BagReader
+    from tof_core.capture import Posed, View
+    from tof_gap.solved import Solved
+    from tof_scene.raycast import Raycaster
+    from tof_sensor.model import SensorModel
+    from toftwin.boarded import BoardSource
+    from toftwin.pipeline import PipelineConfig
+
+
+def joint_poses(
+    reader: BagReader | BoardSource, views: Sequence[View], caster: Raycaster, config: PipelineConfig, known: SensorModel | None = None
+) -> Sequence[Posed]:
+    """The cameras of the views of a bag: `known` is removed first, then the session is diagnosed.
+
+    The camera's bias by the joint solution is removed and the poses are solved once more: by the pixels that the filters kept, with a
+    verdict of each view, and with the covariance of what the diagnosis leaves unexplained.
+
+    Raises:
+        RefusedError: the session cannot be diagnosed, or fits the scene nowhere.
+    """
+    diagnosis, _ = diagnose_bag(reader, caster.scene, from_mapping(GapPipelineConfig, flatten(config)), known=known)
+    solved = diagnosis.solved
+    stamps = np.array([e.view.stamp_ns for e in solved.evidence])
+    at = [int(np.argmin(np.abs(stamps - v.stamp_ns))) for v in views]
+    bias = [_bias(solved, k) for k in at]
+    clean = [replace(v, depth=(v.depth - np.nan_to_num(b)).astype(np.float32)) for v, b in zip(views, bias, strict=True)]
+    return solve_session(clean, caster, config.align).posed
+
+
+def _bias(solved: Solved, k: int) -> Float:
+    """(H, W) metres of z of view k that the diagnosis explains by the camera: neither by parts off their CAD nor by another lens."""
+    measured, bare = solved.evidence[k], solved.bare[k]
+    off = solved.maps.get(CadDeviation.NAME)
+    if bare.view.camera == measured.view.camera:
+        whole = measured.view.depth - (bare.frame.depth + bare.residual)
+        return np.asarray(whole if off is None else whole - np.nan_to_num(off[k]))
+    # Seen through another lens a pixel shows another place; what the lens does stays in the view, as it does in the label.
+    others = [np.nan_to_num(m[k]) for name, m in solved.maps.items() if name not in (Intrinsics.NAME, CadDeviation.NAME)]
+    return np.asarray(np.sum([np.zeros(measured.residual.shape), *others], axis=0))

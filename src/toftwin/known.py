@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the poses of labels come from: the mode, what is known of the camera, and what a diagnosis finds beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path  # noqa: TC003 (a field of a setting that other processes read)
+from typing import TYPE_CHECKING
+
+from tof_core.config import to_mapping
+from tof_core.errors import UsageError
+from tof_core.hashing import digest_config, digest_file
+
+if TYPE_CHECKING:
+    from tof_sensor.known import KnownBias
+    from tof_sensor.model import SensorModel
+    from toftwin.pipeline import PipelineConfig
+
+MODES = {"final": "session", "causal": "session", "per_view": "per_view", "robot": "robot"}
+"""Modes of labelling and the alignment mode of each."""
+POSE_SOURCES = {"final": "session, final", "causal": "session, causal", "per_view": "per view", "robot": "robot"}
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known of the camera.
+
+    sensor: its `sensor.yaml`, None where nothing is known; joint: whether the session is diagnosed, and the poses solved together
+    with the effects that the diagnosis names.
+    """
+
+    sensor: Path | None = None
+    joint: bool = False
+
+    @property
+    def model(self) -> SensorModel | None:
+        """The effects of `sensor`."""
+        from tof_sensor.model import load_model
+
+        return None if self.sensor is None else load_model(self.sensor)
+
+    @property
+    def bias(self) -> KnownBias | None:
+        """The bias of these effects."""
+        from tof_sensor.known import KnownBias
+
+        model = self.model
+        return None if model is None else KnownBias(model)
+
+    def check(self, mode: str) -> None:
+        """Refuse a joint solution of anything but a whole session, and poses of the robot alone with a sensor model."""
+        if self.joint and mode != "final":
+            raise UsageError(f"a joint solution needs the whole session, not mode {mode}", where="--joint", todo="leave out --mode")
+        if self.sensor is not None and mode == "robot":
+            raise UsageError("mode robot takes poses from TF alone and uses no sensor model", where="--sensor", todo="leave it out")
+
+    def digest(self, config: PipelineConfig) -> str:
+        """Digest of the settings, the content of the sensor model among them."""
+        if self.sensor is None:
+            return digest_config(config)
+        return digest_config({"config": to_mapping(config), "sensor": digest_file(self.sensor)})
+
+    def source(self, mode: str) -> str:
+        """Source of the poses, as the dataset records it."""
+        return POSE_SOURCES[mode] + (", with the effects of the diagnosis" if self.joint else "")

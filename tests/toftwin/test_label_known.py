@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`toftwin label` with a sensor model, and with a diagnosis of its own."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tof_core import se3
+from tof_core.config import from_mapping
+from tof_core.errors import UsageError
+from tof_scene.builtin import write_builtin
+from tof_scene.scene_file import load_scene
+from tof_sensor.effects.range_offset import RangeOffset
+from tof_sensor.model import SensorModel, save_model
+from tof_sim_label.dataset import open_dataset
+from tof_virtual.config import VirtualConfig
+from tof_virtual.record import record
+from tof_virtual.truth import load_truth
+from toftwin.cli import main
+from toftwin.commands.simulate import bodies_of
+from toftwin.known import Known
+from toftwin.pipeline import PipelineConfig
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SMALL = {"seed": 5, "camera.width": 112, "camera.height": 86, "plan.views": 6}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session with a range offset of 12 mm (strength 4) and a wiggle, and the sensor.yaml of the offset."""
+    folder = tmp_path_factory.mktemp("known")
+    scene = write_builtin("body_section", folder / "scene")
+    config = from_mapping(VirtualConfig, SMALL)
+    record(
+        bodies_of(load_scene(scene)), folder / "bag", config, effects={"range_offset": 4.0, "wiggling": 1.0}, truth_path=folder / "truth"
+    )
+    save_model(SensorModel((RangeOffset(offset_m=0.012),)), folder / "sensor.yaml")
+    return folder
+
+
+def pose_errors(folder: Path, out: Path) -> np.ndarray:
+    """(V,) millimetres between the cameras of the dataset and the truth."""
+    true = load_truth(folder / "truth")[0]["T_cell_camera"]
+    poses = json.loads((out / "poses.json").read_text())
+    return np.array([1e3 * se3.distance(np.array(p["T_cell_camera"]), T)[0] for p, T in zip(poses, true, strict=True)])
+
+
+@pytest.mark.parametrize("mode", ["final", "causal"])
+def test_the_stated_offset_is_removed_before_poses_are_solved(folder: Path, tmp_path: Path, mode: str) -> None:
+    call = ["label", str(folder / "bag"), "--scene", str(folder / "scene"), "--mode", mode, "--out"]
+    assert main([*call, str(tmp_path / "plain")]) == 0
+    assert main([*call, str(tmp_path / "told"), "--sensor", str(folder / "sensor.yaml")]) == 0
+    plain, told = pose_errors(folder, tmp_path / "plain"), pose_errors(folder, tmp_path / "told")
+    assert np.median(told) < 0.8 * np.median(plain)
+    hashes = {open_dataset(tmp_path / name / "dataset.zarr").attributes.config_hash for name in ("plain", "told")}
+    assert len(hashes) == 2, "labels made with a sensor model are told from those without"
+
+
+def test_the_joint_solution_labels_the_session_and_says_so(folder: Path, tmp_path: Path) -> None:
+    call = ["label", str(folder / "bag"), "--scene", str(folder / "scene"), "--sensor", str(folder / "sensor.yaml"), "--joint", "--out"]
+    assert main([*call, str(tmp_path)]) == 0
+    assert np.median(pose_errors(folder, tmp_path)) < 1.0
+    assert open_dataset(tmp_path / "dataset.zarr").attributes.pose_source == "session, final, with the effects of the diagnosis"
+
+
+def test_a_joint_solution_needs_the_session_and_a_model_needs_poses_that_are_solved(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--joint"):
+        Known(joint=True).check("causal")
+    with pytest.raises(UsageError, match="--sensor"):
+        Known(sensor=tmp_path).check("robot")
+    Known(sensor=tmp_path, joint=True).check("final")
+
+
+def test_the_digest_follows_the_content_of_the_model(folder: Path, tmp_path: Path) -> None:
+    config, other = PipelineConfig(), tmp_path / "sensor.yaml"
+    save_model(SensorModel((RangeOffset(offset_m=0.001),)), other)
+    assert len({Known(path).digest(config) for path in (None, other, folder / "sensor.yaml")}) == 3
