@@ -229,7 +229,12 @@ class MissingLimits:
         0.02, "quantile of the wrapped pixels' range that is the stated start", low=0.0, high=0.5, why="2 % may be outliers"
     )
     edge_reach_px: int = param(
-        4, "distance beyond the edge band where jumps may be edges", unit="px", low=0, high=64, why="pose errors move edges"
+        4,
+        "distance beyond the edge band where jumps may be edges, and lost pixels shadows of the lamp",
+        unit="px",
+        low=0,
+        high=64,
+        why="pose errors move edges",
     )
     flying_share: float = param(
         0.25,

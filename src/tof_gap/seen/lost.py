@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import binary_dilation, uniform_filter
 
 from tof_core.reasons import Reason
 from tof_gap.seen.finding import Finding
@@ -25,9 +25,13 @@ LEAST_COVER = 0.1
 
 
 def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
-    """(H, W) pixels that should return light: on the CAD, away from edges, not seen at grazing incidence."""
+    """(H, W) pixels that should return light: on the CAD, not seen at grazing incidence, and away from edges.
+
+    Beside an edge a lamp that stands beside the lens casts a shadow of some pixels.
+    """
     grazing = view.rendering.incidence > np.radians(limits.lost_grazing_deg)
-    return np.asarray(view.frame.valid & ~view.edge & ~grazing)
+    beside = binary_dilation(view.edge, iterations=limits.edge_reach_px) if limits.edge_reach_px else view.edge
+    return np.asarray(view.frame.valid & ~beside & ~grazing)
 
 
 def lost(view: ViewEvidence, limits: MissingLimits) -> Float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from tof_gap.seen import detected, missing, noise
 from tof_gap.tell.figures import figures
+from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
@@ -103,8 +104,11 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     light = detected.detected_effects(left, config.noise, law, left_out)
     beside = detected.explained(left, light)
     blurred = solved.names(Motion.NAME)
-    return (
-        *light,
-        *noise.noise_effects(beside, config.noise, left_out),
-        *missing.missing_effects(left, config.missing, left_out, blurred=blurred),
-    )
+    uneven = noise.noise_effects(beside, config.noise, left_out)
+    gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
+    return (*light, *uneven, *(f for f in gone if not (uneven and filtered(f))))
+
+
+def filtered(loss: Finding) -> bool:
+    """Whether loss may be a filter's of the camera, which takes outliers of noise for edges: `dropout` that no amplitude threshold explains."""
+    return isinstance(loss.effect, Dropout) and loss.effect.threshold == 0.0

@@ -66,7 +66,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
 
     It is structured where block means exceed what white noise gives them. Where a named noise is shared by neighbours (steps, rows,
     stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias, away from edges, unless
-    `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` was named; an error that only a
+    `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` or a noise was named; an error that only a
     free function of an observable describes; small effects that explain much only together; a joint fit that leaves a share of what it was to explain; arm errors that are alike in every view.
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
@@ -80,7 +80,8 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     gross = 0.0 if gross_named else min(gross_share(v) for v in (views, solved.linearised))
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
     gone = by_part(solved.bare, [lost(v, missing) for v in solved.bare], len(scene.parts))
-    unseen = all(f.name != Dropout.NAME for f in found.findings) and gone.sum() > missing.lost_share * expected_pixels(solved.bare, missing)
+    explained = any(f.name == Dropout.NAME or f.effect.EVIDENCE is Evidence.NOISE for f in found.findings)
+    unseen = not explained and gone.sum() > missing.lost_share * expected_pixels(solved.bare, missing)
     a_gap = gap.above_mm(gap.before) > limit.mm
     structured = (
         (size > np.hypot(limit.mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)

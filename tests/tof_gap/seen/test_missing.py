@@ -12,6 +12,7 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.reasons import Reason
 from tof_gap.limits.seen import MissingLimits
+from tof_gap.seen.lost import expected
 from tof_gap.seen.missing import missing_effects
 
 if TYPE_CHECKING:
@@ -48,3 +49,16 @@ def test_a_jump_shorter_than_any_turn_is_no_lost_turn(turn_m: float, names: list
     jump = np.zeros((VIEWS, *SHAPE))
     jump[:, 20:40, 30:60] = -turn_m
     assert [f.name for f in missing_effects(views(np.random.default_rng(5), jump), MissingLimits())] == names
+
+
+def test_the_lamp_s_shadow_beside_an_edge_and_grazing_surfaces_are_no_loss() -> None:
+    view = views(np.random.default_rng(5))[0]
+    limits = MissingLimits(edge_reach_px=4)
+    edge = np.zeros(SHAPE, bool)
+    edge[:, 50] = True
+    with_edge = replace(view, edge=edge)
+    counted = expected(with_edge, limits)
+    assert not counted[:, 46:55].any()
+    assert counted[20:60, 56:].any()
+    steep = replace(view.rendering, incidence=np.full(SHAPE, np.radians(71.0), np.float32))
+    assert not expected(replace(view, frame=replace(view.frame, rendering=steep)), limits).any()

@@ -9,9 +9,12 @@ from typing import Any, cast
 import pytest
 
 from tof_gap.limits.report import ReportLimits
+from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
-from tof_gap.tell.account import Account, Cause
+from tof_gap.tell.account import Account, Cause, filtered
 from tof_gap.tell.shrink import Errors, Shrink
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.phase_wrap import PhaseWrap
 
 NOTHING = Errors(0.0, 0.0, 0.0)
 
@@ -40,3 +43,9 @@ def test_the_cause_that_makes_held_out_views_worst_is_found(
     shrink: float | None, left_out: dict[str, float | None], worsens: str | None
 ) -> None:
     assert account(shrink, **left_out).worsens == worsens
+
+
+def test_loss_without_an_amplitude_threshold_may_be_the_camera_s_own_filter() -> None:
+    assert filtered(Finding(Dropout(threshold=0.0, random=0.02), 1.0))
+    assert not filtered(Finding(Dropout(threshold=0.1, random=0.02), 1.0))
+    assert not filtered(Finding(PhaseWrap(), 1.0))
