@@ -204,12 +204,12 @@ class MissingLimits:
         0.01, "share of CAD pixels missing, away from edges", low=1e-6, high=1.0, why="single dead or dark pixels are usual"
     )
     lost_grazing_deg: float = param(
-        70.0,
+        60.0,
         "incidence beyond which a missing pixel is usual",
         unit="deg",
         low=30.0,
         high=90.0,
-        why="filters of flying pixels take slopes for edges",
+        why="filters of flying pixels take slopes for edges; across a pixel's diagonal and with noise from 65 degrees on",
     )
     saturated: float = param(
         0.999, "quantile of measured amplitude above which a missing pixel was saturated", low=0.0, high=1.0, why="chance: 1 in 1000"

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from tof_gap.config import GapConfig
+    from tof_gap.limits.seen import MissingLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.solved import Named, Solved
     from tof_gap.tell.figures import Figures
@@ -106,9 +107,12 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     blurred = solved.names(Motion.NAME)
     uneven = noise.noise_effects(beside, config.noise, left_out)
     gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
-    return (*light, *uneven, *(f for f in gone if not (uneven and filtered(f))))
+    return (*light, *uneven, *(f for f in gone if not (uneven and filtered(f, config.missing))))
 
 
-def filtered(loss: Finding) -> bool:
-    """Whether loss may be a filter's of the camera, which takes outliers of noise for edges: `dropout` that no amplitude threshold explains."""
-    return isinstance(loss.effect, Dropout) and loss.effect.threshold == 0.0
+def filtered(loss: Finding, limits: MissingLimits) -> bool:
+    """Whether loss may be that of a filter in the camera, which takes outliers of noise for edges.
+
+    Outliers are rare in bright light and never all there is in the dark: `dropout` neither at random nor below a threshold.
+    """
+    return isinstance(loss.effect, Dropout) and loss.effect.threshold == 0.0 and loss.effect.random < limits.lost_share

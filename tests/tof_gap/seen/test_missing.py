@@ -60,5 +60,5 @@ def test_the_lamp_s_shadow_beside_an_edge_and_grazing_surfaces_are_no_loss() -> 
     counted = expected(with_edge, limits)
     assert not counted[:, 46:55].any()
     assert counted[20:60, 56:].any()
-    steep = replace(view.rendering, incidence=np.full(SHAPE, np.radians(71.0), np.float32))
+    steep = replace(view.rendering, incidence=np.full(SHAPE, np.radians(61.0), np.float32))
     assert not expected(replace(view, frame=replace(view.frame, rendering=steep)), limits).any()

@@ -9,10 +9,12 @@ from typing import Any, cast
 import pytest
 
 from tof_gap.limits.report import ReportLimits
+from tof_gap.limits.seen import MissingLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
 from tof_gap.tell.account import Account, Cause, filtered
 from tof_gap.tell.shrink import Errors, Shrink
+from tof_sensor.effect import Effect
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
@@ -45,7 +47,14 @@ def test_the_cause_that_makes_held_out_views_worst_is_found(
     assert account(shrink, **left_out).worsens == worsens
 
 
-def test_loss_without_an_amplitude_threshold_may_be_the_camera_s_own_filter() -> None:
-    assert filtered(Finding(Dropout(threshold=0.0, random=0.02), 1.0))
-    assert not filtered(Finding(Dropout(threshold=0.1, random=0.02), 1.0))
-    assert not filtered(Finding(PhaseWrap(), 1.0))
+@pytest.mark.parametrize(
+    ("effect", "may_be"),
+    [
+        (Dropout(threshold=0.0, random=0.004), True),
+        (Dropout(threshold=0.1, random=0.004), False),
+        (Dropout(threshold=0.0, random=0.09), False),
+        (PhaseWrap(), False),
+    ],
+)
+def test_loss_that_is_neither_random_nor_below_a_threshold_may_be_a_filter_s(effect: Effect, *, may_be: bool) -> None:
+    assert filtered(Finding(effect, 1.0), MissingLimits()) is may_be
