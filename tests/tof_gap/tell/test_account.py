@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 
@@ -14,9 +14,11 @@ from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
 from tof_gap.tell.account import Account, Cause, filtered
 from tof_gap.tell.shrink import Errors, Shrink
-from tof_sensor.effect import Effect
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.phase_wrap import PhaseWrap
+
+if TYPE_CHECKING:
+    from tof_sensor.effect import Effect
 
 NOTHING = Errors(0.0, 0.0, 0.0)
 
