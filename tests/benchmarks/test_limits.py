@@ -46,7 +46,8 @@ def test_reads_are_noted_by_stage_through_sections_and_properties() -> None:
     assert config.noise.beat.chi2 == 25.0
     stage[0] = "report"
     np.testing.assert_array_equal(config.hand_sd, GapConfig().hand_sd)
-    assert notes == {"poses": {"noise.beat.chi2"}, "report": {"hand_mm", "hand_deg"}}
+    calibration = {"calibration.hand_eye.translation_mm", "calibration.hand_eye.rotation_deg"}
+    assert notes == {"poses": {"noise.beat.chi2"}, "report": {"hand_mm", "hand_deg", *calibration}}
 
 
 def line(session: str, factor: float, code: str = "abc", **found: Any) -> dict[str, Any]:

@@ -60,7 +60,7 @@ def test_json_describes_the_recording(tmp_path: Path, capsys: pytest.CaptureFixt
         (["--effect", "wobble=1"], "effect 'wobble' is not known"),
         (["--effect", "wiggling=much"], "'wiggling=much' is not NAME=STRENGTH"),
         (["--size", "wide"], "'wide' is not WIDTHxHEIGHT"),
-        (["--scene", "nowhere.yaml"], "is neither a scene file nor a built-in scene"),
+        (["--scene", "nowhere.yaml"], "nowhere.yaml: does not exist"),
         (["--set", "plan.views=0"], "below 1"),
     ],
 )

@@ -206,12 +206,18 @@ def test_the_command_exits_1_and_speaks_json(tmp_path: Path, capsys: pytest.Capt
 
 
 def test_a_scene_that_cannot_be_read_is_a_finding(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["doctor", "--scene", str(tmp_path / "none.yaml")]) == 1
-    assert "none.yaml" in capsys.readouterr().out
+    (tmp_path / "broken.yaml").write_text("parts: 3\n")
+    assert cli.main(["doctor", "--scene", str(tmp_path / "broken.yaml")]) == 1
+    assert "broken.yaml" in capsys.readouterr().out
 
 
-def test_a_bag_and_live_at_once_is_a_wrong_call(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["doctor", "bag", "--live"]) == 2
+def test_a_scene_that_is_not_there_is_a_wrong_call(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["doctor", "--scene", str(tmp_path / "none.yaml")]) == 2
+    assert "none.yaml" in capsys.readouterr().err
+
+
+def test_a_bag_and_live_at_once_is_a_wrong_call(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["doctor", str(tmp_path), "--live"]) == 2
     assert "one at a time" in capsys.readouterr().err
 
 

@@ -122,7 +122,7 @@ def test_a_truth_of_another_session_is_no_reference(session: Path, tmp_path: Pat
 
 
 def test_train_says_what_is_wrong_with_the_call(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["train", str(tmp_path / "none.zarr"), "--out", str(tmp_path / "m.onnx")]) == 1
+    assert cli.main(["train", str(tmp_path / "none.zarr"), "--out", str(tmp_path / "m.onnx")]) == 2
     assert "none.zarr" in capsys.readouterr().err
-    assert cli.main(["train", str(tmp_path / "none.zarr"), "--out", str(tmp_path / "m.pt")]) == 2
+    assert cli.main(["train", str(tmp_path), "--out", str(tmp_path / "m.pt")]) == 2
     assert "must end in .onnx" in capsys.readouterr().err

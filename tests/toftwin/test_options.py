@@ -102,8 +102,8 @@ def test_a_flag_out_of_bounds_is_a_wrong_call_and_no_fault(command: str, flag: s
     assert f"error: argument {name}: '{value}' is not a" in capsys.readouterr().err
 
 
-def test_a_pace_without_realtime_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["replay", "bag", "--rate", "2"]) == 2
+def test_a_pace_without_realtime_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["replay", str(tmp_path), "--rate", "2"]) == 2
     assert capsys.readouterr().err == "toftwin: --rate: only --realtime has a pace; add --realtime\n"
 
 

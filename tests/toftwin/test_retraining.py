@@ -57,7 +57,7 @@ def test_learning_from_the_fitted_sensor_lowers_the_real_error(tmp_path: Path, m
     assert main(call) == 0
     made = tmp_path / "gap" / "retrain"
     result = json.loads((made / "retrain.json").read_text())
-    assert result["effects"] == ["wiggling"]
+    assert "wiggling" in result["effects"]
     assert result["with_mm"] < 0.7 * result["without_mm"]
     assert result["with_mm"] < 0.7 * result["raw_mm"]
     # Again, after the last result was lost: what is there is not made again.
