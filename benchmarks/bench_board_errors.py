@@ -60,11 +60,11 @@ def _tables() -> list[Table]:
     """Per frame the error along the ray and the observables of its pixels, each (n,)."""
     from tof_core.board.spec import Board
     from tof_core.options import BagOptions
-    from tof_gap.seen.residual import ideal_frames
     from tof_scene.raycast import Raycaster
     from tof_scene.render import render
     from tof_sensor.effects.lens_scatter import blurred
     from tof_sensor.frame import LIGHT_M_PER_S
+    from tof_sensor.known import ideal_frames
     from toftwin.boarded import board_session, read_captures
 
     session = board_session(read_captures(DATA / "bag", BagOptions()), Board.parse(BOARD))
