@@ -51,11 +51,10 @@ class Solved:
     cameras (V, 4, 4): T_cell_camera with both; camera_covs (V, 6, 6): of the cameras' right perturbations; hand_eye (4, 4): X;
     evidence: the views at `chain`; linearised: the views at `linearised_at`, where the solution was linearised last;
     named: the effects; maps: (H, W) metres of z per named effect and view; sizes: metres, RMS over the pixels that each named effect
-    affects, as the held-out views confirm it; tied: pairs of an effect and of one that could stand in
-    for it (None: hand-eye);
+    affects, as the held-out views confirm it; tied: pairs of an effect and of one that could stand in for it (None: hand-eye);
     bare: the views where the cameras really were, less all smooth bias (that of free functions of an observable in, single pixels of
-    a pattern out): what noise, loss and edges are read from; unnamed_m: metres, sizes of those free functions together (root of the sum of squares); depends_on: their
-    observables, most first;
+    a pattern out): what noise, loss and edges are read from; unnamed_m: metres, sizes of those free functions together (root of the
+    sum of squares); depends_on: their observables, most first;
     small_together: effects that each explain little and together much, not named for that;
     small: effects of the solution, and observables, that a healthy camera's tolerance or the stated calibration covers: not named;
     arms_alike: chi-square (6 degrees of freedom) of what all arm errors have in common;

@@ -50,10 +50,11 @@ def lost(view: ViewEvidence, limits: MissingLimits) -> Float:
 
 def dropout(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | None:
     """`dropout` where more is lost than `lost_share`: by amplitude below a threshold, and at random."""
-    gone = np.concatenate([lost(v, limits)[expected(v, limits)] for v in views])
+    inside = [expected(v, limits) for v in views]
+    gone = np.concatenate([lost(v, limits)[i] for v, i in zip(views, inside, strict=True)])
     if gone.mean() < limits.lost_share:
         return None
-    light = np.concatenate([lambert_amplitude(v.rendering)[expected(v, limits)] for v in views])
+    light = np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
     random = float(gone[light > np.median(light)].mean())
     share = np.stack([np.where(v.frame.valid, _rate(v, light, gone, limits), np.nan) for v in views])
     effect = Dropout(threshold=_half_lost(light, gone, limits), random=min(random, 1.0))

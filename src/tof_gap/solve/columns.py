@@ -53,6 +53,10 @@ class Design:
         """Columns of some candidates alone."""
         return np.concatenate([np.zeros(0, np.int64), *(self.groups[m] for m in members)]).astype(np.int64)
 
+    def without(self, members: Iterable[int], name: str) -> list[int]:
+        """The members of other names."""
+        return [m for m in members if self.candidates[m].name != name]
+
     def placed(self, members: Sequence[int]) -> Iterator[tuple[Candidate, Ints, slice]]:
         """Of each member its candidate, its columns, and where its coefficients stand in a solution of all members."""
         start = len(self.always)
@@ -102,13 +106,17 @@ LENS = Candidate(Intrinsics.NAME, Intrinsics())
 """The lens within its calibration: the first columns of `intrinsics`, focal lengths and principal point."""
 
 
-def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd: Float, lens_sd: Float | None = None) -> Design:
+EXACT = np.zeros(LENS_COLUMNS)
+"""Deviations of a lens that is what CameraInfo says."""
+
+
+def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd: Float, lens_sd: Float = EXACT) -> Design:
     """One system of all hypotheses, linearised at `chain`.
 
-    `hand_sd` (6,) holds X where it is not freed, `lens_sd` (4,) focal lengths (relative) and principal point (pixels); without it, or
-    where it is 0, the lens is exact. The bases of a moving session stay by the chain's, and not by the robot's word.
+    `hand_sd` (6,) holds X where it is not freed, `lens_sd` (4,) focal lengths (relative) and principal point (pixels); `EXACT`
+    adds no column. The bases of a moving session stay by the chain's, and not by the robot's word.
     """
-    calibrated = lens_sd is not None and bool(lens_sd.any())
+    calibrated = bool(lens_sd.any())
     by_candidate = store.of(tested)
     if calibrated:
         by_candidate.append([c[:, :LENS_COLUMNS] for c in store.of([LENS])[0]])
@@ -123,8 +131,8 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     live = scale > 1e-12
     safe = np.where(live, scale, 1.0)
     in_motion = moving(store.views)
-    sd = _column_sd(tested, groups, safe)
-    if lens_sd is not None and calibrated:
+    sd = _column_sd(tested, groups[: len(tested)], safe)
+    if calibrated:
         sd = np.concatenate([sd, lens_sd * safe[groups[-1]]])
     base_sd = np.minimum(chain.priors.base, PINNED_SD) if in_motion else chain.priors.base
     system = ColumnSystem.of(
@@ -141,7 +149,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
 
 
 def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints], scale: Float) -> Float:
-    sd = [np.full(len(g), FREE_SD_M) if c.effect is None else c.effect.prior_sd(scale[g]) for c, g in zip(tested, groups, strict=False)]
+    sd = [np.full(len(g), FREE_SD_M) if c.effect is None else c.effect.prior_sd(scale[g]) for c, g in zip(tested, groups, strict=True)]
     return np.concatenate([np.zeros(0), *sd])
 
 

@@ -111,8 +111,4 @@ def moves_camera(effect: Effect, stated: Camera) -> bool:
 
 def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> tuple[ViewEvidence, ...]:
     """The views with residuals less some maps, (H, W) metres per map and view."""
-    return (
-        tuple(replace(e, residual=e.residual - sum(np.nan_to_num(m[v]) for m in maps)) for v, e in enumerate(evidence))
-        if maps
-        else tuple(evidence)
-    )
+    return tuple(replace(e, residual=e.residual - sum(np.nan_to_num(m[v]) for m in maps)) for v, e in enumerate(evidence))

@@ -68,7 +68,7 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
 
 def without(joint: Joint, name: str, config: GapConfig) -> Joint:
     """The same solution with no effect of that name, everything else fitted anew."""
-    rest = [m for m in joint.selection.chosen.members if joint.design.candidates[m].name != name]
+    rest = joint.design.without(joint.selection.chosen.members, name)
     return replace(joint, selection=narrowed(joint.design, config.select, joint.selection, rest))
 
 

@@ -19,14 +19,17 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
     """
     whole, small = current, list[str]()
     while len(names := _names(judge, current)) > judge.config.named_freely:
-        lost = {name: max(judge.score(_without(judge, current, name), current.inflate).score - current.score, 0.0) for name in names}
+        lost = {
+            name: max(judge.score(judge.design.without(current.members, name), current.inflate).score - current.score, 0.0)
+            for name in names
+        }
         others = [i for i, m in enumerate(current.members) if judge.is_free(m) or judge.frees_hand([m])]
         beside = float(worth(judge, current)[0][others].clip(0.0).sum()) if others else 0.0
         least = min(lost, key=lost.__getitem__)
         if lost[least] >= judge.config.small_share * (sum(lost.values()) + beside):
             break
         small.append(least)
-        current = rescored(judge, _without(judge, current, least))
+        current = rescored(judge, judge.design.without(current.members, least))
     if not set(small) - {judge.design.candidates[m].name for m in current.members}:
         return whole, ()  # A second part that deviates is the same effect.
     without = judge.score(current.members, whole.inflate).score - whole.score
@@ -37,8 +40,3 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
 def _names(judge: Selector, current: Hypothesis) -> list[str]:
     """Names of the effects, once each; hand-eye, whose evidence are the arms, is not among them."""
     return sorted({judge.design.candidates[m].name for m in current.members if not judge.is_free(m) and not judge.frees_hand([m])})
-
-
-def _without(judge: Selector, current: Hypothesis, name: str) -> list[int]:
-    """The members of other names."""
-    return [m for m in current.members if judge.design.candidates[m].name != name]

@@ -66,8 +66,9 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
 
     It is structured where block means exceed what white noise gives them. Where a named noise is shared by neighbours (steps, rows,
     stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias, away from edges, unless
-    `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` or a noise was named; an error that only a
-    free function of an observable describes; small effects that explain much only together; a joint fit that leaves a share of what it was to explain; arm errors that are alike in every view.
+    `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` or a noise was named; an error
+    that only a free function of an observable describes; small effects that explain much only together; a joint fit that leaves a share
+    of what it was to explain; arm errors that are alike in every view.
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, left, floor2 = solved.evidence, figures.left(), figures.floors
@@ -79,24 +80,22 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
     gross = 0.0 if gross_named else min(gross_share(v) for v in (views, solved.linearised))
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
-    gone = by_part(solved.bare, [lost(v, missing) for v in solved.bare], len(scene.parts))
-    explained = any(f.name == Dropout.NAME or f.effect.EVIDENCE is Evidence.NOISE for f in found.findings)
-    unseen = not explained and gone.sum() > missing.lost_share * expected_pixels(solved.bare, missing)
+    gone = _lost_pixels(found, len(scene.parts), missing)
     a_gap = gap.above_mm(gap.before) > limit.mm
     structured = (
         (size > np.hypot(limit.mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)
         or gross > limit.gross_share
-        or bool(depends_on or (a_gap and solved.small_together) or unseen)
+        or bool(depends_on or (a_gap and solved.small_together) or gone.any())
         or (a_gap and misfit(views, figures.residual, left, _noise2(found), limits.shrink.noise_known) > limit.misfit)
     )
     if not structured:
         return Unexplained(size, structured=False, depends_on=(), where=())
-    energy = gone if unseen else np.bincount(means.part, means.pixels * np.maximum(means.excess2, 0), len(scene.parts))
+    energy = gone if gone.any() else np.bincount(means.part, means.pixels * np.maximum(means.excess2, 0), len(scene.parts))
     order = [int(i) for i in np.argsort(-energy) if energy[i] > limit.part_share * energy.sum()]
     return Unexplained(
         size,
         structured=True,
-        depends_on=(*((LOST,) if unseen else ()), *(depends_on or _depends_on(views, left, floor2, limits))),
+        depends_on=(*((LOST,) if gone.any() else ()), *(depends_on or _depends_on(views, left, floor2, limits))),
         where=tuple(scene.parts[i].name for i in order[: limit.parts]),
         share=_share(size**2, (1e3 * solved.unnamed_m) ** 2, before2),
     )
@@ -139,9 +138,14 @@ def by_part(views: Sequence[ViewEvidence], maps: Sequence[Float], parts: int) ->
     return out
 
 
-def expected_pixels(views: Sequence[ViewEvidence], limits: MissingLimits) -> int:
-    """Pixels of all views that should return light."""
-    return sum(int(expected(v, limits).sum()) for v in views)
+def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
+    """(parts,) pixels of each part that returned no light; none where they are few, or where `dropout` or a noise was named."""
+    views = found.solved.bare
+    if any(f.name == Dropout.NAME or f.effect.EVIDENCE is Evidence.NOISE for f in found.findings):
+        return np.zeros(parts)
+    gone = by_part(views, [lost(v, missing) for v in views], parts)
+    inside = sum(int(expected(v, missing).sum()) for v in views)
+    return gone if gone.sum() > missing.lost_share * inside else np.zeros(parts)
 
 
 def gross_share(views: Sequence[ViewEvidence]) -> float:
