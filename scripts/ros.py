@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which ROS 2 is used, the sourced Jazzy or pip's, and tf2_msgs where pip has none."""
+"""Which ROS 2 is used, the sourced Jazzy or pip's, and the interface packages that pip has not."""
 
 from __future__ import annotations
 
@@ -38,10 +38,14 @@ def imports(python: Path, modules: str) -> bool:
     return subprocess.run([str(python), "-c", f"import {modules}"], check=False, capture_output=True).returncode == 0
 
 
-def ensure_tf2(steps: Steps, python: Path, ros_source: str) -> None:
-    """Build tf2_msgs beside pip's ROS, then send one /tf message to ourselves."""
+def ensure_interfaces(steps: Steps, python: Path, ros_source: str) -> None:
+    """Build tf2_msgs and toftwin_msgs beside pip's ROS, then send one /tf message to ourselves.
+
+    A sourced ROS has tf2_msgs; toftwin_msgs is built there by colcon (ros_ws/README.md), and until then nodes run without typed topics and
+    actions and say so.
+    """
     if ros_source == "sourced":
-        steps.note("from the sourced ROS 2 Jazzy")
-    elif not imports(python, "tf2_msgs.msg"):
-        steps.run([str(python), str(HERE / "build_tf2_msgs.py")])
+        steps.note("tf2_msgs from the sourced ROS 2 Jazzy; toftwin_msgs by colcon (ros_ws/README.md)")
+    else:
+        steps.run([str(python), str(HERE / "build_interfaces.py")])
     steps.run([str(python), str(HERE / "check_tf.py")])

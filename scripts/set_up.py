@@ -27,7 +27,7 @@ NEEDED_GB = 5.0
 EMBREE_MACHINES = ("x86_64", "AMD64")
 """Where embreex has wheels; elsewhere open3d casts the rays, with all that its wheel asks for (60 packages more)."""
 LEVELS = ("run", "dev")
-OWN = ("build_tf2_msgs.py", "check_tf.py", "progress.py", "ros.py", "set_up.py", "system.py", "torch_cpu.py")
+OWN = ("build_interfaces.py", "check_tf.py", "progress.py", "ros.py", "set_up.py", "system.py", "torch_cpu.py")
 """The scripts that set-up runs; the others of that folder change nothing that is installed."""
 
 
@@ -47,6 +47,7 @@ def content() -> str:
         *(ROOT / "requirements").glob("*.txt"),
         *(scripts / name for name in OWN),
         *(scripts / "interfaces").rglob("*.*"),
+        *(ROOT / "ros_ws" / "src" / "toftwin_msgs").rglob("*.*"),
     ]
     for path in sorted(path for path in files if path.is_file()):
         digest.update(path.read_bytes())
@@ -121,8 +122,8 @@ def set_up(wanted: dict[str, str], ros_source: str) -> None:
             torch_cpu.ensure(steps, PYTHON, pip_install)
         with steps.step("browser for the report test"):
             system.ensure_browser(steps)
-    with steps.step("tf2_msgs and a message over DDS"):
-        ros.ensure_tf2(steps, PYTHON, ros_source)
+    with steps.step("tf2_msgs, toftwin_msgs and a message over DDS"):
+        ros.ensure_interfaces(steps, PYTHON, ros_source)
     STATE.write_text(json.dumps(wanted), encoding="utf-8")
 
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Build tf2_msgs into the running virtual environment, where ROS 2 comes from pip and lacks it."""
+"""Build interface packages into the running virtual environment, where ROS 2 comes from pip: those named, or all that changed."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import subprocess
@@ -11,7 +12,9 @@ import sysconfig
 import tempfile
 from pathlib import Path
 
-SOURCE = Path(__file__).resolve().parent / "interfaces" / "tf2_msgs"
+ROOT = Path(__file__).resolve().parent.parent
+SOURCES = {"tf2_msgs": ROOT / "scripts" / "interfaces" / "tf2_msgs", "toftwin_msgs": ROOT / "ros_ws" / "src" / "toftwin_msgs"}
+"""What no wheel has: the one message of `/tf`, and the messages and actions of the nodes."""
 PREFIX = Path(sys.prefix)
 
 # The ROS wheels' CMake files name folders that exist only where the wheels were built.
@@ -46,28 +49,47 @@ def build_environment() -> dict[str, str]:
     }
 
 
-def build_and_install() -> None:
-    """Configure, build and install tf2_msgs into the environment's prefix."""
+def digest(name: str) -> str:
+    """Hash of a package's definitions."""
+    files = sorted(path for path in SOURCES[name].rglob("*") if path.is_file())
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+
+
+def built(name: str) -> Path:
+    """Where the hash of the definitions that are installed is kept."""
+    return PREFIX / "share" / name / "toftwin-built.sha256"
+
+
+def is_current(name: str) -> bool:
+    """Whether what is installed was built from these definitions."""
+    return built(name).exists() and built(name).read_text(encoding="ascii") == digest(name)
+
+
+def build_and_install(name: str) -> None:
+    """Configure, build and install one package into the environment's prefix."""
     environment = build_environment()
-    with tempfile.TemporaryDirectory(prefix="toftwin-tf2-") as build:
+    with tempfile.TemporaryDirectory(prefix=f"toftwin-{name}-") as build:
         configure = [
-            "cmake", "-G", "Ninja", "-S", str(SOURCE), "-B", build,
+            "cmake", "-G", "Ninja", "-S", str(SOURCES[name]), "-B", build,
             f"-DCMAKE_INSTALL_PREFIX={PREFIX}", "-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF",
             f"-DPython3_EXECUTABLE={sys.executable}", f"-DPYTHON_EXECUTABLE={sys.executable}",
         ]  # fmt: skip
         subprocess.run(configure, env=environment, check=True)
         subprocess.run(["cmake", "--build", build, "--target", "install"], env=environment, check=True)
+    built(name).write_text(digest(name), encoding="ascii")
 
 
 def main() -> int:
     """Relocate, build, install; the exit status is 1 when CMake or the compiler failed."""
     sys.stdout.write(f"relocated {relocate_cmake_files()} CMake files\n")
-    sys.stdout.flush()
-    try:
-        build_and_install()
-    except subprocess.CalledProcessError as error:
-        sys.stderr.write(f"tf2_msgs: {error}\n")
-        return 1
+    for name in sys.argv[1:] or [name for name in SOURCES if not is_current(name)]:
+        sys.stdout.write(f"{name}\n")
+        sys.stdout.flush()
+        try:
+            build_and_install(name)
+        except subprocess.CalledProcessError as error:
+            sys.stderr.write(f"{name}: {error}\n")
+            return 1
     return 0
 
 
