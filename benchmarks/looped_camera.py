@@ -12,7 +12,7 @@ import numpy as np
 from rclpy.serialization import deserialize_message
 
 from tof_ros import messages, qos
-from tof_ros.recorder import message_class
+from tof_ros.interfaces import message_class
 
 if TYPE_CHECKING:
     from collections.abc import Callable

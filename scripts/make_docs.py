@@ -47,6 +47,9 @@ def node_page(name: str) -> str:
     room = DONE[name].partition("/")[0]
     rows = [Topic(f"`{room}/{topic}`", _type(kind), text.outputs.get(topic, "")) for topic, kind in module.OUTPUTS.items()]
     rows += [Topic(f"`{topic}`", _type(kind), text.outputs.get(topic, "")) for topic, kind in getattr(module, "SHARED", {}).items()]
+    rows += [Topic(f"`{room}/{topic}`", f"toftwin_msgs/{name}", TYPED[name]) for topic, name in getattr(module, "TYPED", {}).items()]
+    if "DepthOutput(" in inspect.getsource(module):
+        rows.append(Topic(f"`{room}/depth/compressedDepth`", "sensor_msgs/CompressedImage", PACKED))
     rows += [Topic(*row) for row in text.more]
     rows.append(Topic(f"`{room}/done`", "sensor_msgs/TimeReference", "result of each frame: `kept`, or the reason why it was skipped"))
     managed = "ManagedNode[" in inspect.getsource(module)
@@ -58,11 +61,39 @@ def node_page(name: str) -> str:
         "## Subscribed", _topics(INPUTS.get(name, [])),
         "## Published", _topics(rows),
         "## Services", _services(module),
+        *(("## Actions", _actions(module)) if hasattr(module, "ACTIONS") else ()),
         "## Diagnostics", _diagnostics(text, managed=managed),
         "## Parameters", CHANGES.format(", ".join(f"`{p}`" for p in fixed_of(module)), when),
         parameters(list(table(module.CONFIG))),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
+
+
+TYPED = {
+    "Dwell": "the dwell and the station of the view, number of captures, temperature; in place of `dwell`",
+    "InspectionVerdict": "verdict, probability, displacement and tolerance of each part; in place of `verdict`",
+    "CorrectionProposal": "target, motion, covariance and reason, one message a registration, refused ones too; in place of `verdict`",
+    "GapReport": "gap, floor, usual gap and alarm of each view; in place of `report`",
+}
+PACKED = (
+    "`depth` as image_transport compresses it (PNG of the inverse depth, 0.1 mm a count at 1 m, up to 10 m); computed only while subscribed"
+)
+ACTIONS = {
+    "judge": "as `~/judge`; feedback names each part as its turn comes; a cancelled goal ends before the next part",
+    "propose": "as `~/propose`, with the proposals as its result; a goal that is cancelled before the target is sent moves nothing",
+    "diagnose": "diagnoses the last `live.views` dwells as `toftwin gap` does a bag, in a process of its own; `out` names the folder of the report, `leave_out` effects not to consider; "
+    "feedback names each step; a cancelled goal ends at once",
+}
+
+
+def _actions(module: Any) -> str:
+    """The actions of a node."""
+    rows = [f"| `~/{name}` | toftwin_msgs/{kind} | {ACTIONS[name]} |" for name, kind in module.ACTIONS.items()]
+    about = (
+        "One at a time, services included. A goal that cannot be worked on (the node is inactive or busy, there is no view) is aborted, with the reason in the result's `message`. "
+        "Where toftwin_msgs is not installed the node says so once and has neither typed topics nor actions."
+    )
+    return "\n".join([about, "", "| action | type | what |", "|---|---|---|", *rows])
 
 
 def text_of(name: str) -> NodeText:

@@ -44,7 +44,11 @@ TRANSFORMS = Topic(
 VIEWS = [
     Topic("`preproc/depth`, `sigma`, `count`, `reason`, `amplitude`", IMAGE, "the running view of each dwell"),
     Topic("`preproc/camera_info`", INFO, "its camera"),
-    Topic("`preproc/dwell`", "sensor_msgs/TimeReference", "the dwell and the station of the view"),
+    Topic(
+        "`preproc/dwell_info`",
+        "toftwin_msgs/Dwell",
+        "the dwell and the station of the view; `preproc/dwell` where toftwin_msgs is not installed",
+    ),
     TRANSFORMS,
     Topic(
         "`initialpose`",
@@ -53,6 +57,11 @@ VIEWS = [
     ),
 ]
 
+UNFILTERED_VIEWS = Topic(
+    "`preproc/unfiltered_depth`, `unfiltered_sigma`, `unfiltered_count`, `unfiltered_reason`, `unfiltered_noise`, `amplitude`",
+    IMAGE,
+    "the view of each dwell before the filters",
+)
 COLOUR = Topic(
     "`camera/hand/image` (`live.colour_topic`) and its `camera_info`",
     "sensor_msgs/Image, CameraInfo",
@@ -83,7 +92,7 @@ INPUTS = {
     "sensor": [IDEAL, IDEAL_CAMERA, ALBEDO, NORMALS, IDEAL_TEMPERATURE, SCENE_TRANSFORMS],
     "correct": [*VIEWS, COLOUR],
     "inspect": [*VIEWS, COLOUR],
-    "gap": [*VIEWS, Topic("`label/pose`", "geometry_msgs/PoseWithCovarianceStamped", "solved pose of the camera; `sim_label` must run")],
+    "gap": [UNFILTERED_VIEWS, *VIEWS[1:], Topic("`label/pose`", "geometry_msgs/PoseWithCovarianceStamped", "solved pose of the camera; `sim_label` must run")],
 }  # fmt: skip
 
 NODE_TEXTS = {
@@ -99,11 +108,18 @@ NODE_TEXTS = {
             "reason": "why the pixel has no depth: a code of `tof_core.reasons` (8UC1)",
             "amplitude": "mean amplitude in the camera's counts (32FC1); only with an amplitude image",
             "camera_info": "intrinsics of these rasters",
-            "points": "the view as an organised cloud; computed only while subscribed",
-            "dwell": "`time_ref` is the dwell's first stamp; `source` holds station, number of captures, amplitude yes or no",
+            "points": "the view as an organised cloud, with the amplitude as intensity where there is one; computed only while subscribed",
+            "dwell": "`time_ref` is the dwell's first stamp; `source` holds station, number of captures, amplitude yes or no; ends with the next release",
         },
         figures=("stages", "tf_age_s", "waiting", "removed.STAGE"),
         warns="frames have no CameraInfo or no transform",
+        more=(
+            (
+                "`preproc/unfiltered_depth`, `unfiltered_sigma`, `unfiltered_count`, `unfiltered_reason`, `unfiltered_noise`",
+                IMAGE,
+                "the same view accumulated without any filter, and the noise of one capture, for `gap`; computed only while subscribed",
+            ),
+        ),
     ),
     "sim_label": NodeText(
         short="aligns each view to the CAD and renders its label: the true depth of every pixel",
@@ -119,7 +135,7 @@ NODE_TEXTS = {
             "mask": "255 where the label may be used for training (mono8)",
             "part": "index of the part in the scene, -1 none (16SC1)",
             "camera_info": "intrinsics of these rasters",
-            "points": "the label as an organised cloud; computed only while subscribed",
+            "points": "the label as an organised cloud, with the measured amplitude as intensity where there is one; computed only while subscribed",
             "pose": "solved pose of the camera in the cell, with covariance",
         },
         figures=("scene", "raycaster", "tf_age_s", "incomplete", "verdict.NAME"),
@@ -133,6 +149,7 @@ NODE_TEXTS = {
             "depth": "corrected depth, metres along z (32FC1)",
             "sigma": "its standard deviation, metres; infinite where the raw depth is kept (32FC1)",
             "camera_info": "intrinsics of these rasters",
+            "points": "the corrected depth as an organised cloud, with the amplitude as intensity where there is one; computed only while subscribed",
         },
         figures=("model", "device", "kept_raw"),
         warns="the network refuses the camera, or keeps the raw depth in more than half of the image",
@@ -168,7 +185,7 @@ NODE_TEXTS = {
         outputs={
             "pose": "target of the hand in `live.frame` (default: the body), with covariance; only of an accepted proposal",
             "delta": "the same as a motion of the hand in its own axes",
-            "verdict": "one status for the reference, one for the CAD: OK accepted, WARN partial, ERROR refused, with every figure",
+            "verdict": "one status for the reference, one for the CAD: OK accepted, WARN partial, ERROR refused, with every figure as text; ends with the next release",
         },
         figures=("reference", "scene", "connected", "verdict", "tf_age_s", "incomplete"),
         warns="there is neither a reference nor a scene",
@@ -183,7 +200,7 @@ NODE_TEXTS = {
             "ros2 run toftwin inspect --ros-args -p live.scene:=cell/scene.yaml",
         ),
         outputs={
-            "verdict": "one status per part: OK present, WARN displaced, ERROR absent, STALE not observable; its values are the figures of the verdict"
+            "verdict": "one status per part: OK present, WARN displaced, ERROR absent, STALE not observable; its values are the figures of the verdict as text; ends with the next release"
         },
         figures=("scene", "inspected", "first_pictures", "verdict.STATE", "tf_age_s", "incomplete"),
         warns="the last call found parts absent or displaced",
@@ -191,8 +208,8 @@ NODE_TEXTS = {
     "gap": NodeText(
         short="watches the gap between camera and CAD, and warns once it grows",
         about="Compares each labelled view with the CAD at the label's pose. The gap is the difference beyond noise and pose covariance. The first "
-        "`watch.baseline` views define the usual gap; growth is reported at a stated rate of false alarms (`watch.views_per_alarm`). The node uses the views of `preproc`; "
-        "for a diagnosis of the causes use `toftwin gap` on a recording.",
+        "`watch.baseline` views define the usual gap; growth is reported at a stated rate of false alarms (`watch.views_per_alarm`). The node takes the views of `preproc` before its filters; "
+        "the action `~/diagnose` names the causes from the dwells that it has kept, without a recording.",
         start=(
             "toftwin node preproc sim_label gap --scene cell/scene.yaml",
             "ros2 run toftwin gap --ros-args -p live.scene:=cell/scene.yaml",
@@ -200,9 +217,9 @@ NODE_TEXTS = {
         outputs={
             "residual": "measured minus rendered, metres along z, NaN where either is missing (32FC1)",
             "camera_info": "intrinsics of this raster",
-            "report": "JSON: `gap_mm`, `floor_mm`, `usual_mm`, `alarm` (growth is reported at 1), `views`, `state_of_gap`",
+            "report": "JSON: `gap_mm`, `floor_mm`, `usual_mm`, `alarm` (growth is reported at 1), `views`, `state_of_gap`; ends with the next release",
         },
-        figures=("scene", "state_of_gap", "gap_mm", "floor_mm", "usual_mm", "alarm", "views", "tf_age_s", "incomplete"),
+        figures=("scene", "dwells", "state_of_gap", "gap_mm", "floor_mm", "usual_mm", "alarm", "views", "tf_age_s", "incomplete"),
         warns="the gap grows, or a view cannot be judged",
     ),
 }

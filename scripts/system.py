@@ -29,7 +29,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stab
 
 
 def missing_packages(*, build_tools: bool) -> list[str]:
-    """Debian packages that this machine lacks; `build_tools` are what building tf2_msgs takes."""
+    """Debian packages that this machine lacks; `build_tools` are what building interface packages takes."""
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
     missing = [package for library, package in LIBRARIES.items() if not loads(library)]
     if importlib.util.find_spec("ensurepip") is None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from arm_correction.reference import load_reference, save_reference
 from tof_core.errors import RefusedError, TransformError
 from tof_core.live import Dwells
 from tof_ros import messages, qos
+from tof_ros.actions import quiet, serve
 from tof_ros.colour import ColourFeed
 from tof_ros.diagnostics import status
 from tof_ros.managed import ManagedNode
@@ -27,16 +29,20 @@ from tof_scene.raycast import Raycaster
 from tof_sensor.known import known_bias
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from arm_correction.correction import Correction
     from arm_correction.frames import Frames
     from tof_core.arrays import Float
     from tof_core.capture import RobotPose, View
+    from tof_ros.actions import Progress
 
 NAME = "correct"
 OUTPUTS = {"pose": PoseWithCovarianceStamped, "delta": PoseStamped, "verdict": DiagnosticArray}
 """Topics under `correction/`, once per `~/propose`, with the stamp of the view; pose and delta only of what is accepted."""
+TYPED = {"proposal": "CorrectionProposal"}
+"""One a registration, with typed fields (toftwin_msgs), also of what is refused."""
+ACTIONS = {"propose": "Propose"}
 CONFIG = CorrectNodeConfig
 LEVELS = {"accepted": DiagnosticStatus.OK, "partial": DiagnosticStatus.WARN, "refused": DiagnosticStatus.ERROR}
 
@@ -50,10 +56,12 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         """Nothing loaded yet."""
         super().__init__(NAME, "correction", CorrectNodeConfig, fixed=("live.", "align."), **options)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._proposal = self.typed("proposal", TYPED["proposal"])
         self._verdict = ""
         self._placing = Placing(self)
         self.service("capture_reference", self._capture, slow=True)
-        self.service("propose", self._propose, slow=True)
+        self.service("propose", self._service, slow=True)
+        serve(self, "propose", ACTIONS["propose"], self._answer)
 
     def load(self) -> None:
         """Read the scene and the reference, where they exist."""
@@ -100,21 +108,41 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         path = self.config.live.reference
         return f"the reference is of {reference.stamp_ns}" + (f", kept in {save_reference(reference, path)}" if path else "")
 
-    def _propose(self) -> str:
+    def _service(self) -> str:
+        """The answer of the service; what is refused is its error."""
+        message, proposals = self._propose(quiet)
+        if not (chosen := proposals[0].correction).accepted:
+            raise RefusedError(chosen.reason, where=chosen.by)
+        return message
+
+    def _answer(self, goal: Any, progress: Progress) -> Any:
+        """The result of the action."""
+        del goal
+        from toftwin_msgs.action import Propose
+
+        progress.total = 2 if self.config.live.connect else 1
+        message, proposals = self._propose(progress)
+        return Propose.Result(success=proposals[0].correction.accepted, message=message, proposals=[p.message() for p in proposals])
+
+    def _propose(self, progress: Callable[[str], None]) -> tuple[str, list[Proposed]]:
         """Register the last dwell, publish the correction, and send it to the arm if `live.connect` names a topic."""
         views, live = self._dwells.all(), self.config.live
         view = views[-1]
         frames = frames_of(self._chain, view.camera.frame_id, view.stamp_ns, live.hand_frame, live.frame)
         target = driver_frame(frames) if live.connect else ""
+        progress("register")
         made = self._corrector.propose(views, frames, lambda: self._moment(view))
-        chosen = next(iter(made.values()))
-        self._publish(view, made, frames)
+        proposals = [Proposed(c, view, frames) for c in made.values()]
+        chosen = proposals[0].correction
+        self._publish(proposals)
         self._verdict = f"{chosen.verdict}: {chosen.reason}"
-        mm, deg = chosen.step
         if not chosen.accepted:
-            raise RefusedError(chosen.reason, where=chosen.by)
+            return chosen.reason, proposals
+        if live.connect:
+            progress("send")  # what is cancelled by now moves nothing
+        mm, deg = chosen.step
         sent = f"; sent to {self._command(chosen.T_frame_hand, target)}" if live.connect else ""
-        return f"{chosen.verdict}: {mm:.1f} mm and {deg:.2f} deg by {chosen.by}: {chosen.reason}{sent}"
+        return f"{chosen.verdict}: {mm:.1f} mm and {deg:.2f} deg by {chosen.by}: {chosen.reason}{sent}", proposals
 
     def _command(self, T_frame_hand: Float, target: str) -> str:
         """Send the hand there; gives the arm's topic."""
@@ -135,17 +163,15 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         except TransformError as error:
             raise RefusedError(f"it is not known whether the robot has moved since the view: {error}", where="correction") from error
 
-    def _publish(self, view: View, made: Mapping[str, Correction], frames: Frames) -> None:
-        chosen = next(iter(made.values()))
-        head = messages.header(view.stamp_ns, frames.frame)
-        verdicts = [
-            status(LEVELS[c.verdict], f"correction: {by}", f"{c.verdict}: {c.reason}", {k: _text(v) for k, v in c.to_dict().items()})
-            for by, c in made.items()
-        ]
-        self._outputs["verdict"].publish(DiagnosticArray(header=head, status=verdicts))
+    def _publish(self, proposals: Sequence[Proposed]) -> None:
+        first = proposals[0]
+        chosen, head = first.correction, first.head
+        self.offer(self._outputs["verdict"], lambda: DiagnosticArray(header=head, status=[p.status() for p in proposals]), now="proposal")
+        for proposed in proposals:
+            self.offer(self._proposal, proposed.message)
         if chosen.accepted:
             self._outputs["pose"].publish(messages.pose(chosen.T_frame_hand, chosen.cov, head))
-            self._outputs["delta"].publish(messages.pose_stamped(chosen.delta, messages.header(view.stamp_ns, frames.hand)))
+            self._outputs["delta"].publish(messages.pose_stamped(chosen.delta, messages.header(first.view.stamp_ns, first.frames.hand)))
 
     def figures(self) -> Mapping[str, str]:
         """Reference or CAD, the last verdict, age of TF."""
@@ -162,6 +188,31 @@ class CorrectNode(ManagedNode[CorrectNodeConfig]):
         """Warn if there is neither a reference nor a scene."""
         lacking = self._corrector.reference is None and self._scene is None
         return ["there is no reference and no scene: call ~/capture_reference"] if lacking else []
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposed:
+    """One proposal with the view that it is of."""
+
+    correction: Correction
+    view: View
+    frames: Frames
+
+    @property
+    def head(self) -> Any:
+        """Stamp of the view, frame of the target."""
+        return messages.header(self.view.stamp_ns, self.frames.frame)
+
+    def message(self) -> Any:
+        """As a CorrectionProposal."""
+        from tof_ros.results import proposal
+
+        return proposal(self.correction, self.head)
+
+    def status(self) -> DiagnosticStatus:
+        """As a status with every figure as text."""
+        c = self.correction
+        return status(LEVELS[c.verdict], f"correction: {c.by}", f"{c.verdict}: {c.reason}", {k: _text(v) for k, v in c.to_dict().items()})
 
 
 def _text(value: Any) -> str:

@@ -101,6 +101,11 @@ class Dwells:
             raise RefusedError("no view has come yet", where="preproc", todo="is preproc running, and does TF reach the camera?")
         return views
 
+    @property
+    def count(self) -> int:
+        """How many dwells are kept."""
+        return len(self._views)
+
     def at(self, stamp_ns: int) -> View | None:
         """The view of a stamp, if it is kept."""
         return next((v for v in self._views if v.stamp_ns == stamp_ns), None)
@@ -111,21 +116,43 @@ class Dwells:
 
 
 def view_of(stamp: int, parts: Mapping[str, Any], chain: RobotChain) -> View:
-    """The view that `preproc` published in parts; the robot's pose comes from TF."""
+    """The view that `preproc` published in parts, the dwell as `dwell_info` or as `dwell`; the robot's pose comes from TF."""
     camera = camera_from_info(parts["camera_info"], "preproc/camera_info")
-    dwell = parts["dwell"]
-    about = dict(pair.split("=", 1) for pair in dwell.source.split())
-    amplitude = parts.get("amplitude")
+    amplitude, noise = parts.get("amplitude"), parts.get("noise")
     return View(
         stamp_ns=stamp,
-        dwell_ns=int(dwell.time_ref.sec) * 1_000_000_000 + int(dwell.time_ref.nanosec),
         camera=camera,
         robot=chain.pose(camera.frame_id, stamp),
         depth=pixels(parts["depth"]),
         sigma=pixels(parts["sigma"]),
         count=pixels(parts["count"]),
         reason=pixels(parts["reason"]),
-        station=int(about["station"]),
-        captures=int(about["captures"]),
         amplitude=None if amplitude is None else pixels(amplitude),
+        noise=None if noise is None else pixels(noise),
+        **(_typed(parts["dwell_info"]) if "dwell_info" in parts else _texts(parts["dwell"])),
     )
+
+
+def _typed(dwell: Any) -> dict[str, Any]:
+    """Fields of a view in a toftwin_msgs/Dwell."""
+    return {
+        "dwell_ns": _ns(dwell.first),
+        "station": int(dwell.station),
+        "captures": int(dwell.captures),
+        "temperature": float(dwell.temperature),
+    }
+
+
+def _texts(dwell: Any) -> dict[str, Any]:
+    """Fields of a view in a TimeReference whose source is `station=N captures=N amplitude=N`."""
+    about = dict(pair.split("=", 1) for pair in dwell.source.split())
+    return {"dwell_ns": _ns(dwell.time_ref), "station": int(about["station"]), "captures": int(about["captures"])}
+
+
+def has_amplitude(dwell: Any) -> bool:
+    """Whether the view of a `dwell_info` or `dwell` message has an amplitude image."""
+    return bool(dwell.amplitude) if hasattr(dwell, "amplitude") else "amplitude=1" in dwell.source
+
+
+def _ns(stamp: Any) -> int:
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)

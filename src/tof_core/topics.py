@@ -46,7 +46,7 @@ def is_compressed(topic: str) -> bool:
 
 def is_own(topic: str) -> bool:
     """Whether a topic is an output of this project's nodes, in whatever robot's namespace."""
-    return len(parts := topic.strip("/").split("/")) > 1 and parts[-2] in OWN_ROOMS
+    return len(parts := base_topic(topic).strip("/").split("/")) > 1 and parts[-2] in OWN_ROOMS
 
 
 def base_topic(topic: str) -> str:

@@ -16,24 +16,31 @@ from tof_core import se3
 from tof_core.decode import stamp_ns
 from tof_core.errors import RefusedError, UsageError
 from tof_core.live import Dwells
-from tof_gap.live import GapNodeConfig
+from tof_gap.live import DiagnosisConfig, GapNodeConfig
+from tof_gap.process import Task, diagnose_beside
 from tof_gap.watch import GapWatch
 from tof_ros import messages, qos
+from tof_ros.actions import serve
 from tof_ros.managed import ManagedNode
 from tof_ros.placing import Placing
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
+from tof_sensor.registry import VOCABULARY
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from tof_core.capture import View
     from tof_gap.watch import Watched
+    from tof_ros.actions import Progress
 
 NAME = "gap"
 OUTPUTS = {"residual": Image, "camera_info": CameraInfo, "report": String}
 """Topics under `gap/`, once per labelled view, with its stamp."""
+TYPED = {"watch": "GapReport"}
+"""The report with typed fields (toftwin_msgs)."""
+ACTIONS = {"diagnose": "Diagnose"}
 CONFIG = GapNodeConfig
 SCHEMA = "toftwin.gap.watch/1"
 KEPT = 8
@@ -41,14 +48,18 @@ KEPT = 8
 
 
 class GapNode(ManagedNode[GapNodeConfig]):
-    """Watches the gap at the poses of `sim_label` (docs/nodes/gap.md)."""
+    """Watches the gap at the poses of `sim_label`, and diagnoses it on request (docs/nodes/gap.md)."""
+
+    threads = 2
 
     def __init__(self, **options: Any) -> None:
         """Nothing loaded yet."""
         super().__init__(NAME, NAME, GapNodeConfig, fixed=("live.", "watch."), **options)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._typed = self.typed("watch", TYPED["watch"])
         self._placing = Placing(self)
         self._forget()
+        serve(self, "diagnose", ACTIONS["diagnose"], self._diagnose)
 
     def load(self) -> None:
         """Read the scene."""
@@ -62,9 +73,9 @@ class GapNode(ManagedNode[GapNodeConfig]):
         live, scene = self.config.live, self._caster.scene
         self._forget()
         self._watch = GapWatch(self._caster, self.config.watch)
-        self._dwells, self._poses = Dwells(KEPT), deque[PoseWithCovarianceStamped](maxlen=KEPT)
+        self._dwells, self._session, self._poses = Dwells(KEPT), Dwells(live.views), deque[PoseWithCovarianceStamped](maxlen=KEPT)
         chain = self._placing.chain(live, scene.frame, scene.placed_in)
-        self._feed = ViewFeed(self, chain, live.patience_s, self._take, self._placing.camera)
+        self._feed = ViewFeed(self, chain, live.patience_s, self._take, self._placing.camera, unfiltered=True)
         self.input("label/pose", PoseWithCovarianceStamped, self._posed, qos.OUTPUT)
 
     def unload(self) -> None:
@@ -72,9 +83,10 @@ class GapNode(ManagedNode[GapNodeConfig]):
         del self._caster
 
     def reset(self) -> str:
-        """Forget what is usual."""
+        """Forget what is usual, and the views."""
         self._watch.restart()
         self._dwells.clear()
+        self._session.clear()
         self._poses.clear()
         self._feed.reset()
         self._forget()
@@ -87,6 +99,7 @@ class GapNode(ManagedNode[GapNodeConfig]):
 
     def _take(self, view: View) -> None:
         self._dwells.add(view)
+        self._session.add(view)
         self._match()
 
     def _posed(self, message: PoseWithCovarianceStamped) -> None:
@@ -111,18 +124,47 @@ class GapNode(ManagedNode[GapNodeConfig]):
         head = messages.header(view.stamp_ns, view.camera.frame_id)
         self.offer(self._outputs["residual"], lambda: messages.image(last.residual, "32FC1", head))
         self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
-        self._outputs["report"].publish(String(data=json.dumps(_report(last, view))))
+        self.offer(self._outputs["report"], lambda: String(data=json.dumps(_report(last, view))), now="watch")
+        if self._typed is not None and self._typed.get_subscription_count():
+            from tof_ros.results import gap_report
+
+            self._typed.publish(gap_report(last, head))
+
+    def _diagnose(self, goal: Any, progress: Progress) -> Any:
+        """The result of the action: a diagnosis of the dwells that are kept."""
+        from tof_ros.results import diagnosis
+
+        views, live = self._session.all(), self.config.live
+        settings = DiagnosisConfig.load(live.settings)
+        task = Task(views, live.scene, settings.gap, settings.align, live.sensor, _effects(goal.leave_out), goal.out)
+        return diagnosis(diagnose_beside(task, progress, progress.check), len(views))
 
     def figures(self) -> Mapping[str, str]:
         """Scene, the last view's gap, how old TF is."""
         scene, last = self._caster.scene, self._last
         figures = {} if last is None else {key: str(value) for key, value in _report(last).items() if key != "schema"}
-        return {"scene": f"{self.config.live.scene_name} {scene.digest[:12]}", **figures, **(self._feed.figures() if self.active else {})}
+        return {
+            "scene": f"{self.config.live.scene_name} {scene.digest[:12]}",
+            "dwells": str(self._session.count),
+            **figures,
+            **(self._feed.figures() if self.active else {}),
+        }
 
     def warnings(self) -> list[str]:
         """A gap that grows, or a view that could not be judged."""
         grown = [self._last.message] if self._last is not None and self._last.state == "grown" else []
         return [*grown, *([self._refused] if self._refused else [])]
+
+
+def _effects(names: Sequence[str]) -> frozenset[str]:
+    """The names as a set.
+
+    Raises:
+        UsageError: no effect has one of them.
+    """
+    if unknown := [name for name in names if name not in VOCABULARY]:
+        raise UsageError(f"there is no effect '{unknown[0]}'", where="leave_out", todo=f"effects: {', '.join(VOCABULARY)}")
+    return frozenset(names)
 
 
 def _report(watched: Watched, view: View | None = None) -> dict[str, Any]:

@@ -84,7 +84,7 @@ class Watched:
         if self.state == "learning":
             return f"learning the baseline, {self.views} views so far: {seen}"
         usual = f"usual {self.usual_mm:.2f} mm over {self.views} views"
-        return f"the gap grows: {seen}, {usual}: run toftwin gap on a recording" if self.state == "grown" else f"{seen}, {usual}"
+        return f"the gap grows: {seen}, {usual}: ~/diagnose names the cause" if self.state == "grown" else f"{seen}, {usual}"
 
 
 BETS = ((0.1, 0.5), (0.3, 0.5))

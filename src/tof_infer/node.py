@@ -6,7 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from sensor_msgs.msg import CameraInfo, Image
+import numpy as np
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
 from tof_core.builder import CaptureBuilder
 from tof_core.config import param, section
@@ -18,6 +19,7 @@ from tof_infer.frames import Mark
 from tof_infer.session import Session
 from tof_ros import messages
 from tof_ros.captures import CaptureFeed
+from tof_ros.depth_output import DepthOutput
 from tof_ros.managed import ManagedNode
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from tof_core.capture import Capture
 
 NAME = "infer"
-OUTPUTS = {"depth": Image, "sigma": Image, "camera_info": CameraInfo}
+OUTPUTS = {"depth": Image, "sigma": Image, "camera_info": CameraInfo, "points": PointCloud2}
 """Topics under `infer/`. Where sigma is infinite the raw depth stands."""
 
 
@@ -61,6 +63,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._kept = 0.0
         self._refusal = ""
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._depth = DepthOutput(self, "depth", self._outputs["depth"])
         self.service("flush", self.flush)
 
     def load(self) -> None:
@@ -85,9 +88,11 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._refusal = ""
         self._kept = float((repaired.mark == Mark.RAW_KEPT).mean())
         head = messages.header(capture.stamp_ns, capture.camera.frame_id)
-        self.offer(self._outputs["depth"], lambda: messages.image(repaired.depth, "32FC1", head))
+        self._depth.offer(repaired.depth, head)
         self.offer(self._outputs["sigma"], lambda: messages.image(repaired.sigma, "32FC1", head))
         self._outputs["camera_info"].publish(messages.camera_info(capture.camera, head))
+        camera, amplitude = capture.camera, capture.amplitude
+        self.offer(self._outputs["points"], lambda: messages.points(camera.points(repaired.depth).astype(np.float32), head, amplitude))
 
     def reset(self) -> str:
         """Discard the frames that are waiting."""

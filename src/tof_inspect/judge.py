@@ -21,7 +21,7 @@ from tof_scene.raycast import Raycaster
 from tof_scene.scene import Scene
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from tof_align.known import Bias
     from tof_core.capture import Posed, View
@@ -101,8 +101,8 @@ class Inspector:
             self._alone[name] = Raycaster(Scene(self.scene.frame, (self.scene.part(name),), None, self.scene.folder))
         return self._alone[name]
 
-    def judge(self, views: Sequence[View]) -> Inspection:
-        """Solve the poses of all views together, and judge every part.
+    def judge(self, views: Sequence[View], progress: Callable[[str], None] = lambda _: None) -> Inspection:
+        """Solve the poses of all views together, and judge every part; `progress` is called with the name of each step.
 
         Raises:
             RefusedError: no view, none whose pose is accepted, or none that agrees with the CAD.
@@ -110,10 +110,11 @@ class Inspector:
         """
         if not views:
             raise RefusedError("there is no view to judge", where="inspection", todo="toftwin doctor lists what the input lacks")
+        progress("poses of all views")
         clean = views if self._bias is None else known_removed(views, self.caster, self._bias, self.align)
-        return self.inspect(clean, solve_session(clean, self.caster, self.align).posed)
+        return self.inspect(clean, solve_session(clean, self.caster, self.align).posed, progress)
 
-    def inspect(self, views: Sequence[View], posed: Sequence[Posed]) -> Inspection:
+    def inspect(self, views: Sequence[View], posed: Sequence[Posed], progress: Callable[[str], None] = lambda _: None) -> Inspection:
         """Judge every part from views at known poses; those that are not accepted, or disagree with the CAD, are left out.
 
         Raises:
@@ -128,8 +129,11 @@ class Inspector:
                 todo="check the scene, its placement and the robot's pose",
             )
         colours, note = self._colours(seen)
-        verdicts = tuple(self._part(self.scene.part(name), seen, colours) for name in self.names)
-        return Inspection(verdicts, tuple(views), tuple(posed), note)
+        verdicts = []
+        for name in self.names:
+            progress(name)
+            verdicts.append(self._part(self.scene.part(name), seen, colours))
+        return Inspection(tuple(verdicts), tuple(views), tuple(posed), note)
 
     def _colours(self, seen: Sequence[Seen]) -> tuple[Colours | None, str]:
         """Colour beside depth, or why there is none."""

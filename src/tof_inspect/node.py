@@ -16,6 +16,7 @@ from tof_inspect.judge import Inspector
 from tof_inspect.live import InspectNodeConfig
 from tof_inspect.report import write
 from tof_ros import messages
+from tof_ros.actions import quiet, serve
 from tof_ros.colour import ColourFeed
 from tof_ros.diagnostics import status
 from tof_ros.managed import ManagedNode
@@ -27,16 +28,20 @@ from tof_scene.raycast import Raycaster
 from tof_sensor.known import known_bias
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from tof_inspect.judge import Inspection, PartVerdict
+    from tof_ros.actions import Progress
 
 NAME = "inspect"
 OUTPUTS = {"verdict": DiagnosticArray}
+"""Topics under `inspect/`, once per `~/judge`, with the stamp of the last view."""
+TYPED = {"parts": "InspectionVerdict"}
+"""The same with typed fields (toftwin_msgs)."""
+ACTIONS = {"judge": "Judge"}
 SHARED = {"inspect/markers": MarkerArray}
 """Latched for RViz: the inspected parts, coloured by the last judgement."""
 COLOURS = {"present": GREEN, "displaced": ORANGE, "absent": RED, "not_observable": GREY}
-"""Topics under `inspect/`, once per `~/judge`, with the stamp of the last view."""
 CONFIG = InspectNodeConfig
 LEVELS = {
     "present": DiagnosticStatus.OK,
@@ -55,11 +60,13 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         """Nothing loaded yet."""
         super().__init__(NAME, NAME, InspectNodeConfig, fixed=("live.", "align."), **options)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._parts = self.typed("parts", TYPED["parts"])
         self._latched = {name: self.shared(name, kind) for name, kind in SHARED.items()}
         self._counts: dict[str, int] = {}
         self._placing = Placing(self)
         self.service("capture_reference", self._capture, slow=True)
-        self.service("judge", self._judge, slow=True)
+        self.service("judge", lambda: self._judge(quiet)[0], slow=True)
+        serve(self, "judge", ACTIONS["judge"], self._answer)
 
     def load(self) -> None:
         """Read the scene; one without parts to inspect is refused."""
@@ -100,25 +107,42 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         self._inspector.first = first
         return f"{len(first)} reference images in colour"
 
-    def _judge(self) -> str:
+    def _answer(self, goal: Any, progress: Progress) -> Any:
+        """The result of the action."""
+        del goal
+        from toftwin_msgs.action import Judge
+
+        progress.total = 1 + len(self._inspector.names)
+        message, found = self._judge(progress)
+        return Judge.Result(success=True, message=message, verdict=self._typed(found))
+
+    def _judge(self, progress: Callable[[str], None]) -> tuple[str, Inspection]:
         """Judge every part now."""
-        found = self._inspector.judge(self._dwells.all())
+        found = self._inspector.judge(self._dwells.all(), progress)
         states = [v.state for v in found.verdicts]
         self._counts = {state: states.count(state) for state in LEVELS}
         self._publish(found)
         counts = ", ".join(f"{count} {state.replace('_', ' ')}" for state, count in self._counts.items())
         out = self.config.live.out
         page = write(self._inspector, found, Path(out), "live") if out else None
-        return f"{counts} from {len(found.views)} views" + (f"; report: {page}" if page else "")
+        return f"{counts} from {len(found.views)} views" + (f"; report: {page}" if page else ""), found
 
     def _publish(self, found: Inspection) -> None:
         head = messages.header(found.views[-1].stamp_ns, self._inspector.scene.frame)
-        self._outputs["verdict"].publish(DiagnosticArray(header=head, status=[_status(v) for v in found.verdicts]))
+        statuses = [_status(v) for v in found.verdicts]
+        self.offer(self._outputs["verdict"], lambda: DiagnosticArray(header=head, status=statuses), now="parts")
+        self.offer(self._parts, lambda: self._typed(found))
         scene = self._inspector.scene
         parts = [(p.name, p.vertices, p.faces) for p in (scene.part(v.name) for v in found.verdicts)]
         cell = self.config.live.cell_frame.lstrip("/") or scene.frame
         colours = {v.name: COLOURS[v.state] for v in found.verdicts}
         self._latched["inspect/markers"].publish(part_markers(parts, cell, colours, space="inspect"))
+
+    def _typed(self, found: Inspection) -> Any:
+        """The verdicts as a message."""
+        from tof_ros.results import inspection
+
+        return inspection(found.verdicts, found.views, found.colour, self._inspector.scene.frame)
 
     def figures(self) -> Mapping[str, str]:
         """Scene, last verdicts, age of TF."""

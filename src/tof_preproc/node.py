@@ -22,6 +22,7 @@ from tof_preproc.preprocessor import warm_up
 from tof_preproc.stream import PreprocStream, Processed
 from tof_ros import messages, qos
 from tof_ros.base import LEFT_OVER, RoomNode
+from tof_ros.depth_output import DepthOutput
 from tof_ros.patience import PERIOD_S, Patience
 from tof_ros.recorder import RecordService
 from tof_ros.transforms import TransformListener
@@ -43,8 +44,15 @@ OUTPUTS = {
     "dwell": TimeReference,
 }
 """Topics under `preproc/`. `dwell` names the view: time_ref is its first capture's stamp, source the rest of what it is."""
-
-
+IMAGES = {"depth": "32FC1", "sigma": "32FC1", "count": "16UC1", "reason": "8UC1", "noise": "32FC1", "amplitude": "32FC1"}
+"""Rasters of a view with their encoding."""
+FILTERED_TOPICS = {name: name for name in ("sigma", "count", "reason", "amplitude")}
+UNFILTERED_TOPICS = {name: f"unfiltered_{name}" for name in ("depth", "sigma", "count", "reason", "noise")}
+"""The topic of each raster; depth itself also goes out compressed."""
+UNFILTERED = dict.fromkeys(UNFILTERED_TOPICS.values(), Image)
+"""The same view accumulated without any filter, which the node `gap` diagnoses; computed only while subscribed."""
+TYPED = {"dwell_info": "Dwell"}
+"""The dwell with typed fields (toftwin_msgs)."""
 CONFIG = PreprocNodeConfig
 
 
@@ -66,7 +74,9 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         )
         ahead_ns = round(self.config.still.window_s * 1e9)
         self._tf = TransformListener(self, self._stream.transforms, self._advance, lambda: self._patience.oldest + ahead_ns)
-        self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._outputs = {name: self.output(name, kind) for name, kind in (OUTPUTS | UNFILTERED).items()}
+        self._depth = DepthOutput(self, "depth", self._outputs["depth"])
+        self._dwell_info = self.typed("dwell_info", TYPED["dwell_info"])
         warm_up()  # the first time this compiles for some 20 s: before frames arrive, not while they wait
         self._subscribe()
         self._say_stages()
@@ -122,6 +132,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
 
     def _advance(self, *, final: bool = False) -> None:
         """Publish what has become ready."""
+        self._stream.want_unfiltered(wanted=any(self._outputs[name].get_subscription_count() for name in UNFILTERED))
         for processed in self._stream.ready(final=final):
             self._publish(processed)
         if self._stream.jumped_back:
@@ -138,25 +149,36 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         if processed.view is None:
             self.skip(processed.stamp_ns, processed.fate, processed.why)
             return
+        if processed.unfiltered is not None:
+            self._publish_images(processed.unfiltered, UNFILTERED_TOPICS)
         self._publish_view(processed.view)
         self.done(processed.stamp_ns, arrived)
 
+    def _publish_images(self, view: View, topics: Mapping[str, str]) -> None:
+        """Rasters of a view, each on its topic."""
+        head = messages.header(view.stamp_ns, view.camera.frame_id)
+        for name, topic in topics.items():
+            if (array := getattr(view, name)) is not None:
+                self.offer(self._outputs[topic], partial(messages.image, array, IMAGES[name], head))
+
     def _publish_view(self, view: View) -> None:
         head = messages.header(view.stamp_ns, view.camera.frame_id)
-        images = {
-            "depth": (view.depth, "32FC1"),
-            "sigma": (view.sigma, "32FC1"),
-            "count": (view.count, "16UC1"),
-            "reason": (view.reason, "8UC1"),
-        }
-        if view.amplitude is not None:
-            images["amplitude"] = (view.amplitude, "32FC1")
-        for name, (array, encoding) in images.items():
-            self.offer(self._outputs[name], partial(messages.image, array, encoding, head))
+        self._depth.offer(view.depth, head)
+        self._publish_images(view, FILTERED_TOPICS)
         self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
-        self.offer(self._outputs["points"], lambda: messages.points(view.camera.points(view.depth).astype(np.float32), head))
+        self.offer(
+            self._outputs["points"], lambda: messages.points(view.camera.points(view.depth).astype(np.float32), head, view.amplitude)
+        )
         about = f"station={view.station} captures={view.captures} amplitude={int(view.amplitude is not None)}"
-        self._outputs["dwell"].publish(messages.time_reference(view.stamp_ns, view.dwell_ns, about, view.camera.frame_id))
+        self.offer(
+            self._outputs["dwell"],
+            lambda: messages.time_reference(view.stamp_ns, view.dwell_ns, about, view.camera.frame_id),
+            now="dwell_info",
+        )
+        if self._dwell_info is not None and self._dwell_info.get_subscription_count():
+            from tof_ros.results import dwell
+
+            self._dwell_info.publish(dwell(view, head))
 
     def on_config(self, config: PreprocNodeConfig) -> None:
         """New filters take effect with the next frame."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tof_core.builder import FROZEN, LATE, CaptureBuilder
@@ -38,11 +38,12 @@ class StreamConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Processed:
-    """Result of one frame: a running view, or (`view` None) the reason why there is none."""
+    """Result of one frame: a running view, or (`view` None) the reason why there is none; `unfiltered` where that is wanted."""
 
     stamp_ns: int
     fate: str
     view: View | None = None
+    unfiltered: View | None = None
     capture: Capture | None = None
     why: str = ""
 
@@ -61,6 +62,7 @@ class PreprocStream:
         self.builder = CaptureBuilder(config.input, self.chain, topics, need_tf=need_tf, wait_s=math.inf, ahead_s=config.still.window_s)
         self.builder.on_skip = self._skipped
         self.preprocessor = Preprocessor(config.preproc)
+        self._unfiltered: Preprocessor | None = None
         self._stations = StationTracker(config.station)
         self._ready: deque[Capture] = deque()
         self._fates: deque[Processed] = deque()
@@ -70,6 +72,7 @@ class PreprocStream:
         """Start afresh: the clock was set back, or the user asked."""
         self.builder.reset()
         self.preprocessor.reset()
+        self.want_unfiltered(wanted=self._unfiltered is not None, anew=True)
         self._stations.reset()
         self.transforms.clear_dynamic()
         self._ready.clear()
@@ -83,10 +86,19 @@ class PreprocStream:
     def configure(self, config: PreprocConfig) -> None:
         """Other filters from the next frame on; the dwell begins anew."""
         self.preprocessor = Preprocessor(config)
+        self.want_unfiltered(wanted=self._unfiltered is not None, anew=True)
+
+    def want_unfiltered(self, *, wanted: bool, anew: bool = False) -> None:
+        """Whether each view is also accumulated without any filter, as a diagnosis of the sensor needs it."""
+        if not wanted:
+            self._unfiltered = None
+        elif self._unfiltered is None or anew:
+            self._unfiltered = Preprocessor(replace(self.preprocessor.config, order="accumulate"))
 
     def end_dwell(self) -> None:
         """The next frame begins a new dwell."""
         self.preprocessor = Preprocessor(self.preprocessor.config)
+        self.want_unfiltered(wanted=self._unfiltered is not None, anew=True)
 
     def give_up(self, stamp_ns: int) -> None:
         """Give out frames up to this stamp without waiting for their missing parts."""
@@ -127,7 +139,8 @@ class PreprocStream:
         view = self.preprocessor.push(capture, still=still, station=station)
         if self.preprocessor.events["frozen"] > frozen:
             return Processed(capture.stamp_ns, FROZEN)
-        return Processed(capture.stamp_ns, "kept", view, capture)
+        unfiltered = None if self._unfiltered is None else self._unfiltered.push(capture, still=still, station=station)
+        return Processed(capture.stamp_ns, "kept", view, unfiltered, capture)
 
     def standing(self, capture: Capture) -> tuple[bool, int]:
         """Whether the camera stands still, and at which station."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import contextmanager
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -20,11 +21,12 @@ from tof_core.jump import JUMP_NS
 from tof_ros import messages, qos
 from tof_ros.diagnostics import Diagnostics, Tally
 from tof_ros.hearing import Hearing
+from tof_ros.interfaces import MISSING, own_message
 from tof_ros.mismatch import Mismatches
 from tof_ros.parameters import Parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
@@ -71,6 +73,7 @@ class RoomNode(Node, Generic[C]):
         self._mismatches = Mismatches(self)
         self.hearing = Hearing(self, self.tally)
         self.helpers: list[Spinner] = []
+        self._named_as_old: list[Publisher] = []
         self.warns: list[Callable[[], list[str]]] = [self._mismatches.current]
         self.at_end: list[Callable[[], None]] = []
         self._settings = Parameters(self, config, fixed=fixed, locked=locked, on_change=self.on_config)
@@ -119,11 +122,26 @@ class RoomNode(Node, Generic[C]):
         """A publisher of `<room>/<topic>` whose QoS a user may override."""
         return self.shared(f"{self.room}/{topic}", kind, profile)
 
-    @staticmethod
-    def offer(publisher: Publisher, make: Callable[[], Any]) -> None:
-        """Publish what `make` returns, which is made only while somebody is subscribed."""
-        if publisher.get_subscription_count():
-            publisher.publish(make())
+    def typed(self, topic: str, name: str) -> Publisher | None:
+        """A publisher of `<room>/<topic>` with a message of toftwin_msgs; None where that is not installed, which is logged once."""
+        kind = own_message(name)
+        if kind is None:
+            self.get_logger().warning(MISSING, once=True)
+            return None
+        return self.output(topic, kind)
+
+    def offer(self, publisher: Publisher | None, make: Callable[[], Any], *, now: str = "") -> None:
+        """Publish what `make` returns, which is made only while somebody is subscribed.
+
+        `now` names the typed topic that takes this one's place: a topic that stays for one release says so to its first subscriber.
+        """
+        if publisher is None or not publisher.get_subscription_count():
+            return
+        if now and publisher not in self._named_as_old:
+            self._named_as_old.append(publisher)
+            old, new = publisher.topic_name, self.resolve_topic_name(f"{self.room}/{now}")
+            self.get_logger().warning(f"{old} ends with the next release: subscribe to {new}, which has typed fields")
+        publisher.publish(make())
 
     def shared(self, topic: str, kind: type[Any], profile: QoSProfile = qos.LATCHED) -> Publisher:
         """A publisher of a topic that is no room's own, latched unless another profile is given."""
@@ -166,14 +184,24 @@ class RoomNode(Node, Generic[C]):
 
         self.create_service(Trigger, f"~/{name}", answer, callback_group=self._beside if slow else None)
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Slow work, one at a time.
+
+        Raises:
+            RefusedError: another one runs.
+        """
+        if not self._busy.acquire(blocking=False):
+            raise RefusedError("busy with another command", where=self.get_name(), todo="ask again once it is answered")
+        try:
+            yield
+        finally:
+            self._busy.release()
+
     def _alone(self, action: Callable[[], str]) -> Callable[[], str]:
         def alone() -> str:
-            if not self._busy.acquire(blocking=False):
-                raise RefusedError("busy with another command", where=self.get_name(), todo="ask again once it is answered")
-            try:
+            with self.alone():
                 return action()
-            finally:
-                self._busy.release()
 
         return alone
 

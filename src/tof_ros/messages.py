@@ -12,7 +12,7 @@ from geometry_msgs.msg import Pose, PoseStamped, PoseWithCovarianceStamped, Tran
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField, RegionOfInterest, TimeReference
 from std_msgs.msg import Header
 
-from tof_core import encode, se3
+from tof_core import compressed, encode, se3
 from tof_core.topics import is_compressed
 
 if TYPE_CHECKING:
@@ -56,15 +56,21 @@ def image(values: NDArray[Any], encoding: str, head: Header) -> Image:
     return Image(header=head, **{**fields, "data": buffer(fields["data"])})
 
 
+def packed_depth(depth: NDArray[np.float32], head: Header) -> CompressedImage:
+    """Metres (H, W) as a `sensor_msgs/CompressedImage` of compressedDepth: 0.1 mm a count at 1 m, up to 10 m."""
+    data, kind = compressed.packed_depth(depth)
+    return CompressedImage(header=head, format=kind, data=buffer(data))
+
+
 def camera_info(camera: Camera, head: Header) -> CameraInfo:
     """A camera as a `sensor_msgs/CameraInfo`."""
     fields = encode.camera_info_fields(camera)
     return CameraInfo(header=head, roi=RegionOfInterest(), **{**fields, "d": fields["d"].tolist()})
 
 
-def points(xyz: NDArray[Any], head: Header) -> PointCloud2:
-    """Points (H, W, 3) in metres as an organised `sensor_msgs/PointCloud2`."""
-    fields = encode.points_fields(xyz)
+def points(xyz: NDArray[Any], head: Header, intensity: NDArray[Any] | None = None) -> PointCloud2:
+    """Points (H, W, 3) in metres as an organised `sensor_msgs/PointCloud2`, with their intensity (H, W) where there is one."""
+    fields = encode.points_fields(xyz, intensity)
     named = [PointField(name=f.name, offset=f.offset, datatype=f.datatype, count=f.count) for f in fields["fields"]]
     return PointCloud2(header=head, **{**fields, "fields": named, "data": buffer(fields["data"])})
 

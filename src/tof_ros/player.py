@@ -19,7 +19,7 @@ from tf2_msgs.msg import TFMessage
 
 from tof_core.errors import ToftwinError
 from tof_ros import messages, qos
-from tof_ros.recorder import message_class
+from tof_ros.interfaces import message_class
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,16 +25,6 @@ FLUSH_S = 0.2
 """Longest time in seconds until a received message is in the file, also if no other follows: a killed process loses no more."""
 Topic = tuple[str, type[Any]]
 """A topic's name and its message class."""
-
-
-def message_class(type_name: str) -> type[Any] | None:
-    """The class of `package/msg/Name`, or None where this host has no such package."""
-    package, _, name = type_name.replace("/msg/", "/").partition("/")
-    try:
-        found: type[Any] = getattr(import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError):
-        return None
-    return found
 
 
 class Recorder:

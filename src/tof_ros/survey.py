@@ -12,7 +12,8 @@ import rclpy
 from tof_core.topics import is_own
 from tof_ros import qos
 from tof_ros.environment import ros_context
-from tof_ros.recorder import Recorder, message_class
+from tof_ros.interfaces import message_class
+from tof_ros.recorder import Recorder
 from tof_ros.spin import spinning
 
 if TYPE_CHECKING:

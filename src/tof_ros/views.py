@@ -15,9 +15,10 @@ from tof_core.builder import LATE
 from tof_core.decode import stamp_ns
 from tof_core.errors import ToftwinError, TransformError
 from tof_core.jump import BackwardJump
-from tof_core.live import view_of
+from tof_core.live import has_amplitude, view_of
 from tof_ros import qos
 from tof_ros.base import LEFT_OVER
+from tof_ros.interfaces import own_message
 from tof_ros.joiner import StampJoiner
 from tof_ros.patience import NEVER, PERIOD_S, Patience
 from tof_ros.transforms import TransformListener
@@ -29,8 +30,13 @@ if TYPE_CHECKING:
     from tof_core.robot import RobotChain
     from tof_ros.managed import ManagedNode
 
-REQUIRED = ("depth", "sigma", "count", "reason", "camera_info", "dwell")
-KINDS = {**dict.fromkeys((*REQUIRED, "amplitude"), Image), "camera_info": CameraInfo, "dwell": TimeReference}
+TYPED_DWELL = own_message("Dwell")
+DWELL = "dwell" if TYPED_DWELL is None else "dwell_info"
+"""The topic of the dwell; without toftwin_msgs the one that ends with the next release."""
+REQUIRED = ("depth", "sigma", "count", "reason", "camera_info", DWELL)
+KINDS = {**dict.fromkeys((*REQUIRED, "amplitude"), Image), "camera_info": CameraInfo, DWELL: TYPED_DWELL or TimeReference}
+UNFILTERED = {name: f"unfiltered_{name}" for name in ("depth", "sigma", "count", "reason", "noise")}
+"""Topics of a view without filters, by part."""
 
 
 class ViewFeed:
@@ -41,12 +47,30 @@ class ViewFeed:
     """
 
     def __init__(
-        self, node: ManagedNode[Any], chain: RobotChain, patience_s: float, take: Callable[[View], None], camera: Callable[[str], None]
+        self,
+        node: ManagedNode[Any],
+        chain: RobotChain,
+        patience_s: float,
+        take: Callable[[View], None],
+        camera: Callable[[str], None],
+        *,
+        unfiltered: bool = False,
     ) -> None:
-        """Subscribe; `take` runs in the node's thread; `camera` receives the frame of each view, also of a view without a transform."""
+        """Subscribe.
+
+        Args:
+            node: whose inputs these are.
+            chain: frames and transforms of the session.
+            patience_s: longest wait of a view for its parts and its transform, seconds.
+            take: called with each view, in the node's thread.
+            camera: receives the frame of each view, also of a view without a transform.
+            unfiltered: take the views that `preproc` accumulates without its filters, with their noise.
+        """
         self._node, self._chain, self._take, self._camera = node, chain, take, camera
         # Patience is counted in this node's own turns: one that was held up finds the missing parts in its queues.
-        self._joiner = StampJoiner(REQUIRED, patience_s=math.inf)
+        topics = UNFILTERED if unfiltered else {}
+        parts = dict.fromkeys((*KINDS, *topics))
+        self._joiner = StampJoiner([part for part in parts if part != "amplitude"], patience_s=math.inf)
         self._joiner.on_incomplete = self._incomplete
         self._jump = BackwardJump()
         self._waiting: deque[tuple[int, dict[str, Any]]] = deque()
@@ -54,8 +78,9 @@ class ViewFeed:
         self._patience, self._overdue = Patience(patience_s), NEVER
         self._transforms = TransformListener(node, chain.transforms, self.advance, lambda: self._patience.oldest)
         node.at_stop.append(self.close)
-        for part, kind in KINDS.items():
-            node.input(f"preproc/{part}", kind, partial(self._part, part), qos.OUTPUT, frames="" if part == "depth" else None)
+        for part in parts:
+            topic = f"preproc/{topics.get(part, part)}"
+            node.input(topic, KINDS.get(part, Image), partial(self._part, part), qos.OUTPUT, frames="" if part == "depth" else None)
         node.timer(PERIOD_S, self._tick)
 
     def _part(self, part: str, message: Any) -> None:
@@ -69,7 +94,7 @@ class ViewFeed:
             self._camera(message.header.frame_id)
             self._arrivals[stamp] = self._node.tally.arrived()
             self._patience.start(stamp)
-        if part == "dwell" and "amplitude=1" in message.source:
+        if part == DWELL and has_amplitude(message):
             self._joiner.expect("amplitude")
         if self._joiner.add(part, stamp, message):
             self.advance()

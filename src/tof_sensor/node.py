@@ -12,6 +12,7 @@ from tof_core.robot import RobotChain
 from tof_core.tf import TransformBuffer
 from tof_ros import messages, qos
 from tof_ros.captures import CaptureFeed
+from tof_ros.depth_output import DepthOutput
 from tof_ros.managed import ManagedNode
 from tof_ros.transforms import TransformListener
 from tof_scene.builtin import open_scene
@@ -39,6 +40,7 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
         super().__init__(NAME, NAME, SensorNodeConfig, fixed=("input.", "sensor.", "live."), **options)
         self._refusal = ""
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._depth = DepthOutput(self, "depth", self._outputs["depth"])
         self.service("flush", self.flush)
 
     def load(self) -> None:
@@ -89,7 +91,7 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
         self._refusal, amplitude = "", measured.amplitude
         assert amplitude is not None
         head = messages.header(ideal.stamp_ns, ideal.camera.frame_id)
-        self.offer(self._outputs["depth"], lambda: messages.image(measured.depth, "32FC1", head))
+        self._depth.offer(measured.depth, head)
         self.offer(self._outputs["amplitude"], lambda: messages.image(amplitude, "32FC1", head))
         self._outputs["camera_info"].publish(messages.camera_info(ideal.camera, head))
 

@@ -16,6 +16,7 @@ from visualization_msgs.msg import MarkerArray
 
 from tof_core.errors import UsageError
 from tof_ros import messages
+from tof_ros.depth_output import DepthOutput
 from tof_ros.managed import ManagedNode
 from tof_ros.markers import GREEN, ORANGE, part_markers
 from tof_ros.patience import PERIOD_S
@@ -63,6 +64,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         super().__init__(NAME, "label", LabelNodeConfig, fixed=("live.",), **options)
         self._verdicts: Counter[str] = Counter()
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._depth = DepthOutput(self, "depth", self._outputs["depth"])
         self._latched = {name: self.shared(name, kind) for name, kind in SHARED.items()}
         self._placing = Placing(self)
         self.service("capture", self.flush)
@@ -120,15 +122,17 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
     def _publish_label(self, view: View, label: Label) -> None:
         head = messages.header(view.stamp_ns, view.camera.frame_id)
         images: dict[str, tuple[NDArray[Any], str]] = {
-            "depth": (label.depth, "32FC1"),
             "sigma": (label.sigma, "32FC1"),
             "mask": (label.mask, "mono8"),
             "part": (np.asarray(label.part, np.int16), "16SC1"),
         }
+        self._depth.offer(label.depth, head)
         for name, (array, encoding) in images.items():
             self.offer(self._outputs[name], partial(messages.image, array, encoding, head))
         self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
-        self.offer(self._outputs["points"], lambda: messages.points(view.camera.points(label.depth).astype(np.float32), head))
+        self.offer(
+            self._outputs["points"], lambda: messages.points(view.camera.points(label.depth).astype(np.float32), head, view.amplitude)
+        )
         in_cell = messages.header(view.stamp_ns, self._cell)
         self._outputs["pose"].publish(messages.pose(label.posed.T_cell_camera, label.posed.cov, in_cell))
         if self._frames is not None:

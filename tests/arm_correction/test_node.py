@@ -67,7 +67,7 @@ def bench(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     from tof_ros.environment import parameter_overrides, ros_context
     from tof_ros.spin import spinning
 
-    values = {"live.reference": str(tmp_path_factory.mktemp("reference") / "first"), "correct.limits.stale_s": 2.0}
+    values = {"live.reference": str(tmp_path_factory.mktemp("reference") / "first"), "correct.limits.stale_s": 60.0}
     with ros_context(domain=ros_domain) as context:
         node = make_node(context=context, namespace="spot", parameter_overrides=parameter_overrides(values))
         observer = Observer(context)
@@ -109,6 +109,42 @@ def test_a_proposal_leads_to_the_reference_view_and_moves_nothing(bench: Bench, 
     assert bench.observer.node.count_publishers("/spot/arm_pose_commands") == 0
 
 
+def test_the_action_gives_the_proposal_and_of_a_refused_one_the_reason(bench: Bench) -> None:
+    from action_msgs.msg import GoalStatus
+    from rclpy.parameter import Parameter
+
+    kinds = pytest.importorskip("toftwin_msgs.msg", reason="toftwin_msgs is not built here")
+    from toftwin_msgs.action import Propose
+
+    from tof_ros import messages, qos
+
+    typed: list[Any] = []
+    bench.observer.node.create_subscription(kinds.CorrectionProposal, "/spot/correction/proposal", typed.append, qos.OUTPUT)
+    wait_for(bench.node._proposal.get_subscription_count)
+    view = bench.look("back")
+    acted = bench.observer.act(Propose, "/spot/correct/propose")
+    assert (acted.status, acted.result.success) == (GoalStatus.STATUS_SUCCEEDED, True), acted.result.message
+    (proposal,) = acted.result.proposals
+    assert (proposal.verdict, proposal.registered_to, proposal.header.frame_id) == (
+        kinds.CorrectionProposal.ACCEPTED,
+        "reference",
+        "spot/body",
+    )
+    assert messages.to_ns(proposal.header.stamp) == view.stamp_ns
+    metres, degrees = se3.distance(FIRST @ MOTION @ se3.inverse(T_HAND_CAMERA) @ messages.matrix(proposal.delta) @ T_HAND_CAMERA, FIRST)
+    assert (1e3 * metres < 1.0, degrees < 0.15) == (True, True)
+    assert proposal.distance == pytest.approx(se3.distance(np.eye(4), messages.matrix(proposal.delta))[0])
+    assert [s.step for s in acted.steps] == ["register"]
+    assert wait_for(lambda: typed)[-1].target == proposal.target
+
+    assert bench.node.set_parameters([Parameter("correct.limits.stale_s", value=0.01)])[0].successful
+    acted = bench.observer.act(Propose, "/spot/correct/propose")
+    assert bench.node.set_parameters([Parameter("correct.limits.stale_s", value=60.0)])[0].successful
+    assert (acted.status, acted.result.success) == (GoalStatus.STATUS_ABORTED, False)
+    assert "stale" in acted.result.message
+    assert (acted.result.proposals[0].verdict, acted.result.proposals[0].distance) == (kinds.CorrectionProposal.REFUSED, 0.0)
+
+
 def test_a_stale_view_and_a_robot_that_moved_meanwhile_are_refused_with_the_reason(bench: Bench) -> None:
     from rclpy.parameter import Parameter
 
@@ -117,7 +153,7 @@ def test_a_stale_view_and_a_robot_that_moved_meanwhile_are_refused_with_the_reas
     wait_for(lambda: time.time_ns() - old.stamp_ns > 20_000_000)
     done, why = bench.ask("propose")
     assert (done, "stale: the view is" in why) == (False, True), why
-    assert bench.node.set_parameters([Parameter("correct.limits.stale_s", value=2.0)])[0].successful
+    assert bench.node.set_parameters([Parameter("correct.limits.stale_s", value=60.0)])[0].successful
     view = bench.look("back")
     bench.source.place(FIRST @ twist((5, 0, 0)), view.camera.frame_id, time.time_ns() + 400_000_000)
     wait_for(lambda: bench.node._chain.transforms.latest("cell", view.camera.frame_id) > view.stamp_ns + 300_000_000)

@@ -101,7 +101,7 @@ def test_every_python_dependency_has_a_key_that_rosdep_or_our_list_knows(package
     assert {key for key in depends if key and key.startswith(("python3-", "toftwin-"))} == wanted
 
 
-@pytest.mark.parametrize("name", PACKAGES)
+@pytest.mark.parametrize("name", (*PACKAGES, "toftwin_msgs"))
 def test_the_changelog_is_one_that_bloom_reads(name: str, packages: Path) -> None:
     """REP 132: title of the package, then versions or Forthcoming, underlined, with bullets."""
     lines = (packages / name / "CHANGELOG.rst").read_text().splitlines()
@@ -138,6 +138,25 @@ def topics_of(value: Any) -> Iterator[str]:
     elif isinstance(value, list):
         for inner in value:
             yield from topics_of(inner)
+
+
+def test_every_definition_of_toftwin_msgs_is_built(packages: Path) -> None:
+    folder = packages / "toftwin_msgs"
+    listed = set(re.findall(r'"((?:msg|action)/\w+\.(?:msg|action))"', (folder / "CMakeLists.txt").read_text()))
+    assert listed == {str(path.relative_to(folder)) for kind in ("msg", "action") for path in (folder / kind).iterdir()}
+    depends = {e.text for e in ET.parse(folder / "package.xml").getroot().iter("depend")}  # noqa: S314
+    used = {found for path in folder.glob("*/*.*") for found in re.findall(r"^(\w+)/\w+(?:\[\])? ", path.read_text(), re.MULTILINE)}
+    assert used - {"toftwin_msgs"} <= depends
+    assert set(re.findall(r"find_package\((\w+) REQUIRED\)", (folder / "CMakeLists.txt").read_text())) >= used - {"toftwin_msgs"}
+
+
+def test_every_typed_topic_and_action_of_a_node_is_defined(packages: Path) -> None:
+    modules = [import_module(module) for module in NODES.values()]
+    messages = {path.stem for path in (packages / "toftwin_msgs" / "msg").iterdir()}
+    actions = {path.stem for path in (packages / "toftwin_msgs" / "action").iterdir()}
+    named = {name for module in modules for name in getattr(module, "TYPED", {}).values()}
+    assert named == {"Dwell", "InspectionVerdict", "CorrectionProposal", "GapReport"} <= messages
+    assert {name for module in modules for name in getattr(module, "ACTIONS", {}).values()} == actions
 
 
 @pytest.mark.parametrize("view", ["rviz/graph.rviz", "foxglove/graph.json"])

@@ -37,3 +37,27 @@ def test_tf_message_has_the_type_hash_of_jazzys_tf2_msgs() -> None:
     description = next(path for path in descriptions if path.exists())
     hashes = {entry["type_name"]: entry["hash_string"] for entry in json.loads(description.read_text())["type_hashes"]}
     assert hashes["tf2_msgs/msg/TFMessage"] == get_typestore(Stores.ROS2_JAZZY).hash_rihs01("tf2_msgs/msg/TFMessage")
+
+
+def test_only_interface_packages_whose_definitions_changed_are_built(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    import build_interfaces
+
+    ran: list[str] = []
+
+    def build(name: str) -> None:
+        ran.append(name)
+        build_interfaces.built(name).parent.mkdir(parents=True, exist_ok=True)
+        build_interfaces.built(name).write_text(build_interfaces.digest(name), encoding="ascii")
+
+    source = tmp_path / "source"
+    source.mkdir()
+    (source / "Dwell.msg").write_text("uint32 captures\n")
+    monkeypatch.setattr(build_interfaces, "PREFIX", tmp_path)
+    monkeypatch.setattr(build_interfaces, "SOURCES", build_interfaces.SOURCES | {"toftwin_msgs": source})
+    monkeypatch.setattr(build_interfaces, "build_and_install", build)
+    monkeypatch.setattr(sys, "argv", ["build_interfaces.py"])
+    assert build_interfaces.main() == 0
+    (source / "Dwell.msg").write_text("uint32 captures\nuint32 station\n")
+    assert build_interfaces.main() == 0
+    assert build_interfaces.main() == 0
+    assert ran == ["tf2_msgs", "toftwin_msgs", "toftwin_msgs"]

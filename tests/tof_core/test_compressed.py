@@ -17,7 +17,7 @@ from tests.tof_core import packing
 from tof_core.bag import open_bag
 from tof_core.bag_writer import BagWriter
 from tof_core.camera import Camera
-from tof_core.compressed import format_of
+from tof_core.compressed import format_of, packed_depth
 from tof_core.decode import decode_amplitude, decode_colour, decode_depth, image_size
 from tof_core.errors import DecodeError
 from tof_core.options import BagOptions
@@ -85,6 +85,17 @@ def test_metres_come_back_from_their_inverse(kind: str) -> None:
     np.testing.assert_allclose(depth[0, :3], metres[0, :3], atol=5e-4)
     assert np.isnan(depth[0, 3])
     assert reason[0, 3] == Reason.NO_RETURN
+
+
+def test_depth_that_a_node_packs_comes_back_to_half_a_count() -> None:
+    rows, columns = np.indices((40, 60))
+    metres = (0.4 + 0.002 * rows * columns).astype(np.float32)
+    metres[0, :4] = np.nan, 0.0, 0.05, 40.0
+    depth, reason = decode_depth(message(*packed_depth(metres)))
+    inside = np.isfinite(depth)
+    assert np.array_equal(inside, (metres > 0.16) & (metres <= 10.0))
+    assert (np.abs(depth - metres)[inside] <= 0.501 * metres[inside] ** 2 / 10100 + 1e-6).all()
+    assert set(reason[~inside].tolist()) == {Reason.NO_RETURN}
 
 
 def test_colour_comes_out_in_the_order_red_green_blue() -> None:

@@ -72,7 +72,7 @@ class Bench:
         def found() -> dict[str, Any]:
             return {name: m for name, m in self.heard if stamp_ns(m) == stamp}
 
-        wait_for(lambda: "done" in found() and (found()["done"].source != "kept" or len(found()) == 4))
+        wait_for(lambda: "done" in found() and (found()["done"].source != "kept" or len(found()) == 5))
         return found()
 
 
@@ -99,6 +99,12 @@ def bench(ros_domain: int, model: Path) -> Iterator[Bench]:
             yield Bench(node, peer)
 
 
+def cloud_of(message: Any) -> tuple[list[str], Any]:
+    """Names of the fields of a PointCloud2 of floats, and its values (H, W, fields)."""
+    values = np.frombuffer(bytes(message.data), "<f4").reshape(message.height, message.width, -1)
+    return [field.name for field in message.fields], values
+
+
 def expected(model: Path, capture: Capture) -> Repaired:
     return Session(InferConfig(model=str(model))).repair(capture)
 
@@ -108,6 +114,10 @@ def test_live_numbers_are_the_sessions(bench: Bench, model: Path) -> None:
     out = bench.outputs(bench.send(capture))
     want = expected(model, capture)
     np.testing.assert_array_equal(pixels(out["depth"]), want.depth)
+    names, cloud = cloud_of(out["points"])
+    assert names == ["x", "y", "z", "intensity"]
+    np.testing.assert_array_equal(cloud[..., 2], want.depth)
+    np.testing.assert_array_equal(cloud[..., 3], capture.amplitude)
     np.testing.assert_array_equal(pixels(out["sigma"]), want.sigma)
     assert (out["depth"].encoding, out["sigma"].encoding) == ("32FC1", "32FC1")
     assert out["camera_info"].k[0] == CAMERA.fx

@@ -111,6 +111,47 @@ def test_a_missing_part_is_reported_on_the_topic_in_diagnostics_and_in_the_file(
     assert "parts absent: 1" in bench.observer.status("spot/inspect", lambda s: "absent" in s.message).message
 
 
+def test_the_action_judges_step_by_step_and_the_typed_topic_has_the_same_verdicts(bench: Bench) -> None:
+    from action_msgs.msg import GoalStatus
+
+    messages = pytest.importorskip("toftwin_msgs.msg", reason="toftwin_msgs is not built here")
+    from toftwin_msgs.action import Judge
+
+    from tof_ros import qos
+
+    typed: list[Any] = []
+    bench.observer.node.create_subscription(messages.InspectionVerdict, "/spot/inspect/parts", typed.append, qos.OUTPUT)
+    wait_for(bench.node._parts.get_subscription_count)
+    acted = bench.observer.act(Judge, "/spot/inspect/judge")
+    assert (acted.status, acted.result.success) == (GoalStatus.STATUS_SUCCEEDED, True), acted.result.message
+    parts = {part.name: part for part in acted.result.verdict.parts}
+    assert (parts[GONE].state, parts["block"].state) == (messages.PartVerdict.ABSENT, messages.PartVerdict.PRESENT)
+    assert (parts["block"].tolerance, acted.result.verdict.header.frame_id) == (pytest.approx(1e-3 * 1.0), "cell")
+    assert acted.steps[0].step == "poses of all views"
+    assert {s.step for s in acted.steps} >= {GONE, "block"}
+    assert [(s.done, s.total) for s in acted.steps] == [(n, len(acted.steps)) for n in range(len(acted.steps))]
+    assert [p.name for p in wait_for(lambda: typed)[-1].parts] == list(parts)
+
+
+def test_a_judgement_is_cancelled_between_two_parts(bench: Bench) -> None:
+    from action_msgs.msg import GoalStatus
+
+    pytest.importorskip("toftwin_msgs.msg", reason="toftwin_msgs is not built here")
+    from toftwin_msgs.action import Judge
+
+    acted = bench.observer.act(Judge, "/spot/inspect/judge", cancel_at="poses of all views")
+    assert (acted.status, acted.result.success) == (GoalStatus.STATUS_CANCELED, False)
+    assert acted.result.message.startswith("cancelled: ")
+    assert bench.observer.trigger("/spot/inspect/judge").success
+
+
+def test_the_text_topic_names_the_typed_one_to_its_subscriber(bench: Bench) -> None:
+    lines = wait_for(lambda: [line for line in bench.observer.log if "ends with the next release" in line])
+    assert lines == [
+        "spot.inspect: /spot/inspect/verdict ends with the next release: subscribe to /spot/inspect/parts, which has typed fields"
+    ]
+
+
 def test_a_scene_without_parts_to_inspect_is_a_failed_configuration(ros_domain: int, tmp_path: Path) -> None:
     from dataclasses import replace
 

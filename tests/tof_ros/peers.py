@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -54,7 +54,7 @@ class Observer:
         client = self.node.create_client(kind, service)
         try:
             assert client.wait_for_service(20.0), service
-            answer = client.call(request or kind.Request(), timeout_sec=20.0)
+            answer = client.call(request or kind.Request(), timeout_sec=120.0)
             assert answer is not None, service
             return answer
         finally:
@@ -65,6 +65,34 @@ class Observer:
         from std_srvs.srv import Trigger
 
         return self.call(Trigger, service)
+
+    def act(self, kind: Any, name: str, goal: Any = None, *, cancel_at: str | None = None, seconds: float = 120.0) -> Acted:
+        """The end of an action; `cancel_at` cancels it once that step's feedback has come."""
+        from rclpy.action import ActionClient
+
+        client = ActionClient(self.node, kind, name)
+        steps: list[Any] = []
+        try:
+            assert client.wait_for_server(20.0), name
+            sent = client.send_goal_async(goal or kind.Goal(), feedback_callback=lambda m: steps.append(m.feedback))
+            handle = wait_for(lambda: sent.done() and sent.result(), what=f"for {name} to take the goal")
+            assert handle.accepted
+            if cancel_at is not None:
+                wait_for(lambda: any(cancel_at in s.step for s in steps), seconds, f"for the step {cancel_at}")
+                handle.cancel_goal_async()
+            ended = handle.get_result_async()
+            wait_for(ended.done, seconds, f"for the end of {name}")
+            return Acted(ended.result().status, ended.result().result, steps)
+        finally:
+            client.destroy()
+
+
+class Acted(NamedTuple):
+    """Status (action_msgs/GoalStatus), result and feedback of an action."""
+
+    status: int
+    result: Any
+    steps: list[Any]
 
 
 def values(status: Any) -> dict[str, str]:

@@ -26,11 +26,12 @@ class ViewSource:
         from tf2_msgs.msg import TFMessage
 
         from tof_ros import qos
-        from tof_ros.views import KINDS
+        from tof_ros.views import KINDS, UNFILTERED
 
         self.node, self.prefix, self.root = node, prefix, root
         self._T_root_cell = np.eye(4) if T_root_cell is None else T_root_cell
-        self._out = {part: node.create_publisher(kind, f"{prefix}/preproc/{part}", qos.OUTPUT) for part, kind in KINDS.items()}
+        kinds = {**KINDS, **dict.fromkeys(UNFILTERED.values(), KINDS["depth"])}
+        self._out = {part: node.create_publisher(kind, f"{prefix}/preproc/{part}", qos.OUTPUT) for part, kind in kinds.items()}
         self._label = node.create_publisher(PoseWithCovarianceStamped, f"{prefix}/label/pose", qos.OUTPUT)
         self._tf = node.create_publisher(TFMessage, "/tf", qos.TF)
         self._colour = node.create_publisher(KINDS["depth"], f"{prefix}/camera/hand/image", qos.sensor(reliable=True))
@@ -39,7 +40,10 @@ class ViewSource:
     @property
     def matched(self) -> bool:
         """Whether a node hears it."""
-        return bool(self._out["dwell"].get_subscription_count() and self._out["depth"].get_subscription_count())
+        from tof_ros.views import DWELL
+
+        depth = self._out["depth"].get_subscription_count() or self._out["unfiltered_depth"].get_subscription_count()
+        return bool(self._out[DWELL].get_subscription_count() and depth)
 
     def place(self, T_cell_camera: Float, camera: str, stamp_ns: int) -> None:
         """Publish where the robot is, for a while before and after a stamp; the body stands at (0.2, 0, 0) of the cell."""
@@ -57,6 +61,7 @@ class ViewSource:
     def send(self, view: View, *, age_s: float = 0.0, station: int = 0, colour: Bytes | None = None) -> View:
         """Publish a view as if taken `age_s` ago, `colour` (H, W, 3) by the same lens; gives it with its stamp."""
         from tof_ros import messages
+        from tof_ros.views import DWELL
 
         assert view.robot is not None
         stamp = time.time_ns() - round(age_s * 1e9)
@@ -67,11 +72,20 @@ class ViewSource:
             self._colour.publish(messages.image(colour, "rgb8", head))
             time.sleep(0.3)
         for name, encoding in (("depth", "32FC1"), ("sigma", "32FC1"), ("count", "16UC1"), ("reason", "8UC1")):
-            self._out[name].publish(messages.image(np.asarray(getattr(view, name)), encoding, head))
+            for topic in (name, f"unfiltered_{name}"):
+                self._out[topic].publish(messages.image(np.asarray(getattr(view, name)), encoding, head))
+        noise = np.asarray(view.sigma if view.noise is None else view.noise, np.float32)
+        self._out["unfiltered_noise"].publish(messages.image(noise, "32FC1", head))
         self._out["camera_info"].publish(messages.camera_info(view.camera, head))
-        about = f"station={station} captures={view.captures} amplitude=0"
-        self._out["dwell"].publish(messages.time_reference(stamp, stamp, about, view.camera.frame_id))
-        return replace(view, stamp_ns=stamp, dwell_ns=stamp)
+        sent = replace(view, stamp_ns=stamp, dwell_ns=stamp, station=station, amplitude=None)
+        if DWELL == "dwell":  # without toftwin_msgs
+            about = f"station={station} captures={view.captures} amplitude=0"
+            self._out[DWELL].publish(messages.time_reference(stamp, stamp, about, view.camera.frame_id))
+        else:
+            from tof_ros.results import dwell
+
+            self._out[DWELL].publish(dwell(sent, head))
+        return sent
 
     def label(self, view: View, T_cell_camera: Float, cov: Float) -> None:
         """Publish where `sim_label` found the camera."""

@@ -100,8 +100,8 @@ def test_a_running_graph_that_lacks_an_output_is_told_and_not_waited_for_without
 
     from tof_ros import qos
     from tof_ros.environment import ros_context
+    from tof_ros.interfaces import message_class
     from tof_ros.player import Player
-    from tof_ros.recorder import message_class
 
     monkeypatch.setattr(Player, "wait_for_graph", partialmethod(Player.wait_for_graph, timeout_s=2.0))
     with ros_context(domain=ros_domain) as context, open_bag(Path(BAG)) as reader:

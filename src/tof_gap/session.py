@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The diagnosis of a session with what is known of its camera: effects of a sensor.yaml removed, the calibration beside the scene read."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from tof_align.known import known_removed
+from tof_core.calibration import FILE as CALIBRATION_FILE
+from tof_core.calibration import Calibration, load_calibration
+from tof_gap.diagnose import diagnose
+from tof_sensor.known import KnownBias
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from tof_align.config import AlignConfig
+    from tof_core.capture import View
+    from tof_gap.config import GapConfig
+    from tof_gap.tell.diagnosis import Diagnosis
+    from tof_scene.raycast import Raycaster
+    from tof_sensor.model import SensorModel
+
+
+def diagnose_session(
+    views: Sequence[View],
+    caster: Raycaster,
+    config: GapConfig,
+    align: AlignConfig,
+    *,
+    known: SensorModel | None = None,
+    left_out: frozenset[str] = frozenset(),
+    progress: Callable[[str], None] = lambda _: None,
+    untestable: Mapping[str, str] = MappingProxyType({}),
+) -> Diagnosis:
+    """Remove the bias of the effects in `known`, diagnose the rest; noise is compared with their photon law. Arguments as of `diagnose`."""
+    if known is not None:
+        progress("removing known effects")
+        views = known_removed(views, caster, KnownBias(known), align)
+    beside = caster.scene.folder / CALIBRATION_FILE
+    if config.calibration == Calibration() and beside.exists():
+        config = replace(config, calibration=load_calibration(beside))
+    law = None if known is None else known.law
+    return diagnose(views, caster, config, align, left_out, progress, untestable=untestable, law=law)
