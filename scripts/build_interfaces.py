@@ -13,8 +13,12 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-SOURCES = {"tf2_msgs": ROOT / "scripts" / "interfaces" / "tf2_msgs", "toftwin_msgs": ROOT / "ros_ws" / "src" / "toftwin_msgs"}
-"""What no wheel has: the one message of `/tf`, and the messages and actions of the nodes."""
+SOURCES = {
+    "tf2_msgs": ROOT / "scripts" / "interfaces" / "tf2_msgs",
+    "bond": ROOT / "scripts" / "interfaces" / "bond",
+    "toftwin_msgs": ROOT / "ros_ws" / "src" / "toftwin_msgs",
+}
+"""What no wheel has: the one message of `/tf`, that of a bond to a lifecycle manager, and the messages and actions of the nodes."""
 PREFIX = Path(sys.prefix)
 
 # The ROS wheels' CMake files name folders that exist only where the wheels were built.

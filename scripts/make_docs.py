@@ -46,7 +46,7 @@ def node_page(name: str) -> str:
     module, text = import_module(NODES[name]), text_of(name)
     room = DONE[name].partition("/")[0]
     rows = [Topic(f"`{room}/{topic}`", _type(kind), text.outputs.get(topic, "")) for topic, kind in module.OUTPUTS.items()]
-    rows += [Topic(f"`{topic}`", _type(kind), text.outputs.get(topic, "")) for topic, kind in getattr(module, "SHARED", {}).items()]
+    rows += [Topic(f"`{topic}`", _type(kind), SHARED[topic]) for topic, kind in getattr(module, "SHARED", {}).items()]
     rows += [Topic(f"`{room}/{topic}`", f"toftwin_msgs/{name}", TYPED[name]) for topic, name in getattr(module, "TYPED", {}).items()]
     if "DepthOutput(" in inspect.getsource(module):
         rows.append(Topic(f"`{room}/depth/compressedDepth`", "sensor_msgs/CompressedImage", PACKED))
@@ -74,6 +74,12 @@ TYPED = {
     "InspectionVerdict": "verdict, probability, displacement and tolerance of each part; in place of `verdict`",
     "CorrectionProposal": "target, motion, covariance and reason, one message a registration, refused ones too; in place of `verdict`",
     "GapReport": "gap, floor, usual gap and alarm of each view; in place of `report`",
+}
+SHARED = {
+    "scene/markers": "the CAD, one marker a part: green where an accepted view saw it, orange where another did, grey otherwise; latched",
+    "label/path": "poses of the camera as the labels correct them, since the session began; latched",
+    "inspect/markers": "the inspected parts: green present, orange displaced, red absent, grey not observable; latched",
+    "gap/markers": "the parts by their gap: green none, red `live.red_mm` and more, grey not seen; latched, published where a colour changes",
 }
 PACKED = (
     "`depth` as image_transport compresses it (PNG of the inverse depth, 0.1 mm a count at 1 m, up to 10 m); computed only while subscribed"

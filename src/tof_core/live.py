@@ -28,6 +28,13 @@ class ManagedOptions:
     """Options of a managed (lifecycle) node."""
 
     autostart: bool = param(True, "configure and activate at the start; false waits for a lifecycle manager")
+    bond_s: float = param(
+        0.0,
+        "period of the heartbeats of a bond to nav2's lifecycle manager while the node is active; 0: no bond",
+        unit="s",
+        low=0.0,
+        high=1.0,
+    )
 
 
 @dataclass(frozen=True, slots=True)

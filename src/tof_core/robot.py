@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core import se3
 from tof_core.capture import RobotPose
 from tof_core.errors import TransformError
 from tof_core.motion import MotionConfig, camera_velocity
@@ -32,7 +33,8 @@ class RobotChain:
         cell: TF frame of the cell; empty takes the root above the camera.
         body: TF frame of the base; empty finds `body` or `base_link` on the chain.
         placed: where the cell is, for a robot whose TF does not know it.
-        on_placed: called with (parent frame, cell, `T_parent_cell`) when the placement is used because TF does not contain the cell.
+        on_placed: called with (parent, child, `T_parent_child`) when the placement is used because TF does not join the cell and the camera:
+            the cell below the frame that it is placed in, or that frame below a cell that another robot has placed.
     """
 
     transforms: TransformBuffer
@@ -112,6 +114,26 @@ class RobotChain:
                 where="/tf",
                 todo=f"TF has the frames: {', '.join(self.transforms.frames()) or 'none at all'}",
             )
-        self.transforms.add(frame, cell, 0, placed.T_frame_cell, static=True)
+        parent, child, T = (
+            (cell, frame, se3.inverse(placed.T_frame_cell)) if self._elsewhere(cell, frame) else (frame, cell, placed.T_frame_cell)
+        )
+        self.transforms.add(parent, child, 0, T, static=True)
         if self.on_placed is not None:
-            self.on_placed(frame, cell, placed.T_frame_cell)
+            self.on_placed(parent, child, T)
+
+    def _elsewhere(self, cell: str, frame: str) -> bool:
+        """Whether another robot's TF holds the cell: then this robot is placed below it, for a frame has one parent.
+
+        Raises:
+            TransformError: `frame` has a parent of its own.
+        """
+        frames = self.transforms.frames()
+        if cell not in frames or self.transforms.root(cell) == cell:
+            return False
+        if frame in frames and (root := self.transforms.root(frame)) != frame:
+            raise TransformError(
+                f"the cell '{cell}' belongs to another robot's TF, and '{frame}' has a parent",
+                where="/tf",
+                todo=f"place the cell in '{root}'",
+            )
+        return True

@@ -20,6 +20,9 @@ class LiveConfig(ViewOptions):
 
     views: int = param(60, "number of last dwells that a diagnosis uses; each takes 15 bytes a pixel", low=2, high=1000)
     sensor: str = param("", "sensor.yaml with effects that are known already: ~/diagnose removes them first; empty: nothing is known")
+    red_mm: float = param(
+        5.0, "gap of a part that gap/markers draws red; half of it is orange, none is green", unit="mm", low=0.1, high=1000.0
+    )
     settings: str = param(
         "", "YAML file with settings gap.* and align.* of ~/diagnose, named as `toftwin gap --settings` lists them; empty: the defaults"
     )

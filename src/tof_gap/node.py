@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
 
 from tof_core import se3
 from tof_core.decode import stamp_ns
@@ -22,6 +23,7 @@ from tof_gap.watch import GapWatch
 from tof_ros import messages, qos
 from tof_ros.actions import serve
 from tof_ros.managed import ManagedNode
+from tof_ros.markers import part_markers, same_shade, shade
 from tof_ros.placing import Placing
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
@@ -38,6 +40,8 @@ if TYPE_CHECKING:
 NAME = "gap"
 OUTPUTS = {"residual": Image, "camera_info": CameraInfo, "report": String}
 """Topics under `gap/`, once per labelled view, with its stamp."""
+SHARED = {"gap/markers": MarkerArray}
+"""Latched for RViz: the parts, coloured by the gap that the views of this baseline show on them."""
 TYPED = {"watch": "GapReport"}
 """The report with typed fields (toftwin_msgs)."""
 ACTIONS = {"diagnose": "Diagnose"}
@@ -56,6 +60,7 @@ class GapNode(ManagedNode[GapNodeConfig]):
         """Nothing loaded yet."""
         super().__init__(NAME, NAME, GapNodeConfig, fixed=("live.", "watch."), **options)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
+        self._latched = {name: self.shared(name, kind) for name, kind in SHARED.items()}
         self._typed = self.typed("watch", TYPED["watch"])
         self._placing = Placing(self)
         self._forget()
@@ -96,6 +101,7 @@ class GapNode(ManagedNode[GapNodeConfig]):
         """Drop the last verdict: it is of another baseline."""
         self._last: Watched | None = None
         self._refused = ""
+        self._parts_mm: dict[str, float] = {}
 
     def _take(self, view: View) -> None:
         self._dwells.add(view)
@@ -129,6 +135,19 @@ class GapNode(ManagedNode[GapNodeConfig]):
             from tof_ros.results import gap_report
 
             self._typed.publish(gap_report(last, head))
+
+        self._draw(last)
+
+    def _draw(self, last: Watched) -> None:
+        """Colour the parts: a part keeps the gap of the last view that showed it."""
+        before, self._parts_mm = self._parts_mm, {**self._parts_mm, **last.parts_mm}
+        red, scene = self.config.live.red_mm, self._caster.scene
+        if all(same_shade(before.get(name), mm, red) for name, mm in self._parts_mm.items()):
+            return
+        colours = {name: shade(mm / red) for name, mm in self._parts_mm.items()}
+        parts = [(part.name, part.vertices, part.faces) for part in scene.parts]
+        cell = self.config.live.cell_frame.lstrip("/") or scene.frame
+        self._latched["gap/markers"].publish(part_markers(parts, cell, colours, space="gap"))
 
     def _diagnose(self, goal: Any, progress: Progress) -> Any:
         """The result of the action: a diagnosis of the dwells that are kept."""

@@ -30,6 +30,8 @@ from tof_scene.render import render
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from tof_core.arrays import Float
     from tof_core.capture import View
     from tof_gap.seen.residual import ViewEvidence
@@ -66,7 +68,8 @@ class Watched:
     """What one view shows.
 
     gap_mm: RMS of block means above the floor, 0 where they do not exceed it; floor_mm: their RMS from noise and pose error
-    alone; usual_mm: median gap of the baseline (NaN while learning); alarm: 0 to 1, at 1 growth is reported.
+    alone; usual_mm: median gap of the baseline (NaN while learning); alarm: 0 to 1, at 1 growth is reported; parts_mm: by name of
+    a part in view, RMS of measured minus rendered beyond the noise, in millimetres.
     """
 
     state: str
@@ -76,6 +79,7 @@ class Watched:
     alarm: float
     views: int
     residual: Float
+    parts_mm: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def message(self) -> str:
@@ -188,7 +192,17 @@ class GapWatch:
             self._test.alarm,
             self._views,
             evidence.residual.astype(np.float32),
+            part_gaps(evidence, self.caster.scene.names, self.config.block_pixels),
         )
+
+
+def part_gaps(view: ViewEvidence, names: Sequence[str], least: int) -> dict[str, float]:
+    """Millimetres by name of each part that at least so many smooth pixels show: RMS of the residual beyond the noise."""
+    part, beyond = view.rendering.part[view.smooth], view.residual[view.smooth] ** 2 - view.sigma[view.smooth] ** 2
+    seen = part >= 0
+    count = np.bincount(part[seen], minlength=len(names))
+    square = np.bincount(part[seen], beyond[seen], minlength=len(names))
+    return {name: 1e3 * float(max(s / n, 0.0)) ** 0.5 for name, n, s in zip(names, count, square, strict=True) if n >= least}
 
 
 def gap_beyond_pose(view: ViewEvidence, pose_cov: Float, config: WatchConfig) -> tuple[float, float]:

@@ -83,7 +83,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         self.timer(PERIOD_S, self._tick)
         self.service("capture", self._end_dwell)
         self.service("flush", self.flush)
-        RecordService(
+        self._recordings = RecordService(
             self, lambda: self.config.live.record, "session", self._raw_topics(), qos.sensor(reliable=self.config.live.reliable, depth=64)
         )
 

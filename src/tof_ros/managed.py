@@ -11,6 +11,7 @@ from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallba
 
 from tof_core.errors import RefusedError, ToftwinError
 from tof_ros.base import RoomNode
+from tof_ros.bond import Bond
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -47,6 +48,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
     def __init__(self, name: str, room: str, config: type[M], *, fixed: tuple[str, ...] = (), **options: Any) -> None:
         """Unconfigured; with `live.autostart` it configures and activates itself as soon as it is spun."""
         self.loaded = self.active = self._starting = False
+        self._bond: Bond | None = None
         self._subscribed: list[Subscription] = []
         self._ticking: list[Timer] = []
         self.at_stop: list[Callable[[], None]] = []
@@ -82,6 +84,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         """Hear."""
         try:
             self.start()
+            self._bond = Bond(self, period) if (period := self.config.live.bond_s) else None
         except Exception as error:  # noqa: BLE001  (as above)
             self._end()
             return self._fail("activated", error)
@@ -92,6 +95,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Hear no more; what was loaded stays."""
         self._end()
+        self._unbind()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -113,6 +117,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
             self.start()
         except Exception as error:  # noqa: BLE001  (as on activation)
             self._end()
+            self._unbind()
             self._fail("activated", error)
             return
         self.active = True
@@ -195,8 +200,15 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         while self.at_stop:
             self.at_stop.pop()()
 
+    def _unbind(self) -> None:
+        """End the bond to the lifecycle manager; it outlives a restart of the session."""
+        bond, self._bond = self._bond, None
+        if bond is not None:
+            bond.close()
+
     def _let_go(self) -> None:
         self._end()
+        self._unbind()
         if self.loaded:
             self.loaded = False
             self.unload()

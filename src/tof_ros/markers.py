@@ -26,6 +26,27 @@ SOLID, THIN = 0.95, 0.45
 Colour = tuple[float, float, float]
 
 
+SHADES = 8
+"""Steps between green and red: a colour that differs less is not worth a message of all triangles."""
+
+
+def shade(share: float) -> Colour:
+    """Green at 0 over orange at a half to red at 1 and beyond, in `SHADES` steps."""
+    at = _step(share) / SHADES
+    low, high, part = (GREEN, ORANGE, 2 * at) if at < 0.5 else (ORANGE, RED, 2 * at - 1)
+    r, g, b = ((1 - part) * x + part * y for x, y in zip(low, high, strict=True))
+    return r, g, b
+
+
+def same_shade(before: float | None, now: float, red: float) -> bool:
+    """Whether two values have one colour, where `red` is that of red."""
+    return before is not None and _step(before / red) == _step(now / red)
+
+
+def _step(share: float) -> int:
+    return round(SHADES * min(max(share, 0.0), 1.0))
+
+
 def part_markers(
     parts: Sequence[tuple[str, Float, Ints]], frame: str, colours: Mapping[str, Colour], *, space: str = "scene", stamp_ns: int = 0
 ) -> MarkerArray:

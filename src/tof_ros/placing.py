@@ -96,9 +96,9 @@ class Frames:
         self._node = node
         node.at_stop.append(self.close)
 
-    def placed(self, parent: str, cell: str, T_parent_cell: Float) -> None:
-        """The cell stands there."""
-        self._static.publish(TFMessage(transforms=[messages.transform(parent, cell, T_parent_cell)]))
+    def placed(self, parent: str, child: str, T_parent_child: Float) -> None:
+        """The cell stands there; or, below a cell that another robot has placed, this robot's root."""
+        self._static.publish(TFMessage(transforms=[messages.transform(parent, child, T_parent_child)]))
 
     def aligned(self, cell: str, camera: str, T_cell_camera: Float, stamp_ns: int) -> None:
         """A view's camera was there: frame `CAMERA_aligned`."""

@@ -100,7 +100,7 @@ class Recorder:
 
 
 class RecordService:
-    """The services `~/start_recording` and `~/stop_recording` of a node: one bag a call, named by the wall clock."""
+    """The services `~/start_recording` and `~/stop_recording` of a node: one bag a call, named by robot and wall clock."""
 
     def __init__(
         self, node: RoomNode[Any], folder: Callable[[], str], prefix: str, topics: Sequence[Topic], profile: QoSProfile = qos.RECORD
@@ -119,7 +119,9 @@ class RecordService:
         if self._recorder is not None and not self._recorder.failed:
             raise RefusedError("already recording", where=self._recorder.path)
         self._close()
-        path = Path(folder) / f"{self._prefix}_{time.strftime('%Y%m%d_%H%M%S')}"
+        robot = self._node.get_namespace().strip("/").replace("/", "_")  # several robots may share the folder
+        name = "_".join(part for part in (robot, self._prefix, time.strftime("%Y%m%d_%H%M%S")) if part)
+        path = Path(folder) / name
         path.parent.mkdir(parents=True, exist_ok=True)
         self._recorder = Recorder(self._node, path, self._topics, self._profile)
         return f"recording to {path}"

@@ -101,7 +101,7 @@ def test_every_python_dependency_has_a_key_that_rosdep_or_our_list_knows(package
     assert {key for key in depends if key and key.startswith(("python3-", "toftwin-"))} == wanted
 
 
-@pytest.mark.parametrize("name", (*PACKAGES, "toftwin_msgs"))
+@pytest.mark.parametrize("name", [*PACKAGES, "toftwin_msgs"])
 def test_the_changelog_is_one_that_bloom_reads(name: str, packages: Path) -> None:
     """REP 132: title of the package, then versions or Forthcoming, underlined, with bullets."""
     lines = (packages / name / "CHANGELOG.rst").read_text().splitlines()

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,9 @@ from tof_core.errors import TransformError
 from tof_core.placement import Placement
 from tof_core.robot import RobotChain
 from tof_core.tf import TransformBuffer
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
 
 CELL_BODY = se3.exp([1.0, 0.2, 0.5, 0.0, 0.1, 0.4])
 BODY_CAMERA = se3.exp([0.4, 0.0, 0.3, 0.6, -0.1, 0.2])
@@ -64,6 +69,28 @@ def test_a_robot_in_odom_gets_its_cell_by_placement() -> None:
     pose = chain.pose("spot/camera", 50_000_000)
     np.testing.assert_allclose(pose.T_cell_camera, se3.inverse(T_odom_cell) @ CELL_BODY @ BODY_CAMERA, atol=1e-12)
     np.testing.assert_allclose(pose.T_body_camera, BODY_CAMERA, atol=1e-12)
+
+
+def test_two_robots_are_placed_in_one_cell_which_has_one_parent() -> None:
+    first, second = se3.exp([2.0, 1.0, 0.0, 0.0, 0.0, 1.0]), se3.exp([-1.0, 0.5, 0.0, 0.0, 0.0, -0.4])
+    told: list[tuple[str, str, Float]] = []
+    tf = buffer(root="one/odom", body="one/body", camera="one/camera")
+    for ns in (0, 100_000_000):
+        tf.add("two/odom", "two/body", ns, CELL_BODY)
+        tf.add("two/body", "two/camera", ns, BODY_CAMERA)
+    for root, T_root_cell in (("one/odom", first), ("two/odom", second)):
+        chain = RobotChain(tf, "cell", placed=Placement(root, T_root_cell), on_placed=lambda a, b, T: told.append((a, b, T)))
+        camera = root.replace("odom", "camera")
+        pose = chain.pose(camera, 50_000_000)
+        np.testing.assert_allclose(pose.T_cell_camera, se3.inverse(T_root_cell) @ CELL_BODY @ BODY_CAMERA, atol=1e-12)
+    assert [(parent, child) for parent, child, _ in told] == [("one/odom", "cell"), ("cell", "two/odom")]
+    np.testing.assert_allclose(told[1][2], se3.inverse(second), atol=1e-12)
+    tf.add("map", "three/odom", 0, np.eye(4), static=True)
+    tf.add("three/odom", "three/camera", 0, np.eye(4), static=True)
+    with pytest.raises(
+        TransformError, match="'cell' belongs to another robot's TF, and 'three/odom' has a parent; place the cell in 'map'"
+    ):
+        RobotChain(tf, "cell", placed=Placement("three/odom", first)).resolve("three/camera")
 
 
 def test_a_camera_without_any_tf_is_placed_itself() -> None:

@@ -90,6 +90,24 @@ def test_a_labelled_view_gives_its_residual(bench: Bench) -> None:
     assert abs(np.nanmedian(residual)) < 3e-4
 
 
+def test_parts_are_coloured_by_their_gap_also_for_a_late_joiner(bench: Bench) -> None:
+    from visualization_msgs.msg import MarkerArray
+
+    from tof_ros import qos
+    from tof_ros.markers import GREY, SHADES, shade
+
+    bench.judged()
+    heard: list[Any] = []
+    bench.observer.node.create_subscription(MarkerArray, "/spot/gap/markers", heard.append, qos.LATCHED)
+    markers = wait_for(lambda: heard)[-1].markers
+    assert [m.text for m in markers] == list(bench.caster.scene.names)
+    seen_ = {m.text: (m.color.r, m.color.g, m.color.b) for m in markers if m.color.a > 0.9}
+    assert seen_
+    usual = [shade(step / SHADES) for step in range(3)]  # up to 1.25 mm of 5
+    assert all(any(colour == pytest.approx(shade_) for shade_ in usual) for colour in seen_.values())
+    assert {m.color.a > 0.9 or (m.color.r, m.color.g, m.color.b) == pytest.approx(GREY) for m in markers} == {True}
+
+
 def test_growth_is_a_warning_and_reset_forgets_what_is_usual(bench: Bench) -> None:
     from diagnostic_msgs.msg import DiagnosticStatus
 

@@ -93,6 +93,19 @@ def test_a_wave_is_a_gap_and_a_pose_error_is_none(caster: Raycaster) -> None:
     assert wavy.residual.shape == CAMERA.shape
 
 
+def test_the_gap_of_a_part_is_what_is_beyond_the_noise_on_it(caster: Raycaster) -> None:
+    rng = np.random.default_rng(11)
+    (T,) = poses(1, rng)
+    view, part = seen(caster, T, rng), render(caster, CAMERA, T).part
+    names = caster.scene.names
+    off = names[int(np.bincount(part[part >= 0]).argmax())]
+    moved = replace(view, depth=view.depth + np.where(part == names.index(off), np.float32(0.004), np.float32(0.0)))
+    found = GapWatch(caster, WatchConfig()).add(moved, T, POSE_COV).parts_mm
+    assert found[off] == pytest.approx(4.0, abs=0.3)
+    assert max(mm for name, mm in found.items() if name != off) < 1.0
+    assert all(np.isfinite(mm) for mm in found.values())
+
+
 def test_a_gap_that_grows_is_reported(caster: Raycaster) -> None:
     rng = np.random.default_rng(7)
     watch = GapWatch(caster, WatchConfig(baseline=12, views_per_alarm=30))

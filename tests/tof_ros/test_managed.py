@@ -132,3 +132,52 @@ def tf_threads() -> list[str]:
     import threading
 
     return [t.name for t in threading.enumerate() if t.name.endswith("_tf")]
+
+
+class Manager:
+    """The other side of a bond, as nav2's lifecycle manager has it."""
+
+    def __init__(self, node: Any, of: str) -> None:
+        from bond.msg import Status
+
+        from tof_ros import qos
+
+        self.of, self.kind = of, Status
+        self.beats: list[Any] = []
+        self._publisher = node.create_publisher(Status, "bond", qos.OUTPUT)
+        node.create_subscription(Status, "bond", self._take, qos.RECORD)
+
+    def _take(self, message: Any) -> None:
+        if message.id == self.of and message.instance_id != "manager":
+            self.beats.append(message)
+
+    def say(self, *, active: bool) -> None:
+        self._publisher.publish(self.kind(id=self.of, instance_id="manager", active=active, heartbeat_timeout=4.0, heartbeat_period=0.25))
+
+    @property
+    def last(self) -> bool | None:
+        """Whether the last beat was one of a living node."""
+        return bool(self.beats[-1].active) if self.beats else None
+
+
+def test_a_bond_beats_while_the_node_is_active_and_ends_with_it(started: Callable[..., tuple[Any, Observer]]) -> None:
+    pytest.importorskip("bond.msg", reason="bond is not built here")
+    node, observer = started(live__bond_s=0.05, live__autostart=False)
+    manager = Manager(observer.node, "infer")
+    assert change(observer, "configure")
+    assert manager.beats == []
+    assert change(observer, "activate")
+    wait_for(lambda: len(manager.beats) > 5)
+    assert {beat.instance_id for beat in manager.beats} == {manager.beats[0].instance_id}
+    assert (manager.beats[0].active, manager.beats[0].heartbeat_period) == (True, pytest.approx(0.05))
+    node.restart()
+    manager.beats.clear()
+    wait_for(lambda: len(manager.beats) > 2)
+    assert all(beat.active for beat in manager.beats)
+    assert change(observer, "deactivate")
+    wait_for(lambda: manager.last is False)
+    assert change(observer, "activate")
+    wait_for(lambda: manager.last is True)
+    manager.say(active=False)
+    wait_for(lambda: manager.last is False)
+    assert state(observer) == "active"

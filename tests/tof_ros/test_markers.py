@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-from tof_ros.markers import GREY, RED, coarse, part_markers
+from tof_ros.markers import GREEN, GREY, ORANGE, RED, coarse, part_markers, same_shade, shade
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0]])
 
@@ -34,3 +34,11 @@ def test_a_fine_mesh_is_drawn_coarser_and_keeps_its_place() -> None:
     assert 500 < len(corners) <= 5000
     assert np.abs(corners[..., 2] - 0.1 * np.sin(6 * corners[..., 0])).max() < 1e-9
     assert np.ptp(corners[..., 0]) > 0.97
+
+
+def test_a_gap_is_green_orange_or_red() -> None:
+    assert (shade(0.0), shade(0.5), shade(1.0), shade(7.0)) == (GREEN, ORANGE, RED, RED)
+    assert shade(0.25)[0] == pytest.approx((GREEN[0] + ORANGE[0]) / 2)
+    assert same_shade(1.0, 1.1, 5.0)
+    assert not same_shade(1.0, 2.0, 5.0)
+    assert not same_shade(None, 0.0, 5.0)

@@ -4,12 +4,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import pytest
 
 pytest.importorskip("rclpy", reason="no ROS 2 here: neither sourced nor from pip")
 
 from tof_ros.recorder import Recorder
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def recorder(**counts: int) -> Recorder:
@@ -22,3 +26,23 @@ def test_rooms_are_even_each_for_itself() -> None:
     assert recorder().even
     assert recorder(preproc__depth=96, preproc__sigma=96, label__depth=12, label__pose=12).even
     assert not recorder(preproc__depth=95, preproc__sigma=96, label__depth=12).even
+
+
+@pytest.mark.dds
+def test_robots_of_one_cell_record_into_one_folder(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Started in the same second: each bag has its robot's name."""
+    import time
+
+    from tof_preproc.node import make_node
+    from tof_ros.environment import parameter_overrides, ros_context
+
+    monkeypatch.setattr(time, "strftime", lambda _: "20260102_030405")
+    overrides = parameter_overrides({"live.record": str(tmp_path), "live.need_tf": False})
+    with ros_context(domain=ros_domain) as context:
+        nodes = [make_node(context=context, namespace=name, parameter_overrides=overrides) for name in ("alpha", "fleet/beta", "")]
+        answers = [node._recordings._start() for node in nodes]
+        for node in nodes:
+            node.destroy_node()
+    names = ["alpha_session_20260102_030405", "fleet_beta_session_20260102_030405", "session_20260102_030405"]
+    assert answers == [f"recording to {tmp_path / name}" for name in names]
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
