@@ -58,7 +58,7 @@ def where() -> str:
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__, epilog=EXAMPLE)
-    parser.add_argument("--only", action="append", metavar="NAME", help="run this bench; may be repeated")
+    parser.add_argument("--only", action="append", metavar="NAME", help="run this bench, or several with commas between; may be repeated")
     parser.add_argument("--list", action="store_true", help="name the benches and stop")
     parser.add_argument("--long", action="store_true", help="run the long benches in place of the short ones")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
@@ -83,6 +83,7 @@ def run(chosen: Iterable[str], *, quiet: bool) -> dict[str, list[Figure]]:
 def main(arguments: list[str] | None = None) -> int:
     """Exit status 0 when every bar that ran is met, 1 when one is missed, 2 when the call was wrong."""
     options = parse(arguments)
+    options.only = [name for names_ in options.only or [] for name in names_.split(",")]
     known = names(long=False) + names(long=True)
     if options.list:
         print("\n".join(known))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The graph over DDS: outputs against offline, frames lost at 15 Hz, memory, latency."""
+"""The graph over DDS: outputs against offline, frames lost at 15 Hz, memory; idle, killed, and seen by a late joiner."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks import live_graph
 from benchmarks.figure import Figure, at_most
 from benchmarks.offline import graph_outputs
 from tof_core.se3 import from_quat
@@ -75,6 +76,7 @@ def run() -> list[Figure]:
             remark="two cores have 133 ms at 15 Hz",
         ),
         at_most("memory of the whole graph (preproc, sim_label)", paced.memory_bytes / 1e9, 1.5, "GB"),
+        *live_graph.figures(),
     ]
 
 

@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message
 
 from tof_ros import messages, qos
 from tof_ros.interfaces import message_class
+from tof_ros.views import DWELL
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -69,7 +70,7 @@ class LoopedCamera:
     @property
     def heard(self) -> bool:
         """Whether every node of the graph listens."""
-        return bool(self._out[self._frames_topic].get_subscription_count() >= 2) and bool(self._node.count_subscribers("preproc/dwell"))
+        return bool(self._out[self._frames_topic].get_subscription_count() >= 2) and bool(self._node.count_subscribers(f"preproc/{DWELL}"))
 
     def warm_up(self, alive: Callable[[], bool], seconds: float = 120.0) -> bool:
         """Play until every room has kept a second's frames, then forget them; whether that came to be.

@@ -66,6 +66,7 @@ def test_every_room_is_installed_with_its_data(packages: Path, repository: Path,
     told = set_up(packages / "toftwin", monkeypatch)
     assert {p.name for p in (repository / "src").iterdir() if (p / "__init__.py").exists()} <= set(told["packages"])
     assert (packages / "toftwin" / told["package_dir"][""]).resolve() == repository / "src"
+    assert ".." not in told["package_dir"][""], "colcon build --symlink-install takes no path that leaves the package"
     assert {"*.onnx", "*.j2", "templates/*", "models/*"} <= set(told["package_data"][""])
 
 

@@ -60,4 +60,4 @@ def test_only_interface_packages_whose_definitions_changed_are_built(monkeypatch
     (source / "Dwell.msg").write_text("uint32 captures\nuint32 station\n")
     assert build_interfaces.main() == 0
     assert build_interfaces.main() == 0
-    assert ran == ["tf2_msgs", "toftwin_msgs", "toftwin_msgs"]
+    assert ran == ["tf2_msgs", "bond", "toftwin_msgs", "toftwin_msgs"]

@@ -207,6 +207,7 @@ def test_a_subscriber_that_never_takes_anything_holds_nobody_up(context: Any, ru
 
 def test_a_camera_that_leaves_and_a_label_node_that_restarts_find_the_graph_again(context: Any, running: tuple[Graph, FaultyRobot]) -> None:
     from tof_ros.spin import spinning
+    from tof_ros.views import DWELL
 
     graph, robot = running
     n = graph.begin()
@@ -220,7 +221,7 @@ def test_a_camera_that_leaves_and_a_label_node_that_restarts_find_the_graph_agai
     with spinning([other.node]):
         label.trigger_configure()
         label.trigger_activate()
-        wait_for(lambda: other.node.count_subscribers("/spot/preproc/dwell") == 1)
+        wait_for(lambda: other.node.count_subscribers(f"/spot/preproc/{DWELL}") == 1)
         other.connect()
         sent = other.frames(range(n + 10, n + 14))
         assert other.fates(sent) == {"kept": 4}

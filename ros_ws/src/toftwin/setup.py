@@ -2,7 +2,6 @@
 """The repository's `src/` as a ROS package; name, version and sources are the same as pip's."""
 # ruff: noqa: INP001
 
-import os
 import tomllib
 from pathlib import Path
 
@@ -10,8 +9,8 @@ from setuptools import find_packages, setup
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
-# setuptools wants paths relative to this folder, wherever it was called from.
-SOURCES = os.path.relpath(ROOT / "src", HERE)
+# A link to the repository's src/: `colcon build --symlink-install` (setuptools' develop) takes no path that leaves the package.
+SOURCES = "src"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 NODES = ("preproc", "sim_label", "infer", "correct", "inspect", "gap", "sensor")
 
@@ -21,7 +20,7 @@ setup(
     description=PROJECT["project"]["description"],
     license="Apache-2.0",
     package_dir={"": SOURCES},
-    packages=find_packages(SOURCES),
+    packages=find_packages(str(HERE / SOURCES)),
     # What pyproject.toml calls "*" (every package) is "" here.
     package_data={"": PROJECT["tool"]["setuptools"]["package-data"]["*"]},
     data_files=[
