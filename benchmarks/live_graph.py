@@ -193,13 +193,15 @@ def killed(graph: Supervised, camera: LoopedCamera, node: Any, folder: Path) -> 
     time.sleep(3.0)
     for name, room in zip(NODES, ROOMS, strict=True):
         busy, began = busy_s(), time.monotonic()
+        answered = set(camera.fates["preproc"])
+        time.sleep(FLUSH_S + 0.1)  # what has come is on the disk after the next flush
         at_ns = time.time_ns()
         graph.processes[name].process.kill()
         back = wait_for(partial(answers, camera, room, at_ns), 120.0, f"{name} to answer again")
         others = (busy_s() - busy) / (time.monotonic() - began)
         yield at_most(f"kill -9 of {name}, started again after {RESPAWN_S:g} s: answers frames after", back, 3.0, "s", remark=load(others))
         if name == "preproc":
-            yield recording(folder, camera, at_ns)
+            yield recording(folder, answered)
 
 
 def answers(camera: LoopedCamera, room: str, after_ns: int) -> bool:
@@ -207,13 +209,13 @@ def answers(camera: LoopedCamera, room: str, after_ns: int) -> bool:
     return any(stamp > after_ns and fate == "kept" for stamp, fate in tuple(camera.fates[room].items())[-5:])
 
 
-def recording(folder: Path, camera: LoopedCamera, killed_ns: int) -> Figure:
-    """Frames that the killed node's recording lacks, of those that it had for `FLUSH_S`."""
+def recording(folder: Path, answered: set[int]) -> Figure:
+    """Frames that the killed node's recording lacks, of those that it had answered for longer than `FLUSH_S`."""
     (bag,) = folder.iterdir()
     with open_bag(bag, BagOptions(recover=True)) as reader:
-        kept = [m.stamp_ns for m in reader.messages((reader.topics.depth,))]
-    due = [stamp for stamp in camera.sent if kept[0] <= stamp < killed_ns - round(FLUSH_S * 1e9)]
-    lost = len(set(due) - set(kept))
+        kept = {m.stamp_ns for m in reader.messages((reader.topics.depth,))}
+    due = {stamp for stamp in answered if stamp >= min(kept)}
+    lost = len(due - kept)
     return at_most(
         "kill -9 of preproc while it records: recorded frames lost", lost, 0, "", remark=f"of {len(due)}, flushed every {FLUSH_S:g} s"
     )

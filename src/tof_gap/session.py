@@ -11,6 +11,7 @@ from tof_align.known import known_removed
 from tof_core.calibration import FILE as CALIBRATION_FILE
 from tof_core.calibration import Calibration, load_calibration
 from tof_gap.diagnose import diagnose
+from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.known import KnownBias
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def diagnose_session(
     untestable: Mapping[str, str] = MappingProxyType({}),
 ) -> Diagnosis:
     """Remove the bias of the effects in `known`, diagnose the rest; noise is compared with their photon law. Arguments as of `diagnose`."""
-    if known is not None:
+    if known is not None and known.names != (PhotonLaw.NAME,):  # the law of the noise has no bias
         progress("removing known effects")
         views = known_removed(views, caster, KnownBias(known), align)
     beside = caster.scene.folder / CALIBRATION_FILE
