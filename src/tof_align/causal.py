@@ -20,7 +20,8 @@ from tof_align.observability import Observability, most_disputed, observe_block,
 from tof_align.pixels import Pixels, Sample, sample, take_pixels
 from tof_align.robust import first_look, weigh
 from tof_align.session import SessionSolution, solve_samples
-from tof_align.system import assemble, camera_cov, camera_step, unmodelled, weighted_gram
+from tof_align.system import assemble, camera_cov, camera_step, unmodelled
+from tof_align.view_columns import columns_of
 from tof_core import se3
 from tof_core.capture import Posed
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from tof_align.discrepancy import Basis
     from tof_align.known import Bias
     from tof_core.arrays import Float
+    from tof_align.view_columns import ViewColumns
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
 
@@ -56,6 +58,7 @@ class _Fit:
     chain: Chain
     basis: Basis
     lin: Linearised
+    columns: ViewColumns
     weights: Float
     gram: Float
     normal: Normal
@@ -133,7 +136,7 @@ class SessionAligner:
         seen = self._observe(fit.chain, fit.answer)
         kept = _pin(fit, seen)
         moved = fit.chain.moved(kept.x, kept.own)
-        explained = unmodelled(fit.chain, fit.basis, fit.lin, kept, len(self._kept)).sum(axis=1)
+        explained = unmodelled(fit.columns, fit.chain, fit.basis, kept, len(self._kept)).sum(axis=1)
         information = verdicts.information_of(fit.lin, fit.weights, self.config, explained).moved(
             fit.chain.links(len(self._kept))[0][:, :6]
         )
@@ -151,15 +154,16 @@ class SessionAligner:
         last = len(self._kept)
         basis = self._basis or basis_of([lin], replace(self.config.discrepancy, centres=0, parts=False, bounces=False), widen=1.6)
         weights = weigh(lin, first_look(lin, self.config.weights.shared), self.config.weights)
-        fit = self._solved(chain, basis, lin, weights)
+        fit = self._solved(chain, basis, lin, columns_of(lin, basis), weights)
         for _ in range(STEPS - 1):
             if np.abs(camera_step(chain, fit.answer, last)).max() < STILL:
                 break
             chain = chain.moved(fit.answer.x, fit.answer.own)
             lin = linearise(live, chain.pose(last), self.caster, self.config.weights)
-            smooth = unmodelled(chain, basis, lin, fit.answer, last)
+            columns = columns_of(lin, basis)
+            smooth = unmodelled(columns, chain, basis, fit.answer, last)
             weights = weigh(lin, lin.residual - smooth.sum(axis=1), self.config.weights, smooth)
-            fit = self._solved(chain, basis, lin, weights)
+            fit = self._solved(chain, basis, lin, columns, weights)
         return fit
 
     def _judge(
@@ -187,10 +191,10 @@ class SessionAligner:
         arm = np.array([*(k.arm for k in self._kept), np.eye(4)])
         return replace(station, pivot=self._chain.pivot, base=self._chain.base, arm=arm, hand_eye=self._chain.hand_eye)
 
-    def _solved(self, chain: Chain, basis: Basis, lin: Linearised, weights: Float) -> _Fit:
+    def _solved(self, chain: Chain, basis: Basis, lin: Linearised, columns: ViewColumns, weights: Float) -> _Fit:
         """The window and the new view's normal equations together, with what is carried."""
         d = self.config.discrepancy
-        gram = weighted_gram(lin, weights, basis)
+        gram = columns.gram(weights)
         at = [*(k.T_cell_camera for k in self._kept), lin.T_cell_camera]
         shifts = np.array([se3.log(se3.inverse(T_lin) @ chain.pose(v)) for v, T_lin in enumerate(at)])
         normal = assemble([*(k.gram for k in self._kept), gram], chain, basis, np.zeros(0), shifts)
@@ -198,7 +202,7 @@ class SessionAligner:
         sizes = {kind: self._sizes.get(kind, d.start_mm * 1e-3) for kind in (*normal.kinds, *normal.own_kinds)}
         rounds = 3 if self._sizes else d.rounds
         answer = estimate(normal, sizes, rounds=rounds, low=d.floor_mm * 1e-3, high=d.ceiling_mm * 1e-3, pull=pull)
-        return _Fit(chain, basis, lin, weights, gram, normal, answer, pull)
+        return _Fit(chain, basis, lin, columns, weights, gram, normal, answer, pull)
 
     def _observe(self, chain: Chain, answer: Mixed) -> Observability:
         centre = chain.robot[:, :3, 3].mean(axis=0)

@@ -18,12 +18,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_align.bounced import Emitters, bounced_columns, emitters_of, no_emitters
-from tof_align.parts import MOTIONS, PartFrames, no_parts, part_columns, parts_of
+from tof_align.bounced import Emitters, emitters_of, no_emitters
+from tof_align.parts import MOTIONS, PartFrames, no_parts, parts_of
 from tof_core.stats import grouped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from tof_align.config import DiscrepancyConfig
     from tof_align.limits import SharedLimits
@@ -67,7 +69,7 @@ class Basis:
     @property
     def shared(self) -> tuple[int, ...]:
         """Columns per kind of `SHARED`."""
-        image, part = _image_count(self.order), MOTIONS * len(self.parts.index)
+        image, part = image_count(self.order), MOTIONS * len(self.parts.index)
         line = self.root_range.shape[1], self.root_amplitude.shape[1], self.root_object.shape[1]
         return *line, image, self.emitters.count, part
 
@@ -76,8 +78,8 @@ class Basis:
         """Columns per kind of `LOCAL`."""
         if self.order < 0:
             return 0, 0, 0
-        bend = _image_count(min(self.order, 2))
-        return 1, bend, _image_count(self.order) - bend
+        bend = image_count(min(self.order, 2))
+        return 1, bend, image_count(self.order) - bend
 
 
 def empty_basis() -> Basis:
@@ -104,49 +106,6 @@ def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: f
     return Basis(knots, root, knots_a, root_a, centres, inverse_root, config.object_m, config.image_order, parts, emitters_of(views))
 
 
-def shared_columns(basis: Basis, view: Linearised) -> Float:
-    """(n, sum(basis.shared)) columns of the kinds all views share; unit-variance coefficients."""
-    parts = []
-    if basis.root_range.size:
-        parts.append(_splines(basis.knots_range, view.depth * view.ray_length) @ basis.root_range)
-    if basis.root_amplitude.size:
-        a = view.log_amplitude if view.log_amplitude is not None else np.full(len(view.residual), np.nan)
-        parts.append(_splines(basis.knots_amplitude, a) @ basis.root_amplitude)
-    if basis.root_object.size:
-        parts.append(_surface_covariance(_surface(view, basis.object_m), basis.centres) @ basis.root_object)
-    if basis.order > 0:
-        parts.append(_image(view, basis.order))
-    if basis.emitters.count:
-        parts.append(bounced_columns(basis.emitters, view))
-    if len(basis.parts.index):
-        parts.append(part_columns(basis.parts, view))
-    return np.concatenate(parts, axis=1) if parts else np.zeros((len(view.residual), 0))
-
-
-def beyond_columns(basis: Basis, view: Linearised, sizes: dict[str, float], limits: SharedLimits) -> Float:
-    """(n,) deviation, metres, of errors that stick to the surface and that `shared_columns` cannot describe.
-
-    A few dozen centres describe the smooth part of a rough process; how much is left at each place is known
-    (the Schur complement that Nystroem's columns leave out). Of the light of other parts, one bounce between matt surfaces leaves a
-    share (`limits.light`), so concave places count less.
-    """
-    out = np.zeros(len(view.residual))
-    if basis.root_object.size and "object" in sizes:
-        described = (_surface_covariance(_surface(view, basis.object_m), basis.centres) @ basis.root_object) ** 2
-        out = np.asarray(sizes["object"] * np.sqrt(np.maximum(1.0 - described.sum(axis=1), 0.0)))
-    if basis.emitters.count and "bounce" in sizes:
-        out = np.hypot(out, limits.light * sizes["bounce"] * bounced_columns(basis.emitters, view)[:, 0])
-    return out
-
-
-def local_columns(basis: Basis, view: Linearised) -> Float:
-    """(n, sum(basis.local)) columns of one view's own kinds: an offset, and what is smooth in the image."""
-    n = len(view.residual)
-    if basis.order < 0:
-        return np.zeros((n, 0))
-    return np.concatenate([np.ones((n, 1)), _image(view, basis.order)], axis=1)
-
-
 def _line(values: Float, length: float, config: DiscrepancyConfig) -> tuple[Float, Float]:
     """Knots of cubic B-splines over what `values` span, and the root of a Matern 3/2 covariance between them."""
     if len(values) < 2:
@@ -160,17 +119,23 @@ def _line(values: Float, length: float, config: DiscrepancyConfig) -> tuple[Floa
     return knots, np.linalg.cholesky((1.0 + r) * np.exp(-r) + 1e-9 * np.eye(len(knots)))
 
 
-def _splines(knots: Float, x: Float) -> Float:
-    """(n, k) uniform cubic B-splines about the knots at x, constant beyond the outer ones; zero where x is NaN."""
-    out = np.zeros((len(x), len(knots)))
-    known = np.flatnonzero(np.isfinite(x))
-    position = np.clip((x[known] - knots[1]) / (knots[1] - knots[0]), 0, len(knots) - 3 - 1e-9)
-    left = position.astype(int)
+def spline_entries(knots: Float, x: Float) -> tuple[NDArray[np.int32], Float]:
+    """Places and values (n, 4) of the uniform cubic B-splines about the knots that are not zero at x.
+
+    Constant beyond the outer knots; zero where x is NaN.
+    """
+    known = np.isfinite(x)
+    position = np.clip((np.where(known, x, knots[1]) - knots[1]) / (knots[1] - knots[0]), 0, len(knots) - 3 - 1e-9)
+    left = position.astype(np.int32)
     t = position - left
     s = 1.0 - t
-    for k, value in enumerate((s**3, 3 * t**3 - 6 * t**2 + 4, 3 * s**3 - 6 * s**2 + 4, t**3)):
-        out[known, left + k] = value / 6.0
-    return out
+    values = np.stack([s**3, 3 * t**3 - 6 * t**2 + 4, 3 * s**3 - 6 * s**2 + 4, t**3], axis=1)
+    return left[:, None] + np.arange(4, dtype=np.int32), values * (known / 6.0)[:, None]
+
+
+def surface_columns(basis: Basis, view: Linearised) -> Float:
+    """(n, m) covariance of the error at each pixel with that at each centre of the surface."""
+    return _surface_covariance(_surface(view, basis.object_m), basis.centres)
 
 
 def _surface(view: Linearised, length: float) -> Float:
@@ -211,11 +176,12 @@ def farthest_points(points: Float, count: int) -> Float:
     return points[chosen]
 
 
-def _image_count(order: int) -> int:
+def image_count(order: int) -> int:
+    """Cosines over the image up to an order, without the constant."""
     return max(0, (order + 1) * (order + 2) // 2 - 1)
 
 
-def _image(view: Linearised, order: int) -> Float:
+def image_columns(view: Linearised, order: int) -> Float:
     """(n, k) cosines over the image up to an order, fading, without the constant."""
     return _cosines(*view.raster, order)[view.cell]
 

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.bounced import bounced
-from tof_align.discrepancy import basis_of, beyond_columns
+from tof_align.discrepancy import basis_of
 from tof_align.linearise import linearise
 from tof_align.mixed import estimate
 from tof_align.parts import PART, counts
 from tof_align.robust import first_look, weigh
-from tof_align.system import R, SessionSystem, assemble, unmodelled, weighted_gram
+from tof_align.system import R, SessionSystem, assemble, unmodelled
+from tof_align.view_columns import columns_of
 from tof_core.arrays import Float
 from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
@@ -89,12 +90,16 @@ class Fitter:
         return replace(view, bounced=bounced(view, self.caster))
 
     def _weighed(self, system: SessionSystem[R], before: Mixed | None, columns: list[Float] | None, v: int) -> tuple[Float, Float]:
-        view = system.views[v]
-        smooth = None if before is None else unmodelled(system.rig, system.basis, view, before, v)
-        left = first_look(view, self.config.weights.shared) if before is None else view.residual - system.explained(before, v, columns)
-        rough = 0.0 if before is None else beyond_columns(system.basis, view, before.sizes, self.config.weights.shared)
-        weight = weigh(view, left, self.config.weights, smooth, rough) * counts(system.basis.parts, view)
-        return weight, weighted_gram(view, weight, system.basis, None if columns is None else columns[v])
+        view, limits = system.views[v], self.config.weights.shared
+        of = columns_of(view, system.basis, None if columns is None else columns[v])
+        if before is None:
+            weight = weigh(view, first_look(view, limits), self.config.weights)
+        else:
+            smooth = unmodelled(of, system.rig, system.basis, before, v)
+            left = view.residual - smooth.sum(axis=1) - of.extra(before.x[system.rig.globals_ + sum(system.basis.shared) :])
+            weight = weigh(view, left, self.config.weights, smooth, of.beyond(before.sizes, limits))
+        weight = weight * counts(system.basis.parts, view)
+        return weight, of.gram(weight)
 
     def _solve(self, normal: Normal) -> Mixed:
         d = self.config.discrepancy

@@ -18,6 +18,8 @@ from tof_core.stats import grouped
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from tof_align.linearise import Linearised
     from tof_core.arrays import Float, Ints, Mask
 
@@ -62,14 +64,18 @@ def counts(parts: PartFrames, view: Linearised) -> Mask:
     return np.isin(view.part, parts.index) if len(parts.index) else np.ones(len(view.part), bool)
 
 
-def part_columns(parts: PartFrames, view: Linearised) -> Float:
-    """(n, 6 P) metres of z per metre of motion: turns count by how far they move the part's radius."""
-    n, P = len(view.residual), len(parts.index)
-    out = np.zeros((n, P, MOTIONS))
+def part_entries(parts: PartFrames, view: Linearised) -> tuple[NDArray[np.int32], Float]:
+    """Places and values (n, 6) of the columns of the part that each pixel sees, zero where it is none of these.
+
+    Of the 6 P columns in all, metres of z per metre of motion: turns count by how far they move the part's radius.
+    """
+    places, values = np.zeros((len(view.residual), MOTIONS), np.int32), np.zeros((len(view.residual), MOTIONS))
     at, place, normal = _normal_motion(parts, view)
     along = np.einsum("ij,ij->i", view.normal[at], view.ray[at] @ view.T_cell_camera[:3, :3].T)
-    out[at, place] = normal / along[:, None]
-    return out.reshape(n, -1)
+    places += np.arange(MOTIONS, dtype=np.int32)
+    places[at] += MOTIONS * place[:, None].astype(np.int32)
+    values[at] = normal / along[:, None]
+    return places, values
 
 
 def stand_off(parts: PartFrames, views: Sequence[Linearised], second: Float) -> Float:

@@ -21,6 +21,7 @@ from tof_align.single import align_sample
 from tof_core import se3
 from tof_core.arrays import Float
 from tof_core.capture import Posed, View
+from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
 
 if TYPE_CHECKING:
@@ -184,12 +185,15 @@ def _conclude(
     seen = tuple(_observe_station(system, answer, s, seed, config) for s in range(len(seed.names)))
     kept = _keep(system, columns, answer, seen)
     chain = system.rig.moved(kept.x, kept.own)
-    disputed = _disputed(system, kept, columns, seen, config)
+    explained = in_threads(lambda v: system.explained(kept, v, columns), range(len(system.views)))
+    disputed = _disputed(system, explained, seen, config)
     shifts = system.without_each_part(answer)
     apart, unsure = system.stand_off(answer, len(fitter.caster.scene.parts))
     parts = np.hypot(apart, unsure)
     words = verdicts.apart_in_words(fitter.caster.scene.names, apart, unsure, config.verdict)
-    judged = tuple(_judge_view(fitter, system, kept, columns, chain, seed, seen, disputed, words, v) for v in range(len(system.views)))
+    judged = tuple(
+        in_threads(lambda v: _judge_view(fitter, system, explained[v], chain, seed, seen, disputed, words, v), range(len(system.views)))
+    )
     if not any(j.accepted for j in judged):
         raise RefusedError(judged[0].reason, where="alignment", todo="check the scene, its placement and the robot's pose")
     k = 0 if columns is None else columns[0].shape[1]
@@ -237,8 +241,7 @@ def _keep(
 
 def _disputed(
     system: SessionSystem[Chain],
-    kept: Mixed,
-    columns: Sequence[Float] | None,
+    explained: Sequence[Float],
     seen: Sequence[Observability],
     config: AlignConfig,
 ) -> list[tuple[float, str]]:
@@ -248,10 +251,9 @@ def _disputed(
     rig = system.rig
     total = [verdicts.Information(np.zeros((6, 6)), np.zeros((6, 6))) for _ in seen]
     for v, view in enumerate(system.views):
-        explained = system.explained(kept, v, columns)
-        if verdicts.fit_of(view, config, explained).support >= config.verdict.min_support:
+        if verdicts.fit_of(view, config, explained[v]).support >= config.verdict.min_support:
             station = int(rig.station[v])
-            total[station] += verdicts.information_of(view, system.weights[v], config, explained).moved(rig.links(v)[0][:, :6])
+            total[station] += verdicts.information_of(view, system.weights[v], config, explained[v]).moved(rig.links(v)[0][:, :6])
     prior = np.diag(config.priors.base**-2)
     return [most_disputed(o, rig.frame(s), t.agreeing, t.everyone, prior) for s, (o, t) in enumerate(zip(seen, total, strict=True))]
 
@@ -259,8 +261,7 @@ def _disputed(
 def _judge_view(
     fitter: Fitter,
     system: SessionSystem[Chain],
-    kept: Mixed,
-    columns: Sequence[Float] | None,
+    explained: Float,
     chain: Chain,
     seed: Chain,
     seen: Sequence[Observability],
@@ -270,7 +271,7 @@ def _judge_view(
 ) -> verdicts.Verdict:
     config, T_seed = fitter.config, seed.pose(v)
     before = verdicts.fit_of(linearise(fitter.pixels[v], T_seed, fitter.caster, config.weights), config)
-    after = verdicts.fit_of(system.views[v], config, system.explained(kept, v, columns))
+    after = verdicts.fit_of(system.views[v], config, explained)
     station = int(chain.station[v])
     return verdicts.judge(before, after, T_seed, chain.pose(v), seed.prior_cov(v), seen[station].names, config, disputed[station], apart)
 

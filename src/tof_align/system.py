@@ -14,14 +14,16 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 import numpy as np
 
 from tof_align.chain import Rig
-from tof_align.discrepancy import LOCAL, SHARED, Basis, local_columns, shared_columns
+from tof_align.discrepancy import LOCAL, SHARED, Basis
 from tof_align.mixed import Mixed, Normal, solve
 from tof_align.parts import MOTIONS, PART, stand_off
+from tof_align.view_columns import columns_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_align.linearise import Linearised
+    from tof_align.view_columns import ViewColumns
     from tof_core.arrays import Float, Ints
 
 FREE_PART_M = 0.005
@@ -50,7 +52,7 @@ class SessionSystem(Generic[R]):
         """Normal equations in poses, discrepancy (if wanted) and `columns` (per view (n, k))."""
         basis = self.basis if discrepancy else None
         grams = [
-            weighted_gram(view, weight, basis, None if columns is None else columns[v])
+            columns_of(view, basis, None if columns is None else columns[v]).gram(weight)
             for v, (view, weight) in enumerate(zip(self.views, self.weights, strict=True))
         ]
         return assemble(grams, self.rig, basis, self.theta_info(columns[0].shape[1] if columns else 0))
@@ -106,10 +108,8 @@ class SessionSystem(Generic[R]):
 
     def explained(self, answer: Mixed, v: int, columns: Sequence[Float] | None = None) -> Float:
         """(n,) metres of a view that discrepancy and columns explain."""
-        smooth = unmodelled(self.rig, self.basis, self.views[v], answer, v).sum(axis=1)
-        if columns is None:
-            return np.asarray(smooth)
-        return np.asarray(smooth + columns[v] @ answer.x[self.rig.globals_ + sum(self.basis.shared) :])
+        of = columns_of(self.views[v], self.basis, None if columns is None else columns[v])
+        return explained_by(of, self.rig, self.basis, answer, v)
 
 
 def camera_step(rig: Rig, answer: Mixed, v: int) -> Float:
@@ -127,27 +127,16 @@ def camera_cov(rig: Rig, answer: Mixed, v: int) -> Float:
     return np.asarray(L @ C[np.ix_(at, at)] @ L.T)
 
 
-def unmodelled(rig: Rig, basis: Basis, view: Linearised, answer: Mixed, v: int) -> Float:
-    """(n, kinds) metres of a view that each kind of `discrepancy.kinds` explains."""
+def unmodelled(columns: ViewColumns, rig: Rig, basis: Basis, answer: Mixed, v: int) -> Float:
+    """(n, kinds) metres of a view that each kind of `SHARED` and `LOCAL` explains."""
     g, o = rig.globals_, rig.own
-    m, q = sum(basis.shared), sum(basis.local)
-    shared, local = shared_columns(basis, view) * answer.x[g : g + m], local_columns(basis, view) * answer.own[v, o : o + q]
-    parts = [*np.split(shared, np.cumsum(basis.shared)[:-1], axis=1), *np.split(local, np.cumsum(basis.local)[:-1], axis=1)]
-    return np.stack([p.sum(axis=1) for p in parts], axis=1)
+    return columns.unmodelled(answer.x[g : g + sum(basis.shared)], answer.own[v, o : o + sum(basis.local)])
 
 
-def weighted_gram(view: Linearised, weight: Float, basis: Basis | None, columns: Float | None = None) -> Float:
-    """(p, p) weighted products of [camera 6 | shared | columns | own | residual]."""
-    parts = [view.jacobian]
-    if basis is not None:
-        parts.append(shared_columns(basis, view))
-    if columns is not None:
-        parts.append(columns)
-    if basis is not None:
-        parts.append(local_columns(basis, view))
-    D = np.concatenate([*parts, view.residual[:, None]], axis=1)
-    D *= np.sqrt(weight)[:, None]
-    return np.asarray(D.T @ D)
+def explained_by(columns: ViewColumns, rig: Rig, basis: Basis, answer: Mixed, v: int) -> Float:
+    """(n,) metres of a view that discrepancy and extra columns explain."""
+    smooth = unmodelled(columns, rig, basis, answer, v).sum(axis=1)
+    return smooth + columns.extra(answer.x[rig.globals_ + sum(basis.shared) :])
 
 
 def assemble(grams: Sequence[Float], rig: Rig, basis: Basis | None, theta_info: Float, shifts: Float | None = None) -> Normal:
