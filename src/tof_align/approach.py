@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from tof_align.limits import ApproachLimits
     from tof_align.linearise import Linearised
     from tof_align.pixels import Pixels
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
     from tof_scene.raycast import Raycaster
 
 
@@ -75,7 +76,8 @@ def _slid(
     place it reached; its few features count there as outliers. The score sees them.
     """
     limits = config.approach
-    few = [p.thinned(max(limits.slide_pixels, p.depth.size // 2)) for p in pixels]
+    few = _Looks.of([p.thinned(max(limits.slide_pixels, p.depth.size // 2)) for p in pixels])
+    every = _Looks.of(pixels)
 
     def cost(there: Float) -> float:
         return _score(few, frame @ there @ local, caster, limits)
@@ -86,7 +88,7 @@ def _slid(
             slid = _along(direction * prior_std, motion, cost, limits)
             if cost(slid) > limits.slide_better * cost(motion):
                 continue
-            candidates = [(_score(pixels, frame @ slid @ local, caster, limits), slid), descend(slid, limits.slide_kernel_mm * 1e-3)[::-1]]
+            candidates = [(_score(every, frame @ slid @ local, caster, limits), slid), descend(slid, limits.slide_kernel_mm * 1e-3)[::-1]]
             found, moved = min(candidates, key=lambda c: c[0])
             if found < limits.slide_better * score:
                 motion, score = moved, found
@@ -145,7 +147,7 @@ def _descent(
     caster: Raycaster,
     config: AlignConfig,
 ) -> Callable[[Float, float], tuple[Float, float]]:
-    limits = config.approach
+    limits, looks = config.approach, _Looks.of(pixels)
 
     def descend(motion: Float, kernel: float) -> tuple[Float, float]:
         for _ in range(limits.steps):
@@ -160,7 +162,7 @@ def _descent(
             still = max(np.linalg.norm(step[:3]), np.linalg.norm(step[3:])) < limits.still_mm * 1e-3
             if still and kernel < limits.near_kernel_mm * 1e-3:
                 break
-        return motion, _score(pixels, frame @ motion @ local, caster, limits)
+        return motion, _score(looks, frame @ motion @ local, caster, limits)
 
     return descend
 
@@ -180,19 +182,37 @@ def _step(views: Sequence[Linearised], local: Float, motion: Float, prior_std: F
     return np.asarray(np.linalg.solve(H, b))
 
 
-def _score(pixels: Sequence[Pixels], poses: Float, caster: Raycaster, limits: ApproachLimits) -> float:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Looks:
+    """Pixels with a depth (n,), and their rays (n, 3), of several views, one after the other; ends (V + 1,): where each view begins."""
+
+    depth: Float
+    rays: Float
+    ends: Ints
+
+    @classmethod
+    def of(cls, pixels: Sequence[Pixels], stride: int = 1) -> _Looks:
+        """Every `stride`-th pixel."""
+        depth = [p.depth.ravel()[::stride] for p in pixels]
+        known = [np.isfinite(z) for z in depth]
+        rays = [p.rays.reshape(-1, 3)[::stride][k] for p, k in zip(pixels, known, strict=True)]
+        ends = np.cumsum([0, *(int(k.sum()) for k in known)])
+        return cls(np.concatenate([z[k] for z, k in zip(depth, known, strict=True)]), np.concatenate(rays), ends)
+
+    def errors(self, poses: Float, caster: Raycaster) -> Float:
+        """(n,) metres between depth and CAD from cameras (V, 4, 4), 1 where the ray misses: one cast for all views."""
+        directions = np.empty_like(self.rays)
+        for T, a, b in zip(poses, self.ends, self.ends[1:], strict=False):
+            directions[a:b] = self.rays[a:b] @ T[:3, :3].T
+        hits = caster.cast(np.repeat(poses[:, :3, 3], np.diff(self.ends), axis=0), directions)
+        return np.nan_to_num(np.abs(self.depth - hits.t), nan=1.0, posinf=1.0)
+
+
+def _score(looks: _Looks, poses: Float, caster: Raycaster, limits: ApproachLimits) -> float:
     """Mean of min(|residual|, `residual_mm`) in metres over all pixels that have a depth; where the ray misses the CAD, the most."""
-    total = count = 0.0
-    for p, T in zip(pixels, poses, strict=True):
-        error = _errors(p.depth.ravel(), p.rays.reshape(-1, 3), T, caster)
-        total, count = total + np.minimum(error, limits.residual_mm * 1e-3).sum(), count + len(error)
-    return total / max(count, 1.0)
-
-
-def _errors(depth: Float, rays: Float, T: Float, caster: Raycaster) -> Float:
-    known = np.isfinite(depth)
-    hits = caster.cast(np.broadcast_to(T[:3, 3], (int(known.sum()), 3)), rays[known] @ T[:3, :3].T)
-    return np.nan_to_num(np.abs(depth[known] - hits.t), nan=1.0, posinf=1.0)
+    if not len(looks.depth):
+        return 0.0
+    return float(np.minimum(looks.errors(poses, caster), limits.residual_mm * 1e-3).mean())
 
 
 def _starts(
@@ -209,14 +229,14 @@ def _starts(
     reach, stride, most = limits.reach, limits.start_stride, limits.start_residual_mm * 1e-3
     sobol = qmc.Sobol(6, scramble=True, seed=STARTS_SEED).random(limits.starts)
     twists = np.clip(qmc.scale(sobol, -reach * np.ones(6), reach * np.ones(6)), -reach, reach) * prior_std
-    few = [(p.depth.ravel()[::stride], p.rays.reshape(-1, 3)[::stride]) for p in pixels[: limits.start_views]]
+    few = _Looks.of(pixels[: limits.start_views], stride)
     scores = [
-        np.mean(
-            [
-                np.minimum(_errors(z, r, frame @ se3.exp(x) @ T, caster), most).mean() if np.isfinite(z).any() else most
-                for (z, r), T in zip(few, local, strict=False)
-            ]
-        )
-        for x in twists
+        _mean_by_view(few, np.minimum(few.errors(frame @ se3.exp(x) @ local[: limits.start_views], caster), most), most) for x in twists
     ]
     return [se3.exp(twists[i]) for i in np.argsort(scores)[: limits.kept]]
+
+
+def _mean_by_view(looks: _Looks, errors: Float, most: float) -> float:
+    """Mean over views of the mean of their pixels; `most` for a view that has none."""
+    views = [errors[a:b] for a, b in zip(looks.ends, looks.ends[1:], strict=False)]
+    return float(np.mean([v.mean() if len(v) else most for v in views]))

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from tof_scene.bounce import one_bounce
 
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_align.linearise import Linearised
+    from tof_align.pixels import Pixels
     from tof_core.arrays import Float, Ints
     from tof_scene.raycast import Raycaster
 
@@ -50,18 +50,35 @@ def no_emitters() -> Emitters:
     return Emitters(np.zeros(0, np.int64), 0.0)
 
 
-def bounced(view: Linearised, caster: Raycaster) -> Float:
-    """(n, P) metres of z that the light of each part adds, at every `SPACING`-th pixel of the raster and the nearest of those between."""
-    n, width = len(view.residual), view.raster[1]
-    row, column = np.divmod(view.cell, width)
+@dataclass(frozen=True, slots=True, eq=False)
+class Light:
+    """Light of other parts in a view: row, column, part (k,) of the pixels where it is computed, metres (k, P) along their rays."""
+
+    row: Ints
+    column: Ints
+    part: Ints
+    metres: Float
+
+    def over(self, view: Linearised, pixels: Pixels) -> Float:
+        """(n, P) metres of z at the pixels of a view: those of the nearest pixel that sees the same part."""
+        if not len(self.part):
+            return np.zeros((len(view.index), self.metres.shape[1]))
+        from scipy.spatial import cKDTree
+
+        height, width = pixels.camera.shape
+        apart = 2.0 * (height + width)  # another part is farther than the whole image
+        row, column = np.divmod(view.index, width)
+        tree = cKDTree(np.column_stack([self.row, self.column, self.part * apart]))
+        nearest = tree.query(np.column_stack([row, column, view.part * apart]))[1]
+        return np.asarray(self.metres[nearest] / view.ray_length[:, None])
+
+
+def light_in(view: Linearised, pixels: Pixels, caster: Raycaster) -> Light:
+    """The light of other parts at every `SPACING`-th pixel of the raster."""
+    row, column = np.divmod(view.cell, view.raster[1])
     chosen = np.flatnonzero((row % SPACING == SPACING // 2) & (column % SPACING == SPACING // 2))
-    if not len(chosen):
-        return np.zeros((n, len(caster.albedo)))
-    light = one_bounce(caster, view.T_cell_camera[:3, 3], view.point[chosen], view.normal[chosen], RAYS)
-    # A pixel takes its value from its own part: another part is farther than the whole image.
-    place = np.column_stack([row, column, view.part * sum(view.raster)]).astype(float)
-    nearest = cKDTree(place[chosen]).query(place)[1]
-    return np.asarray(light[nearest] / view.ray_length[:, None])
+    metres = one_bounce(caster, view.T_cell_camera[:3, 3], view.point[chosen], view.normal[chosen], RAYS)
+    return Light(*np.divmod(view.index[chosen], pixels.camera.width), view.part[chosen], metres)
 
 
 def emitters_of(views: Sequence[Linearised]) -> Emitters:

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from tof_align.config import AlignConfig
     from tof_align.discrepancy import Basis
     from tof_align.known import Bias
-    from tof_core.arrays import Float
     from tof_align.view_columns import ViewColumns
+    from tof_core.arrays import Float
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
 

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_align.bounced import bounced
+from tof_align.bounced import Light, light_in
 from tof_align.discrepancy import basis_of
 from tof_align.linearise import linearise
 from tof_align.mixed import estimate
@@ -50,6 +50,7 @@ class Fitter:
     basis: Basis | None = None
     sizes: dict[str, float] | None = None
     last: Sequence[Pixels] | None = None
+    _light: dict[int, Light] = field(default_factory=dict)
 
     def fit(self, rig: R, iterations: int) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
         """Step `iterations` times, then linearise and fit once more.
@@ -68,6 +69,7 @@ class Fitter:
         smooth = [size for kind, size in (self.sizes or {}).items() if not kind.startswith(PART)]
         if self.last and max(smooth, default=0.0) < self.config.weights.last_mm * 1e-3:
             self.pixels = self.last
+        self._light.clear()  # computed at the first pose and at the last: the steps between move it by less than its rays are wrong
         return self.once(rig, answer)
 
     def once(self, rig: R, before: Mixed | None = None) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
@@ -87,7 +89,9 @@ class Fitter:
         view = linearise(self.pixels[v], rig.pose(v), self.caster, self.config.weights)
         if not (self.config.discrepancy.enabled and self.config.discrepancy.bounces):
             return view
-        return replace(view, bounced=bounced(view, self.caster))
+        if v not in self._light:
+            self._light[v] = light_in(view, self.pixels[v], self.caster)
+        return replace(view, bounced=self._light[v].over(view, self.pixels[v]))
 
     def _weighed(self, system: SessionSystem[R], before: Mixed | None, columns: list[Float] | None, v: int) -> tuple[Float, Float]:
         view, limits = system.views[v], self.config.weights.shared
@@ -96,7 +100,7 @@ class Fitter:
             weight = weigh(view, first_look(view, limits), self.config.weights)
         else:
             smooth = unmodelled(of, system.rig, system.basis, before, v)
-            left = view.residual - smooth.sum(axis=1) - of.extra(before.x[system.rig.globals_ + sum(system.basis.shared) :])
+            left = view.residual - smooth.sum(axis=1) - of.of_extra(before.x[system.rig.globals_ + sum(system.basis.shared) :])
             weight = weigh(view, left, self.config.weights, smooth, of.beyond(before.sizes, limits))
         weight = weight * counts(system.basis.parts, view)
         return weight, of.gram(weight)

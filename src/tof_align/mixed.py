@@ -166,11 +166,14 @@ def solve(normal: Normal, sizes: dict[str, float], pull: tuple[Float, Float] | N
 
 
 def _scatter(normal: Normal, reduced: Float, right: Float) -> tuple[Float, Float]:
+    """Sums (G, G), (G,) of the views' equations; views at the same places (of one station) are added first."""
     G = normal.info.size
     H, b = np.zeros((G, G)), np.zeros(G)
-    for at, K, r in zip(normal.where, reduced, right, strict=True):
-        H[np.ix_(at, at)] += K
-        b[at] += r
+    places, of = np.unique(normal.where, axis=0, return_inverse=True)
+    for k, at in enumerate(places):
+        mine = np.flatnonzero(of.ravel() == k)
+        H[at[:, None], at] += reduced[mine].sum(axis=0)
+        b[at] += right[mine].sum(axis=0)
     return H, b
 
 
@@ -178,9 +181,20 @@ def _solve(H: Float, b: Float) -> tuple[Float, Float]:
     """Inverse and solution, scaled so that metres and radians do not fight; ridge 1e-12."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-30))
     scaled = H * scale[:, None] * scale + 1e-12 * np.eye(len(H))
-    cov = np.linalg.inv(scaled) * scale[:, None] * scale
+    cov = _inverse(scaled) * scale[:, None] * scale
     cov = 0.5 * (cov + cov.T)
     return cov, cov @ b
+
+
+def _inverse(H: Float) -> Float:
+    """Inverse by Cholesky's factor, half the work of `numpy.linalg.inv`; where rounding leaves H indefinite, by the latter."""
+    from scipy.linalg.lapack import dpotrf, dpotri
+
+    factor, wrong = dpotrf(H, lower=1)
+    if wrong:
+        return np.asarray(np.linalg.inv(H))
+    inverse, _ = dpotri(factor, lower=1)
+    return np.asarray(np.tril(inverse) + np.tril(inverse, -1).T)
 
 
 def estimate(
@@ -227,5 +241,5 @@ def _size(normal: Normal, answer: Mixed, kind: str, own: Float) -> float:
 def _own_variance(answer: Mixed) -> Float:
     """(V, o) marginal variances of the views' own unknowns."""
     C = answer.cov[answer.where[:, :, None], answer.where[:, None, :]]
-    spread = np.einsum("vij,vjk,vik->vi", answer.gain, C, answer.gain, optimize=True)
+    spread = np.einsum("vij,vij->vi", answer.gain @ C, answer.gain)
     return np.asarray(np.diagonal(answer.own_cov, axis1=1, axis2=2) + spread)

@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
 
 if TYPE_CHECKING:
     from tof_align.config import WeightConfig
@@ -135,6 +134,8 @@ def view_sigma(view: View, config: WeightConfig, at: tuple[Ints, ...]) -> Float:
 
 
 def _local_mean(values: Float, where: Mask, size: int = 7) -> tuple[Float, Float]:
+    from scipy import ndimage
+
     share = ndimage.uniform_filter(where.astype(np.float32), size, mode="nearest").astype(float)
     total = ndimage.uniform_filter(values.astype(np.float64), size, mode="nearest")
     share = np.where(share > ROUNDING, share, 0.0)

@@ -136,7 +136,7 @@ def unmodelled(columns: ViewColumns, rig: Rig, basis: Basis, answer: Mixed, v: i
 def explained_by(columns: ViewColumns, rig: Rig, basis: Basis, answer: Mixed, v: int) -> Float:
     """(n,) metres of a view that discrepancy and extra columns explain."""
     smooth = unmodelled(columns, rig, basis, answer, v).sum(axis=1)
-    return smooth + columns.extra(answer.x[rig.globals_ + sum(basis.shared) :])
+    return np.asarray(smooth + columns.of_extra(answer.x[rig.globals_ + sum(basis.shared) :]))
 
 
 def assemble(grams: Sequence[Float], rig: Rig, basis: Basis | None, theta_info: Float, shifts: Float | None = None) -> Normal:

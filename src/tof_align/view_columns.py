@@ -81,7 +81,7 @@ class ViewColumns:
         out += self.dense @ of
         return out
 
-    def extra(self, coefficients: Float) -> Float:
+    def of_extra(self, coefficients: Float) -> Float:
         """(n,) metres that the extra columns explain."""
         return np.asarray(self.dense[:, self.at["extra"]] @ coefficients)
 
@@ -127,13 +127,17 @@ def columns_of(view: Linearised, basis: Basis | None = None, extra: Float | None
     if counts["range"]:
         entries["range"] = spline_entries(basis.knots_range, view.depth * view.ray_length)
     if counts["amplitude"]:
-        entries["amplitude"] = spline_entries(basis.knots_amplitude, np.full(n, np.nan) if view.log_amplitude is None else view.log_amplitude)
+        entries["amplitude"] = spline_entries(
+            basis.knots_amplitude, np.full(n, np.nan) if view.log_amplitude is None else view.log_amplitude
+        )
     if counts["part"]:
         entries["part"] = part_entries(basis.parts, view)
     placed = {kind: (place + np.int32(at[kind].start), value) for kind, (place, value) in entries.items()}
     roots = {"range": basis.root_range, "amplitude": basis.root_amplitude, "object": basis.root_object}
     bend = image_count(min(basis.order, 2))
-    return ViewColumns(at, {kind: root for kind, root in roots.items() if root.size}, np.concatenate(list(dense.values()), axis=1), placed, bend)
+    return ViewColumns(
+        at, {kind: root for kind, root in roots.items() if root.size}, np.concatenate(list(dense.values()), axis=1), placed, bend
+    )
 
 
 @njit(cache=True, nogil=True)

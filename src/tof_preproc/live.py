@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from tof_core.config import param, section
 from tof_core.options import NOT_WANTED, BagOptions
 from tof_core.topics import Topics, base_topic
-from tof_preproc.stream import StreamConfig
+from tof_preproc.stream_config import StreamConfig
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
-from scipy.optimize import nnls
-from scipy.special import chdtr, chdtri
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Image, Ints
@@ -122,6 +120,8 @@ def _sum(row: Float, r: Float) -> float:
 
 def _fit(noise2: Float, brightness: Float, dof: int, quantum: float, *, by_range: bool) -> NoiseLaw:
     """Bins of equal count by brightness, a robust variance in each, and the law through them, none of its terms negative."""
+    from scipy.optimize import nnls  # loads slowly; only views whose noise is fitted need it
+
     floor = max(quantum**2 / 12, TINY)
     usable = np.isfinite(brightness) & (brightness > 0)
     order = np.argsort(brightness[usable])
@@ -153,6 +153,8 @@ def robust_variance(noise2: Float, dof: int, floor: float) -> float:
     The median gives the scale. The result is the mean of the values within three sigma, corrected for the cut:
     a median alone cannot measure noise below the quantisation step.
     """
+    from scipy.special import chdtr, chdtri
+
     scale = float(np.median(noise2)) * dof / float(chdtri(dof, 0.5))
     cut = CUT * max(scale, floor)
     kept = noise2[noise2 <= cut]

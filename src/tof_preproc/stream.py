@@ -9,13 +9,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tof_core.builder import FROZEN, LATE, CaptureBuilder
-from tof_core.config import section
 from tof_core.errors import ToftwinError
 from tof_core.jump import BackwardJump
-from tof_core.motion import MotionConfig, StationConfig, StationTracker, is_still
-from tof_core.options import BagOptions
+from tof_core.motion import StationTracker, is_still
 from tof_core.robot import RobotChain
-from tof_preproc.config import PreprocConfig
 from tof_preproc.preprocessor import Preprocessor
 
 if TYPE_CHECKING:
@@ -24,16 +21,8 @@ if TYPE_CHECKING:
     from tof_core.capture import Capture, View
     from tof_core.tf import TransformBuffer
     from tof_core.topics import Topics
-
-
-@dataclass(frozen=True, slots=True)
-class StreamConfig:
-    """From messages to views. The names are the same in YAML files, ROS parameters and the documentation."""
-
-    input: BagOptions = section(BagOptions, "topics, frames and units")
-    still: MotionConfig = section(MotionConfig, "when the camera counts as still")
-    station: StationConfig = section(StationConfig, "when the base counts as still")
-    preproc: PreprocConfig = section(PreprocConfig, "accumulation and filters")
+    from tof_preproc.config import PreprocConfig
+    from tof_preproc.stream_config import StreamConfig
 
 
 @dataclass(frozen=True, slots=True, eq=False)

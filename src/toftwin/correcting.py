@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from arm_correction.config import CorrectConfig
-from arm_correction.corrector import Corrector
 from tof_core.config import section
 from tof_core.errors import RefusedError
 from toftwin.pipeline import PipelineConfig, ViewStream
 
 if TYPE_CHECKING:
+    from arm_correction.corrector import Corrector
     from arm_correction.reference import Reference
     from tof_align.known import Bias
     from tof_core.bag import BagReader
@@ -37,6 +37,8 @@ def views_of(reader: BagReader, config: CorrectionConfig) -> list[View]:
 
 def corrector_of(scene: Scene | None, reference: Reference | None, config: CorrectionConfig, bias: Bias | None = None) -> Corrector:
     """A corrector that compares with the CAD, with a reference view, or with both; `bias`: what is known of the camera."""
+    from arm_correction.corrector import Corrector
+
     caster = None
     if scene is not None:
         from tof_scene.raycast import Raycaster

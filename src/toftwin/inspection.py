@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tof_core.config import section
-from tof_inspect.colour import Picture
 from tof_inspect.config import InspectConfig
 from toftwin.pipeline import PipelineConfig, ViewStream
 
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
 
     from arm_correction.reference import Reference
     from tof_core.bag import BagReader
+    from tof_inspect.colour import Picture
     from tof_inspect.judge import Inspection, Inspector
 
 
@@ -33,6 +33,8 @@ def inspect_bag(reader: BagReader, inspector: Inspector, config: InspectionConfi
 
 def first_pictures(references: Mapping[str, Reference], scene: str) -> tuple[tuple[Picture, ...], list[str]]:
     """Colour pictures of references by name, and a line for each without one; a reference of another scene (digest) is refused."""
+    from tof_inspect.colour import Picture
+
     pictures: list[Picture] = []
     lacking: list[str] = []
     for name, reference in references.items():

@@ -18,7 +18,6 @@ from tof_core.yamlio import save_yaml
 from tof_eval.pooled import PooledError
 from tof_scene.world.words import described
 from toftwin.known import MODES, Known
-from toftwin.mistakes.refusal import explained
 from toftwin.pipeline import PipelineConfig, ViewStream
 from toftwin.resume import OtherBagError, Unfinished, save_json
 
@@ -160,6 +159,8 @@ class _Job:
         try:
             posed = dataset.solved(views, "labels", partial(self._poses, views))
         except RefusedError as error:
+            from toftwin.mistakes.refusal import explained
+
             raise explained(error, views, self.caster, self.config.input, self.config.align) from error
         for name in self.also:
             other = replace(self.config.align, mode=MODES[name])

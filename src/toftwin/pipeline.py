@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING
 from tof_align.config import AlignConfig
 from tof_core.config import section
 from tof_core.motion import StationTracker
-from tof_preproc.preprocessor import accumulate_views
-from tof_preproc.stream import StreamConfig
+from tof_preproc.stream_config import StreamConfig
 from tof_sim_label.config import LabelConfig
-from tof_sim_label.labeller import LabellerConfig
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from tof_core.bag import BagReader
     from tof_core.capture import Capture, View
+    from tof_sim_label.labeller import LabellerConfig
     from toftwin.boarded import BoardSource
 
 
@@ -32,6 +31,8 @@ class PipelineConfig(StreamConfig):
     @property
     def labeller(self) -> LabellerConfig:
         """Settings of poses and labels."""
+        from tof_sim_label.labeller import LabellerConfig
+
         return LabellerConfig(self.align, self.label)
 
 
@@ -46,6 +47,8 @@ class ViewStream:
 
     def __iter__(self) -> Iterator[View]:
         """Each dwell's final view, in order of time."""
+        from tof_preproc.preprocessor import accumulate_views
+
         taken: list[Capture] = []
         stations = StationTracker(self.config.station)
         captures = _noted(self.reader.captures(need_tf=self.need_tf), taken)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.tof_align.made import CONFIG, Seen, Truth, at, box, look, measured, pose_error, scene_of
-from tof_align.bounced import ALBEDO_OFF, bounced, bounced_columns, emitters_of
+from tof_align.bounced import ALBEDO_OFF, bounced_columns, emitters_of, light_in
 from tof_align.config import DiscrepancyConfig
 from tof_align.linearise import linearise
 from tof_align.pixels import take_pixels
@@ -50,9 +50,10 @@ def recorded(caster: Raycaster, gain: float) -> tuple[list[View], list[Truth]]:
 
         def effect(seen: Seen, T: np.ndarray = T) -> np.ndarray:
             clean, _ = measured(caster, T, RobotPose(np.eye(4), T), noise_mm=1e-3)
-            lin = linearise(take_pixels(clean, replace(CONFIG.weights, pixels=10**6)), T, caster, CONFIG.weights)
+            pixels = take_pixels(clean, replace(CONFIG.weights, pixels=10**6))
+            lin = linearise(pixels, T, caster, CONFIG.weights)
             bias = np.zeros(seen.depth.size)
-            bias[lin.index] = gain * bounced(lin, caster).sum(axis=1)
+            bias[lin.index] = gain * light_in(lin, pixels, caster).over(lin, pixels).sum(axis=1)
             return bias.reshape(seen.depth.shape)
 
         out.append(measured(caster, T, robot, number=k, station=k // 4, effect=effect))
@@ -61,9 +62,10 @@ def recorded(caster: Raycaster, gain: float) -> tuple[list[View], list[Truth]]:
 
 def test_columns_add_up_to_the_light_of_all_parts(corner: Raycaster) -> None:
     views, truth = recorded(corner, 0.0)
-    lin = linearise(take_pixels(views[0], CONFIG.weights), truth[0].T_cell_camera, corner, CONFIG.weights)
+    pixels = take_pixels(views[0], CONFIG.weights)
+    lin = linearise(pixels, truth[0].T_cell_camera, corner, CONFIG.weights)
     assert bounced_columns(emitters_of([lin]), lin).shape == (len(lin.residual), 0), "not computed: no columns"
-    lit = replace(lin, bounced=bounced(lin, corner))
+    lit = replace(lin, bounced=light_in(lin, pixels, corner).over(lin, pixels))
     emitters = emitters_of([lit])
     columns = bounced_columns(emitters, lit)
     assert float(np.sqrt((columns[:, 0] ** 2).mean())) == pytest.approx(1.0)

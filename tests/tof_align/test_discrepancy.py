@@ -8,22 +8,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.tof_align.expanded import local_columns, shared_columns
 from tests.tof_align.made import CONFIG, one_view, section
 from tof_align.config import DiscrepancyConfig
 from tof_align.discrepancy import (
     LOCAL,
     SHARED,
     basis_of,
-    beyond_columns,
     farthest_points,
     inflation,
-    local_columns,
-    shared_columns,
     shared_inflation,
 )
 from tof_align.limits import SharedLimits
 from tof_align.linearise import Linearised, linearise
 from tof_align.pixels import take_pixels
+from tof_align.view_columns import columns_of
 
 D = DiscrepancyConfig()
 
@@ -115,14 +114,9 @@ def test_white_noise_does_not_inflate_and_neighbours_that_err_together_do(lin: L
     assert inflation(lin, together, weight, SharedLimits()) > 6.0
 
 
-def test_what_the_columns_cannot_say_is_the_rest_of_the_processs_variance(lin: Linearised) -> None:
-    basis = basis_of([lin], D)
-    described = part(shared_columns(basis, lin), basis.shared, SHARED.index("object"))
-    rest = beyond_columns(basis, lin, {"object": 2e-3}, SharedLimits())
-    np.testing.assert_allclose((4e-6 * described**2).sum(axis=1) + rest**2, 4e-6, rtol=1e-6)
-    more = basis_of([lin], replace(D, centres=200))
-    assert (beyond_columns(more, lin, {"object": 2e-3}, SharedLimits()) ** 2).mean() < 0.6 * (rest**2).mean()
-    assert (beyond_columns(basis, lin, {}, SharedLimits()) == 0.0).all()
+def test_more_centres_describe_more_of_what_sticks_to_the_surface(lin: Linearised) -> None:
+    few, many = (columns_of(lin, basis_of([lin], d)).beyond({"object": 2e-3}, SharedLimits()) for d in (D, replace(D, centres=200)))
+    assert (many**2).mean() < 0.6 * (few**2).mean()
 
 
 def test_white_noise_is_not_inflated_and_what_neighbours_share_counts_once() -> None:

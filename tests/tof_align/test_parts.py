@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.tof_align.expanded import part_columns
 from tests.tof_align.made import CONFIG, at, label_errors, one_view, pose_error, scene_of, section, session
 from tof_align.config import DiscrepancyConfig
 from tof_align.linearise import Linearised, linearise
-from tof_align.parts import LEAST_RADIUS_M, MOTIONS, PartFrames, no_parts, part_columns, parts_of, stand_off
+from tof_align.parts import LEAST_RADIUS_M, MOTIONS, PartFrames, no_parts, parts_of, stand_off
 from tof_align.parts import counts as holding
 from tof_align.pixels import take_pixels
 from tof_align.session import solve_session

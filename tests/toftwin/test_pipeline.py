@@ -10,7 +10,8 @@ import pytest
 
 from tof_core.bag import open_bag
 from tof_core.errors import UsageError
-from tof_preproc.stream import PreprocStream, StreamConfig
+from tof_preproc.stream import PreprocStream
+from tof_preproc.stream_config import StreamConfig
 from toftwin.graph import GraphSpec, parse_parameters
 from toftwin.options import parse_placement
 from toftwin.pipeline import PipelineConfig, ViewStream
