@@ -31,7 +31,7 @@ from tof_sensor.effects.subsurface import Subsurface
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.effects.wiggling import Wiggling
-from tof_sensor.frame import Context
+from tof_sensor.frame import Context, ideal_frame
 from tof_sensor.geometry import image_flow
 
 RNG = np.random.default_rng(5)
@@ -131,7 +131,7 @@ def test_taps_of_a_moving_camera_disagree_where_brightness_changes_and_nowhere_e
     albedo = still.rendering.albedo.copy()
     albedo[:, 20:] *= 0.3
     twist = np.array([0.1, 0, 0, 0, 0, 0])
-    frame = replace(still, rendering=replace(still.rendering, albedo=albedo), context=Context(twist=twist))
+    frame = ideal_frame(replace(still.rendering, albedo=albedo), Context(twist=twist))
     taps = Motion(edge=1.0, steady=1.0, tap_s=0.02)
     reach = 1.5 * taps.tap_s * np.abs(image_flow(frame)[0]).max()
     wrong = np.abs(taps.bias(frame)).max(axis=0)

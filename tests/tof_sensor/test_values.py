@@ -108,8 +108,11 @@ def test_the_image_flows_as_points_move_over_it() -> None:
     np.testing.assert_allclose(along_v, (v - row) / dt, atol=0.02)
 
 
-def four_taps(twist: Float, tap_s: float, mhz: float, order: tuple[int, int, int, int], steady: float) -> Float:
-    """Metres along the ray that four exposures of an even plane err by, each rendered from where the camera then is."""
+def four_taps(twist: Float, tap_s: float, mhz: float, order: tuple[int, int, int, int], steady: float, beyond: float = 0.0) -> Float:
+    """Metres along the ray that four exposures of an even plane err by, each rendered from where the camera then is.
+
+    The taps' phase is that of the distance and `beyond` radians.
+    """
     wave = 4 * np.pi * mhz * 1e6 / C
     taps = np.zeros((4, *CAMERA.shape))
     for place, quarter in enumerate(order):
@@ -117,9 +120,9 @@ def four_taps(twist: Float, tap_s: float, mhz: float, order: tuple[int, int, int
         normal, _ = moved_plane(T)
         radial = depth_from(T) * LENGTH
         light = -(RAYS @ normal) / LENGTH / radial**2
-        taps[quarter] = light * (steady + np.cos(wave * radial - quarter * np.pi / 2))
+        taps[quarter] = light * (steady + np.cos(wave * radial + beyond - quarter * np.pi / 2))
     phase = np.arctan2(taps[1] - taps[3], taps[0] - taps[2])
-    own = wave * depth_from(np.eye(4)) * LENGTH
+    own = wave * depth_from(np.eye(4)) * LENGTH + beyond
     return np.asarray(np.angle(np.exp(1j * (phase - own))) / wave)
 
 
@@ -136,12 +139,21 @@ def test_taps_err_as_four_exposures_one_after_another_do(twist: tuple[float, ...
         np.testing.assert_allclose((taps.bias(frame) * LENGTH)[INSIDE], exact[INSIDE], atol=0.06 * np.abs(exact[INSIDE]).max())
 
 
+@pytest.mark.parametrize("beyond", [0.4, 1.2, 2.9])
+def test_taps_err_by_twice_their_phase_whatever_constant_the_factory_took_off(beyond: float) -> None:
+    twist = np.array([0.06, 0.04, -0.1, 0.0, 0.0, 0.0])
+    exact = four_taps(twist, 0.01, 60.0, (0, 1, 2, 3), 0.0, beyond)
+    taps = Motion(edge=np.cos(2 * beyond), turned=np.sin(2 * beyond), tap_s=0.01, modulation_mhz=60.0)
+    bias = taps.bias(plane_frame(Context(twist=twist))) * LENGTH
+    np.testing.assert_allclose(bias[INSIDE], exact[INSIDE], atol=0.06 * np.abs(exact[INSIDE]).max())
+
+
 def test_an_edge_that_passes_errs_to_the_side_that_the_taps_saw() -> None:
     """One pixel beside a step of albedo, the image shifted by whole pixels between taps: each tap is known by hand."""
     still = plane_frame()
     albedo = still.rendering.albedo.copy()
     albedo[:, 20:] *= 0.3
-    frame = replace(still, rendering=replace(still.rendering, albedo=albedo), context=Context(twist=np.array([0, 0, 0, 0, 0.2, 0])))
+    frame = ideal_frame(replace(still.rendering, albedo=albedo), Context(twist=np.array([0, 0, 0, 0, 0.2, 0])))
     along_u, _ = image_flow(frame)
     assert along_u[15, 20] < 0, "the camera turns to the right of its picture, which moves to the left"
     tap_s = 2.0 / abs(along_u[15, 20])  # the taps see columns -3, -1, 1, 3 from here

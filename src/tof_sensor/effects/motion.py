@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 from weakref import WeakKeyDictionary
 
@@ -13,7 +14,7 @@ from numba import njit
 
 from tof_core.config import param
 from tof_sensor.effect import Effect, Finer, Form
-from tof_sensor.frame import LIGHT_M_PER_S, lambert_amplitude
+from tof_sensor.frame import LIGHT_M_PER_S
 from tof_sensor.geometry import image_flow, pose_columns
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 IN_TURN, OPPOSITE_FIRST = (0, 1, 2, 3), (0, 2, 1, 3)
 """Which quarter turn each tap is shifted by, in order of time: the maker's choice."""
+EIGHTH = float(np.pi / 4)
+"""Radians of the taps' phase after which the sine of twice the phase is its cosine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +38,9 @@ class Motion(Effect):
     A (c + cos(phi - k pi / 2)) with amplitude A and phase phi of the point that lies in the pixel then, lit by a lamp that has moved
     with the camera, and light c that is not modulated. Where A or phi change along the flow the four do not belong together, and
     their phase errs. The error is linear in c.
+
+    The taps' phase is the distance's and a constant, which the factory takes off: the delay of the light behind the gates. What
+    the taps err by goes with twice their phase, so its sine and its cosine make up every such constant.
     """
 
     NAME: ClassVar[str] = "motion"
@@ -43,30 +49,33 @@ class Motion(Effect):
     SEPARATED_BY: ClassVar[str] = "a capture at rest"
     MODULATED: ClassVar[bool] = True
     LOCAL: ClassVar[bool] = False
-    LINEAR: ClassVar[tuple[str, ...]] = ("axial_s", "edge", "steady")
-    OWN: ClassVar[tuple[str, ...]] = ("edge", "steady")
+    LINEAR: ClassVar[tuple[str, ...]] = ("axial_s", "edge", "turned", "steady")
+    OWN: ClassVar[tuple[str, ...]] = ("edge", "turned", "steady")
     ROUGH: ClassVar[float] = 0.1  # What appears and vanishes along the flow is not in the picture of the mean time.
     SMEARS: ClassVar[bool] = True
     FINER: ClassVar[tuple[Finer, ...]] = (Finer("tap_s", 0.5), Finer("modulation_mhz", 0.2), Finer("tap_s", 0.15))
 
     axial_s: float = param(0.0, "time by which the depth is late", unit="s", low=-0.5, high=0.5)
-    edge: float = param(0.0, "1: the taps' differences in full", low=-0.5, high=2.5)
+    edge: float = param(0.0, "the taps' differences, 1 in full where the taps' phase is the distance's", low=-2.5, high=2.5)
+    turned: float = param(0.0, "the same, 1 in full where the taps' phase is an eighth of a turn beyond the distance's", low=-2.5, high=2.5)
     steady: float = param(0.0, "light that is not modulated, over the modulated", low=-5.0, high=10.0)
     tap_s: float = param(0.02, "from one tap to the next", unit="s", low=1e-4, high=0.5)
     modulation_mhz: float = param(60.0, "modulation frequency", unit="MHz", low=5.0, high=400.0)
     opposite_first: bool = param(False, "the second tap is half a turn from the first, not a quarter")
 
     def columns(self, frame: Frame) -> Float:
-        """Depth rate, and the taps' error in metres without and by unmodulated light; 0 where the camera stands."""
-        return self.columns_at(frame, np.arange(frame.depth.size)).reshape(*frame.depth.shape, 3)
+        """Depth rate, and the taps' error in metres at both constants and by unmodulated light; 0 where the camera stands."""
+        return self.columns_at(frame, np.arange(frame.depth.size)).reshape(*frame.depth.shape, len(self.LINEAR))
 
     def columns_at(self, frame: Frame, pixels: Ints) -> Float:
-        """(n, 3) of `columns` on chosen pixels."""
+        """(n, 4) of `columns` on chosen pixels."""
         if not frame.context.twist.any():
-            return np.zeros((len(pixels), 3))
+            return np.zeros((len(pixels), len(self.LINEAR)))
         seen, wave = _passing(frame), 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         order = OPPOSITE_FIRST if self.opposite_first else IN_TURN
-        errors = _taps(np.asarray(pixels, np.int64), *seen.images, wave, self.tap_s, order) / frame.length.ravel()[pixels, None]
+        taps = partial(_taps, np.asarray(pixels, np.int64), *seen.images, wave, self.tap_s, order)
+        (bare, lit), turned = taps(0.0).T, taps(EIGHTH)[:, 0]
+        errors = np.stack([bare, turned, lit], axis=1) / frame.length.ravel()[pixels, None]
         return np.asarray(np.nan_to_num(np.concatenate([seen.deepens.ravel()[pixels, None], errors], axis=1)))
 
     @property
@@ -113,15 +122,15 @@ def _passing(frame: Frame) -> Passing:
 def _passing_by(frame: Frame) -> Passing:
     """What the pixels see under the camera's twist.
 
-    Light is Lambert's n.p / r^3 with the point p and its normal n in the camera's frame; both turn alike, and the lamp goes with the
-    camera.
+    Light is the measured amplitude, so that textures that the scene does not know count; its rate is that of Lambert's n.p / r^3, with
+    the point p and its normal n in the camera's frame: both turn alike, and the lamp goes with the camera.
     """
     v, point, normal = frame.context.twist[:3], np.nan_to_num(frame.points), np.nan_to_num(frame.rendering.normal)
     radial = np.maximum(frame.radial, 1e-6)
     recedes = -(point @ v) / radial
     facing = np.einsum("hwi,hwi->hw", normal, point)
     rate = np.divide(-(normal @ v), facing, out=np.zeros_like(facing), where=facing < 0) - 3 * recedes / radial
-    light = lambert_amplitude(frame.rendering)
+    light = np.nan_to_num(frame.amplitude)
     deepens = pose_columns(frame) @ frame.context.twist
     return Passing(deepens, (*image_flow(frame), frame.radial, recedes, light, light * np.nan_to_num(rate)))
 
@@ -138,8 +147,12 @@ def _taps(
     wave: float,
     tap_s: float,
     order: tuple[int, int, int, int],
+    beyond: float,
 ) -> Float:
-    """(n, 2) metres along the ray: the taps' error without unmodulated light, and what as much of it as of modulated light adds."""
+    """(n, 2) metres along the ray: the taps' error without unmodulated light, and what as much of it as of modulated light adds.
+
+    The taps' phase is that of the distance and `beyond` radians.
+    """
     out = np.empty((len(pixels), 2))
     for i in range(len(pixels)):
         row, column = pixels[i] // light.shape[1], pixels[i] % light.shape[1]
@@ -148,11 +161,11 @@ def _taps(
             t, turn = (place - 1.5) * tap_s, order[place] * np.pi / 2
             v, u = row - along_v[row, column] * t, column - along_u[row, column] * t
             A = _at(light, v, u) + _at(grows, v, u) * t
-            modulated = A * np.cos(wave * (_at(radial, v, u) + recedes[row, column] * t) - turn)
+            modulated = A * np.cos(wave * (_at(radial, v, u) + recedes[row, column] * t) + beyond - turn)
             quarter = complex(np.cos(turn), np.sin(turn))
             bare += quarter * modulated
             lit += quarter * (A + modulated)
-        own = wave * radial[row, column]
+        own = wave * radial[row, column] + beyond
         back = complex(np.cos(own), -np.sin(own))
         error = np.angle(bare * back) / wave
         out[i, 0] = error
