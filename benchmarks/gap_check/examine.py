@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 REPORTS = "reports"
+DATA_SHEET = "sensor.yaml"
+"""Beside a case's scene, where the camera's maker states something: what `--sensor` takes."""
 
 
 def examine_all(folder: Path) -> None:
@@ -42,17 +44,20 @@ def compare_all(folder: Path) -> None:
 def examine(case: Path, out: Path) -> None:
     """One bag to one report; a refusal is an answer too."""
     from tof_gap.tell.report import write
+    from tof_sensor.model import load_model
     from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
     from toftwin.inputs import opened
 
     config = GapPipelineConfig()
     left_out = frozenset(json.loads((case / "list.json").read_text())["left_out"])
+    sheet = case / "scene" / DATA_SHEET
+    known = load_model(sheet) if sheet.exists() else None
     out.mkdir(parents=True, exist_ok=True)
     started, busy = time.perf_counter(), time.process_time()
     try:
         with opened(case / "bag", case / "scene" / "scene.yaml", config) as (reader, scene):
             assert scene is not None
-            diagnosis, caster = diagnose_bag(reader, scene, config, left_out=left_out)
+            diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=left_out)
         write(diagnosis, caster, out, [])
     except ToftwinError as error:
         (out / "refused.txt").write_text(str(error))

@@ -14,6 +14,7 @@ from tof_gap.config import GapConfig
 from tof_gap.diagnose import diagnose
 from tof_gap.tell.against import AgainstLimits
 from tof_scene.raycast import Raycaster
+from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.known import KnownBias
 from toftwin.boarded import NOT_TESTABLE, BoardSource
 from toftwin.pipeline import PipelineConfig, raw_views
@@ -53,7 +54,7 @@ def diagnose_bag(
     if isinstance(reader, BoardSource):
         align, untestable = reader.session.align(align), NOT_TESTABLE
         config = replace(config, gap=replace(config.gap, calibration=reader.session.calibration(config.gap.calibration)))
-    if known is not None:
+    if known is not None and known.names != (PhotonLaw.NAME,):
         progress("removing known effects")
         views = known_removed(views, caster, KnownBias(known), align)
     gap = config.gap

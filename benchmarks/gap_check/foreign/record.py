@@ -7,6 +7,7 @@ import json
 import shutil
 from typing import TYPE_CHECKING
 
+from benchmarks.gap_check.examine import DATA_SHEET
 from benchmarks.gap_check.foreign.cases import ROBOTS, ForeignCase
 from benchmarks.gap_check.record import BAGS, SEAL, SEALED, digest
 from tof_core.config import from_mapping
@@ -35,7 +36,8 @@ def record_foreign(cases: Sequence[ForeignCase], folder: Path, size: tuple[int, 
 
 
 def record_one(case: ForeignCase, bag: Path, sealed: Path, size: tuple[int, int]) -> None:
-    """One session: scene, prior and bag for the diagnosis; case, truth and separability for the score."""
+    """One session: scene, prior, data sheet and bag for the diagnosis; case, truth and separability for the score."""
+    from benchmarks.gap_check.foreign.data_sheet import write_data_sheet
     from benchmarks.gap_check.foreign.separable import separability
     from tof_virtual.emerging.healthy import write_prior
     from tof_virtual.emerging.record import record
@@ -47,6 +49,7 @@ def record_one(case: ForeignCase, bag: Path, sealed: Path, size: tuple[int, int]
     reached = calibrate(session, case.causes)
     truth = record(session, bag / "bag", sealed / "truth", case.causes, reached)
     write_prior(bag / "scene" / "calibration.yaml")
+    write_data_sheet(session.healthy, bag / "scene" / DATA_SHEET)
     answer = case.to_dict() | {"separable": separability(truth.arrays(), truth.meta())}
     (sealed / "case.json").write_text(json.dumps(answer, indent=1))
     # The list that the diagnosis may use is no secret; what is in the bag is.

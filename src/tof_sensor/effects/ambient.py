@@ -27,7 +27,7 @@ LEAST_SHARE = 0.75
 LEAST_BINS = 12
 """Bins of amplitude below which no dependence on it can be judged."""
 BETTER = 0.8
-"""Misfit of the foreign-light form over that of noise of one size, or of the law times a factor, above which the excess is no foreign light."""
+"""Misfit of foreign light over that of the camera's own noise in any mixture, above which the excess is no foreign light."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,16 +91,13 @@ class Ambient(Effect):
         if np.median(relative) < LEAST_EXCESS or (of_view > 0.5 * LEAST_EXCESS).mean() < LEAST_SHARE:
             return None
         ratio = law.reference / bins.amplitude
-        forms = {
-            "foreign": np.stack([bins.range2 * ratio, ratio**2], axis=1),
-            "constant": np.ones((len(ratio), 1)),
-            "factor": predicted[:, None],
-        }
-        fits = {name: _fitted(X, excess, bins) for name, X in forms.items()}
-        misfit = {name: _misfit(forms[name] @ c, excess, predicted) for name, c in fits.items()}
-        if misfit["foreign"] > BETTER * min(misfit["constant"], misfit["factor"]):
+        foreign = np.stack([bins.range2 * ratio, ratio**2], axis=1)
+        # The camera's own: noise of one size, own light that is modulated less, the law times a factor.
+        own = np.stack([np.ones_like(ratio), ratio, predicted], axis=1)
+        fitted = _fitted(foreign, excess, bins)
+        if _misfit(foreign @ fitted, excess, predicted) > BETTER * _misfit(own @ _fitted(own, excess, bins), excess, predicted):
             return None
-        surface, uniform = np.sqrt(fits["foreign"])
+        surface, uniform = np.sqrt(fitted)
         effect = cls(surface_m=min(float(surface), 0.2), uniform_m=min(float(uniform), 0.2), reference=law.reference)
         times = float(np.sqrt(1.0 + np.median(relative)))
         return Detection(effect, 0.95, note=f"noise {times:.1f} times that of the photon law in --sensor")

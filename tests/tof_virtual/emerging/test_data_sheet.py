@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The data sheet of the emerging camera: noise by amplitude and distance, and the photon law fitted to it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from benchmarks.gap_check.foreign.data_sheet import write_data_sheet
+from tof_sensor.model import load_model
+from tof_virtual.emerging.data_sheet import ALBEDOS, DISTANCES_M, noise_table
+from tof_virtual.emerging.healthy import draw
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_a_data_sheet_s_law_is_the_noise_that_targets_show(tmp_path: Path) -> None:
+    healthy = draw(np.random.default_rng(4), 4)
+    table = noise_table(healthy)
+    write_data_sheet(healthy, tmp_path / "sensor.yaml")
+    law = load_model(tmp_path / "sensor.yaml").law
+    assert law is not None
+    assert len(table.variance) > 0.5 * len(ALBEDOS) * len(DISTANCES_M)
+    np.testing.assert_allclose(law.variance(table.amplitude, table.distance**2), table.variance, rtol=0.35)
+    # Electrons of the lamp alone: four times the amplitude at one distance, half of the noise.
+    near = table.distance == DISTANCES_M[1]
+    bright, dark = table.variance[near][-1], table.variance[near][0]
+    assert np.sqrt(dark / bright) == pytest.approx(np.sqrt(table.amplitude[near][-1] / table.amplitude[near][0]), rel=0.35)
