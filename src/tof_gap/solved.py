@@ -58,6 +58,7 @@ class Solved:
     small_together: effects that each explain little and together much, not named for that;
     small: effects of the solution, and observables, that a healthy camera's tolerance or the stated calibration covers: not named;
     arms_alike: chi-square (6 degrees of freedom) of what all arm errors have in common;
+    arms (V, 6): arm errors in the camera's frame, metres and radians; arms_sd (V, 6): their standard deviations by the robot's prior;
     split: views fitted to and held out.
     """
 
@@ -78,6 +79,8 @@ class Solved:
     small_together: tuple[str, ...]
     small: tuple[str, ...]
     arms_alike: float
+    arms: Float
+    arms_sd: Float
     split: Split
 
     def names(self, effect: str) -> bool:

@@ -175,6 +175,11 @@ class Effect(ABC):
         return 0.0
 
     @property
+    def makes_outliers(self) -> bool:
+        """Whether it leaves single pixels far off, which a filter in the camera removes."""
+        return self.EVIDENCE is Evidence.NOISE
+
+    @property
     def smooth(self) -> Effect:
         """The effect without what single pixels err by: the same, unless it has such."""
         return self

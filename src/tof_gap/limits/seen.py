@@ -143,6 +143,22 @@ class BeatLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class ForeignLightLimits:
+    """When another camera's light moves captures along the view."""
+
+    chance: float = param(1e-3, "chance of such arm errors by the robot's prior", low=0.0, high=1.0, why="a session in a thousand")
+    chance_across: float = param(
+        0.01,
+        "chance of such arm errors given those across the view",
+        low=0.0,
+        high=1.0,
+        why="an arm worse than its prior errs across the view too; what the light leaves turns the camera a little",
+    )
+    cosine: float = param(0.1, "least cosine of incidence", low=1e-3, high=1.0, why="grazing surfaces would outweigh all")
+    ridge: float = param(1e-3, "ridge of a view's field, of the mean diagonal", low=0.0, why="small views leave terms alike")
+
+
+@dataclass(frozen=True, slots=True)
 class StereoLimits:
     """When noise follows range and not light: a camera that triangulates."""
 
@@ -165,11 +181,18 @@ class NoiseLimits:
     """When there is more noise than photons make."""
 
     extra_share: float = param(0.35, "constant noise, of the median noise", low=0.0, high=1.0, why="less changes the total by 6 %")
+    law_excess: float = param(
+        0.35,
+        "median variance beyond the stated photon law, of the law's, from which noise is no more the camera's own",
+        low=0.0,
+        why="offsets of pixels and inexact maps make healthy sessions 0.1 to 0.3 noisier than single captures of a target",
+    )
     extra_mm: float = param(0.4, "constant noise", unit="mm", low=0.0, why="the floor of a usual camera is 0.3 mm")
     extra_sigma: float = param(4.0, "constant noise, in its own standard errors", low=0.0, why="chance: 1 in 30,000")
     burst: float = param(
         1.12, "noise of a view over that of the quiet views", low=1.02, high=10.0, why="views of one camera differ by some per cent"
     )
+    burst_sigma: float = param(3.0, "the same, in standard deviations of the quiet views' ln variance", low=0.0, why="chance: 1 in 700")
     alone: float = param(
         2.0, "variance of a single view over that of the quiet views", low=1.0, why="one view may be another kind of scene"
     )
@@ -191,6 +214,7 @@ class NoiseLimits:
     outlier_sigma: float = param(3.0, "robust standard deviations of a bin that leaves the fit", low=1.0, why="chance: 1 in 370")
     outlier_least: float = param(0.2, "ln variance below which no bin leaves the fit", low=0.0, why="sampling error of small bins")
     lines: LineLimits = section(LineLimits, "rows and columns")
+    foreign_light: ForeignLightLimits = section(ForeignLightLimits, "another camera's light")
     pixels: PixelLimits = section(PixelLimits, "single pixels")
     beat: BeatLimits = section(BeatLimits, "stripes")
     stereo: StereoLimits = section(StereoLimits, "cameras that triangulate")

@@ -22,7 +22,8 @@ class Finding:
     `confidence` 0..1; `std` of its parameters; `share` (V, H, W) metres that it adds per pixel (standard deviation where it is
     noise), or None; `corrects` whether the share can be subtracted from the measured depth; `common` (V, H, W) metres of noise
     that neighbours share: no model predicts it, but it is no unexplained structure either; `note`: the evidence in words;
-    `beside`: the photon law that the noise was compared with, where that is stated and not fitted to the session.
+    `beside`: the photon law that the noise was compared with, where that is stated and not fitted to the session; `posed_m`: metres RMS
+    of noise that neighbours share and that the poses took.
     """
 
     effect: Effect
@@ -33,6 +34,7 @@ class Finding:
     common: Float | None = None
     note: str = ""
     beside: PhotonLaw | None = None
+    posed_m: float = 0.0
 
     @property
     def name(self) -> str:

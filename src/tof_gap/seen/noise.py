@@ -26,11 +26,20 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.seen.stripes import Beat
     from tof_sensor.effect import Effect
+    from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.session import NoiseBins
 
+BURST_ROUNDS = 3
+"""Rounds in which views that are not apart from the quiet ones join them."""
 
-def noise_effects(views: Sequence[ViewEvidence], limits: NoiseLimits, left_out: AbstractSet[str] = frozenset()) -> list[Finding]:
-    """`quantization`, or else `interference` or `noise`, where the noise shows them and they are not left out."""
+
+def noise_effects(
+    views: Sequence[ViewEvidence], limits: NoiseLimits, left_out: AbstractSet[str] = frozenset(), law: PhotonLaw | None = None
+) -> list[Finding]:
+    """`quantization`, or else `interference` or `noise`, where the noise shows them and they are not left out.
+
+    `law`: the camera's photon law as `--sensor` states it. Noise within it is no effect, whatever it does with amplitude.
+    """
     step = code_step(views)
     if step > limits.step_mm * 1e-3:  # Coarse steps leave contours and uneven noise of their own.
         found = Finding(Quantization(step_m=step), 1.0, share=_constant(views, step / np.sqrt(12)))
@@ -49,7 +58,8 @@ def noise_effects(views: Sequence[ViewEvidence], limits: NoiseLimits, left_out: 
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:
         return []
-    own = _noise(views, b, None if dark else fit_law(b, step, limits), step, limits)
+    usual = law is not None and np.median(b.variance / law.variance(b.amplitude, b.range2)) < 1.0 + limits.law_excess
+    own = _noise(views, b, None if dark or usual else fit_law(b, step, limits), step, limits)
     return [] if own is None else [own]
 
 
@@ -57,11 +67,27 @@ def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: No
     """Noise of some views above that of the quiet ones."""
     quiet = quiet_law(b, step, len(views), limits)
     ratio = view_ratio(b, quiet, len(views))
-    hit = ratio > limits.burst**2 * np.median(np.sort(ratio)[: max(len(views) // 2, 2)])
+    hit = _stand_out(np.log(ratio), limits)
     several = hit.sum() > 1 or (hit.any() and ratio.max() > limits.alone)
     if not several or hit.sum() > (1 - limits.quiet_share) * len(views):
         return None
     return _burst(views, b, quiet, ratio, hit)
+
+
+def _stand_out(ln_variance: Float, limits: NoiseLimits) -> Mask:
+    """(V,) views whose noise exceeds the quiet views' by `burst`, and by more than quiet views differ from each other.
+
+    One camera's views differ too, where the law is not exact: by scene, range and albedo.
+    """
+    quiet = np.sort(ln_variance)[: max(len(ln_variance) // 2, 2)]
+    hit = ln_variance > np.median(quiet) + 2.0 * np.log(limits.burst)
+    for _ in range(BURST_ROUNDS):
+        quiet = ln_variance[~hit]
+        if len(quiet) < 2:
+            break
+        apart = max(2.0 * float(np.log(limits.burst)), limits.burst_sigma * float(np.std(quiet, ddof=1)))
+        hit &= ln_variance > float(quiet.mean()) + apart
+    return np.asarray(hit)
 
 
 def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, step: float, limits: NoiseLimits) -> Finding | None:

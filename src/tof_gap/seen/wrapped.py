@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from tof_gap.limits.seen import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
 
+MOST_TURNS = 3
+"""Turns that a pixel may be off by: usual cameras merge frequencies over at most as many."""
 LEAST_WRAP_M = LIGHT_M_PER_S / (2e6 * PhaseWrap.__dataclass_fields__["modulation_mhz"].metadata["high"])
 """Unambiguous range at the highest modulation frequency that the effect allows: no shorter jump is a wrapped phase."""
 
@@ -35,7 +37,7 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
     size = _common_size(np.abs(jump), limits.turn_spread_mm * 1e-3)
     if size < LEAST_WRAP_M:
         return None
-    near = np.abs(np.abs(jump) - size) < limits.turn_spread_mm * 1e-3
+    near = np.abs(jump - _turns(jump, size) * size) < limits.turn_spread_mm * 1e-3
     if near.sum() < limits.turn_share * total or near.mean() < limits.turn_majority:
         return None
     short = bool(np.median(jump[near]) < 0)
@@ -56,9 +58,15 @@ def _common_size(sizes: Float, spread: float) -> float:
 def _wraps(view: ViewEvidence, size: float, limits: MissingLimits) -> Float:
     """(H, W) metres of z that wrapping adds; NaN where nothing is measured."""
     r = view.residual * view.frame.length
+    turns = _turns(r, size)
     # Once the jump is known, a residual nearer to it than to zero is wrapped, however weak its light.
-    wrapped = np.abs(np.abs(r) - size) < max(limits.turn_spread_mm * 1e-3, limits.turn_reach * size)
-    return np.where(np.isfinite(r), np.where(wrapped, np.sign(r) * size / view.frame.length, 0.0), np.nan)
+    wrapped = np.abs(r - turns * size) < max(limits.turn_spread_mm * 1e-3, limits.turn_reach * size)
+    return np.where(np.isfinite(r), np.where(wrapped, turns * size / view.frame.length, 0.0), np.nan)
+
+
+def _turns(jump: Float, size: float) -> Float:
+    """Whole turns of `size` metres in each jump: where several frequencies are merged, a wrong choice may be off by more than one."""
+    return np.asarray(np.sign(jump) * np.clip(np.rint(np.abs(jump) / size), 1, MOST_TURNS))
 
 
 def _where_wrapped(views: Sequence[ViewEvidence], maps: Sequence[Float], limits: MissingLimits, *, short: bool) -> tuple[float, float]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_gap.seen.level import depth_step
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.causes import free_shares, named, shares, smooth_ones
 from tof_gap.solve.judge import Selector
@@ -54,7 +55,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     lens = None if any(n.name == Intrinsics.NAME for n in rest) else lens_of(joint)
     there = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
     # Mixed pixels need exact poses and footprints.
-    evidence = observe(through(lens, views), caster, final, config, concavity=True)
+    evidence = coded(observe(through(lens, views), caster, final, config, concavity=True), views)
     maps, free = shares(rest, evidence, final, caster, other_m), free_shares(joint, evidence)
     sizes = sizes_m(maps | free, evidence, split.held_out)
     small = {name for name, size in sizes.items() if size < config.select.least_mm * 1e-3}
@@ -63,12 +64,13 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
     causes = tuple(n for n in rest if n.name not in small)
     if any(moves_camera(e, camera) for n in causes for e in n.effects):
-        seen = observe(through(lens_of(joint), views), caster, there, config)
+        seen = coded(observe(through(lens_of(joint), views), caster, there, config), views)
         pixelwise = smooth_ones([n for n in rest if not any(moves_camera(e, camera) for e in n.effects)])
         bare = less(seen, [*shares(pixelwise, seen, there, caster, other_m).values(), *free_shares(joint, seen).values()])
     else:
         smooth = maps | shares([n for n in smooth_ones(causes) if n not in causes], evidence, final, caster, other_m)
         bare = less(evidence, [*smooth.values(), *free.values()])
+    arms, arms_sd = judge.arms(joint.selection.chosen)
     return Solved(
         chain=final,
         cameras=np.stack([there.pose(v) for v in range(len(evidence))]),
@@ -88,6 +90,8 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         small_together=joint.selection.small_together,
         # Motion shifts what poses are known by: then arms that err alike say nothing of the mount.
         arms_alike=0.0 if Motion.NAME in maps else judge.arms_alike(joint.selection.chosen),
+        arms=arms,
+        arms_sd=arms_sd,
         split=split,
     )
 
@@ -107,6 +111,11 @@ def _tied(joint: Joint, names: set[str]) -> tuple[tuple[Effect | None, Effect | 
 def moves_camera(effect: Effect, stated: Camera) -> bool:
     """Whether the effect puts the camera elsewhere or gives it another lens: pixels see other points."""
     return effect.mount is not None or effect.late_s != 0.0 or effect.camera(stated) != stated
+
+
+def coded(evidence: Sequence[ViewEvidence], views: Sequence[View]) -> tuple[ViewEvidence, ...]:
+    """The evidence with the steps of the depth codes as recorded: depth that another lens turned into z again shows none."""
+    return tuple(replace(e, step_m=depth_step(v.depth.astype(np.float64), e.limits.level)) for e, v in zip(evidence, views, strict=True))
 
 
 def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> tuple[ViewEvidence, ...]:

@@ -121,11 +121,15 @@ class Selector:
                 return False
         return True
 
+    def arms(self, hypothesis: Hypothesis) -> tuple[Float, Float]:
+        """(V, 6) arm errors in the camera's frame (metres, radians), and the standard deviations that the robot's prior gives them."""
+        normal = self.design.system.normal
+        return normal.own_error + self.fit(hypothesis).arm, np.asarray(1.0 / np.sqrt(normal.own_info))
+
     def arms_alike(self, hypothesis: Hypothesis) -> float:
         """Chi-square (6 degrees of freedom) of the mean arm error under the robot's prior: large where the camera's mount is off."""
-        normal = self.design.system.normal
-        steps = normal.own_error + self.fit(hypothesis).arm
-        return float(len(steps) * (((steps * np.sqrt(normal.own_info)).mean(axis=0)) ** 2).sum())
+        errors, sd = self.arms(hypothesis)
+        return float(len(errors) * (((errors / sd).mean(axis=0)) ** 2).sum())
 
     def inflation(self, members: Sequence[int]) -> float:
         """By how much the data's weight is divided, from what the members leave: errors that neighbours share count once."""

@@ -7,11 +7,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tof_gap.seen import detected, missing, noise
+from tof_gap.seen.foreign_light import foreign_light
 from tof_gap.tell.figures import figures
+from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from collections.abc import Set as AbstractSet
 
     import numpy as np
@@ -100,19 +104,30 @@ def account(
 
 
 def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out: AbstractSet[str]) -> tuple[Finding, ...]:
-    """What noise, loss and edges show where the cameras really were, once smooth bias is removed; detectors of `left_out` do not run."""
+    """What noise, loss and edges show where the cameras really were, once smooth bias is removed; detectors of `left_out` do not run.
+
+    What a filter in the camera removed is no `dropout`.
+    """
     left = solved.bare
     light = detected.detected_effects(left, config.noise, law, left_out)
     beside = detected.explained(left, light)
     blurred = solved.names(Motion.NAME)
-    uneven = noise.noise_effects(beside, config.noise, left_out)
+    foreign = (
+        None if blurred or Interference.NAME in left_out else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light)
+    )
+    uneven = [foreign] if foreign is not None else noise.noise_effects(beside, config.noise, left_out, law)
     gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
-    return (*light, *uneven, *(f for f in gone if not (uneven and filtered(f, config.missing))))
+    return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone], config.missing)))
 
 
-def filtered(loss: Finding, limits: MissingLimits) -> bool:
-    """Whether loss may be that of a filter in the camera, which takes outliers of noise for edges.
+def filtered(loss: Finding, beside: Sequence[Finding], limits: MissingLimits) -> bool:
+    """Whether loss may be that of a filter in the camera, which removes outliers.
 
-    Outliers are rare in bright light and never all there is in the dark: `dropout` neither at random nor below a threshold.
+    Outliers of noise are rare in bright light and never all there is in the dark: `dropout` neither at random nor below a threshold.
+    Pixels that are unwrapped wrongly here and there are outliers wherever they are.
     """
-    return isinstance(loss.effect, Dropout) and loss.effect.threshold == 0.0 and loss.effect.random < limits.lost_share
+    if not isinstance(loss.effect, Dropout):
+        return False
+    rare = loss.effect.threshold == 0.0 and loss.effect.random < limits.lost_share
+    makers = [f.effect for f in beside if f.effect.makes_outliers]
+    return any(rare or effect.EVIDENCE is not Evidence.NOISE for effect in makers)

@@ -33,7 +33,7 @@ class Figures:
     residual: metres before any effect, NaN where a pixel does not count; floors: m^2; maps: metres per effect; common: metres of
     noise that neighbours share (part of the floors); edge: pixels that count only where `flying_pixels` is named; held: held-out
     views; unsure2: m^2 along the ray, variance of the error of a fixed pattern's map; step_m: metres between depth codes, where
-    `quantization` is named; rng: for resampling; limits: how the figures are computed.
+    `quantization` is named; posed_m: metres of noise that neighbours share and that the poses took; rng: for resampling; limits: how the figures are computed.
     """
 
     residual: Sequence[Float]
@@ -44,6 +44,7 @@ class Figures:
     held: Sequence[int]
     unsure2: Float
     step_m: float
+    posed_m: float
     rng: np.random.Generator
     limits: ReportLimits
 
@@ -58,10 +59,9 @@ class Figures:
 
     @property
     def alike_m(self) -> float:
-        """Metres of error that neighbours share and that is named: the depth code's step, and what maps of rows or stripes leave."""
-        return float(
-            np.hypot(self.step_m / np.sqrt(12), self.limits.shrink.common_left * np.sqrt(np.mean(np.square(np.nan_to_num(self.common)))))
-        )
+        """Metres of error that neighbours share and that is named: the depth code's step, and what maps of rows, stripes or foreign light leave."""
+        shared = np.hypot(np.sqrt(np.mean(np.square(np.nan_to_num(self.common)))), self.posed_m)
+        return float(np.hypot(self.step_m / np.sqrt(12), self.limits.shrink.common_left * shared))
 
     def shrink(self, names: Sequence[str]) -> Shrink:
         """Figures before and after subtracting the named effects, on the held-out views."""
@@ -99,6 +99,7 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
         held=solved.split.held_out,
         unsure2=unsure2,
         step_m=max((f.effect.step_m for f in findings if isinstance(f.effect, Quantization)), default=0.0),
+        posed_m=max((f.posed_m for f in findings), default=0.0),
         rng=rng,
         limits=limits,
     )

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from tof_core.stats import blocks
 from tof_gap.seen.lost import expected, lost
 from tof_gap.tell.where import by_quantity
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
@@ -78,7 +80,9 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     size = 1e3 * float(np.sqrt(max(float(np.average(means.excess2, weights=means.pixels)), 0.0)))
     before2 = max(gap.before.rmse**2 - gap.floor_mm**2, 1e-9)
     gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
-    gross = 0.0 if gross_named else min(gross_share(v) for v in (views, solved.linearised))
+    # What appears and vanishes beside edges while the hand moves is in no model of motion.
+    reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
+    gross = 0.0 if gross_named else min(gross_share(v, reach) for v in (views, solved.linearised))
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
     gone = _lost_pixels(found, len(scene.parts), missing)
     a_gap = gap.above_mm(gap.before) > limit.mm
@@ -122,7 +126,7 @@ def misfit(
     """
 
     def excess(errors: Sequence[Float]) -> float:
-        each = [(e**2 / f)[v.smooth & np.isfinite(e)] for v, e, f in zip(views, errors, floor2, strict=True)]
+        each = [(e**2 / f)[~v.edge & np.isfinite(e)] for v, e, f in zip(views, errors, floor2, strict=True)]
         return float(np.concatenate(each).mean()) - 1.0
 
     after = excess(left)
@@ -141,16 +145,17 @@ def by_part(views: Sequence[ViewEvidence], maps: Sequence[Float], parts: int) ->
 def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
     """(parts,) pixels of each part that returned no light; none where they are few, or where `dropout` or a noise was named."""
     views = found.solved.bare
-    if any(f.name == Dropout.NAME or f.effect.EVIDENCE is Evidence.NOISE for f in found.findings):
+    if any(f.name == Dropout.NAME or f.effect.makes_outliers for f in found.findings):
         return np.zeros(parts)
     gone = by_part(views, [lost(v, missing) for v in views], parts)
     inside = sum(int(expected(v, missing).sum()) for v in views)
     return gone if gone.sum() > missing.lost_share * inside else np.zeros(parts)
 
 
-def gross_share(views: Sequence[ViewEvidence]) -> float:
-    """Mean over the views of the share of gross pixels away from edges."""
-    return float(np.mean([(v.gross & ~v.edge).sum() / max((np.isfinite(v.residual) & ~v.edge).sum(), 1) for v in views]))
+def gross_share(views: Sequence[ViewEvidence], reach_px: int = 0) -> float:
+    """Mean over the views of the share of gross pixels that are farther than `reach_px` from edges."""
+    away = [~(binary_dilation(v.edge, iterations=reach_px) if reach_px else v.edge) for v in views]
+    return float(np.mean([(v.gross & a).sum() / max((np.isfinite(v.residual) & a).sum(), 1) for v, a in zip(views, away, strict=True)]))
 
 
 def block_means(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], block_px: int, least: int) -> BlockMeans:

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
 
+SCATTERED = 0.5
+"""Share of the pixels at a range below which those that wrap are single ones, whose unwrapping failed."""
+
 
 @dataclass(frozen=True, slots=True)
 class PhaseWrap(Effect):
@@ -34,6 +37,11 @@ class PhaseWrap(Effect):
     def turn_m(self) -> float:
         """Metres of one whole period."""
         return LIGHT_M_PER_S / (2e6 * self.modulation_mhz)
+
+    @property
+    def makes_outliers(self) -> bool:
+        """Where pixels wrap here and there, because two frequencies did not agree, and not all from a range on."""
+        return self.share < SCATTERED
 
     def bias(self, frame: Frame) -> Float:
         """Mean shift: share of a period."""

@@ -152,6 +152,18 @@ def test_a_wrapped_phase_has_its_frequency_and_the_range_where_it_begins(jump_m:
     assert np.nanmax(np.abs(found.share[0][:15])) == 0.0
 
 
+def test_a_pixel_may_be_off_by_several_whole_turns() -> None:
+    turns = np.zeros((VIEWS, *SHAPE))
+    turns[:, 20:60, 30:60] = 1.5
+    turns[:, 20:60, 60:80] = 3.0
+    found = phase_wrap(views(rng(), turns), MISSING)
+    assert found is not None
+    assert found.share is not None
+    along_ray = found.share[0] * CAMERA.ray_length()
+    assert np.nanmedian(along_ray[30:50, 35:55]) == pytest.approx(1.5, rel=0.01)
+    assert np.nanmedian(along_ray[30:50, 65:75]) == pytest.approx(3.0, rel=0.01)
+
+
 def test_jumps_of_many_sizes_are_no_wrapped_phase() -> None:
     many = np.zeros((VIEWS, *SHAPE))
     many[:, 20:60, 30:80] = rng().uniform(-3.0, -0.3, (VIEWS, 40, 50))

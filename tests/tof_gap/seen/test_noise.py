@@ -11,12 +11,13 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, rendering, views
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
-from tof_gap.seen.noise import noise_effects
-from tof_gap.seen.photons import fit_law, own_law
+from tof_gap.seen.noise import _stand_out, noise_effects
+from tof_gap.seen.photons import binned, fit_law, own_law
 from tof_gap.seen.residual import gather
 from tof_gap.seen.stereo import like_stereo
 from tof_gap.solve.candidates import not_testable
 from tof_sensor.effects.noise import Noise
+from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.session import NoiseBins
 
 RNG = np.random.default_rng(2)
@@ -110,6 +111,24 @@ def test_noise_in_bursts_has_its_share_of_frames_and_the_law_is_of_the_others() 
     assert law is not None
     assert (found.effect.duty, found.effect.extra_m) == pytest.approx((3 / VIEWS, 0.006), rel=0.1)
     assert np.sqrt(law.variance(np.array([2000.0]), np.array([1.0]))) == pytest.approx(SIGMA_M, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("quiet_spread", "hit"), [(0.02, [False] * 9 + [True] * 3), (0.3, [False] * 12)], ids=["alike", "each its own scene"]
+)
+def test_a_burst_stands_out_from_what_quiet_views_differ_by(quiet_spread: float, hit: list[bool]) -> None:
+    ln_variance = np.concatenate([quiet_spread * np.linspace(-1, 1, 9), [0.4, 0.42, 0.45]])
+    assert _stand_out(ln_variance, LIMITS).tolist() == hit
+
+
+def test_noise_within_the_stated_photon_law_is_no_effect() -> None:
+    session = views(np.random.default_rng(3), RNG.normal(0, 0.003, (VIEWS, *SHAPE)))
+    assert [f.name for f in noise_effects(session, LIMITS)] == ["noise"]
+    b = binned(session, LIMITS.bins, LIMITS)
+    stated = PhotonLaw(floor_m=float(np.sqrt(np.median(b.variance))) / 1.1, shot_m=0.0, reference=2000.0)
+    assert noise_effects(session, LIMITS, law=stated) == []
+    quieter = replace(stated, floor_m=stated.floor_m / 1.5)
+    assert [f.name for f in noise_effects(session, LIMITS, law=quieter)] == ["noise"]
 
 
 @pytest.mark.parametrize("lost", [None, np.full(SHAPE, np.nan, np.float32)])

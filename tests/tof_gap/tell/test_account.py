@@ -15,6 +15,7 @@ from tof_gap.solved import Named
 from tof_gap.tell.account import Account, Cause, filtered
 from tof_gap.tell.shrink import Errors, Shrink
 from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
@@ -59,4 +60,12 @@ def test_the_cause_that_makes_held_out_views_worst_is_found(
     ],
 )
 def test_loss_that_is_neither_random_nor_below_a_threshold_may_be_a_filter_s(effect: Effect, *, may_be: bool) -> None:
-    assert filtered(Finding(effect, 1.0), MissingLimits()) is may_be
+    noise = Finding(Noise(extra_m=0.001), 1.0)
+    assert filtered(Finding(effect, 1.0), [noise], MissingLimits()) is may_be
+    assert not filtered(Finding(effect, 1.0), [], MissingLimits()), "nothing else makes outliers"
+
+
+@pytest.mark.parametrize(("share", "scattered"), [(0.02, True), (0.98, False)])
+def test_pixels_that_are_unwrapped_wrongly_here_and_there_are_what_a_filter_removes(share: float, *, scattered: bool) -> None:
+    loss = Finding(Dropout(threshold=0.3, random=0.2), 1.0)
+    assert filtered(loss, [Finding(PhaseWrap(share=share), 1.0)], MissingLimits()) is scattered

@@ -44,7 +44,7 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
     floors = [v.sigma**2 for v in evidence]
     edge = [v.edge for v in evidence]
     figures = Figures(
-        residual, floors, maps, [np.zeros(SHAPE)] * VIEWS, edge, HELD, np.zeros(SHAPE), 0.0, np.random.default_rng(0), ReportLimits()
+        residual, floors, maps, [np.zeros(SHAPE)] * VIEWS, edge, HELD, np.zeros(SHAPE), 0.0, 0.0, np.random.default_rng(0), ReportLimits()
     )
     causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
     findings = [SimpleNamespace(effect=e) for e in effects if isinstance(e, Dropout)]

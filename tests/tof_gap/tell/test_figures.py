@@ -47,16 +47,16 @@ def test_gross_pixels_and_edges_count_only_where_an_effect_explains_them() -> No
     assert not counts["fly"][22:24].any(), "half a pixel of pose decides which surface these see"
 
 
-def test_what_neighbours_share_is_the_codes_step_and_half_of_the_named_rows() -> None:
+def test_what_neighbours_share_is_the_codes_step_and_half_of_named_shared_noise() -> None:
     common = [np.full(SHAPE, 0.004)] * 2
-    figures = Figures([], [], {}, common, [], (), np.zeros(SHAPE), 0.012, np.random.default_rng(0), ReportLimits())
-    assert figures.alike_m == pytest.approx(np.hypot(0.012 / np.sqrt(12), 0.5 * 0.004))
+    figures = Figures([], [], {}, common, [], (), np.zeros(SHAPE), 0.012, 0.003, np.random.default_rng(0), ReportLimits())
+    assert figures.alike_m == pytest.approx(np.hypot(0.012 / np.sqrt(12), 0.5 * 0.005)), "what the poses took of it counts: 3 mm of 5"
 
 
 def test_what_is_left_is_without_named_effects_and_shared_noise() -> None:
     residual, share, common = (np.full(SHAPE, v) for v in (0.010, 0.006, 0.001))
     figures = Figures(
-        [residual], [], {"wiggling": [share]}, [common], [], (), np.zeros(SHAPE), 0.0, np.random.default_rng(0), ReportLimits()
+        [residual], [], {"wiggling": [share]}, [common], [], (), np.zeros(SHAPE), 0.0, 0.0, np.random.default_rng(0), ReportLimits()
     )
     np.testing.assert_allclose(figures.left()[0], 0.003)
     np.testing.assert_allclose(figures.total(["wiggling"], 0), 0.006)

@@ -53,7 +53,9 @@ def account(seen: tuple[ViewEvidence, ...], left: list[np.ndarray], before_mm: f
     figures = SimpleNamespace(
         left=lambda: left, floors=[np.full(SHAPE, NOISE_M**2)] * VIEWS, residual=left, alike_m=0.0, unsure2=np.zeros(SHAPE)
     )
-    solved = SimpleNamespace(evidence=seen, linearised=seen, bare=seen, unnamed_m=0.0, depends_on=(), small_together=(), arms_alike=0.0)
+    solved = SimpleNamespace(
+        evidence=seen, linearised=seen, bare=seen, unnamed_m=0.0, depends_on=(), small_together=(), arms_alike=0.0, maps={}
+    )
     error = Errors(before_mm, before_mm, 0.0)
     found: dict[str, Any] = {"findings": (), "gap": Shrink(error, error, 1e3 * NOISE_M, None, None)}
     for name, value in changes.items():

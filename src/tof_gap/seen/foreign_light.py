@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Another camera's light as a bias that is new in every capture: arm errors along the view, beyond what the robot's arm does."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import chdtrc, fdtrc
+
+from tof_gap.seen.finding import CONFIDENT, Finding
+from tof_sensor.effects.interference import Interference
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float
+    from tof_gap.limits.seen import ForeignLightLimits
+    from tof_gap.seen.residual import ViewEvidence
+
+ALONG, ACROSS = 2, (0, 1)
+"""Axes of the camera's frame along the view and across it."""
+
+
+def foreign_light(views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, limits: ForeignLightLimits) -> Finding | None:
+    """`interference` where captures are off along the view, each by its own amount, and not across it.
+
+    Another camera's modulated light adds a phasor with a phase of its own in every capture (docs/effects.md). Most of what the
+    phasor adds to depth looks like a step of the camera along its view, and the arm's error takes it. No other effect is random
+    from capture to capture: an arm that errs does so across the view too.
+
+    Args:
+        views: at the solution's poses, less all smooth bias.
+        arms: (V, 6) arm errors in the camera's frame, metres and radians.
+        arms_sd: (V, 6) their standard deviations by the robot's prior.
+        limits: from which chance on the effect is believed.
+    """
+    square = (arms / arms_sd) ** 2
+    along, across = float(square[:, ALONG].sum()), float(square[:, ACROSS].sum())
+    count = len(views)
+    by_prior = chdtrc(count, along)
+    by_arm = fdtrc(2 * count, count, along / count / max(across / (2 * count), 1e-12)) if across > 0 else 0.0
+    if by_prior > limits.chance or by_arm > limits.chance_across:
+        return None
+    size = float(np.sqrt(np.mean(arms[:, ALONG] ** 2)))
+    fields = np.stack([field(v, limits) for v in views])
+    share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
+    reference = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in views])))
+    note = f"every capture is off along the view by an amount of its own, {1e3 * size:.1f} mm RMS"
+    effect = Interference(burst_m=min(size, 0.2), duty=1.0, reference=reference)
+    return Finding(effect, CONFIDENT, share=share, common=fields, note=note, posed_m=size)
+
+
+def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
+    """(H, W) metres of z: the smooth field of a view that foreign light may have left, beside what its pose took.
+
+    Linear in the image, times one and times range^2 / cosine of incidence: own light is weak there, and foreign light counts more.
+    """
+    h, w = view.residual.shape
+    row, column = np.mgrid[:h, :w]
+    weak = np.nan_to_num(view.frame.radial**2 / np.maximum(np.cos(view.rendering.incidence), limits.cosine))
+    weak = weak / max(float(np.median(weak[view.smooth])), 1e-12) if view.smooth.any() else weak
+    plain = np.stack([np.ones((h, w)), row / h - 0.5, column / w - 0.5], axis=-1)
+    columns = np.concatenate([plain, plain * weak[..., None]], axis=-1) / view.frame.length[..., None]
+    seen = view.smooth
+    X = columns[seen] / view.sigma[seen][:, None]
+    ridge = limits.ridge * max(float((X * X).sum()) / X.shape[1], 1e-12) * np.eye(X.shape[1])
+    c = np.linalg.solve(X.T @ X + ridge, X.T @ (view.residual[seen] / view.sigma[seen]))
+    return np.asarray(columns @ c)
