@@ -71,6 +71,8 @@ class Effect(ABC):
     """Place on the light's way, each effect its own: part 0, pose 10, light 30, pixel 50, noise 70, output 80 and on."""
     MEANING: ClassVar[str]
     """The effect in a plant engineer's words, as the report prints them."""
+    REMEDY: ClassVar[str] = ""
+    """What a plant does about it, as the report prints it."""
     SEPARATED_BY: ClassVar[str] = "a reference of known distance"
     """What would tell the effect from those that look like it, if no capture of `ACTIONS` does."""
     ACTIONS: ClassVar[tuple[Action, ...]] = ()
@@ -102,6 +104,11 @@ class Effect(ABC):
     def coefficients(self) -> Float:
         """(k,) values of the linear parameters."""
         return np.concatenate([np.atleast_1d(np.asarray(getattr(self, n), float)) for n in self.LINEAR] or [np.zeros(0)])
+
+    @property
+    def stated(self) -> str:
+        """Its size in the effect's own units, in words; empty where millimetres say it best."""
+        return ""
 
     @property
     def coefficient_names(self) -> tuple[str, ...]:

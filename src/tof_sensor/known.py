@@ -10,6 +10,7 @@ import numpy as np
 
 from tof_core.cores import in_threads
 from tof_sensor.frame import Context, Frame, amplitude_gain, ideal_frame, lambert_amplitude
+from tof_sensor.origin import check_camera
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +35,13 @@ class KnownBias:
     def __call__(
         self, views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster, start_ns: int | None = None
     ) -> list[Float]:
-        """(H, W) metres of z per view; `start_ns`: stamp of the session's first view, where it is not among them."""
+        """(H, W) metres of z per view; `start_ns`: stamp of the session's first view, where it is not among them.
+
+        Raises:
+            RefusedError: the model was fitted to another camera.
+        """
+        for camera in {v.camera for v in views}:
+            check_camera(self.model.camera, camera)
         return in_threads(self.model.bias, ideal_frames(views, renderings, caster, start_ns))
 
 

@@ -15,15 +15,18 @@ from tof_core.errors import ConfigError
 from tof_core.yamlio import load_yaml
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.frame import Context, ideal_frame
+from tof_sensor.origin import camera_from, promise_from, to_blocks
 from tof_sensor.registry import PHYSICAL_ORDER, effect_class
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_core.arrays import Float
+    from tof_core.camera import Camera
     from tof_scene.render import Rendering
     from tof_sensor.effect import Effect
     from tof_sensor.frame import Frame
+    from tof_sensor.origin import Promise
 
 SCHEMA = "toftwin.sensor/1"
 
@@ -32,11 +35,14 @@ SCHEMA = "toftwin.sensor/1"
 class SensorModel:
     """Effects, sorted into physical order. Several of one kind are allowed (one per part).
 
-    gain: amplitude of albedo 1 seen head-on from 1 m, in the camera's unit; None where no amplitude was seen.
+    gain: amplitude of albedo 1 seen head-on from 1 m, in the camera's unit; None where no amplitude was seen;
+    camera: the one that the model was fitted to, None for any; promise: shrink of the gap that the fit stated, None without a fit.
     """
 
     effects: tuple[Effect, ...] = ()
     gain: float | None = None
+    camera: Camera | None = None
+    promise: Promise | None = None
 
     def __post_init__(self) -> None:
         """Sort."""
@@ -82,10 +88,11 @@ def simulate(
 
 
 def save_model(model: SensorModel, path: Path) -> None:
-    """Write `sensor.yaml`: schema, the camera's unit of amplitude where it is known, then one block per effect."""
+    """Write `sensor.yaml`: schema, what is known of unit of amplitude, camera and promise, then one block per effect."""
     blocks = [{"effect": e.NAME} | _plain(to_mapping(e)) for e in model.effects]
     gain = {} if model.gain is None else {"gain": float(model.gain)}
-    path.write_text(yaml.safe_dump({"schema": SCHEMA, **gain, "effects": blocks}, sort_keys=False, default_flow_style=None))
+    origin = to_blocks(model.camera, model.promise)
+    path.write_text(yaml.safe_dump({"schema": SCHEMA, **gain, **origin, "effects": blocks}, sort_keys=False, default_flow_style=None))
 
 
 def load_model(path: Path) -> SensorModel:
@@ -95,10 +102,13 @@ def load_model(path: Path) -> SensorModel:
         msg = f"is no sensor model (schema must be {SCHEMA})"
         raise ConfigError(msg, where=path)
     blocks = data.get("effects")
-    if set(data) - {"gain"} != {"schema", "effects"} or not isinstance(blocks, list):
-        msg = "must hold the keys schema and effects, and may hold gain, nothing else"
+    if set(data) - {"gain", "camera", "promise"} != {"schema", "effects"} or not isinstance(blocks, list):
+        msg = "must hold the keys schema and effects, and may hold gain, camera and promise, nothing else"
         raise ConfigError(msg, where=path)
-    return SensorModel(tuple(_effect(b, f"{path}: effects[{i}]") for i, b in enumerate(blocks)), _gain(data.get("gain"), path))
+    effects = tuple(_effect(b, f"{path}: effects[{i}]") for i, b in enumerate(blocks))
+    return SensorModel(
+        effects, _gain(data.get("gain"), path), camera_from(data.get("camera"), path), promise_from(data.get("promise"), path)
+    )
 
 
 def _gain(value: Any, path: Path) -> float | None:

@@ -16,6 +16,7 @@ from tof_gap.tell.against import AgainstLimits
 from tof_scene.raycast import Raycaster
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.known import KnownBias
+from tof_sensor.origin import check_camera
 from toftwin.boarded import NOT_TESTABLE, BoardSource
 from toftwin.pipeline import PipelineConfig, raw_views
 from toftwin.retraining import RetrainConfig
@@ -54,6 +55,8 @@ def diagnose_bag(
     if isinstance(reader, BoardSource):
         align, untestable = reader.session.align(align), NOT_TESTABLE
         config = replace(config, gap=replace(config.gap, calibration=reader.session.calibration(config.gap.calibration)))
+    if known is not None and views:
+        check_camera(known.camera, views[0].camera)
     if known is not None and known.names != (PhotonLaw.NAME,):
         progress("removing known effects")
         views = known_removed(views, caster, KnownBias(known), align)

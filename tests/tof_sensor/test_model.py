@@ -47,7 +47,7 @@ def test_bias_of_small_coefficients_is_that_of_the_columns(kind: type) -> None:
 
 def test_every_effect_states_what_it_means_and_its_own_place() -> None:
     assert len({kind.ORDER for kind in PHYSICAL_ORDER}) == len(PHYSICAL_ORDER) == len(EFFECTS)
-    assert all(EFFECTS[name].MEANING and EFFECTS[name].SEPARATED_BY for name in VOCABULARY)
+    assert all(EFFECTS[name].MEANING and EFFECTS[name].REMEDY and EFFECTS[name].SEPARATED_BY for name in VOCABULARY)
 
 
 def test_the_law_of_a_model_holds_what_its_effects_add_to_every_capture() -> None:

@@ -161,7 +161,7 @@ def test_an_empty_model_changes_nothing() -> None:
     assert not left_mm(known_removed(views, section(), KnownBias(SensorModel()), CONFIG), views).any()
 
 
-def test_what_one_diagnosis_fitted_the_next_knows_and_finds_nothing(tmp_path: Path) -> None:
+def test_what_one_diagnosis_fitted_the_next_knows_and_finds_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene, first, second = write_builtin("body_section", tmp_path / "scene"), tmp_path / "first", tmp_path / "second"
     small = {"seed": 5, "camera.width": 112, "camera.height": 86, "plan.views": 6}
     record(bodies_of(load_scene(scene)), tmp_path / "bag", from_mapping(VirtualConfig, small), effects={"wiggling": 1.0})
@@ -171,3 +171,17 @@ def test_what_one_diagnosis_fitted_the_next_knows_and_finds_nothing(tmp_path: Pa
     before, after = (json.loads((out / "gap.json").read_text()) for out in (first, second))
     assert (before["verdict"], after["verdict"]) == (["wiggling"], ["none"])
     assert after["gap"]["before_mm"]["rmse"] < 1.1 * after["gap"]["floor_mm"]
+    # On the session of its own fit a model keeps what it promised.
+    promise = after["promise"]
+    assert promise["promised"]["shrink"] == pytest.approx(before["gap"]["shrink"], abs=1e-9)
+    assert promise["kept"]["shrink"] == pytest.approx(promise["promised"]["shrink"], abs=0.1)
+    assert promise["without_mm"] == pytest.approx(
+        np.sqrt(before["gap"]["before_mm"]["rmse"] ** 2 - before["gap"]["floor_mm"] ** 2), rel=0.2
+    )
+    assert "promise" not in before
+    said = capsys.readouterr().out
+    assert "shrink by --sensor: promised" in said
+    other = (first / "sensor.yaml").read_text().replace("width: 112", "width: 224")
+    (tmp_path / "other.yaml").write_text(other)
+    assert main([*call, str(second), "--sensor", str(tmp_path / "other.yaml")]) != 0
+    assert "fitted to another camera (width 224 against 112)" in capsys.readouterr().err

@@ -43,6 +43,8 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str) 
         regions=content["where"]["regions"],
         causes=[c | {"fitted": _fitted(c)} for c in content["causes"]],
         meaning={name: effect.MEANING for name, effect in EFFECTS.items()},
+        words=[w["sentence"] for w in content["words"]],
+        promise=content.get("promise"),
         unexplained=content["unexplained"],
         against=content.get("against"),
         small=content["small"],

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core import se3
+from tof_gap.tell.plant import plant_words, to_dicts
 from tof_gap.tell.where import by_quantity, regions
 from tof_scene.regions import surface_regions
 from tof_sensor.effect import Evidence
 from tof_sensor.frame import amplitude_gain, lambert_amplitude
 from tof_sensor.model import SensorModel, save_model
+from tof_sensor.origin import Promise
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from tof_gap.seen.finding import Finding
     from tof_gap.tell.account import Cause
     from tof_gap.tell.diagnosis import Diagnosis
+    from tof_gap.tell.kept import Kept
     from tof_gap.tell.shrink import Shrink
     from tof_scene.raycast import Raycaster
     from tof_sensor.effect import Effect
@@ -36,8 +39,8 @@ def region_maps(diagnosis: Diagnosis, caster: Raycaster) -> list[Ints]:
     return [np.where(v.rendering.face >= 0, of_face[v.rendering.face], -1).astype(np.int32) for v in diagnosis.evidence]
 
 
-def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str]) -> dict[str, Any]:
-    """The whole of `gap.json`."""
+def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str], kept: Kept | None = None) -> dict[str, Any]:
+    """The whole of `gap.json`; `kept`: what a sensor model fitted to another session does here."""
     limits = d.config.report.where
     found = regions(d.evidence, d.residual, d.floor2, maps, caster.scene, d.config.report)
     content: dict[str, Any] = _finite(
@@ -47,6 +50,7 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str])
             "gap": _shrink(d.gap)
             | {"explainable": d.explainable, "dispersion": _dispersion(d), "missing": _missing(d), "floor_from": _floor_from(d)},
             "causes": [_cause(c, d) for c in d.causes] + [_finding(f) for f in d.findings],
+            "words": to_dicts(plant_words(d, caster.scene)),
             "where": {
                 "regions": [asdict(r) for r in found[: limits.regions]],
                 "by": {k: [asdict(b) for b in bins] for k, bins in by_quantity(d.evidence, d.residual, d.floor2, limits.bins).items()},
@@ -59,6 +63,7 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str])
             "advice": advice,
             "split": {"fit_views": list(d.split.fit), "held_out_views": list(d.split.held_out)},
         }
+        | ({} if kept is None else {"promise": kept.to_dict()})
     )
     return content
 
@@ -174,9 +179,11 @@ def _finite(value: Any) -> Any:
 
 
 def sensor_model(d: Diagnosis) -> SensorModel:
-    """The fitted sensor: every named effect, the photon law of the remaining noise, and the camera's unit of amplitude."""
+    """The fitted sensor: every named effect, the photon law of the remaining noise, unit of amplitude, camera and promised shrink."""
     effects = [e for c in d.causes for e in c.named.effects] + [f.effect for f in d.findings]
-    return SensorModel((*effects, *([] if d.law is None else [d.law])), _gain(d))
+    shrink, ci = d.gap.shrink, d.gap.ci95
+    promise = None if shrink is None or ci is None else Promise(shrink, *ci)
+    return SensorModel((*effects, *([] if d.law is None else [d.law])), _gain(d), d.evidence[0].view.camera, promise)
 
 
 def _gain(d: Diagnosis) -> float | None:
@@ -187,11 +194,11 @@ def _gain(d: Diagnosis) -> float | None:
     return float(np.median(known)) if known else None
 
 
-def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str]) -> dict[str, Any]:
+def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str], kept: Kept | None = None) -> dict[str, Any]:
     """Write the three files into `folder` and return the report."""
     folder.mkdir(parents=True, exist_ok=True)
     maps = region_maps(d, caster)
-    content = report(d, caster, maps, advice)
+    content = report(d, caster, maps, advice, kept)
     (folder / "gap.json").write_text(json.dumps(content, indent=1, allow_nan=False))
     shares = {
         name: np.stack([np.where(np.isfinite(r), m, np.nan) for r, m in zip(d.residual, share, strict=True)]).astype(np.float32)

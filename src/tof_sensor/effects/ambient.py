@@ -41,6 +41,7 @@ class Ambient(Effect):
     NAME: ClassVar[str] = "ambient"
     ORDER: ClassVar[int] = 71
     MEANING: ClassVar[str] = "light that is not the camera's own makes the depth noisier"
+    REMEDY: ClassVar[str] = "shade the cell from sunlight and lamps, or record longer dwells"
     SEPARATED_BY: ClassVar[str] = "the same poses with the foreign light switched off"
     EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
     MODULATED: ClassVar[bool] = True

@@ -31,6 +31,9 @@ class AmplitudeBias(Effect):
     NAME: ClassVar[str] = "amplitude_bias"
     ORDER: ClassVar[int] = 52
     MEANING: ClassVar[str] = "dark and bright surfaces are measured at different distances"
+    REMEDY: ClassVar[str] = (
+        "calibrate the camera's range on surfaces of several albedos, or simulate with sensor.yaml; until then trust dark parts less"
+    )
     SEPARATED_BY: ClassVar[str] = "surfaces of different albedo at one distance"
     ACTIONS: ClassVar = (BRIGHTER, NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True

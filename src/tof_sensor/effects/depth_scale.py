@@ -25,10 +25,18 @@ class DepthScale(Effect):
     NAME: ClassVar[str] = "depth_scale"
     ORDER: ClassVar[int] = 82
     MEANING: ClassVar[str] = "a wrong unit stretches depth"
+    REMEDY: ClassVar[str] = (
+        "check the unit of the depth image and the modulation frequency that the driver states, then calibrate the camera's range"
+    )
     ACTIONS: ClassVar = (NEARER, FARTHER)
     LINEAR: ClassVar[tuple[str, ...]] = ("scale",)
 
     scale: float = param(0.0, "relative stretch", low=-0.2, high=0.2)
+
+    @property
+    def stated(self) -> str:
+        """Percent."""
+        return f"{100 * self.scale:+.2f} %"
 
     def columns(self, frame: Frame) -> Float:
         """Depth itself."""

@@ -22,11 +22,17 @@ class Dropout(Effect):
     NAME: ClassVar[str] = "dropout"
     ORDER: ClassVar[int] = 80
     MEANING: ClassVar[str] = "pixels without a return"
+    REMEDY: ClassVar[str] = "expose longer, come closer or lower the camera's confidence threshold; mask surfaces that return no light"
     EVIDENCE: ClassVar[Evidence] = Evidence.MISSING
 
     threshold: float = param(0.0, "amplitude at which half of the pixels are lost, camera's unit", low=0.0)
     steepness: float = param(6.0, "how sharply loss sets in", low=0.5, high=50.0)
     random: float = param(0.0, "share lost whatever the amplitude", low=0.0, high=1.0)
+
+    @property
+    def stated(self) -> str:
+        """Share and threshold."""
+        return f"{self.random:.0%} of the pixels at random" + (f", most below amplitude {self.threshold:.3g}" if self.threshold > 0 else "")
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Lose pixels; the probability is kept in `missing`."""

@@ -32,13 +32,20 @@ class EmitterOffset(Effect):
     NAME: ClassVar[str] = "emitter_offset"
     ORDER: ClassVar[int] = 31
     MEANING: ClassVar[str] = "the lamp stands beside the lens: one side of the image is measured too near, the other too far"
+    REMEDY: ClassVar[str] = "state the lamp's place to the driver, or calibrate the camera's range at several distances"
     SEPARATED_BY: ClassVar[str] = "a flat wall seen from several distances"
     ACTIONS: ClassVar = (NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("x_m", "y_m")
 
     x_m: float = param(0.0, "lamp to the right of the lens", unit="m", low=-0.1, high=0.1)
+
     y_m: float = param(0.0, "lamp below the lens", unit="m", low=-0.1, high=0.1)
+
+    @property
+    def stated(self) -> str:
+        """The lamp beside the lens."""
+        return f"lamp {1e3 * self.x_m:+.1f} mm to the right, {1e3 * self.y_m:+.1f} mm below"
 
     def columns(self, frame: Frame) -> Float:
         """First order: minus half the direction's x and y, along z."""

@@ -36,6 +36,7 @@ class FixedPattern(FieldEffect):
     NAME: ClassVar[str] = "fixed_pattern"
     ORDER: ClassVar[int] = 54
     MEANING: ClassVar[str] = "each pixel, column, row or corner of the sensor has its own offset"
+    REMEDY: ClassVar[str] = "renew the camera's pixel calibration at a flat wall, from several distances"
     SEPARATED_BY: ClassVar[str] = "a flat wall seen from several distances"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     LOCAL: ClassVar[bool] = False

@@ -29,6 +29,7 @@ class FlyingPixels(Effect):
     NAME: ClassVar[str] = "flying_pixels"
     ORDER: ClassVar[int] = 34
     MEANING: ClassVar[str] = "pixels at edges see two surfaces at once and lie between them"
+    REMEDY: ClassVar[str] = "switch on the camera's edge filter, or mask pixels at depth edges"
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("share",)
 

@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from tof_core import se3
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
@@ -27,6 +29,7 @@ class HandEye(Effect):
     NAME: ClassVar[str] = "hand_eye"
     ORDER: ClassVar[int] = 10
     MEANING: ClassVar[str] = "the camera sits in the hand otherwise than TF says"
+    REMEDY: ClassVar[str] = "calibrate hand-eye again, and check that the mount is tight"
     SEPARATED_BY: ClassVar[str] = "a hand-eye calibration"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     IN_CHAIN: ClassVar[bool] = True
@@ -37,7 +40,14 @@ class HandEye(Effect):
     z_m: float = param(0.0, "camera axis z", unit="m", low=-0.1, high=0.1)
     rx_rad: float = param(0.0, "about camera x", unit="rad", low=-0.2, high=0.2)
     ry_rad: float = param(0.0, "about camera y", unit="rad", low=-0.2, high=0.2)
+
     rz_rad: float = param(0.0, "about camera z", unit="rad", low=-0.2, high=0.2)
+
+    @property
+    def stated(self) -> str:
+        """Shift and turn."""
+        shift, turn = self.coefficients[:3], self.coefficients[3:]
+        return f"{1e3 * np.linalg.norm(shift):.1f} mm and {np.degrees(np.linalg.norm(turn)):.2f} degrees"
 
     def columns(self, frame: Frame) -> Float:
         """z by each component of the twist."""

@@ -23,6 +23,7 @@ class Interference(Effect):
     NAME: ClassVar[str] = "interference"
     ORDER: ClassVar[int] = 74
     MEANING: ClassVar[str] = "another light source beats with this camera"
+    REMEDY: ClassVar[str] = "switch the other camera off, or give the two other modulation frequencies or turns"
     SEPARATED_BY: ClassVar[str] = "the other light source switched off"
     MODULATED: ClassVar[bool] = True
     EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
@@ -30,6 +31,11 @@ class Interference(Effect):
     burst_m: float = param(0.0, "noise in a hit frame at the reference amplitude", unit="m", low=0.0, high=0.2)
     duty: float = param(0.3, "share of frames that are hit", low=0.0, high=1.0)
     reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
+
+    @property
+    def stated(self) -> str:
+        """Size and share of the captures."""
+        return f"{1e3 * self.burst_m:.1f} mm in {self.duty:.0%} of the captures"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """A frame is hit or not; a beat leaves one common offset and noise of the same size."""

@@ -36,6 +36,7 @@ class Intrinsics(Effect):
     NAME: ClassVar[str] = "intrinsics"
     ORDER: ClassVar[int] = 30
     MEANING: ClassVar[str] = "the lens is not what camera_info says"
+    REMEDY: ClassVar[str] = "calibrate the lens (`toftwin gap --board ... --calibrate`) and publish the new camera_info"
     SEPARATED_BY: ClassVar[str] = "a calibration of the lens"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     LINEAR: ClassVar[tuple[str, ...]] = ("fx_rel", "fy_rel", "cx_px", "cy_px", "k1", "k2", "p1", "p2")
@@ -50,6 +51,12 @@ class Intrinsics(Effect):
     p2: float = param(0.0, "tangential distortion", low=-0.05, high=0.05)
 
     z_from: str = param("stated_lens", "lens by which distance became z", choices=("stated_lens", "true_lens"))
+
+    @property
+    def stated(self) -> str:
+        """Focal length and principal point."""
+        focal, centre = 50.0 * (self.fx_rel + self.fy_rel), np.hypot(self.cx_px, self.cy_px)
+        return f"focal length {focal:+.2f} %, principal point off by {centre:.1f} px"
 
     def published(self, stated: Camera) -> Float:
         """(H, W) published z over true z."""

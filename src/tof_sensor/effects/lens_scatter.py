@@ -43,6 +43,7 @@ class LensScatter(Effect):
     NAME: ClassVar[str] = "lens_scatter"
     ORDER: ClassVar[int] = 40
     MEANING: ClassVar[str] = "light of bright surfaces spreads in the lens over dark ones"
+    REMEDY: ClassVar[str] = "clean the lens and its window, and cover bright surfaces near the camera"
     SEPARATED_BY: ClassVar[str] = "the same view with the bright surface covered"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True

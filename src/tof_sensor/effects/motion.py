@@ -46,6 +46,7 @@ class Motion(Effect):
     NAME: ClassVar[str] = "motion"
     ORDER: ClassVar[int] = 42
     MEANING: ClassVar[str] = "the hand moved while the frame was taken"
+    REMEDY: ClassVar[str] = "record at rest, or move more slowly: the error grows with the speed"
     SEPARATED_BY: ClassVar[str] = "a capture at rest"
     MODULATED: ClassVar[bool] = True
     LOCAL: ClassVar[bool] = False

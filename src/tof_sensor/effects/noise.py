@@ -24,12 +24,18 @@ class Noise(Effect):
     NAME: ClassVar[str] = "noise"
     ORDER: ClassVar[int] = 72
     MEANING: ClassVar[str] = "more noise than the amount of light explains"
+    REMEDY: ClassVar[str] = "record longer dwells; where rows or single pixels are noisy, have the camera checked"
     SEPARATED_BY: ClassVar[str] = "bright and dark surfaces in longer dwells"
     EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
 
     extra_m: float = param(0.0, "noise added at every amplitude", unit="m", low=0.0, high=0.1)
     factor: float = param(1.0, "the photon law's noise times this", low=0.0, high=20.0)
     duty: float = param(1.0, "share of frames that have it", low=0.0, high=1.0)
+
+    @property
+    def stated(self) -> str:
+        """Standard deviation."""
+        return f"{1e3 * self.extra_m:.1f} mm of noise beside that of light"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Add what is missing to the noise so far."""

@@ -27,11 +27,19 @@ class PhaseWrap(Effect):
     NAME: ClassVar[str] = "phase_wrap"
     ORDER: ClassVar[int] = 78
     MEANING: ClassVar[str] = "range beyond the camera's unambiguous distance comes back short by whole periods"
+    REMEDY: ClassVar[str] = (
+        "keep within the unambiguous range or choose a lower modulation frequency; where single pixels wrap, expose longer"
+    )
     MODULATED: ClassVar[bool] = True
 
     modulation_mhz: float = param(100.0, "frequency whose periods are miscounted", unit="MHz", low=1.0, high=400.0)
     start_m: float = param(1.5, "range from which the phase wraps (negative: up to it, too far)", unit="m")
     share: float = param(0.0, "share of those pixels that wrap", low=0.0, high=1.0)
+
+    @property
+    def stated(self) -> str:
+        """Jump and share."""
+        return f"off by {self.turn_m:.2f} m, {self.share:.0%} of the pixels at those ranges"
 
     @property
     def turn_m(self) -> float:

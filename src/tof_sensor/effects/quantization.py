@@ -22,9 +22,15 @@ class Quantization(Effect):
     NAME: ClassVar[str] = "quantization"
     ORDER: ClassVar[int] = 86
     MEANING: ClassVar[str] = "depth comes in coarse steps"
+    REMEDY: ClassVar[str] = "publish depth in finer steps"
     EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
 
     step_m: float = param(0.0, "step of the depth code", unit="m", low=0.0, high=0.1)
+
+    @property
+    def stated(self) -> str:
+        """The step."""
+        return f"steps of {1e3 * self.step_m:.1f} mm"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Round."""

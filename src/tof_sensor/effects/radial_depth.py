@@ -25,6 +25,7 @@ class RadialDepth(Effect):
     NAME: ClassVar[str] = "radial_depth"
     ORDER: ClassVar[int] = 84
     MEANING: ClassVar[str] = "the camera gives distance along the ray, not depth"
+    REMEDY: ClassVar[str] = "let the driver publish depth along the optical axis (REP 118)"
     SEPARATED_BY: ClassVar[str] = "a flat wall that fills the image"
     ACTIONS: ClassVar = (NEARER, FARTHER)
     LINEAR: ClassVar[tuple[str, ...]] = ("share",)

@@ -25,10 +25,16 @@ class RangeOffset(Effect):
     NAME: ClassVar[str] = "range_offset"
     ORDER: ClassVar[int] = 60
     MEANING: ClassVar[str] = "one constant added to every range"
+    REMEDY: ClassVar[str] = "calibrate the camera's range at a target of known distance"
     ACTIONS: ClassVar = (ASIDE,)
     LINEAR: ClassVar[tuple[str, ...]] = ("offset_m",)
 
     offset_m: float = param(0.0, "constant added along the ray", unit="m", low=-0.2, high=0.2)
+
+    @property
+    def stated(self) -> str:
+        """Millimetres."""
+        return f"{1e3 * self.offset_m:+.1f} mm"
 
     def columns(self, frame: Frame) -> Float:
         """One over the ray's length: the constant, along z."""

@@ -31,6 +31,7 @@ class Specular(Effect):
     NAME: ClassVar[str] = "specular"
     ORDER: ClassVar[int] = 38
     MEANING: ClassVar[str] = "highlights of shiny surfaces are measured wrongly"
+    REMEDY: ClassVar[str] = "spray the part matt, look at it from another direction, or mask its highlights"
     SEPARATED_BY: ClassVar[str] = "the part sprayed matt"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True

@@ -30,6 +30,7 @@ class Subsurface(Effect):
     NAME: ClassVar[str] = "subsurface"
     ORDER: ClassVar[int] = 32
     MEANING: ClassVar[str] = "light enters a translucent part and returns late"
+    REMEDY: ClassVar[str] = "spray the part matt, or mask it: light does not return from its surface"
     SEPARATED_BY: ClassVar[str] = "the part sprayed matt"
     ACTIONS: ClassVar = (ASIDE,)
     MODULATED: ClassVar[bool] = True

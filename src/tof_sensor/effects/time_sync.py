@@ -25,10 +25,17 @@ class TimeSync(Effect):
     NAME: ClassVar[str] = "time_sync"
     ORDER: ClassVar[int] = 12
     MEANING: ClassVar[str] = "image stamps and arm stamps disagree"
+    REMEDY: ClassVar[str] = "synchronise the clocks of camera and robot, or record at rest"
     SEPARATED_BY: ClassVar[str] = "the same poses at twice the speed"
     LINEAR: ClassVar[tuple[str, ...]] = ("delay_s",)
 
     delay_s: float = param(0.0, "true exposure minus stamp", unit="s", low=-1.0, high=1.0)
+
+    @property
+    def stated(self) -> str:
+        """Delay and its sense."""
+        side = "after" if self.delay_s > 0 else "before"
+        return f"exposed {1e3 * abs(self.delay_s):.0f} ms {side} the stamp"
 
     def columns(self, frame: Frame) -> Float:
         """z by delay; 0 where the camera stood still."""

@@ -31,6 +31,7 @@ class Wiggling(Effect):
     NAME: ClassVar[str] = "wiggling"
     ORDER: ClassVar[int] = 50
     MEANING: ClassVar[str] = "range error that swings with distance: harmonics of the modulation"
+    REMEDY: ClassVar[str] = "renew the camera's range calibration over a whole period of range, or simulate with sensor.yaml"
     SEPARATED_BY: ClassVar[str] = "views over a whole period of range"
     ACTIONS: ClassVar = (NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
@@ -41,7 +42,13 @@ class Wiggling(Effect):
     sine_m: float = param(0.0, "amplitude of sin(k phi)", unit="m", low=-0.1, high=0.1)
     cosine_m: float = param(0.0, "amplitude of cos(k phi)", unit="m", low=-0.1, high=0.1)
     modulation_mhz: float = param(100.0, "modulation frequency", unit="MHz", low=1.0, high=1000.0)
+
     harmonic: int = param(4, "aliased harmonic, = number of taps", low=1, high=16)
+
+    @property
+    def stated(self) -> str:
+        """Amplitude and period."""
+        return f"swings by ±{1e3 * np.hypot(self.sine_m, self.cosine_m):.1f} mm every {self.period_m:.2f} m of range"
 
     @property
     def period_m(self) -> float:

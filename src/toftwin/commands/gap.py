@@ -93,6 +93,7 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from tof_gap.advice import advise
+    from tof_gap.tell.kept import kept
     from tof_gap.tell.page import write_page
     from tof_gap.tell.report import write
     from tof_sensor.model import load_model
@@ -112,7 +113,8 @@ def run(args: argparse.Namespace) -> int:
         save_lens(reader.session, args.out)
     compared = _compared(args, config, diagnosis, caster, left_out, say) if args.against else None
     say("advice and report")
-    content = write(diagnosis, caster, args.out, advise(diagnosis, caster))
+    again = None if known is None or known.names == ("photon_law",) else kept(diagnosis, known)
+    content = write(diagnosis, caster, args.out, advise(diagnosis, caster), again)
     if compared is not None:
         content["against"] = compared.to_dict() | {"lines": compared.lines()}
     page = write_page(diagnosis, content, args.out, Path(args.bag).name)
@@ -120,8 +122,12 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps(content | ({} if learned is None else {"retrain": asdict(learned)}), indent=1))
     else:
-        lines = [*([] if compared is None else compared.lines()), *([] if learned is None else [worth(learned)])]
-        print("\n".join([summary(diagnosis), *lines, f"report: {page}"]))
+        lines = [
+            *([] if again is None else [again.line()]),
+            *([] if compared is None else compared.lines()),
+            *([] if learned is None else [worth(learned)]),
+        ]
+        print("\n".join([summary(diagnosis), *(w["sentence"] for w in content["words"]), *lines, f"report: {page}"]))
     return 0
 
 

@@ -48,7 +48,8 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
     )
     causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
     findings = [SimpleNamespace(effect=e) for e in effects if isinstance(e, Dropout)]
-    made = {"evidence": evidence, "causes": causes, "findings": findings, "law": law, "floor2": floors}
+    gap = SimpleNamespace(shrink=None, ci95=None)
+    made = {"evidence": evidence, "causes": causes, "findings": findings, "law": law, "floor2": floors, "gap": gap}
     return cast("Diagnosis", SimpleNamespace(account=SimpleNamespace(figures=figures), **made))
 
 

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A promise on a second session: how far a sensor model fitted elsewhere shrinks this session's gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from tof_gap.tell.shrink import blocks, measure
+
+if TYPE_CHECKING:
+    from tof_gap.tell.diagnosis import Diagnosis
+    from tof_gap.tell.shrink import Shrink
+    from tof_sensor.model import SensorModel
+    from tof_sensor.origin import Promise
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """What the fit promised, None where the file states nothing; and the gap of this session without and with the model."""
+
+    promised: Promise | None
+    here: Shrink
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for `gap.json`."""
+        p, g = self.promised, self.here
+        return {
+            "promised": None if p is None else {"shrink": p.shrink, "ci95": [p.low, p.high]},
+            "kept": {"shrink": g.shrink, "ci95": None if g.ci95 is None else list(g.ci95)},
+            "without_mm": g.above_mm(g.before),
+            "with_mm": g.above_mm(g.after),
+        }
+
+    def line(self) -> str:
+        """Promised and kept shrink in a line."""
+        g = self.here
+        promised = "nothing" if self.promised is None else _share(self.promised.shrink, (self.promised.low, self.promised.high))
+        kept = "nothing to shrink here" if g.shrink is None else _share(g.shrink, g.ci95)
+        return (
+            f"shrink by --sensor: promised {promised}, kept {kept}: "
+            f"{g.above_mm(g.before):.2f} mm without the model, {g.above_mm(g.after):.2f} mm with it"
+        )
+
+
+def kept(d: Diagnosis, known: SensorModel) -> Kept:
+    """What `known` takes off the gap of a session that it was not fitted to, on all of the session's views.
+
+    `d` diagnoses what the model leaves, at the poses that this gives.
+    """
+    after = d.residual
+    before = [r + known.bias(v.frame) for r, v in zip(after, d.evidence, strict=True)]
+    report = d.config.report
+    return Kept(known.promise, measure(blocks(before, after, d.floor2, report.block_px), d.account.figures.rng, report.shrink))
+
+
+def _share(value: float, ci: tuple[float, float] | None) -> str:
+    return f"{value:.0%}" + ("" if ci is None else f" (95 %: {ci[0]:.0%} to {ci[1]:.0%})")
