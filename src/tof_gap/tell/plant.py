@@ -39,7 +39,7 @@ class Words:
 
     def sentence(self) -> str:
         """All of it in a few sentences."""
-        head = f"{self.what[0].upper()}{self.what[1:]}"
+        head = f"{self.effect.replace('_', ' ').capitalize()}: {self.what}"
         details = "; ".join(x for x in (self.size, self.where) if x)
         todo = f" To do: {self.remedy}." if self.remedy else ""
         cost = f" Left as it is: {self.cost}." if self.cost else ""

@@ -48,7 +48,7 @@ class Wiggling(Effect):
     @property
     def stated(self) -> str:
         """Amplitude and period."""
-        return f"swings by ±{1e3 * np.hypot(self.sine_m, self.cosine_m):.1f} mm every {self.period_m:.2f} m of range"
+        return f"±{1e3 * np.hypot(self.sine_m, self.cosine_m):.1f} mm every {self.period_m:.2f} m of range"
 
     @property
     def period_m(self) -> float:

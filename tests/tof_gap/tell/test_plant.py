@@ -33,19 +33,19 @@ def diagnosis() -> Diagnosis:
 
 def test_each_effect_is_said_with_its_size_place_remedy_and_cost() -> None:
     wiggling, dropout = plant_words(diagnosis(), SCENE)
-    assert wiggling.size == "swings by ±5.0 mm every 0.37 m of range"
+    assert wiggling.size == "±5.0 mm every 0.37 m of range"
     assert wiggling.where == "on panel"
     assert wiggling.cost == "one pixel in twenty is measured 9.5 mm off or more"
     assert dropout.size == "2% of the pixels at random, most below amplitude 120"
     assert (dropout.where, dropout.cost) == ("", "")
     assert wiggling.sentence() == (
-        "Range error that swings with distance: harmonics of the modulation (swings by ±5.0 mm every 0.37 m of range; on panel). "
+        "Wiggling: range error that swings with distance: harmonics of the modulation (±5.0 mm every 0.37 m of range; on panel). "
         f"To do: {Wiggling.REMEDY}. Left as it is: one pixel in twenty is measured 9.5 mm off or more."
     )
 
 
 def test_what_is_not_known_is_not_said() -> None:
-    assert Words("noise", "more noise", "", "", "", "").sentence() == "More noise."
+    assert Words("noise", "more noise", "", "", "", "").sentence() == "Noise: more noise."
 
 
 def test_pixels_without_a_measurement_have_no_cost() -> None:
