@@ -27,6 +27,16 @@ class ShrinkLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class ConfidenceLimits:
+    """How often names turned out right on sessions of the emerging camera (docs/emerging_camera.md)."""
+
+    asserted: float = param(
+        0.95, "of effects that win on all resampled views and leave little", low=0.0, high=1.0, why="40 of 43 were right"
+    )
+    suspected: float = param(0.4, "of effects beside much that is unexplained", low=0.0, high=1.0, why="2 of 5 were right")
+
+
+@dataclass(frozen=True, slots=True)
 class UnexplainedLimits:
     """When what no named effect explains has structure: verdict `unknown`."""
 
@@ -90,6 +100,7 @@ class ReportLimits:
         16, "side of a block of pixels that err alike", unit="px", low=2, high=256, why="pixels share errors, blocks less so"
     )
     shrink: ShrinkLimits = section(ShrinkLimits, "how far")
+    confidence: ConfidenceLimits = section(ConfidenceLimits, "how often names are right")
     unexplained: UnexplainedLimits = section(UnexplainedLimits, "what is left")
     where: WhereLimits = section(WhereLimits, "where")
     explainable: ExplainableLimits = section(ExplainableLimits, "what any model could explain")

@@ -227,6 +227,16 @@ class MissingLimits:
     lost_share: float = param(
         0.01, "share of CAD pixels missing, away from edges", low=1e-6, high=1.0, why="single dead or dark pixels are usual"
     )
+    filter_px: int = param(
+        18, "largest hole that a filter leaves around an outlier", unit="px", low=1, why="two outliers, each with its 3 x 3"
+    )
+    filter_single: float = param(
+        0.1,
+        "share of single pixels in such holes above which no filter made them",
+        low=0.0,
+        high=1.0,
+        why="lost at random, most are single",
+    )
     lost_grazing_deg: float = param(
         60.0,
         "incidence beyond which a missing pixel is usual",

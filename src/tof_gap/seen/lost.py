@@ -6,10 +6,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_dilation, uniform_filter
+from scipy.ndimage import binary_dilation, label, uniform_filter
 
 from tof_core.reasons import Reason
-from tof_gap.seen.finding import Finding
+from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.frame import lambert_amplitude
 
@@ -35,17 +35,33 @@ def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
 
 
 def lost(view: ViewEvidence, limits: MissingLimits) -> Float:
-    """(H, W) share of a view's captures in which no light came back, where it is `expected` to.
+    """(H, W) share of a view's captures in which no light came back, where it is `expected` to, and no filter took it.
 
     Saturation is too much light: its code says so, or an amplitude above the `saturated` quantile of the measured ones.
     """
     seen = view.view
+    by_filter = outliers_removed(seen.valid, limits)
     some = np.where(seen.valid, 1.0 - seen.count / max(seen.captures, 1), seen.reason == Reason.NO_RETURN)
-    gone = np.where(expected(view, limits), some, 0.0)
+    gone = np.where(expected(view, limits) & ~by_filter, some, 0.0)
     if seen.amplitude is None or not view.smooth.any():
         return gone
     brightest = np.quantile(view.frame.amplitude[view.smooth], limits.saturated)
     return np.where(np.nan_to_num(seen.amplitude) > brightest, 0.0, gone)
+
+
+def outliers_removed(valid: Mask, limits: MissingLimits) -> Mask:
+    """(H, W) pixels that a filter in the camera removed around outliers.
+
+    A filter takes an outlier with its neighbours, so its holes are a few pixels large and never a single one; pixels lost one by one
+    are mostly single.
+    """
+    holes, _ = label(~valid, np.ones((3, 3)))
+    size = np.bincount(holes.ravel())[holes]
+    small = ~valid & (size <= limits.filter_px)
+    single = small & (size == 1)
+    if single.sum() > limits.filter_single * small.sum():
+        return np.zeros(valid.shape, bool)
+    return small & ~single
 
 
 def dropout(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | None:
@@ -58,7 +74,7 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | N
     random = float(gone[light > np.median(light)].mean())
     share = np.stack([np.where(v.frame.valid, _rate(v, light, gone, limits), np.nan) for v in views])
     effect = Dropout(threshold=_half_lost(light, gone, limits), random=min(random, 1.0))
-    return Finding(effect, float(min(1.0, gone.mean() / limits.lost_share / 2)), share=share)
+    return Finding(effect, LOSS_CONFIDENT, share=share)
 
 
 def _rate(view: ViewEvidence, light: Float, gone: Float, limits: MissingLimits) -> Float:

@@ -117,7 +117,7 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
     std = {"extra_m": floor_std}
     return Finding(
         Noise(extra_m=min(size, _most(Noise, "extra_m"))),
-        float(min(1.0, size / typical)),
+        CONFIDENT,
         std,
         _constant(views, size),
         common=common,

@@ -57,8 +57,9 @@ class Diagnosis:
         return doubted(self.unexplained, self.config.report)
 
     def confidence(self, cause: Cause) -> float:
-        """Of a cause, 0 to 1: the share of resampled sets of views in which it wins, times the share of the gap that is explained."""
-        return cause.named.confidence * (1.0 - self.unexplained.share)
+        """Of a cause, 0 to 1: the share of resampled sets of views in which it wins, times the share of such names that were right."""
+        right = self.config.report.confidence
+        return cause.named.confidence * (right.suspected if self.doubted else right.asserted * (1.0 - self.unexplained.share))
 
     @property
     def findings(self) -> tuple[Finding, ...]:

@@ -14,7 +14,7 @@ from tof_core.reasons import Reason
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, MissingLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.line_noise import line_map, line_noise
-from tof_gap.seen.lost import _half_lost, lost
+from tof_gap.seen.lost import _half_lost, lost, outliers_removed
 from tof_gap.seen.mixed import mixing
 from tof_gap.seen.noise import noise_effects
 from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
@@ -172,6 +172,17 @@ def test_jumps_of_many_sizes_are_no_wrapped_phase() -> None:
 
 def test_the_common_size_is_the_median_of_the_densest_stretch() -> None:
     assert _common_size(np.array([0.5, 1.0, 1.02, 1.04, 3.0]), 0.06) == pytest.approx(1.02)
+
+
+def test_holes_around_outliers_are_a_filter_s_and_single_pixels_are_not() -> None:
+    valid = np.ones(SHAPE, bool)
+    for row, column in ((10, 10), (30, 50), (60, 80)):
+        valid[row - 1 : row + 2, column - 1 : column + 2] = False
+    valid[40:60, 20:40] = False
+    found = outliers_removed(valid, MISSING)
+    assert found.sum() == 27, "three outliers with their neighbours"
+    assert not found[40:60, 20:40].any(), "a surface without a return is larger"
+    assert not outliers_removed(rng().uniform(size=SHAPE) > 0.03, MISSING).any(), "lost at random"
 
 
 @pytest.mark.parametrize(("place", "mixes"), [(0.0, False), (1.0, False), (0.5, True)])
