@@ -61,7 +61,7 @@ def outliers_removed(valid: Mask, limits: MissingLimits) -> Mask:
     single = small & (size == 1)
     if single.sum() > limits.filter_single * small.sum():
         return np.zeros(valid.shape, bool)
-    return small & ~single
+    return np.asarray(small & ~single)
 
 
 def dropout(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | None:
