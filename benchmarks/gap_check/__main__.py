@@ -27,7 +27,11 @@ def main() -> int:
     parser.add_argument("--size", help="pixels of the camera, instead of the form's")
     parser.add_argument("--views", type=int, default=20, help="views of a session of the foreign form")
     parser.add_argument("--scenes", default="", help="built-in scenes, joined by commas; all if empty")
-    parser.add_argument("--step", choices=("record", "examine", "baselines", "score"), help="one step alone")
+    parser.add_argument(
+        "--step",
+        choices=("record", "examine", "baselines", "score", "second"),
+        help="one step alone; second (foreign form): promises on second sessions",
+    )
     parser.add_argument("--baselines", action="store_true", help="run least squares after ICP, and boosted trees, on the same bags")
     parser.add_argument("--write", action="store_true", help="write docs/gap_check.md")
     args = parser.parse_args()
@@ -37,7 +41,7 @@ def main() -> int:
             if code := subprocess.call([sys.executable, "-m", "benchmarks.gap_check", "--step", step, *sys.argv[1:]]):
                 return code
         return 0
-    return {"record": _record, "examine": _examine, "baselines": _baselines, "score": _score}[args.step](args)
+    return {"record": _record, "examine": _examine, "baselines": _baselines, "score": _score, "second": _second}[args.step](args)
 
 
 def _record(args: argparse.Namespace) -> int:
@@ -68,6 +72,13 @@ def _examine(args: argparse.Namespace) -> int:
     from benchmarks.gap_check.examine import examine_all
 
     examine_all(args.out)
+    return 0
+
+
+def _second(args: argparse.Namespace) -> int:
+    from benchmarks.gap_check.foreign.second import keep_promises, table
+
+    print(table(keep_promises(args.out)))
     return 0
 
 

@@ -15,6 +15,8 @@ import pytest
 from benchmarks.gap_check.foreign.cases import NAMED, ROBOTS, SCENES, draw_foreign
 from benchmarks.gap_check.foreign.record import planned, record_foreign
 from benchmarks.gap_check.foreign.score import ForeignRow, judge, wrong_ones
+from benchmarks.gap_check.foreign.second import Promised
+from benchmarks.gap_check.foreign.second import table as table_of_promises
 from benchmarks.gap_check.foreign.separable import correlation, poses, separability
 from benchmarks.gap_check.foreign.table import figures, misses
 from benchmarks.gap_check.record import SEAL, digest
@@ -197,3 +199,11 @@ def test_a_case_is_recorded_sealed_and_kept(tmp_path: Path) -> None:
     shown = "".join(p.name for p in (tmp_path / "bags" / one.name).rglob("*"))
     assert "truth" not in shown
     assert CAUSES["late_pulse"].effect == "range_offset"
+
+
+def test_second_sessions_are_told_by_what_they_keep() -> None:
+    rows = [Promised("case0001", ("wiggling",), 0.95, 0.92, ("none",)), Promised("case0002", ("multipath",), 0.9, 0.6, ("unknown",))]
+    lines = table_of_promises(rows).splitlines()
+    assert "promised   95%  kept   92%" in lines[0]
+    assert lines[-1] == "2 second sessions: off the promise by 16 points (median), 27 (90 %)"
+    assert table_of_promises([]) == "no report states a shrink"

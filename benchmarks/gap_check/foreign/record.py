@@ -56,8 +56,11 @@ def record_one(case: ForeignCase, bag: Path, sealed: Path, size: tuple[int, int]
     (bag / "list.json").write_text(json.dumps({"left_out": [case.left_out] if case.left_out else []}))
 
 
-def planned(case: ForeignCase, scene_folder: Path, size: tuple[int, int]) -> EmergingSession:
-    """The session of a case before its causes have sizes: the scene as written, the robot's plan, a healthy camera of its own."""
+def planned(case: ForeignCase, scene_folder: Path, size: tuple[int, int], again: int = 0) -> EmergingSession:
+    """The session of a case before its causes have sizes: the scene as written, the robot's plan, a healthy camera of its own.
+
+    `again`: a later session of the same camera in the same cell, with other poses, errors of the robot and noise.
+    """
     import numpy as np
 
     from benchmarks.gap_check.foreign.scenes import write_foreign
@@ -69,7 +72,7 @@ def planned(case: ForeignCase, scene_folder: Path, size: tuple[int, int]) -> Eme
 
     scene = load_scene(write_foreign(case.scene, scene_folder, case.seed))
     values = {
-        "seed": case.seed,
+        "seed": case.seed + again,
         "camera.width": size[0],
         "camera.height": size[1],
         "plan.capture_moving": case.moving,
