@@ -115,8 +115,14 @@ def _line(values: Float, length: float, config: DiscrepancyConfig) -> tuple[Floa
     count = int(np.clip(np.ceil((high - low) / step), 1, config.most_knots))
     # Values all alike (one pixel, an amplitude without contrast) still need knots that lie apart.
     knots = low + max((high - low) / count, 0.01 * step) * np.arange(-1, count + 2)
-    r = np.sqrt(3.0) * np.abs(knots[:, None] - knots[None]) / length
-    return knots, np.linalg.cholesky((1.0 + r) * np.exp(-r) + 1e-9 * np.eye(len(knots)))
+    between = matern(np.abs(knots[:, None] - knots[None]) / length)
+    return knots, np.asarray(np.linalg.cholesky(between + 1e-9 * np.eye(len(knots))), float)
+
+
+def matern(distance: Float) -> Float:
+    """Correlation of a Matern 3/2 process at a distance in correlation lengths."""
+    r = np.sqrt(3.0) * np.minimum(distance, 50.0)
+    return np.asarray((1.0 + r) * np.exp(-r))
 
 
 def spline_entries(knots: Float, x: Float) -> tuple[NDArray[np.int32], Float]:
@@ -183,11 +189,11 @@ def image_count(order: int) -> int:
 
 def image_columns(view: Linearised, order: int) -> Float:
     """(n, k) cosines over the image up to an order, fading, without the constant."""
-    return _cosines(*view.raster, order)[view.cell]
+    return cosines(*view.raster, order)[view.cell]
 
 
 @lru_cache(maxsize=8)
-def _cosines(h: int, w: int, order: int) -> Float:
+def cosines(h: int, w: int, order: int) -> Float:
     """(h*w, k) the same for every raster pixel."""
     x = np.cos(np.pi * np.outer(np.arange(w) + 0.5, np.arange(order + 1)) / w)
     y = np.cos(np.pi * np.outer(np.arange(h) + 0.5, np.arange(order + 1)) / h)

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 AXES = {"range_m": "range, m", "incidence_deg": "incidence, degrees", "albedo": "albedo", "edge_px": "pixels to an edge", "part": "part"}
 COLOURS = {name: PALETTE[colour] for name, colour in zip(METHODS, ("neutral", "contrast", "third", "accent"), strict=True)}
 
+LOST = 0.005
+"""Share of pixels without a depth that is worth a word."""
+
 
 def write(folder: Path, result: Mapping[str, Any], shown: tuple[Judged, Mapping[str, Estimate]]) -> Path:
     """Write both files; returns the report's path."""
@@ -33,6 +36,8 @@ def write(folder: Path, result: Mapping[str, Any], shown: tuple[Judged, Mapping[
         "tof_eval",
         "evaluation.html.j2",
         f"Depth errors in {result['bag']}",
+        sentence=sentence(result["methods"]),
+        best=best(result["methods"]),
         result=result,
         methods=result["methods"],
         tables={k: v for k, v in tables.items() if v},
@@ -44,6 +49,27 @@ def write(folder: Path, result: Mapping[str, Any], shown: tuple[Judged, Mapping[
     path = folder / "report.html"
     path.write_text(html, encoding="utf-8")
     return path
+
+
+def best(methods: Mapping[str, Any]) -> str:
+    """The method with the least mean absolute error where all give a depth; "" where none has one."""
+    known = {name: m["equal_coverage"]["mae_mm"] for name, m in methods.items() if m["equal_coverage"]["mae_mm"] is not None}
+    return min(known, key=lambda name: known[name]) if known else ""
+
+
+def sentence(methods: Mapping[str, Any]) -> str:
+    """The verdict in words: the best method against the first one, with the price that it has."""
+    name = best(methods)
+    if not name:
+        return "No pixel has a depth by every method, so the methods cannot be compared."
+    first, m = next(iter(methods)), methods[name]
+    error = m["equal_coverage"]["mae_mm"]
+    if name == first:
+        return f"Nothing improves on {first}: its mean error is {error:.2f} mm."
+    before = methods[first]["equal_coverage"]["mae_mm"]
+    words = f"{name} is best: its mean error is {error:.2f} mm where {first} has {before:.2f} mm"
+    lost = methods[first]["all"]["completeness"] - m["all"]["completeness"]
+    return words + (f"; it leaves {100 * lost:.0f} % of the pixels without a depth." if lost > LOST else ".")
 
 
 def _rows(methods: Mapping[str, Any], axis: str) -> list[tuple[str, list[Any]]]:

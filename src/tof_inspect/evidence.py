@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
     from tof_core.capture import Posed, View
     from tof_inspect.config import InspectConfig
+    from tof_inspect.shared import SharedErrors
     from tof_inspect.without import Without
     from tof_scene.raycast import Raycaster
     from tof_scene.rendering import Rendering
@@ -25,9 +26,11 @@ if TYPE_CHECKING:
 class Seen:
     """A view at its pose with the whole CAD rendered.
 
-    noise (H, W): the measurement's own sigma, metres along z; sigma (H, W): with the pose's share and the slope's.
+    number: which of the session's views it is; noise (H, W): the measurement's own sigma, metres along z; sigma (H, W): with the pose's
+    share and the slope's.
     """
 
+    number: int
     view: View
     posed: Posed
     whole: Rendering
@@ -55,7 +58,24 @@ class Evidence:
     sigma: Float
 
 
-def see(view: View, posed: Posed, caster: Raycaster, config: InspectConfig) -> Seen:
+@dataclass(frozen=True, slots=True)
+class Ratios:
+    """Log likelihood ratios of presence: by depth (at its place, or wherever it may have moved), by colour (at its place), together."""
+
+    depth: float
+    colour: float
+    fused: float
+
+    @classmethod
+    def of(cls, depth: float, colour: float, moved: float = -np.inf) -> Ratios:
+        """A displaced part is present too: `moved` is the ratio at its best pose.
+
+        Colour was read at the part's place in the CAD, so it is evidence for that place alone.
+        """
+        return cls(max(depth, moved), colour, max(depth + colour, moved))
+
+
+def see(view: View, posed: Posed, caster: Raycaster, config: InspectConfig, number: int = 0) -> Seen:
     """Render the whole CAD at the view's pose, with the sigma of each pixel."""
     whole = render(caster, view.camera, posed.T_cell_camera)
     noise = view_sigma(view, config.weights, np.ix_(*map(np.arange, view.depth.shape)))
@@ -67,7 +87,15 @@ def see(view: View, posed: Posed, caster: Raycaster, config: InspectConfig) -> S
     turn = np.sqrt(np.trace(cov[3:, 3:])) * np.nan_to_num(whole.depth) * slope
     across = np.sqrt(np.trace(cov[:3, :3])) * slope
     sigma = np.sqrt(noise**2 + np.nan_to_num(footprint) ** 2 + along**2 + np.nan_to_num(turn) ** 2 + np.nan_to_num(across) ** 2)
-    return Seen(view, posed, whole, noise, np.asarray(sigma, float))
+    return Seen(number, view, posed, whole, noise, np.asarray(sigma, float))
+
+
+def log_amplitude(view: View, index: Ints) -> Float:
+    """(n,) natural logarithm of the amplitude of pixels (flat indices), NaN where it is unknown."""
+    if view.amplitude is None:
+        return np.full(len(index), np.nan)
+    a = view.amplitude.ravel()[index].astype(float)
+    return np.where(a > 0, np.log(np.where(a > 0, a, 1.0)), np.nan)
 
 
 def agreement(seen: Seen) -> float:
@@ -80,8 +108,8 @@ def agreement(seen: Seen) -> float:
     return float((error[clear] < np.maximum(0.01, 4.0 * seen.noise[clear])).mean()) if clear.any() else 0.0
 
 
-def weigh(seen: Seen, without: Without, part: int, config: InspectConfig) -> Evidence:
-    """The likelihood ratio of one part in one view.
+def weigh(seen: Seen, without: Without, part: int, config: InspectConfig, errors: SharedErrors) -> Evidence:
+    """The likelihood ratio of one part in one view, from the depth less the estimated error of the camera.
 
     A pixel's likelihood is a Gaussian of its sigma beside a share `outliers` that is flat over `wide_m` (a mirror, a cable,
     a dropout: no pixel may decide alone). Its log ratio is bounded by that. Sums over cells of `cell_px` pixels are
@@ -97,6 +125,8 @@ def weigh(seen: Seen, without: Without, part: int, config: InspectConfig) -> Evi
     clear = both & (whole.mixed <= config.mixed) & (whole.incidence < np.radians(config.grazing_deg)) & (gap > config.stand_out * scale)
     index = _clearest([clear & _inner(covered), clear, outstanding])
     z = view.depth.ravel()[index].astype(float)
+    radial = z * view.camera.ray_length().ravel()[index]
+    z -= errors.bias(seen.number, errors.columns(seen.number, radial, log_amplitude(view, index), index))
     s = scale.ravel()[index]
     p, a = present.ravel()[index], absent.ravel()[index]
     ratio = _log_likelihood(z - p, s, config) - _log_likelihood(z - a, s, config)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,10 +12,13 @@ from tof_align.config import AlignConfig
 from tof_align.known import known_removed
 from tof_align.session import solve_session
 from tof_core.errors import RefusedError, SceneError
+from tof_inspect.beside import ReferenceSession, Standing
 from tof_inspect.colour import Colours, Picture
 from tof_inspect.config import InspectConfig
 from tof_inspect.displaced import Fit, fit_part
-from tof_inspect.evidence import Evidence, agreement, see, weigh
+from tof_inspect.evidence import Evidence, Ratios, agreement, see, weigh
+from tof_inspect.place import JUDGED_PLACE, UNSEEN_TODO, Place, place_of
+from tof_inspect.shared import Left, PosesAlone, SessionErrors
 from tof_inspect.without import Split
 from tof_scene.raycast import Raycaster
 from tof_scene.scene import Scene
@@ -24,8 +27,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tof_align.known import Bias
+    from tof_align.session import SessionSolution
     from tof_core.capture import Posed, View
     from tof_inspect.evidence import Seen
+    from tof_inspect.shared import SharedErrors
     from tof_inspect.without import Without
     from tof_scene.scene import Part
 
@@ -34,9 +39,11 @@ if TYPE_CHECKING:
 class PartVerdict:
     """Verdict of one part.
 
-    state: present, absent, displaced, not_observable; probability: that the part is there (also where it is displaced);
-    pixels: distinctive pixels of all views; displaced_mm with std_mm: distance from the place in the CAD, NaN if not fitted;
-    log_depth, log_colour, log_ratio: log likelihood ratios of presence by each and by both (see `Ratios`); why: one line.
+    state: present, absent, displaced, not_observable; probability: that the part is there (also where it is displaced), NaN where too
+    little was seen of it; pixels: distinctive pixels of all views; displaced_mm with std_mm: distance from the place in the CAD, NaN if not fitted;
+    log_depth, log_colour, log_ratio: log likelihood ratios of presence by each and by both (see `Ratios`); why: one line;
+    judged: whether the state is decided and the tolerance could be judged; todo: the capture that would decide, "" where it is judged;
+    shift_mm (3,), cov_mm2 (3, 3): displacement in the cell, zero along axes that are not known, and its covariance; () if not fitted.
     """
 
     name: str
@@ -51,6 +58,10 @@ class PartVerdict:
     std_mm: float
     tolerance_mm: float
     why: str
+    judged: bool = True
+    todo: str = ""
+    shift_mm: tuple[float, ...] = ()
+    cov_mm2: tuple[tuple[float, ...], ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; unknown values are null."""
@@ -71,7 +82,8 @@ class Inspection:
 class Inspector:
     """A prepared scene: fixed and inspected parts as two search trees, and each part alone on first use.
 
-    `first`: reference images of the complete scene, with which colour is compared. They may be set later.
+    `first`: reference images of the complete scene, with which colour is compared; `standing`: a reference session of the complete scene
+    (`learn`), relative to which displacements are measured. Both may be set later.
     """
 
     def __init__(
@@ -84,6 +96,7 @@ class Inspector:
     ) -> None:
         """Refuse a scene without parts to inspect; `bias`: what is known of the camera, removed before anything is judged."""
         self.first, self._bias = tuple(first), bias
+        self.standing: ReferenceSession | None = None
         self.caster, self.config, self.align, self.scene = caster, config or InspectConfig(), align or AlignConfig(), caster.scene
         self.names = tuple(part.name for part in self.scene.parts if part.inspect)
         if not self.names:
@@ -108,19 +121,39 @@ class Inspector:
             RefusedError: no view, none whose pose is accepted, or none that agrees with the CAD.
             TransformError: a view has no robot pose.
         """
+        clean, solution = self._solved(views, progress)
+        return self.inspect(clean, solution.posed, progress, solution=solution)
+
+    def learn(self, views: Sequence[View], progress: Callable[[str], None] = lambda _: None) -> ReferenceSession:
+        """Where each part seems to stand in a session in which all of them stand in their place; raises as `judge`.
+
+        The camera's errors that no solution explains are the same in the next session from about the same views.
+        """
+        clean, solution = self._solved(views, progress)
+        seen, parts = self._seen(clean, solution.posed), {}
+        shapes, left = [v.depth.shape for v in clean], Left.of(solution)
+        for name in self.names:
+            progress(f"{name} in the reference session")
+            index, without = self.scene.index(name), self.without(name)
+            errors = SessionErrors.of(solution, shapes, index, self.align.discrepancy, left)
+            evidence = [weigh(s, without, index, self.config, errors) for s in seen]
+            useful = self._useful(seen, evidence)
+            if sum(e.pixels for e in evidence) >= self.config.min_pixels:
+                fit = fit_part(self.scene.part(name), useful or seen, self.alone(name), without, self.config, errors)
+                parts[name] = Standing(fit, np.array([s.posed.T_cell_camera[:3, 3] for s in useful or seen]))
+        return ReferenceSession(parts)
+
+    def _solved(self, views: Sequence[View], progress: Callable[[str], None]) -> tuple[Sequence[View], SessionSolution]:
+        """The views less what is known of the camera, and their poses."""
         if not views:
             raise RefusedError("there is no view to judge", where="inspection", todo="toftwin doctor lists what the input lacks")
         progress("poses of all views")
         clean = views if self._bias is None else known_removed(views, self.caster, self._bias, self.align)
-        return self.inspect(clean, solve_session(clean, self.caster, self.align).posed, progress)
+        return clean, solve_session(clean, self.caster, self.align)
 
-    def inspect(self, views: Sequence[View], posed: Sequence[Posed], progress: Callable[[str], None] = lambda _: None) -> Inspection:
-        """Judge every part from views at known poses; those that are not accepted, or disagree with the CAD, are left out.
-
-        Raises:
-            RefusedError: no view is left.
-        """
-        seen = [see(v, p, self.caster, self.config) for v, p in zip(views, posed, strict=True) if p.accepted]
+    def _seen(self, views: Sequence[View], posed: Sequence[Posed]) -> list[Seen]:
+        """The views whose pose is accepted and that agree with the CAD; raises RefusedError where none is left."""
+        seen = [see(v, p, self.caster, self.config, k) for k, (v, p) in enumerate(zip(views, posed, strict=True)) if p.accepted]
         seen = [s for s in seen if agreement(s) >= self.config.min_agreement]
         if not seen:
             raise RefusedError(
@@ -128,11 +161,42 @@ class Inspector:
                 where="inspection",
                 todo="check the scene, its placement and the robot's pose",
             )
+        return seen
+
+    def _useful(self, seen: Sequence[Seen], evidence: Sequence[Evidence]) -> list[Seen]:
+        """The views that show enough of a part to place it."""
+        return [s for s, e in zip(seen, evidence, strict=True) if e.pixels >= self.config.min_pixels // 3]
+
+    def inspect(
+        self,
+        views: Sequence[View],
+        posed: Sequence[Posed],
+        progress: Callable[[str], None] = lambda _: None,
+        *,
+        solution: SessionSolution | None = None,
+    ) -> Inspection:
+        """Judge every part from views at known poses; those that are not accepted, or disagree with the CAD, are left out.
+
+        `solution`: of the session, whose estimate of the camera's errors is removed; None: nothing is known of them.
+
+        Raises:
+            RefusedError: no view is left.
+        """
+        seen = self._seen(views, posed)
         colours, note = self._colours(seen)
+        shapes, left = [v.depth.shape for v in views], None if solution is None else Left.of(solution)
+
+        def errors(part: int) -> SharedErrors:
+            return (
+                PosesAlone(posed)
+                if solution is None or left is None
+                else SessionErrors.of(solution, shapes, part, self.align.discrepancy, left)
+            )
+
         verdicts = []
         for name in self.names:
             progress(name)
-            verdicts.append(self._part(self.scene.part(name), seen, colours))
+            verdicts.append(self._part(self.scene.part(name), seen, colours, errors(self.scene.index(name))))
         return Inspection(tuple(verdicts), tuple(views), tuple(posed), note)
 
     def _colours(self, seen: Sequence[Seen]) -> tuple[Colours | None, str]:
@@ -147,50 +211,47 @@ class Inspector:
             return None, "depth alone: reference images and current images overlap too little"
         return made, f"depth and colour (pairs of a current image with a reference image: {made.pairs})"
 
-    def _part(self, part: Part, seen: Sequence[Seen], colours: Colours | None) -> PartVerdict:
+    def _part(self, part: Part, seen: Sequence[Seen], colours: Colours | None, errors: SharedErrors) -> PartVerdict:
         index = self.scene.index(part.name)
         colour = colours.log_ratio(self.without(part.name), index) if colours else 0.0
-        evidence = [weigh(s, self.without(part.name), index, self.config) for s in seen]
-        useful = [s for s, e in zip(seen, evidence, strict=True) if e.pixels >= self.config.min_pixels // 3]
+        evidence = [weigh(s, self.without(part.name), index, self.config, errors) for s in seen]
+        useful = self._useful(seen, evidence)
         pixels, ratio = sum(e.pixels for e in evidence), sum(e.log_ratio for e in evidence)
         if pixels < self.config.min_pixels:
-            why = _unseen(part, evidence, self.config)
-            return _verdict(part, "not_observable", evidence, Ratios.of(ratio, colour), None, why, self.config)
-        fit = fit_part(part, useful or seen, self.alone(part.name), self.without(part.name), self.config)
-        return decide(part, evidence, ratio, colour, fit, self.config)
+            why, place = _unseen(part, evidence, self.config), Place(False, float("inf"), todo=UNSEEN_TODO)
+            return _verdict(part, "not_observable", evidence, Ratios.of(ratio, colour), None, why, self.config, place)
+        fit = fit_part(part, useful or seen, self.alone(part.name), self.without(part.name), self.config, errors)
+        if self.standing:
+            fit = self.standing.relative(part.name, fit, [s.posed.T_cell_camera[:3, 3] for s in useful or seen], self.config)
+        return decide(part, evidence, ratio, colour, fit, self.config, place_of(part, fit, useful or seen, self.caster, self.config))
 
 
-@dataclass(frozen=True, slots=True)
-class Ratios:
-    """Log likelihood ratios of presence: by depth (at its place, or wherever it may have moved), by colour (at its place), together."""
-
-    depth: float
-    colour: float
-    fused: float
-
-    @classmethod
-    def of(cls, depth: float, colour: float, moved: float = -np.inf) -> Ratios:
-        """A displaced part is present too: `moved` is the ratio at its best pose.
-
-        Colour was read at the part's place in the CAD, so it is evidence for that place alone.
-        """
-        return cls(max(depth, moved), colour, max(depth + colour, moved))
-
-
-def decide(part: Part, evidence: Sequence[Evidence], depth: float, colour: float, fit: Fit, config: InspectConfig) -> PartVerdict:
+def decide(
+    part: Part, evidence: Sequence[Evidence], depth: float, colour: float, fit: Fit, config: InspectConfig, place: Place = JUDGED_PLACE
+) -> PartVerdict:
     """Present within tolerance, displaced beyond it, absent if the scene without the part fits the pixels better."""
     # A free pose pays `moved_cost`: a part can always be placed behind another one, where it changes no pixel.
     ratios = Ratios.of(depth, colour, fit.ratio / config.cell_px - config.moved_cost)
     p = probability(ratios.fused, config)
     by = "depth and colour" if colour else "depth"
     if 1.0 - config.decide < p < config.decide:
-        return _verdict(part, "not_observable", evidence, ratios, None, f"undecided: probability {p:.2f}", config)
+        return _verdict(
+            part,
+            "not_observable",
+            evidence,
+            ratios,
+            None,
+            f"undecided: probability {p:.2f}",
+            config,
+            replace(place, judged=False, todo=place.todo or UNSEEN_TODO),
+        )
     if p <= 1.0 - config.decide:
         return _verdict(part, "absent", evidence, ratios, None, f"{by}: the background is visible in its place", config)
     if fit.mm > part.tolerance_mm and fit.mm - part.tolerance_mm > config.displaced_sigma * fit.std_mm:
         why = f"{fit.mm:.1f} ± {fit.std_mm:.1f} mm from the CAD, tolerance {part.tolerance_mm:g}"
         return _verdict(part, "displaced", evidence, ratios, fit, why, config)
-    return _verdict(part, "present", evidence, ratios, fit, f"{by}: in its place", config)
+    why = f"{by}: in its place" if place.judged else f"{by}: present, {place.words}"
+    return _verdict(part, "present", evidence, ratios, fit, why, config, place)
 
 
 def probability(ratio: float, config: InspectConfig) -> float:
@@ -206,12 +267,20 @@ def _unseen(part: Part, evidence: Sequence[Evidence], config: InspectConfig) -> 
 
 
 def _verdict(
-    part: Part, state: str, evidence: Sequence[Evidence], ratios: Ratios, fit: Fit | None, why: str, config: InspectConfig
+    part: Part,
+    state: str,
+    evidence: Sequence[Evidence],
+    ratios: Ratios,
+    fit: Fit | None,
+    why: str,
+    config: InspectConfig,
+    place: Place = JUDGED_PLACE,
 ) -> PartVerdict:
+    enough = state != "not_observable" or sum(e.pixels for e in evidence) >= config.min_pixels
     return PartVerdict(
         part.name,
         state,
-        probability(ratios.fused, config),
+        probability(ratios.fused, config) if enough else float("nan"),
         sum(e.pixels for e in evidence),
         sum(e.pixels > 0 for e in evidence),
         ratios.depth,
@@ -221,4 +290,8 @@ def _verdict(
         fit.std_mm if fit else float("nan"),
         part.tolerance_mm,
         why,
+        place.judged if state == "present" else state != "not_observable",
+        place.todo,
+        tuple((1e3 * fit.shift).tolist()) if fit else (),
+        tuple(map(tuple, (1e6 * fit.cov).tolist())) if fit else (),
     )

@@ -107,7 +107,9 @@ def run_ray(calls: Sequence[LabelCall], workers: int) -> Iterator[Outcome]:
     try:
         import ray
     except ImportError:
-        raise UsageError("Ray is not installed", where="--engine ray", todo="pip install 'toftwin[batch]'") from None
+        from toftwin.extras import install_line
+
+        raise UsageError("Ray is not installed", where="--engine ray", todo=install_line("batch")) from None
     _join(ray, workers)
     try:
         task = ray.remote(num_cpus=1, max_retries=0, runtime_env={"env_vars": ONE_THREAD})(label_one)

@@ -19,7 +19,7 @@ INPUTS = {
     "scene": "name a scene.yaml, its folder, or a built-in scene",
     "config": "name a YAML file; --settings prints one",
     "sensor": "name a sensor.yaml that toftwin gap wrote",
-    "reference": "name what toftwin correct --save or the node's capture_reference wrote",
+    "reference": "name what toftwin correct --save or the node's capture_reference wrote, or for inspect a bag of the complete cell",
     "truth": "name the .npz that lies beside a virtual session",
     "gap": "name a folder that toftwin gap wrote",
     "what": "name a bag, a dataset, or a folder that label or gap wrote",
@@ -36,22 +36,22 @@ def check_paths(args: argparse.Namespace) -> None:
     Raises:
         UsageError: an input does not exist, or the output's folder cannot be written.
     """
-    for bag in _bags(getattr(args, "bag", None)):
+    for bag in _paths(getattr(args, "bag", None)):
         if not Path(bag).exists() and not PATTERN & set(bag):
             raise NoBagError("does not exist", where=bag, todo="name a bag's folder, .mcap or .db3 file")
     for dataset in getattr(args, "datasets", None) or ():
         if not Path(dataset).exists():
             raise UsageError("does not exist", where=dataset, todo="make a dataset with: toftwin label BAG --scene SCENE --out DATASET")
     for name, todo in INPUTS.items():
-        value = getattr(args, name, None)
-        if isinstance(value, str | Path) and str(value) and WRITTEN.get(name) != args.command and not _is_there(name, str(value)):
-            raise UsageError("does not exist", where=value, todo=todo)
+        for value in _paths(getattr(args, name, None)):
+            if value and WRITTEN.get(name) != args.command and not _is_there(name, value):
+                raise UsageError("does not exist", where=value, todo=todo)
     out = getattr(args, "out", None)
     if isinstance(out, Path):
         _check_writable(out)
 
 
-def _bags(value: object) -> Iterator[str]:
+def _paths(value: object) -> Iterator[str]:
     if isinstance(value, str | Path):
         yield str(value)
     elif isinstance(value, list):

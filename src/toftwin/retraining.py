@@ -110,9 +110,9 @@ def _train(data: Path, network: Path, config: TrainConfig, say: Callable[[str], 
     except ModuleNotFoundError as error:
         if error.name not in {"torch", "onnx"}:
             raise
-        raise UsageError(
-            f"needs {error.name}, which is not installed", where="--retrain", todo="run make setup-dev, or pip install 'toftwin[train]'"
-        ) from None
+        from toftwin.extras import install_line
+
+        raise UsageError(f"needs {error.name}, which is not installed", where="--retrain", todo=install_line("train")) from None
     train([data], network, config, say=say)
 
 

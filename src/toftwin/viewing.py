@@ -38,7 +38,9 @@ def rerun() -> Any:
     try:
         import rerun as rr
     except ImportError:
-        raise UsageError("rerun is not installed", where="toftwin view", todo="pip install 'toftwin[view]'") from None
+        from toftwin.extras import install_line
+
+        raise UsageError("rerun is not installed", where="toftwin view", todo=install_line("view")) from None
     return rr
 
 

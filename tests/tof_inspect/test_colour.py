@@ -16,7 +16,8 @@ from tof_core.camera import Camera
 from tof_core.capture import Colour
 from tof_inspect.colour import Picture, tones_of
 from tof_inspect.config import InspectConfig
-from tof_inspect.judge import Inspector, PartVerdict, Ratios
+from tof_inspect.evidence import Ratios
+from tof_inspect.judge import Inspector, PartVerdict
 from tof_inspect.light import fit_light
 from tof_scene.raycast import Raycaster
 
@@ -86,7 +87,7 @@ def test_both_together_are_weighed_as_independent() -> None:
     for v in judged().values():
         assert v.log_ratio == pytest.approx(v.log_depth + v.log_colour)
         assert v.state == "present"
-        assert v.why == "depth and colour: in its place"
+        assert v.why.startswith("depth and colour: ")
     for v in judged(("red", "same")).values():
         assert v.state == "absent"
         assert v.why == "depth and colour: the background is visible in its place"

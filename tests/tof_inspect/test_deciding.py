@@ -18,7 +18,15 @@ from tof_scene.raycast import Raycaster
 
 CONFIG = InspectConfig(prior=0.5)
 PART = replace(plate().part("block"), tolerance_mm=2.0)
-STAYS = Fit(0.0, 1.0, np.zeros(3), 0.0)
+
+
+def fitted(mm: float, std: float, ratio: float = 0.0) -> Fit:
+    """A part displaced along x, its place known by `std` along each axis."""
+    none, shared = np.zeros((3, 3)), np.eye(3) * (1e-3 * std) ** 2
+    return Fit(np.array([1e-3 * mm, 0.0, 0.0]), none, none, shared, shared, np.eye(3), ratio)
+
+
+STAYS = fitted(0.0, 1.0)
 
 
 def log_odds(p: float) -> float:
@@ -57,7 +65,7 @@ def test_displaced_is_beyond_tolerance_and_beyond_its_own_sigmas() -> None:
         (2.4, 0.1, "displaced"),
         (2.2, 0.1, "present"),
     ):
-        assert state(50.0, Fit(mm, std, np.zeros(3), 0.0)) == expected, (mm, std)
+        assert state(50.0, fitted(mm, std)) == expected, (mm, std)
 
 
 def test_a_part_at_another_place_is_there_where_that_explains_enough() -> None:
@@ -66,7 +74,7 @@ def test_a_part_at_another_place_is_there_where_that_explains_enough() -> None:
         (1.01 * needed, "displaced"),
         (0.9 * CONFIG.cell_px * CONFIG.moved_cost - 6 * log_odds(CONFIG.decide), "absent"),
     ):
-        assert state(-50.0, Fit(8.0, 0.5, np.zeros(3), ratio)) == expected
+        assert state(-50.0, fitted(8.0, 0.5, ratio)) == expected
 
 
 @pytest.mark.parametrize("axis", range(3))

@@ -50,4 +50,4 @@ def test_the_page_shows_each_part_in_a_browser(tmp_path: Path) -> None:
     flags = ["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", f"--user-data-dir={tmp_path / 'profile'}"]
     shown = subprocess.run([browser, *flags, page.resolve().as_uri()], capture_output=True, text=True, timeout=120, check=True).stdout
     assert shown.count("<img") == 4  # all but the parts that no view sees
-    assert shown.count('class="state left present"') == 2
+    assert shown.count('class="state present"') == 2

@@ -13,21 +13,34 @@ from tof_sensor.geometry import cell_points
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.where import Bin
 
 INK, PALE, BEFORE, AFTER = PALETTE["ink"], PALETTE["neutral"], PALETTE["contrast"], PALETTE["accent"]
 
 
-def on_the_cad(d: Diagnosis, left: Sequence[Float]) -> str:
-    """The parts seen in the session, coloured by mean gap before and after, from the middle view's side."""
-    limit = _limit(d)
-    figure, grid = axes(11, 4.6, columns=2)
+NAMED = 9
+"""Parts whose names stand on the map: those with most of its pixels."""
+GAP_COLOURS = "RdBu_r"
+NOT_COMPARED = "#cfd4d9"
+SMOOTH_PX = 5
+"""Side of the square whose mean a view's map shows."""
+CUBES = 130
+"""Cubes of space along the diagonal of what is seen: as fine as the map shows, and some pixels in each."""
+SURE = 2.0
+"""Standard errors from which the mean gap of a cube of space has a colour: below, it is paper."""
+
+
+def on_the_cad(d: Diagnosis, left: Sequence[Float], names: Sequence[str]) -> str:
+    """The parts seen in the session, coloured by mean gap before and after, from the middle view's side; the largest have their names."""
+    shown = [_projected(d, maps) for maps in (d.residual, left)]
+    limit = max(1.0, 2.5 * d.gap.above_mm(d.gap.before), 0.5 * d.gap.floor_mm)  # single far cubes do not set the scale
+    figure, grid = axes(11, 4.8, columns=2)
     points: Any = None
-    for ax, maps, title in zip(grid[0], (d.residual, left), ("before", "after adding what was named"), strict=True):
-        xy, value = _projected(d, maps)
-        points = ax.scatter(xy[:, 0], xy[:, 1], c=value, s=7, marker="s", cmap="RdBu_r", vmin=-limit, vmax=limit, linewidths=0)
+    for ax, (xy, value, part), title in zip(grid[0], shown, ("before", "after adding the named effects"), strict=True):
+        points = ax.scatter(xy[:, 0], xy[:, 1], c=value, s=11, marker="s", cmap=GAP_COLOURS, vmin=-limit, vmax=limit, linewidths=0)
+        _name_parts(ax, xy, part, names)
         ax.set_aspect("equal")
         ax.axis("off")
         ax.set_title(title, color=INK, fontsize=11)
@@ -35,25 +48,40 @@ def on_the_cad(d: Diagnosis, left: Sequence[Float]) -> str:
     return figure_uri(figure)
 
 
-def _limit(d: Diagnosis) -> float:
-    every = np.concatenate([np.abs(r[np.isfinite(r)]) for r in d.residual])
-    return float(max(1e3 * np.quantile(every, 0.95), 1.0))
+def _name_parts(ax: Any, xy: Float, part: Ints, names: Sequence[str]) -> None:
+    """Write the names of the parts with most points at their middle, where no other name stands."""
+    counts = np.bincount(part[part >= 0], minlength=len(names))
+    taken: list[Float] = []
+    apart = np.ptp(xy, axis=0) * (0.16, 0.06)
+    for index in np.argsort(-counts):
+        if len(taken) == NAMED or not counts[index] or index >= len(names):
+            break
+        middle = np.median(xy[part == index], axis=0)
+        if all((np.abs(middle - other) > apart).any() for other in taken):
+            taken.append(middle)
+            box = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.8}
+            ax.text(*middle, names[index], fontsize=7.5, color=INK, ha="center", va="center", bbox=box)
 
 
-def _projected(d: Diagnosis, maps: Sequence[Float], cell_m: float = 0.012) -> tuple[Float, Float]:
-    """(n, 2) screen positions and (n,) mean gap in mm of small cubes of space, nearest last."""
+def _projected(d: Diagnosis, maps: Sequence[Float]) -> tuple[Float, Float, Ints]:
+    """(n, 2) screen positions, (n,) mean gap in mm (0 where it is not significant) and (n,) part of small cubes of space, nearest last."""
     points = np.concatenate([cell_points(v.frame)[np.isfinite(m)] for v, m in zip(d.evidence, maps, strict=True)])
     gap = np.concatenate([m[np.isfinite(m)] for m in maps])
+    cell_m = float(np.linalg.norm(np.ptp(np.quantile(points, (0.02, 0.98), axis=0), axis=0))) / CUBES
     cube = np.floor(points / cell_m).astype(np.int64)
     size = np.ptp(cube, axis=0) + 1
     # One number a cube: sorting rows is twenty times slower.
     _, first, which = np.unique(np.ravel_multi_index((cube - cube.min(axis=0)).T, size), return_index=True, return_inverse=True)
     key = cube[first]
-    mean = 1e3 * np.bincount(which, gap) / np.bincount(which)
+    count = np.bincount(which)
+    mean = np.bincount(which, gap) / count
+    noise2 = np.concatenate([np.broadcast_to(f, m.shape)[np.isfinite(m)] for f, m in zip(d.floor2, maps, strict=True)])
+    mean = 1e3 * np.where(np.abs(mean) > SURE * np.sqrt(np.bincount(which, noise2)) / count, mean, 0.0)
+    part = np.concatenate([v.rendering.part[np.isfinite(m)] for v, m in zip(d.evidence, maps, strict=True)])[first]
     T = d.evidence[len(d.evidence) // 2].rendering.T_cell_camera
     local = ((key + 0.5) * cell_m - T[:3, 3]) @ T[:3, :3]
     order = np.argsort(-local[:, 2])
-    return np.stack([local[order, 0], -local[order, 1]], axis=1), mean[order]
+    return np.stack([local[order, 0], -local[order, 1]], axis=1), mean[order], part[order]
 
 
 def how_far(d: Diagnosis) -> str:
@@ -74,20 +102,36 @@ def how_far(d: Diagnosis) -> str:
 
 
 def views(d: Diagnosis, left: Sequence[Float], most: int = 4) -> str:
-    """Residual maps of a few views, before above, after below."""
+    """Some views: amplitude for orientation, the gap before, the gap after, as means of neighbouring pixels; grey where nothing is compared."""
     chosen = np.unique(np.linspace(0, len(d.residual) - 1, min(most, len(d.residual))).round().astype(int))
-    limit = _limit(d)
-    figure, grid = axes(11, 4.4, 2, len(chosen))
+    gaps = [[1e3 * _smooth(maps[v]) for v in chosen] for maps in (d.residual, left)]
+    limit = max(1.0, float(np.nanquantile(np.abs(np.concatenate([g.ravel() for g in gaps[0]])), 0.98)))
+    figure, grid = axes(11, 6.4, 3, len(chosen))
+    image: Any = None
     for column, v in enumerate(chosen):
-        for row, maps in enumerate((d.residual, left)):
-            ax = grid[row][column]
-            ax.imshow(1e3 * maps[v], cmap="RdBu_r", vmin=-limit, vmax=limit)
-            ax.set_xticks([])
-            ax.set_yticks([])
+        light = np.sqrt(np.maximum(np.nan_to_num(d.evidence[v].frame.amplitude), 0.0))
+        grid[0][column].imshow(light, cmap="gray", vmax=np.percentile(light, 99))
+        for row in (1, 2):
+            grid[row][column].set_facecolor(NOT_COMPARED)
+            image = grid[row][column].imshow(gaps[row - 1][column], cmap=GAP_COLOURS, vmin=-limit, vmax=limit)
+        for row in range(3):
+            grid[row][column].set_xticks([])
+            grid[row][column].set_yticks([])
         grid[0][column].set_title(f"view {v}", fontsize=9, color=INK)
-    grid[0][0].set_ylabel("before")
-    grid[1][0].set_ylabel("after")
+    for row, label in enumerate(("amplitude", "gap before", "gap after")):
+        grid[row][0].set_ylabel(label)
+    figure.colorbar(image, ax=list(grid[1:].ravel()), label="measured minus simulated, mm", shrink=0.8)
     return figure_uri(figure)
+
+
+def _smooth(gap: Float) -> Float:
+    """Mean of the known pixels of each `SMOOTH_PX` x `SMOOTH_PX`, NaN where the pixel itself is not known: noise averages out, the gap stays."""
+    from scipy import ndimage
+
+    known = np.isfinite(gap)
+    share = ndimage.uniform_filter(known.astype(float), SMOOTH_PX)
+    mean = ndimage.uniform_filter(np.where(known, gap, 0.0), SMOOTH_PX) / np.maximum(share, 1e-9)
+    return np.where(known, mean, np.nan)
 
 
 LABELS = {
@@ -104,19 +148,47 @@ LABELS = {
 }
 
 
-def by_quantity(bins: dict[str, list[Bin]]) -> str:
-    """Mean gap against each quantity."""
-    known = [(k, b) for k, b in bins.items() if len(b) >= 2]
-    columns = 4
-    rows = max(1, -(-len(known) // columns))
-    figure, grid = axes(11, 2.2 * rows, rows, columns)
-    for ax in grid.ravel()[len(known) :]:
+def by_quantity(bins: dict[str, list[Bin]]) -> tuple[str, str]:
+    """Mean gap against the quantity that it varies with most, and against each other one, on one scale with the noise as a band.
+
+    Returns both pictures; an empty text where there is none. A quantity counts by the variance of its bins' means.
+    """
+    known = sorted(((k, b) for k, b in bins.items() if len(b) >= 2), key=lambda x: -_varies(x[1]))
+    if not known:
+        return "", ""
+    top = 1.4 * max(*(abs(x.bias_mm) for _, b in known for x in b), float(np.median([x.floor_mm for x in known[0][1]])))
+    figure, ((ax,),) = axes(7.5, 2.9)
+    _curve(ax, *known[0], top)
+    ax.set_ylabel("mean gap, mm")
+    main = figure_uri(figure)
+    if len(known) < 2:
+        return main, ""
+    columns, rest = 3, known[1:]
+    rows = -(-len(rest) // columns)
+    figure, grid = axes(11, 2.1 * rows, rows, columns, sharey=True)
+    for ax in grid.ravel()[len(rest) :]:
         ax.axis("off")
-    for ax, (name, b) in zip(grid.ravel(), known, strict=False):
-        middle = [0.5 * (x.low + x.high) for x in b]
-        ax.axhline(0, color=PALE, linewidth=0.8)
-        ax.plot(middle, [x.bias_mm for x in b], color=BEFORE, marker="o", markersize=3, linewidth=1.2)
-        ax.set_xlabel(LABELS.get(name, name), fontsize=8)
-        ax.tick_params(labelsize=7)
-    grid[0][0].set_ylabel("mean gap, mm", fontsize=8)
-    return figure_uri(figure)
+    for ax, (name, b) in zip(grid.ravel(), rest, strict=False):
+        _curve(ax, name, b, top)
+        ax.tick_params(labelsize=8)
+    grid[0][0].set_ylabel("mean gap, mm")
+    return main, figure_uri(figure)
+
+
+def _varies(b: Sequence[Bin]) -> float:
+    """Variance of the bins' means, by pixels."""
+    weight, mean = np.array([x.pixels for x in b], float), np.array([x.bias_mm for x in b])
+    return float(np.average((mean - np.average(mean, weights=weight)) ** 2, weights=weight))
+
+
+def _curve(ax: Any, name: str, b: Sequence[Bin], top: float) -> None:
+    middle = [0.5 * (x.low + x.high) for x in b]
+    floor = np.array([x.floor_mm for x in b])
+    ax.fill_between(middle, -floor, floor, color=PALETTE["wash"], linewidth=0)
+    ax.plot(middle, floor, middle, -floor, color=PALETTE["line"], linewidth=0.8)
+    ax.axhline(0, color=PALE, linewidth=0.8)
+    ax.plot(middle, [x.bias_mm for x in b], color=BEFORE, marker="o", markersize=3, linewidth=1.4)
+    ax.set_ylim(-top, top)
+    if name == "amplitude":
+        ax.set_xscale("log")
+    ax.set_xlabel(LABELS.get(name, name))

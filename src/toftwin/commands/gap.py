@@ -117,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
     content = write(diagnosis, caster, args.out, advise(diagnosis, caster), again)
     if compared is not None:
         content["against"] = compared.to_dict() | {"lines": compared.lines()}
-    page = write_page(diagnosis, content, args.out, Path(args.bag).name)
+    page = write_page(diagnosis, content, args.out, Path(args.bag).name, caster.scene.names)
     learned = _retrained(diagnosis, caster, args.out, config, say) if args.retrain else None
     if args.json:
         print(json.dumps(content | ({} if learned is None else {"retrain": asdict(learned)}), indent=1))

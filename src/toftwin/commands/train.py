@@ -119,9 +119,9 @@ def _trainer() -> Any:
     except ModuleNotFoundError as error:
         if error.name not in {"torch", "onnx"}:
             raise
-        raise UsageError(
-            f"needs {error.name}, which is not installed", where="train", todo="run make setup-dev, or pip install 'toftwin[train]'"
-        ) from None
+        from toftwin.extras import install_line
+
+        raise UsageError(f"needs {error.name}, which is not installed", where="train", todo=install_line("train")) from None
     return train
 
 

@@ -11,8 +11,8 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_gap.limits.report import ReportLimits
-from tof_gap.tell.page import sentence
 from tof_gap.tell.where import _discoveries, by_quantity, regions
+from tof_gap.tell.words import sentence
 
 NOISE_M = 0.002
 FLOOR2 = [np.full(SHAPE, NOISE_M**2)] * VIEWS

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Words of the report: the verdict as a sentence, what to do now, sizes of effects."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tof_core.errors import ToftwinError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+PLACE = "place in the cell"
+GOES_WITH = {"x_m": PLACE, "y_m": PLACE, "z_m": PLACE, "temperature_c": "temperature", "hand": "the camera's place on the hand"}
+"""Observables whose names say less than these words."""
+
+
+def sentence(content: dict[str, Any]) -> str:
+    """The verdict in words."""
+    names = [v.replace("_", " ").replace("|", " or ") for v in content["verdict"] if v not in ("none", "unknown")]
+    gap = content["gap"]
+    if content["verdict"] == ["none"]:
+        return "Camera and simulation agree to within the noise: nothing needs to be added."
+    if not names:
+        suspects = [c["effect"].replace("_", " ") for c in content["causes"] if not c["asserted"]]
+        also = f" Part of it looks like {listed(suspects)}, but too much is left to be sure." if suspects else ""
+        return f"Camera and simulation differ, and no effect known here explains how.{_clue(content['unexplained'])}{also}"
+    verb = "explain" if len(names) > 1 else "explains"
+    how = "" if gap["shrink"] is None else f" and {verb} {percent(gap['shrink'])} of the gap"
+    more = ""
+    if "unknown" in content["verdict"]:
+        more = f" Something else is left that no effect known here explains.{_clue(content['unexplained'])}"
+    return f"Camera and simulation differ by {listed(names)}{', which together' if len(names) > 1 and how else ', which' if how else ''}{how[4:] if how else ''}.{more}"
+
+
+def todo(content: dict[str, Any], world: Sequence[str]) -> list[str]:
+    """What to do now, the most useful first; empty where nothing needs to be done."""
+    lines = []
+    if any(v not in ("none", "unknown") for v in content["verdict"]):
+        lines.append(
+            "Use the fitted effects: sensor.yaml beside this page is what toftwin label, correct, inspect and gap take as --sensor, "
+            "and toftwin sensor adds to a simulator's ideal depth."
+        )
+    if world:
+        lines.append("Correct the cell or scene.yaml where they disagree (see “What is not as the CAD has it”).")
+    if "unknown" in content["verdict"]:
+        where = content["unexplained"]["where"]
+        lines.append(
+            f"Look at {listed(where[:3])}: what is left there is no effect known here. Is it as drawn, in its place, glossy, wet or transparent?"
+            if where
+            else "Look at the maps below: what is left is no effect known here, and on no part in particular."
+        )
+    return lines + [f"Capture: {line}." for line in content["advice"]]
+
+
+def size_in_words(cause: dict[str, Any]) -> str:
+    """The fitted parameters of an effect, in words where there are some for it, else by name."""
+    params, std = cause["params"], cause["params_std"]
+    if params and all(isinstance(p, dict) for p in params.values()):
+        return f"of {len(params)} parts"
+    return _stated(cause["effect"], params) or _by_name(params, std)
+
+
+def _stated(name: str, params: dict[str, Any]) -> str:
+    """The size in the effect's own units, "" where it has none or the parameters are not its own."""
+    from tof_core.config import from_mapping
+    from tof_sensor.registry import EFFECTS
+
+    try:
+        effect = from_mapping(EFFECTS[name], params)
+    except (KeyError, TypeError, ToftwinError):
+        return ""
+    return effect.stated
+
+
+def _by_name(params: dict[str, Any], std: dict[str, Any]) -> str:
+    shown = []
+    for name, value in params.items():
+        if isinstance(value, float | int):
+            error = f" ± {std[name]:.2g}" if isinstance(std.get(name), float) else ""
+            shown.append(f"{name} {value:.4g}{error}")
+    return ", ".join(shown[:6])
+
+
+def _clue(unexplained: dict[str, Any]) -> str:
+    """What the unexplained part goes with and where it is, as a sentence."""
+    names = [GOES_WITH.get(q, q.split("_")[0]) for q in unexplained["depends_on"]]
+    goes = f"goes with {listed(list(dict.fromkeys(names)))}" if names else ""
+    where = f"shows most on {listed(unexplained['where'][:3])}" if unexplained["where"] else ""
+    clues = "; it ".join(x for x in (goes, where) if x)
+    return f" It {clues}." if clues else ""
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a sentence."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def percent(share: float | None) -> str:
+    """A share in per cent; a dash where it is not known."""
+    return "–" if share is None else f"{round(share, 2) + 0.0:.0%}"
+
+
+def interval(ci: list[float] | None) -> str:
+    """A confidence interval in brackets, "" where it is not known."""
+    return "" if ci is None else f" (95 %: {percent(ci[0])} to {percent(ci[1])})"

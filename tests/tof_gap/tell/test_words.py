@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The words of the report: what to do now, and sizes of effects."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tof_gap.tell.words import size_in_words, todo
+
+
+def cause(effect: str, **params: Any) -> dict[str, Any]:
+    return {"effect": effect, "params": params, "params_std": {}}
+
+
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        (cause("wiggling", sine_m=3e-3, cosine_m=-4e-3, modulation_mhz=100.0, harmonic=4), "±5.0 mm every 0.37 m of range"),
+        (cause("range_offset", offset_m=-0.0042), "-4.2 mm"),
+        (cause("depth_scale", scale=0.004), "+0.40 %"),
+        (cause("quantization", step_m=0.005), "steps of 5.0 mm"),
+        (cause("multipath", strength=0.8), "strength 0.8"),
+        (cause("cad_deviation", panel={"x": 1.0}, rib={"x": 2.0}), "of 2 parts"),
+    ],
+)
+def test_a_size_is_in_words_where_there_are_some(found: dict[str, Any], words: str) -> None:
+    assert size_in_words(found) == words
+
+
+def content(*verdict: str, where: tuple[str, ...] = (), advice: tuple[str, ...] = ()) -> dict[str, Any]:
+    return {"verdict": list(verdict), "unexplained": {"where": list(where)}, "advice": list(advice)}
+
+
+def test_a_healthy_session_asks_for_nothing() -> None:
+    assert todo(content("none"), []) == []
+
+
+def test_what_to_do_follows_the_verdict_the_world_and_the_advice() -> None:
+    lines = todo(content("unknown", "wiggling", where=("panel",), advice=("go closer",)), ["missing: pipe"])
+    assert ["--sensor" in lines[0], "scene.yaml" in lines[1], "Look at panel" in lines[2], lines[3]] == [
+        True,
+        True,
+        True,
+        "Capture: go closer.",
+    ]
+    assert "--sensor" not in " ".join(todo(content("unknown"), []))

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A creeping part is seen before it leaves its tolerance, and parts that stay are not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tof_core.errors import UsageError
+from tof_inspect.history import CREEPS, add, trends
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+STD = 0.2
+
+
+def session(k: int, shift: Any, std: Any = (STD, STD, STD), scene: str = "s") -> dict[str, Any]:
+    """An inspection of one part: what the file holds that a trend needs."""
+    part = {"name": "clip", "tolerance_mm": 2.0, "shift_mm": list(shift), "cov_mm2": np.diag(np.square(std)).tolist()}
+    return {"schema": "toftwin.inspection/1", "scene": scene, "views": [{"stamp_ns": 10 * k}], "parts": [part]}
+
+
+def test_rate_direction_and_sessions_left_are_those_of_the_creep() -> None:
+    (trend,) = trends([session(k, (0.0, 0.25 * k, 0.0)) for k in range(6)])
+    assert trend.creeps
+    np.testing.assert_allclose(trend.rate_mm, (0.0, 0.25, 0.0), atol=1e-9)
+    assert trend.now_mm == pytest.approx(1.25)
+    assert trend.std_mm == pytest.approx(STD / np.sqrt(17.5)), "sum of squares of 6 sessions about their middle"
+    assert trend.left == pytest.approx((2.0 - 1.25) / 0.25)
+    assert "leaves its tolerance of 2 mm in about 3 sessions" in trend.words()
+
+
+def test_chance_is_no_creep_and_its_share_is_that_of_the_chi_square() -> None:
+    rng = np.random.default_rng(0)
+    found = [trends([session(k, rng.normal(0, STD, 3)) for k in range(5)])[0].chi for _ in range(2000)]
+    assert np.mean(np.array(found) > CREEPS) < 0.004
+    assert np.mean(np.array(found) ** 2) == pytest.approx(3.0, abs=0.2)
+
+
+def test_an_axis_that_is_not_known_says_nothing() -> None:
+    (trend,) = trends([session(k, (0.0, 0.0, 3.0 * k), (STD, STD, 1e3)) for k in range(5)])
+    assert not trend.creeps
+    assert trend.left is None
+
+
+def test_a_part_beyond_its_tolerance_has_no_sessions_left() -> None:
+    (trend,) = trends([session(k, (0.0, 0.6 * k, 0.0)) for k in range(6)])
+    assert trend.left is None
+    assert "beyond its tolerance" in trend.words()
+
+
+def test_sessions_are_kept_in_their_order_one_file_each_and_other_scenes_left_out(tmp_path: Path) -> None:
+    for k in (3, 1, 2):
+        kept = add(tmp_path, session(k, (0, 0, 0)))
+    add(tmp_path, session(2, (0, 0, 0)))
+    kept = add(tmp_path, session(9, (0, 0, 0)))
+    assert [s["views"][0]["stamp_ns"] for s in kept] == [10, 20, 30, 90]
+    assert len(add(tmp_path, session(4, (0, 0, 0), scene="other"))) == 1
+    (tmp_path / "gap.json").write_text("{}")
+    with pytest.raises(UsageError, match="is no inspection"):
+        add(tmp_path, session(5, (0, 0, 0)))
