@@ -23,8 +23,9 @@ from tof_preproc.stream import PreprocStream, Processed
 from tof_ros import messages, qos
 from tof_ros.base import LEFT_OVER, RoomNode
 from tof_ros.depth_output import DepthOutput
-from tof_ros.patience import PERIOD_S, Patience
+from tof_ros.patience import Patience
 from tof_ros.recorder import RecordService
+from tof_ros.ticker import Ticker
 from tof_ros.transforms import TransformListener
 
 if TYPE_CHECKING:
@@ -65,6 +66,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         self._topics = input_topics(self.config.input)
         self._arrivals: dict[int, float] = {}
         self._patience = Patience(self.config.live.patience_s)
+        self._ticker = Ticker(self, self._tick)
         self._last_info, self._since_info = float("-inf"), 0
         self._stream = PreprocStream(
             self.config,
@@ -80,7 +82,6 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         warm_up()  # the first time this compiles for some 20 s: before frames arrive, not while they wait
         self._subscribe()
         self._say_stages()
-        self.timer(PERIOD_S, self._tick)
         self.service("capture", self._end_dwell)
         self.service("flush", self.flush)
         self._recordings = RecordService(
@@ -115,6 +116,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         self._since_info += 1
         self._arrivals[stamp_ns(message)] = arrived
         self._patience.start(stamp_ns(message))
+        self._ticker.start()
         take(message)
         self._advance()
 
@@ -138,10 +140,11 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         if self._stream.jumped_back:
             self.jumped()
 
-    def _tick(self) -> None:
-        """Give out frames whose missing parts did not arrive in time."""
+    def _tick(self) -> bool:
+        """Give out frames whose missing parts did not arrive in time; whether a frame still waits."""
         self._stream.give_up(self._patience.tick())
         self._advance()
+        return bool(self._patience)
 
     def _publish(self, processed: Processed) -> None:
         arrived = self._arrivals.pop(processed.stamp_ns, time.monotonic())

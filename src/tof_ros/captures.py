@@ -16,7 +16,8 @@ from tof_core.errors import RefusedError, ToftwinError
 from tof_core.jump import BackwardJump
 from tof_ros import messages, qos
 from tof_ros.base import LEFT_OVER
-from tof_ros.patience import NEVER, PERIOD_S, Patience
+from tof_ros.patience import NEVER, Patience
+from tof_ros.ticker import Ticker
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -72,7 +73,7 @@ class CaptureFeed:
             node.input(topics.amplitude, messages.image_class(topics.amplitude), self._amplitude, sensor)
         if topics.temperature:
             node.input(topics.temperature, Temperature, builder.temperature, sensor)
-        node.timer(PERIOD_S, self._tick)
+        self._ticker = Ticker(node, self._tick)
 
     @property
     def oldest(self) -> int:
@@ -120,6 +121,7 @@ class CaptureFeed:
             return
         self._arrivals[stamp] = arrived
         self._patience.start(stamp)
+        self._ticker.start()
         self._builder.depth(message)
         if self._jump:
             self._node.jumped()
@@ -135,10 +137,12 @@ class CaptureFeed:
         self._builder.amplitude(message)
         self.advance()
 
-    def _tick(self) -> None:
+    def _tick(self) -> bool:
+        """Give up waiting for what does not come; whether a frame still waits."""
         self._overdue = max(self._overdue, self._patience.tick())
         self._builder.overdue = max(self._builder.overdue, self._overdue)
         self.advance()
+        return bool(self._patience)
 
     def _skipped(self, stamp: int, reason: str, why: str) -> None:
         self._patience.end(stamp)

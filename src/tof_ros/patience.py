@@ -20,6 +20,10 @@ class Patience:
         self._most = max(round(seconds / PERIOD_S), 2)
         self._ages: dict[int, int] = {}
 
+    def __bool__(self) -> bool:
+        """Whether a frame waits."""
+        return bool(self._ages)
+
     def start(self, stamp_ns: int) -> None:
         """A frame begins to wait."""
         self._ages.setdefault(stamp_ns, 0)

@@ -20,7 +20,8 @@ from tof_ros import qos
 from tof_ros.base import LEFT_OVER
 from tof_ros.interfaces import own_message
 from tof_ros.joiner import StampJoiner
-from tof_ros.patience import NEVER, PERIOD_S, Patience
+from tof_ros.patience import NEVER, Patience
+from tof_ros.ticker import Ticker
 from tof_ros.transforms import TransformListener
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ class ViewFeed:
         for part in parts:
             topic = f"preproc/{topics.get(part, part)}"
             node.input(topic, KINDS.get(part, Image), partial(self._part, part), qos.OUTPUT, frames="" if part == "depth" else None)
-        node.timer(PERIOD_S, self._tick)
+        self._ticker = Ticker(node, self._tick)
 
     def _part(self, part: str, message: Any) -> None:
         stamp = stamp_ns(message)
@@ -94,6 +95,7 @@ class ViewFeed:
             self._camera(message.header.frame_id)
             self._arrivals[stamp] = self._node.tally.arrived()
             self._patience.start(stamp)
+            self._ticker.start()
         if part == DWELL and has_amplitude(message):
             self._joiner.expect("amplitude")
         if self._joiner.add(part, stamp, message):
@@ -114,10 +116,11 @@ class ViewFeed:
         if self._arrivals.pop(stamp, None) is not None:
             self._node.skip(stamp, "incomplete", "not all of preproc's topics came for it")
 
-    def _tick(self) -> None:
-        """Give up waiting for what does not come."""
+    def _tick(self) -> bool:
+        """Give up waiting for what does not come; whether a view still waits."""
         self._overdue = max(self._overdue, self._patience.tick())
         self.advance()
+        return bool(self._patience)
 
     def advance(self) -> None:
         """Take every view whose transform is there."""

@@ -19,9 +19,9 @@ from tof_ros import messages
 from tof_ros.depth_output import DepthOutput
 from tof_ros.managed import ManagedNode
 from tof_ros.markers import GREEN, ORANGE, part_markers
-from tof_ros.patience import PERIOD_S
 from tof_ros.placing import Frames, Placing
 from tof_ros.recorder import RecordService
+from tof_ros.ticker import Ticker
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
@@ -91,7 +91,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._labelled = time.monotonic()
         self._path = Path(header=messages.header(0, self._cell))
         self._feed = ViewFeed(self, self._chain, live.patience_s, self._take, self._placing.camera)
-        self.timer(PERIOD_S, self._settle)
+        self._ticker = Ticker(self, self._settle)
         self._colours: dict[str, Colour] = {}
         self._draw({})
 
@@ -102,12 +102,15 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
     def _take(self, view: View) -> None:
         self._publish(self._stream.push(view))
         self._labelled = time.monotonic()
+        self._ticker.start()
 
-    def _settle(self) -> None:
-        """Label the last view once no other has come for a while."""
+    def _settle(self) -> bool:
+        """Label the last view once no other has come for a while; whether one may wait for that."""
         settle = self.config.live.settle_s
         if settle and time.monotonic() - self._labelled > settle:
             self._publish(self._stream.flush())
+            return False
+        return bool(settle)
 
     def _publish(self, labelled: Labelled | None) -> None:
         if labelled is None:
