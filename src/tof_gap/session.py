@@ -13,6 +13,7 @@ from tof_core.calibration import Calibration, load_calibration
 from tof_gap.diagnose import diagnose
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.known import KnownBias
+from tof_sensor.origin import check_camera
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -37,6 +38,8 @@ def diagnose_session(
     untestable: Mapping[str, str] = MappingProxyType({}),
 ) -> Diagnosis:
     """Remove the bias of the effects in `known`, diagnose the rest; noise is compared with their photon law. Arguments as of `diagnose`."""
+    if known is not None and views:
+        check_camera(known.camera, views[0].camera)
     if known is not None and known.names != (PhotonLaw.NAME,):  # the law of the noise has no bias
         progress("removing known effects")
         views = known_removed(views, caster, KnownBias(known), align)

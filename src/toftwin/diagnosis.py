@@ -6,17 +6,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from tof_align.known import known_removed
-from tof_core.calibration import FILE as CALIBRATION_FILE
-from tof_core.calibration import Calibration, load_calibration
 from tof_core.config import section
 from tof_gap.config import GapConfig
-from tof_gap.diagnose import diagnose
+from tof_gap.session import diagnose_session
 from tof_gap.tell.against import AgainstLimits
 from tof_scene.raycast import Raycaster
-from tof_sensor.effects.photon_law import PhotonLaw
-from tof_sensor.known import KnownBias
-from tof_sensor.origin import check_camera
 from toftwin.boarded import NOT_TESTABLE, BoardSource
 from toftwin.pipeline import PipelineConfig, raw_views
 from toftwin.retraining import RetrainConfig
@@ -48,21 +42,12 @@ def diagnose_bag(
     left_out: frozenset[str] = frozenset(),
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Diagnosis, Raycaster]:
-    """Read every view unfiltered, remove the bias of the effects in `known`, diagnose the rest; noise is compared with their photon law."""
+    """Read every view unfiltered, remove the bias of the effects in `known`, and diagnose the rest."""
     progress("reading views")
     views = raw_views(reader, config)
-    caster, align, untestable = Raycaster(scene), config.align, dict[str, str]()
+    caster, gap, align, untestable = Raycaster(scene), config.gap, config.align, dict[str, str]()
     if isinstance(reader, BoardSource):
         align, untestable = reader.session.align(align), NOT_TESTABLE
-        config = replace(config, gap=replace(config.gap, calibration=reader.session.calibration(config.gap.calibration)))
-    if known is not None and views:
-        check_camera(known.camera, views[0].camera)
-    if known is not None and known.names != (PhotonLaw.NAME,):
-        progress("removing known effects")
-        views = known_removed(views, caster, KnownBias(known), align)
-    gap = config.gap
-    beside = scene.folder / CALIBRATION_FILE
-    if gap.calibration == Calibration() and beside.exists():
-        gap = replace(gap, calibration=load_calibration(beside))
-    law = None if known is None else known.law
-    return diagnose(views, caster, gap, align, left_out, progress, untestable=untestable, law=law), caster
+        gap = replace(gap, calibration=reader.session.calibration(gap.calibration))
+    found = diagnose_session(views, caster, gap, align, known=known, left_out=left_out, progress=progress, untestable=untestable)
+    return found, caster
