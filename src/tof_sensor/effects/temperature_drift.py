@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -22,10 +23,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class TemperatureDrift(Effect):
-    """dr = k (T - T0) + w exp(-t / tau) (docs/effects.md).
+    """dr = k (T - T0) + w exp(-t / tau) + h exp(-t / tau_h) (docs/effects.md).
 
-    The first term is what follows the thermometer. The second is what warms up faster or slower than it: the lamp's driver leads a
-    thermometer in the housing by minutes. Without a thermometer the second term stands alone. t counts from the session's start.
+    The first term is what follows the thermometer. The others are what warms up faster or slower than it: the lamp's driver leads a
+    thermometer in the housing by minutes, and the housing lags. Without a thermometer they stand alone. t counts from the session's start.
     """
 
     NAME: ClassVar[str] = "temperature_drift"
@@ -35,20 +36,22 @@ class TemperatureDrift(Effect):
     SEPARATED_BY: ClassVar[str] = "the same pose recorded over half an hour"
     ACTIONS: ClassVar = (LATER,)
     FINER: ClassVar[tuple[Finer, ...]] = (Finer("tau_s", 1.0, 7),)
-    LINEAR: ClassVar[tuple[str, ...]] = ("drift_m", "warmup_m")
+    LINEAR: ClassVar[tuple[str, ...]] = ("drift_m", "warmup_m", "housing_m")
 
     drift_m: float = param(0.0, "per kelvin of the thermometer", unit="m", low=-0.1, high=0.1)
     warmup_m: float = param(0.0, "at the session's start, beside what the thermometer shows", unit="m", low=-0.2, high=0.2)
+    housing_m: float = param(0.0, "at the session's start, of a second and slower warm-up", unit="m", low=-0.2, high=0.2)
     reference_c: float = param(25.0, "temperature without drift", unit="degC", low=-40.0, high=120.0)
     tau_s: float = param(0.0, "time constant of the warm-up; 0: none beside the thermometer", unit="s", low=0.0, high=1e5)
+    housing_s: float = param(0.0, "time constant of the second warm-up; 0: none", unit="s", low=0.0, high=1e5)
 
     def columns(self, frame: Frame) -> Float:
-        """Two constants per view, along z; 0 for what is unknown."""
+        """Three constants per view, along z; 0 for what is unknown."""
         context = frame.context
         warm = context.temperature - self.reference_c
-        left = float(np.exp(-context.time_s / self.tau_s)) if self.tau_s > 0 else 0.0
+        left = [float(np.exp(-context.time_s / tau)) if tau > 0 else 0.0 for tau in (self.tau_s, self.housing_s)]
         one = np.where(frame.valid, 1.0 / frame.length, 0.0)
-        return stack([one * (warm if np.isfinite(warm) else 0.0), one * left], frame)
+        return stack([one * (warm if np.isfinite(warm) else 0.0), *(one * share for share in left)], frame)
 
     @classmethod
     def lacks(cls, session: Session) -> str:
@@ -65,6 +68,8 @@ class TemperatureDrift(Effect):
             yield Form(cls(reference_c=mean), "thermometer")
         for tau in TIME_CONSTANTS_S:
             yield Form(cls(reference_c=mean, tau_s=tau), f"tau {tau:g} s")
+        for tau, slower in itertools.combinations(TIME_CONSTANTS_S, 2):
+            yield Form(cls(reference_c=mean, tau_s=tau, housing_s=slower), f"tau {tau:g} s and {slower:g} s")
 
 
 TIME_CONSTANTS_S = (60.0, 300.0, 1200.0)
