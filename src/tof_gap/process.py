@@ -97,6 +97,7 @@ def _content(task: Task, progress: Callable[[str], None]) -> dict[str, Any]:
 
     from tof_gap.advice import advise
     from tof_gap.session import diagnose_session
+    from tof_gap.tell.kept import kept
     from tof_gap.tell.page import write_page
     from tof_gap.tell.report import region_maps, report, write
     from tof_scene.builtin import open_scene
@@ -109,6 +110,6 @@ def _content(task: Task, progress: Callable[[str], None]) -> dict[str, Any]:
     progress("advice and report")
     advice = advise(found, caster)
     if not task.out:
-        return report(found, caster, region_maps(found, caster), advice)
-    content = write(found, caster, Path(task.out), advice)
+        return report(found, caster, region_maps(found, caster), advice, kept(found, known))
+    content = write(found, caster, Path(task.out), advice, kept(found, known))
     return content | {"page": str(write_page(found, content, Path(task.out), "live"))}

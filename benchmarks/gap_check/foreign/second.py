@@ -58,13 +58,15 @@ def _one(folder: Path, name: str) -> Promised | None:
         with opened(out / "bag", folder / BAGS / name / "scene" / "scene.yaml", config) as (reader, scene):
             assert scene is not None
             diagnosis, _ = diagnose_bag(reader, scene, config, known=known)
-        (out / "kept.json").write_text(json.dumps(kept(diagnosis, known).to_dict() | {"verdict": list(diagnosis.verdict)}))
-    found = json.loads((out / "kept.json").read_text())
-    if found["kept"]["shrink"] is None or found["promised"] is None:
+        found = kept(diagnosis, known)
+        assert found is not None, "a report that states a shrink names a bias"
+        (out / "kept.json").write_text(json.dumps(found.to_dict() | {"verdict": list(diagnosis.verdict)}))
+    row = json.loads((out / "kept.json").read_text())
+    if row["kept"]["shrink"] is None or row["promised"] is None:
         return None
     causes = json.loads((folder / REPORTS / name / "gap.json").read_text())["causes"]
     named = tuple(c["effect"] for c in causes)
-    return Promised(name, named, found["promised"]["shrink"], found["kept"]["shrink"], tuple(found["verdict"]))
+    return Promised(name, named, row["promised"]["shrink"], row["kept"]["shrink"], tuple(row["verdict"]))
 
 
 def _record(folder: Path, name: str) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tof_gap.tell.shrink import blocks, measure
+from tof_sensor.effects.photon_law import PhotonLaw
 
 if TYPE_CHECKING:
     from tof_gap.tell.diagnosis import Diagnosis
@@ -43,11 +44,13 @@ class Kept:
         )
 
 
-def kept(d: Diagnosis, known: SensorModel) -> Kept:
+def kept(d: Diagnosis, known: SensorModel | None) -> Kept | None:
     """What `known` takes off the gap of a session that it was not fitted to, on all of the session's views.
 
-    `d` diagnoses what the model leaves, at the poses that this gives.
+    `d` diagnoses what the model leaves, at the poses that this gives. None without a model, or of a photon law alone: it has no bias.
     """
+    if known is None or known.names == (PhotonLaw.NAME,):
+        return None
     after = d.residual
     before = [r + known.bias(v.frame) for r, v in zip(after, d.evidence, strict=True)]
     report = d.config.report

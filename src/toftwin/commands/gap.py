@@ -113,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
         save_lens(reader.session, args.out)
     compared = _compared(args, config, diagnosis, caster, left_out, say) if args.against else None
     say("advice and report")
-    again = None if known is None or known.names == ("photon_law",) else kept(diagnosis, known)
+    again = kept(diagnosis, known)
     content = write(diagnosis, caster, args.out, advise(diagnosis, caster), again)
     if compared is not None:
         content["against"] = compared.to_dict() | {"lines": compared.lines()}
