@@ -154,3 +154,20 @@ def test_inspection_finds_the_part_that_is_gone(
     assert states["connector"] == "absent"
     assert sum(s == "absent" for s in states.values()) == 1
     assert (tmp_path / "out" / "inspection.html").read_text().count("connector") >= 1
+
+
+def test_inspection_beside_a_session_of_the_complete_cell_keeps_its_history(
+    bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    history = tmp_path / "history"
+    flags = ["--scene", "body_section", "--reference", str(bags["first"][0]), "--history", str(history)]
+    complete = main(["inspect", str(bags["first"][0]), *flags])
+    printed = capsys.readouterr().out
+    assert complete == 0, "every part that is seen stands where it stood in the same bag"
+    assert "0 displaced" in printed
+    assert main(["inspect", str(bags["first"][0]), *flags, "--all-judged"]) == 1, "some parts are in no view"
+    assert len(list(history.glob("*.json"))) == 1, "one file a session"
+    two = ["--reference", str(bags["gone"][0])]
+    capsys.readouterr()
+    assert main(["inspect", str(bags["first"][0]), *flags, *two]) == 2
+    assert "two reference sessions are given" in one_line(capsys)
