@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
 
 from tof_core import se3
 from tof_core.stats import robust_stds
@@ -74,6 +73,8 @@ class Picture:
 
 def tones_of(image: Bytes) -> Float:
     """Tones (h, w, 3) of an RGB image (h, w, 3), over 3 x 3 pixels."""
+    from scipy import ndimage
+
     linear = (image.astype(float) / 255.0) ** GAMMA
     mean = np.stack([ndimage.uniform_filter(linear[..., k], 3, mode="nearest") for k in range(3)], axis=-1)
     log = np.log(mean + DARK)
@@ -156,6 +157,8 @@ class Colours:
 
 def _inner(mine: Mask, rows: Ints, cols: Ints) -> Mask:
     """Without the outermost ring of pixels, if enough remain."""
+    from scipy import ndimage
+
     shape = len(np.unique(rows)), len(np.unique(cols))
     inner = ndimage.binary_erosion(mine.reshape(shape)).ravel()
     return np.asarray(inner if inner.sum() >= 12 else mine)

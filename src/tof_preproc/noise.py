@@ -11,6 +11,7 @@ Without an amplitude image 1/z^2 takes its place (inverse square law).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,8 @@ FEWEST = 40
 SAMPLES = 16000
 TINY = 1e-12
 """Least variance, m^2: a micrometre squared."""
+EQUAL = 1e-12
+"""Share of the squares by which rounding makes a law with more terms look better."""
 CUT = 9.0
 """Squared residuals beyond three standard deviations are edges or motion, not noise."""
 
@@ -120,8 +123,6 @@ def _sum(row: Float, r: Float) -> float:
 
 def _fit(noise2: Float, brightness: Float, dof: int, quantum: float, *, by_range: bool) -> NoiseLaw:
     """Bins of equal count by brightness, a robust variance in each, and the law through them, none of its terms negative."""
-    from scipy.optimize import nnls  # loads slowly; only views whose noise is fitted need it
-
     floor = max(quantum**2 / 12, TINY)
     usable = np.isfinite(brightness) & (brightness > 0)
     order = np.argsort(brightness[usable])
@@ -135,10 +136,23 @@ def _fit(noise2: Float, brightness: Float, dof: int, quantum: float, *, by_range
     centre = np.array([_middle(brightness[b]) for b in bins])
     unit = float(np.median(centre))
     powers = (centre[:, None] / unit) ** -np.arange(3.0)
-    coefficients, _ = nnls(powers / variance[:, None], np.ones(len(bins)))
+    coefficients = _least_squares(powers / variance[:, None], np.ones(len(bins)))
     a0, a1, a2 = (float(c * unit**p) for p, c in enumerate(coefficients))
     low, high = (float(v) for v in np.quantile(brightness, (0.001, 0.999)))
     return NoiseLaw((max(a0, floor) if a1 == a2 == 0 else a0, a1, a2), low, high, by_range)
+
+
+def _least_squares(A: Float, b: Float) -> Float:
+    """(k,) coefficients, none negative, that minimise |A x - b|: the best of those of all sets of columns (k is three, `nnls` loads slowly)."""
+    best, least = np.zeros(A.shape[1]), float(b @ b)
+    for size in range(1, A.shape[1] + 1):
+        for chosen in combinations(range(A.shape[1]), size):
+            x = np.linalg.lstsq(A[:, chosen], b, rcond=None)[0]
+            square = float(np.sum((A[:, chosen] @ x - b) ** 2))
+            if (x >= 0).all() and square < least - EQUAL * float(b @ b):
+                best, least = np.zeros(A.shape[1]), square
+                best[list(chosen)] = x
+    return best
 
 
 def _middle(ascending: Float) -> float:

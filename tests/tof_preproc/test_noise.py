@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.tof_frames import captures, edge_rich, noise_of, plane
-from tof_preproc.noise import _moments, law_of_capture, law_of_dwell, robust_variance
+from tof_preproc.noise import _least_squares, _moments, law_of_capture, law_of_dwell, robust_variance
 from tof_preproc.stack import Stack
 
 if TYPE_CHECKING:
@@ -93,3 +93,21 @@ def test_mean_and_variance_over_time_are_numpy_s_to_the_bit(n: int) -> None:
     means, variances = _moments(depths, some, n)
     np.testing.assert_array_equal(means, values.mean(axis=1))
     np.testing.assert_array_equal(variances, values.var(axis=1, ddof=1))
+
+
+def test_the_terms_of_a_law_are_those_of_non_negative_least_squares() -> None:
+    from scipy.optimize import nnls
+
+    rng = np.random.default_rng(0)
+    supports = set()
+    for _ in range(200):
+        powers = np.sort(np.exp(rng.normal(0, 1, 12)))[:, None] ** -np.arange(3.0)
+        variance = (powers @ np.maximum(rng.normal(size=3), 0) + 1e-3) * np.exp(rng.normal(0, 0.1, 12))
+        expected = nnls(powers / variance[:, None], np.ones(12))[0]
+        supports.add(tuple(expected > 0))
+        np.testing.assert_allclose(_least_squares(powers / variance[:, None], np.ones(12)), expected, rtol=1e-7, atol=1e-9)
+    assert len(supports) >= 5, "laws of one, two and three terms"
+
+
+def test_of_equal_laws_the_one_with_fewest_terms_is_taken() -> None:
+    assert _least_squares(np.ones((12, 3)), np.ones(12)).tolist() == pytest.approx([1.0, 0.0, 0.0])
