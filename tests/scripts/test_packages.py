@@ -96,7 +96,7 @@ def test_the_third_party_page_is_that_of_the_locks(repository: Path) -> None:
 def test_every_extra_is_in_a_lock_or_said_not_to_be(repository: Path) -> None:
     extras = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     covered = {extra for _, names in lock.LOCKS.values() for extra in names}
-    assert set(extras) - covered == {"train", "batch", "fuzz"}
+    assert set(extras) - covered == {"train", "batch", "fuzz", "rivals"}
     security = (repository / "SECURITY.md").read_text()
-    for extra in ("train", "batch", "fuzz"):
+    for extra in ("train", "batch", "fuzz", "rivals"):
         assert f"`{extra}`" in security
