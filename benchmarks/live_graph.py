@@ -189,8 +189,9 @@ def killed(graph: Supervised, camera: LoopedCamera, node: Any, folder: Path) -> 
     from std_srvs.srv import Trigger
 
     client = node.create_client(Trigger, "preproc/start_recording")
-    client.wait_for_service(30.0)
-    assert client.call(Trigger.Request(), timeout_sec=30.0).success
+    answer = client.call(Trigger.Request(), timeout_sec=60.0) if client.wait_for_service(60.0) else None
+    if answer is None or not answer.success:
+        raise ToftwinError("no answer" if answer is None else answer.message, where="preproc/start_recording")
     time.sleep(3.0)
     for name, room in zip(NODES, ROOMS, strict=True):
         busy, began = busy_s(), time.monotonic()
