@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
+    from tof_core.camera import Camera
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effect import Effect
 
@@ -47,7 +48,7 @@ class Split:
 class Solved:
     """Poses and effects of a session at one joint solution.
 
-    chain: the poses that figures are stated at, without hand-eye and lateness, which are effects;
+    camera: as CameraInfo states it; chain: the poses that figures are stated at, without hand-eye and lateness, which are effects;
     cameras (V, 4, 4): T_cell_camera with both; camera_covs (V, 6, 6): of the cameras' right perturbations; hand_eye (4, 4): X;
     evidence: the views at `chain`; linearised: the views at `linearised_at`, where the solution was linearised last;
     named: the effects; maps: (H, W) metres of z per named effect and view; sizes: metres, RMS over the pixels that each named effect
@@ -62,6 +63,7 @@ class Solved:
     split: views fitted to and held out.
     """
 
+    camera: Camera
     chain: Chain
     cameras: Float
     camera_covs: Float

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float
+    from tof_core.camera import Camera
     from tof_gap.config import GapConfig
     from tof_gap.limits.report import ReportLimits
     from tof_gap.seen.finding import Finding
@@ -95,6 +96,11 @@ class Diagnosis:
     def chain(self) -> Chain:
         """The final poses without hand-eye and lateness."""
         return self.account.solved.chain
+
+    @property
+    def camera(self) -> Camera:
+        """The camera as CameraInfo states it."""
+        return self.account.solved.camera
 
     @property
     def cameras(self) -> Float:

@@ -183,7 +183,7 @@ def sensor_model(d: Diagnosis) -> SensorModel:
     effects = [e for c in d.causes for e in c.named.effects] + [f.effect for f in d.findings]
     shrink, ci = d.gap.shrink, d.gap.ci95
     promise = None if shrink is None or ci is None else Promise(shrink, *ci)
-    return SensorModel((*effects, *([] if d.law is None else [d.law])), _gain(d), d.evidence[0].view.camera, promise)
+    return SensorModel((*effects, *([] if d.law is None else [d.law])), _gain(d), d.camera, promise)
 
 
 def _gain(d: Diagnosis) -> float | None:

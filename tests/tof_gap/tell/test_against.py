@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pytest
 
-from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, views
 from tof_gap.limits.report import ReportLimits
 from tof_gap.tell.against import LACKS, OTHER, STRONG, SUPERFLUOUS, WEAK, Against, against
 from tof_gap.tell.figures import Figures, used
@@ -49,7 +49,7 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
     causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
     findings = [SimpleNamespace(effect=e) for e in effects if isinstance(e, Dropout)]
     gap = SimpleNamespace(shrink=None, ci95=None)
-    made = {"evidence": evidence, "causes": causes, "findings": findings, "law": law, "floor2": floors, "gap": gap}
+    made = {"evidence": evidence, "causes": causes, "findings": findings, "law": law, "floor2": floors, "gap": gap, "camera": CAMERA}
     return cast("Diagnosis", SimpleNamespace(account=SimpleNamespace(figures=figures), **made))
 
 
