@@ -28,7 +28,7 @@ WORST = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """One effect: its name; what it is; where; how large; what to do; what it costs to leave it. Empty where nothing can be said."""
+    """One effect: its name; what it is; where; how large; what to do; what it costs to leave it. Empty where nothing is known."""
 
     effect: str
     what: str

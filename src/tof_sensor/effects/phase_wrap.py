@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
 
-SCATTERED = 0.5
+SINGLE_PIXELS = 0.5
 """Share of the pixels at a range below which those that wrap are single ones, whose unwrapping failed."""
 
 
@@ -49,7 +49,7 @@ class PhaseWrap(Effect):
     @property
     def makes_outliers(self) -> bool:
         """Where pixels wrap here and there, because two frequencies did not agree, and not all from a range on."""
-        return self.share < SCATTERED
+        return self.share < SINGLE_PIXELS
 
     def bias(self, frame: Frame) -> Float:
         """Mean shift: share of a period."""

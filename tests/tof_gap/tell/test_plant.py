@@ -60,4 +60,4 @@ def test_the_parts_that_carry_most_of_it_are_named(shared: float, place: str) ->
         v.rendering.part[:, : SHAPE[1] // 2] = 1
     size = np.ones((VIEWS, *SHAPE)) * 0.005
     size[:, :, : SHAPE[1] // 2] *= shared
-    assert where(d, size, SCENE) == place
+    assert where(d, list(size), SCENE) == place
