@@ -115,7 +115,8 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     foreign = (
         None if blurred or Interference.NAME in left_out else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light)
     )
-    uneven = [foreign] if foreign is not None else noise.noise_effects(beside, config.noise, left_out, law)
+    taken = left_out if foreign is None else left_out | {Interference.NAME}
+    uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law)]
     gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
     return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone], config.missing)))
 
