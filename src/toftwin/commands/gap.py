@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--sensor",
         type=Path,
         metavar="FILE",
-        help="sensor.yaml with effects that are known already; they are removed first, the rest is diagnosed",
+        help="sensor.yaml of this camera: its effects are removed first and the rest is diagnosed; prints promised and kept shrink",
     )
     parser.add_argument(
         "--against",
