@@ -230,6 +230,15 @@ def test_wrapped_pixels_lose_whole_turns() -> None:
     assert set(np.round(np.unique(shift), 4)) == {-1.499, 0.0}
 
 
+def test_single_wrapped_pixels_are_outliers_and_no_bias() -> None:
+    frame = plane_frame()
+    few, most = (PhaseWrap(modulation_mhz=100.0, start_m=0.0 + 1e-6, share=share) for share in (0.1, 0.9))
+    assert not few.bias(frame).any(), "taken off the other nine in ten, a mean shift would bias them"
+    np.testing.assert_allclose((most.bias(frame) * frame.length)[frame.valid], -1.49896, atol=1e-4)
+    wrapped = (few.apply(frame, np.random.default_rng(1)).depth - frame.depth)[frame.valid] < -0.5
+    assert wrapped.mean() == pytest.approx(0.1, abs=0.02)
+
+
 def test_specular_peaks_at_normal_incidence() -> None:
     frame = plane_frame()
     bias = Specular(bias_m=-0.01, lobe_deg=8.0).bias(frame)

@@ -80,4 +80,8 @@ def planned(case: ForeignCase, scene_folder: Path, size: tuple[int, int], again:
         **case.settings,
     }
     healthy = draw(np.random.default_rng([case.seed, 9]), case.seed)
-    return EmergingSession(bodies_of(scene), from_mapping(VirtualConfig, values), healthy, {})
+    first = EmergingSession(bodies_of(scene), from_mapping(VirtualConfig, values | {"seed": case.seed}), healthy, {})
+    if not again:
+        return first
+    # The world stays as it is: the parts that the first session saw most are those that stand off.
+    return EmergingSession(bodies_of(scene), from_mapping(VirtualConfig, values), healthy, {}, seen=first.shares())

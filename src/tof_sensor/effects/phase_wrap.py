@@ -52,10 +52,12 @@ class PhaseWrap(Effect):
         return self.share < SINGLE_PIXELS
 
     def bias(self, frame: Frame) -> Float:
-        """Mean shift: share of a period."""
+        """Shift of the median pixel: a whole period where most wrap, none where single ones do."""
+        if self.share < SINGLE_PIXELS:
+            return np.zeros(frame.depth.shape)
         beyond = frame.radial > self.start_m if self.start_m > 0 else frame.radial < -self.start_m
         sign = -1.0 if self.start_m > 0 else 1.0
-        return np.where(beyond & frame.valid, sign * self.share * self.turn_m / frame.length, 0.0)
+        return np.where(beyond & frame.valid, sign * self.turn_m / frame.length, 0.0)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Each pixel wraps or not."""

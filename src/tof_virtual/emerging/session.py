@@ -52,12 +52,17 @@ class EmergingSession(Session):
         sizes: size of each cause, in its own unit.
     """
 
-    def __init__(self, bodies: Sequence[Body], config: VirtualConfig, healthy: Device, sizes: Mapping[str, float]) -> None:
-        """Plan the session on the nominal bodies; see `strength.calibrate` for sizes from strengths."""
+    def __init__(
+        self, bodies: Sequence[Body], config: VirtualConfig, healthy: Device, sizes: Mapping[str, float], seen: Float | None = None
+    ) -> None:
+        """Plan the session on the nominal bodies; see `strength.calibrate` for sizes from strengths.
+
+        `seen` (bodies,): shares of the pixels by which parts are chosen that stand off, bend or shine; those of this session without it.
+        """
         super().__init__(bodies, config, {})
         self.healthy = healthy
         self.sizes = dict(sizes)
-        self._seen_shares = self.shares()
+        self._seen_shares = self.shares() if seen is None else seen
         self._surfaces: dict[object, Surfaces] = {}
         self._cameras: dict[Device, Camera] = {}
         self._looks: dict[ViewKey, Sight] = {}
