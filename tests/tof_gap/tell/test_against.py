@@ -47,7 +47,7 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
         residual, floors, maps, [np.zeros(SHAPE)] * VIEWS, edge, HELD, np.zeros(SHAPE), 0.0, 0.0, np.random.default_rng(0), ReportLimits()
     )
     causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
-    findings = [SimpleNamespace(effect=e) for e in effects if isinstance(e, Dropout)]
+    findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, Dropout)]
     gap = SimpleNamespace(shrink=None, ci95=None)
     made = {"evidence": evidence, "causes": causes, "findings": findings, "law": law, "floor2": floors, "gap": gap, "camera": CAMERA}
     return cast("Diagnosis", SimpleNamespace(account=SimpleNamespace(figures=figures), **made))
