@@ -128,9 +128,10 @@ class RobotChain:
             TransformError: `frame` has a parent of its own.
         """
         frames = self.transforms.frames()
-        if cell not in frames or self.transforms.root(cell) == cell:
-            return False
-        if frame in frames and (root := self.transforms.root(frame)) != frame:
+        root = self.transforms.root(frame) if frame in frames else frame
+        if cell not in frames or self.transforms.root(cell) in (cell, root):
+            return False  # No TF holds the cell, or it is placed in this tree already.
+        if root != frame:
             raise TransformError(
                 f"the cell '{cell}' belongs to another robot's TF, and '{frame}' has a parent",
                 where="/tf",

@@ -50,7 +50,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     found = tuple(named(joint, split.fit, judge, rng))
     camera, other_m = joint.views[0].view.camera, config.solve.joint.other_surface_mm * 1e-3
     rest = tuple(n for n in found if not calibrated(n, config.calibration, camera))
-    # Hand-eye, lens and lateness are effects: the figures are stated without them, unless they are within the stated calibration.
+    # Hand-eye, lens and lateness are effects: figures are stated without them, unless they are within the stated calibration.
     final = replace(delayed(after, joint.views, -late_s), hand_eye=_mount(joint, rest, config.calibration))
     lens = None if any(n.name == Intrinsics.NAME for n in rest) else lens_of(joint)
     there = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
@@ -70,7 +70,6 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     else:
         smooth = maps | shares([n for n in smooth_ones(causes) if n not in causes], evidence, final, caster, other_m)
         bare = less(evidence, [*smooth.values(), *free.values()])
-    arms, arms_sd = judge.arms(joint.selection.chosen)
     return Solved(
         camera=views[0].camera,
         chain=final,
@@ -91,8 +90,8 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         small_together=joint.selection.small_together,
         # Motion shifts what poses are known by: then arms that err alike say nothing of the mount.
         arms_alike=0.0 if Motion.NAME in maps else judge.arms_alike(joint.selection.chosen),
-        arms=arms,
-        arms_sd=arms_sd,
+        arms=judge.arms(joint.selection.chosen),
+        arms_sd=judge.arms_sd,
         split=split,
     )
 

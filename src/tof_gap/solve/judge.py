@@ -121,15 +121,19 @@ class Selector:
                 return False
         return True
 
-    def arms(self, hypothesis: Hypothesis) -> tuple[Float, Float]:
-        """(V, 6) arm errors in the camera's frame (metres, radians), and the standard deviations that the robot's prior gives them."""
-        normal = self.design.system.normal
-        return normal.own_error + self.fit(hypothesis).arm, np.asarray(1.0 / np.sqrt(normal.own_info))
+    def arms(self, hypothesis: Hypothesis) -> Float:
+        """(V, 6) arm errors in the camera's frame, metres and radians."""
+        return self.design.system.normal.own_error + self.fit(hypothesis).arm
+
+    @property
+    def arms_sd(self) -> Float:
+        """(V, 6) standard deviations of arm errors by the robot's prior."""
+        return np.asarray(1.0 / np.sqrt(self.design.system.normal.own_info))
 
     def arms_alike(self, hypothesis: Hypothesis) -> float:
         """Chi-square (6 degrees of freedom) of the mean arm error under the robot's prior: large where the camera's mount is off."""
-        errors, sd = self.arms(hypothesis)
-        return float(len(errors) * (((errors / sd).mean(axis=0)) ** 2).sum())
+        errors = self.arms(hypothesis)
+        return float(len(errors) * (((errors / self.arms_sd).mean(axis=0)) ** 2).sum())
 
     def inflation(self, members: Sequence[int]) -> float:
         """By how much the data's weight is divided, from what the members leave: errors that neighbours share count once."""

@@ -11,6 +11,7 @@ from tof_gap.seen.foreign_light import foreign_light
 from tof_gap.tell.figures import figures
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.motion import Motion
 
@@ -112,9 +113,9 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     light = detected.detected_effects(left, config.noise, law, left_out)
     beside = detected.explained(left, light)
     blurred = solved.names(Motion.NAME)
-    foreign = (
-        None if blurred or Interference.NAME in left_out else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light)
-    )
+    # Arm errors say nothing while motion shifts edges, and where there is no arm: then hand-eye is not considered either.
+    silent = blurred or {Interference.NAME, HandEye.NAME} & left_out
+    foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light)
     taken = left_out if foreign is None else left_out | {Interference.NAME}
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law)]
     gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
