@@ -28,13 +28,16 @@ class Observer:
         from diagnostic_msgs.msg import DiagnosticArray
         from rcl_interfaces.msg import Log
 
+        from rclpy.qos import qos_profile_rosout_default
+
         from tof_ros import qos
 
         self.node = rclpy.create_node(name, context=context)
         self.statuses: dict[str, list[Any]] = defaultdict(list)
         self.log: list[str] = []
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, qos.OUTPUT)
-        self.node.create_subscription(Log, "/rosout", lambda m: self.log.append(f"{m.name}: {m.msg}"), qos.RECORD)
+        # As loggers publish: lines of before the two have met are sent again.
+        self.node.create_subscription(Log, "/rosout", lambda m: self.log.append(f"{m.name}: {m.msg}"), qos_profile_rosout_default)
 
     def _diagnosed(self, message: Any) -> None:
         for status in message.status:
