@@ -27,7 +27,6 @@ class Observer:
         import rclpy
         from diagnostic_msgs.msg import DiagnosticArray
         from rcl_interfaces.msg import Log
-
         from rclpy.qos import qos_profile_rosout_default
 
         from tof_ros import qos
