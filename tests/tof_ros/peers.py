@@ -27,7 +27,7 @@ class Observer:
         import rclpy
         from diagnostic_msgs.msg import DiagnosticArray
         from rcl_interfaces.msg import Log
-        from rclpy.qos import qos_profile_rosout_default
+        from rclpy.qos import DurabilityPolicy, QoSProfile
 
         from tof_ros import qos
 
@@ -36,7 +36,8 @@ class Observer:
         self.log: list[str] = []
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, qos.OUTPUT)
         # As loggers publish: lines of before the two have met are sent again.
-        self.node.create_subscription(Log, "/rosout", lambda m: self.log.append(f"{m.name}: {m.msg}"), qos_profile_rosout_default)
+        logged = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.node.create_subscription(Log, "/rosout", lambda m: self.log.append(f"{m.name}: {m.msg}"), logged)
 
     def _diagnosed(self, message: Any) -> None:
         for status in message.status:

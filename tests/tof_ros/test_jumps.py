@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from collections import Counter
 from functools import partial
@@ -84,6 +85,8 @@ def loop(ros_domain: int) -> Iterator[Loop]:
     from tof_ros.environment import parameter_overrides, ros_context
     from tof_ros.spin import spinning
 
+    # rcl ends the log of a node's name with the node's last reference: an earlier test's node of that name must be gone by now.
+    gc.collect()
     values = {"use_sim_time": True, "live.reliable": True}
     with ros_context(domain=ros_domain) as context:
         preproc = make_node(context=context, parameter_overrides=parameter_overrides({**values, "live.need_tf": False}))
