@@ -43,3 +43,8 @@ class Finding:
     def name(self) -> str:
         """Name in the vocabulary."""
         return self.effect.NAME
+
+
+def most(effect: type[Effect], name: str) -> float:
+    """The upper bound that an effect states for its parameter."""
+    return float(effect.__dataclass_fields__[name].metadata["high"])  # type: ignore[attr-defined]

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
-from tof_gap.seen.finding import CONFIDENT, Finding
+from tof_gap.seen.finding import CONFIDENT, Finding, most
+from tof_gap.seen.stripes import weakness
 from tof_sensor.effects.interference import Interference
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def foreign_light(views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, li
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
     reference = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in views])))
     note = f"every capture is off along the view by an amount of its own, {1e3 * size:.1f} mm RMS"
-    effect = Interference(burst_m=min(size, 0.2), duty=1.0, reference=reference)
+    effect = Interference(burst_m=min(size, most(Interference, "burst_m")), duty=1.0, reference=reference)
     return Finding(effect, CONFIDENT, share=share, common=fields, note=note, posed_m=size)
 
 
@@ -58,8 +59,7 @@ def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
     """
     h, w = view.residual.shape
     row, column = np.mgrid[:h, :w]
-    weak = np.nan_to_num(view.frame.radial**2 / np.maximum(np.cos(view.rendering.incidence), limits.cosine))
-    weak = weak / max(float(np.median(weak[view.smooth])), 1e-12) if view.smooth.any() else weak
+    weak = weakness(view, limits.cosine)
     plain = np.stack([np.ones((h, w)), row / h - 0.5, column / w - 0.5], axis=-1)
     columns = np.concatenate([plain, plain * weak[..., None]], axis=-1) / view.frame.length[..., None]
     seen = view.smooth

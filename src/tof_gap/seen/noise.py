@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen.finding import CONFIDENT, Finding
+from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.line_noise import line_map, line_noise
 from tof_gap.seen.photons import binned, code_step, constant_part, fit_law, quiet_law, view_ratio
 from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from tof_gap.seen.photons import LawFit
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.seen.stripes import Beat
-    from tof_sensor.effect import Effect
     from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.session import NoiseBins
 
@@ -116,7 +115,7 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
     how = ", ".join(f"{1e3 * p:.1f} mm {name}" for name, p in parts.items() if p > 0)
     std = {"extra_m": floor_std}
     return Finding(
-        Noise(extra_m=min(size, _most(Noise, "extra_m"))),
+        Noise(extra_m=min(size, most(Noise, "extra_m"))),
         CONFIDENT,
         std,
         _constant(views, size),
@@ -127,7 +126,7 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
 
 def _stripes(views: Sequence[ViewEvidence], wave: Beat, reference: float, limits: NoiseLimits) -> Finding:
     along = [stripes(v, wave.turns, wave.tilt, limits.beat) * h / v.frame.length for v, h in zip(views, wave.hit, strict=True)]
-    effect = Interference(burst_m=min(wave.size_m, _most(Interference, "burst_m")), duty=float(wave.hit.mean()), reference=reference)
+    effect = Interference(burst_m=min(wave.size_m, most(Interference, "burst_m")), duty=float(wave.hit.mean()), reference=reference)
     note = f"stripes of {wave.turns:g} turns in {int(wave.hit.sum())} of {len(views)} views"
     return Finding(effect, CONFIDENT, share=np.abs(np.stack(along)), common=np.stack(along), note=note)
 
@@ -146,14 +145,9 @@ def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, ratio: F
     constant, foreign = (float(np.median(np.abs(x - np.median(x)))) for x in relative)
     duty = float(hit.mean())
     if constant < foreign:
-        return Finding(Noise(extra_m=min(size, _most(Noise, "extra_m")), duty=duty), CONFIDENT, share=share, note=f"in bursts: {note}")
-    effect = Interference(burst_m=min(size, _most(Interference, "burst_m")), duty=duty, reference=fitted.law.reference)
+        return Finding(Noise(extra_m=min(size, most(Noise, "extra_m")), duty=duty), CONFIDENT, share=share, note=f"in bursts: {note}")
+    effect = Interference(burst_m=min(size, most(Interference, "burst_m")), duty=duty, reference=fitted.law.reference)
     return Finding(effect, CONFIDENT, share=share, note=note)
-
-
-def _most(effect: type[Effect], name: str) -> float:
-    """The upper bound that an effect states for its parameter."""
-    return float(effect.__dataclass_fields__[name].metadata["high"])  # type: ignore[attr-defined]
 
 
 def _constant(views: Sequence[ViewEvidence], size: float) -> Float:

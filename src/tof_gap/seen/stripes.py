@@ -88,9 +88,7 @@ def stripes(view: ViewEvidence, turns: float, tilt: float, limits: BeatLimits) -
     h, w = view.residual.shape
     y, x, r, white = _cell_means(view, limits)
     waves = [(f, tilt) for f in np.arange(turns - limits.band, turns + limits.band + 0.1, 0.5)]
-    # Foreign light off a surface is constant while the camera's own falls with range and incidence: there the beat weighs more.
-    weak = np.nan_to_num(view.frame.radial**2 / np.maximum(np.cos(view.rendering.incidence), limits.cosine))
-    weak = weak / np.median(weak[view.smooth])
+    weak = weakness(view, limits.cosine)
 
     def basis(row: Float, column: Float) -> Float:
         angle = [2 * np.pi * (f * row + t * column) for f, t in waves]
@@ -103,3 +101,12 @@ def stripes(view: ViewEvidence, turns: float, tilt: float, limits: BeatLimits) -
     c = np.linalg.solve(B.T @ B + limits.ridge * np.trace(B.T @ B) / B.shape[1] * np.eye(B.shape[1]), B.T @ (r * root))
     row, column = np.mgrid[:h, :w]
     return np.asarray(basis(row / h, column / w) @ c)
+
+
+def weakness(view: ViewEvidence, cosine: float) -> Float:
+    """(H, W) range^2 over the cosine of incidence (at least `cosine`), over its median: how much foreign light weighs.
+
+    Foreign light off a surface is constant while the camera's own falls with range and incidence.
+    """
+    weak = np.nan_to_num(view.frame.radial**2 / np.maximum(np.cos(view.rendering.incidence), cosine))
+    return np.asarray(weak / np.median(weak[view.smooth])) if view.smooth.any() else weak

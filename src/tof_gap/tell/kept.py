@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tof_gap.tell.shrink import blocks, measure
+from tof_gap.tell.words import interval, percent
 from tof_sensor.effects.photon_law import PhotonLaw
 
 if TYPE_CHECKING:
@@ -35,9 +36,9 @@ class Kept:
 
     def line(self) -> str:
         """Promised and kept shrink in a line."""
-        g = self.here
-        promised = "nothing" if self.promised is None else _share(self.promised.shrink, (self.promised.low, self.promised.high))
-        kept = "nothing to shrink here" if g.shrink is None else _share(g.shrink, g.ci95)
+        p, g = self.promised, self.here
+        promised = "nothing" if p is None else percent(p.shrink) + interval((p.low, p.high))
+        kept = "nothing to shrink here" if g.shrink is None else percent(g.shrink) + interval(g.ci95)
         return (
             f"shrink by --sensor: promised {promised}, kept {kept}: "
             f"{g.above_mm(g.before):.2f} mm without the model, {g.above_mm(g.after):.2f} mm with it"
@@ -55,7 +56,3 @@ def kept(d: Diagnosis, known: SensorModel | None) -> Kept | None:
     before = [r + known.bias(v.frame) for r, v in zip(after, d.evidence, strict=True)]
     report = d.config.report
     return Kept(known.promise, measure(blocks(before, after, d.floor2, report.block_px), d.account.figures.rng, report.shrink))
-
-
-def _share(value: float, ci: tuple[float, float] | None) -> str:
-    return f"{value:.0%}" + ("" if ci is None else f" (95 %: {ci[0]:.0%} to {ci[1]:.0%})")

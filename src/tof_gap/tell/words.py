@@ -101,6 +101,6 @@ def percent(share: float | None) -> str:
     return "–" if share is None else f"{round(share, 2) + 0.0:.0%}"
 
 
-def interval(ci: list[float] | None) -> str:
+def interval(ci: Sequence[float] | None) -> str:
     """A confidence interval in brackets, "" where it is not known."""
     return "" if ci is None else f" (95 %: {percent(ci[0])} to {percent(ci[1])})"
