@@ -14,7 +14,7 @@ import pytest
 
 from benchmarks.gap_check.foreign.cases import NAMED, ROBOTS, SCENES, draw_foreign
 from benchmarks.gap_check.foreign.record import planned, record_foreign
-from benchmarks.gap_check.foreign.score import ForeignRow, judge, wrong_ones
+from benchmarks.gap_check.foreign.score import ForeignRow, judge, shrink_of, wrong_ones
 from benchmarks.gap_check.foreign.second import Promised
 from benchmarks.gap_check.foreign.second import table as table_of_promises
 from benchmarks.gap_check.foreign.separable import correlation, poses, separability
@@ -122,6 +122,19 @@ def test_correlation_is_one_for_equal_maps_whatever_the_pose_adds() -> None:
     shifted = arrays["bias_x"] + 2e-3
     assert correlation(free, shifted, arrays["bias_x"]) > 0.98
     assert correlation(free, np.roll(arrays["bias_x"], 10, axis=2), arrays["bias_x"]) < 0.2
+
+
+# how far the gap shrinks --------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("found", "true"),
+    [({"x", "y"}, 1 - 1 / 26), ({"x"}, 1 - 10 / 26), ({"noise"}, 0.0), (set(), 0.0)],
+    ids=["all effects", "the stronger one", "an effect without a map", "none of them"],
+)
+def test_the_true_shrink_is_that_of_the_named_effects(found: set[str], true: float) -> None:
+    one = np.ones((2, 4, 4))
+    x, y, healthy = one * [4, 4, -4, -4], one * [3, -3, 3, -3], one * [[1], [-1], [1], [-1]]
+    arrays = {"bias_x": 1e-3 * x, "bias_y": 1e-3 * y, "bias_all": 1e-3 * (x + y), "error_healthy": 1e-3 * healthy}
+    assert shrink_of(arrays, found, [1], seen=np.ones((1, 4, 4), bool)) == pytest.approx(true)
 
 
 # how verdicts are judged --------------------------------------------------------------------------

@@ -19,9 +19,11 @@ from tof_core.progress import progress
 from tof_virtual.emerging.causes import OUTSIDE
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from collections.abc import Set as AbstractSet
     from pathlib import Path
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
 
 MATTERS = 0.15
 """Share of the gap above which each effect of three must be named."""
@@ -104,7 +106,7 @@ def score_one(sealed: Path, bag: Path, out: Path) -> ForeignRow:
     miss = judge(case, verdict, wrong)
     maps, truth = np.load(out / "gap_maps.npz"), Truth(sealed, bag)
     place, likeness = (None, None) if case["left_out"] else _maps(effects, maps, truth)
-    stated, true, covered = _shrink(report, maps, truth)
+    stated, true, covered = _shrink(report, maps, truth, {n for v in verdict for n in v.split("|")} & set(effects))
     return row(
         verdict,
         hit=not miss,
@@ -168,18 +170,30 @@ def _maps(effects: tuple[str, ...], maps: Any, truth: Truth) -> tuple[float | No
     return (min(places) if places else None), (min(alike) if alike else None)
 
 
-def _shrink(report: dict[str, Any], maps: Any, truth: Truth) -> tuple[float | None, float | None, bool | None]:
-    """Stated shrink; the re-rendered one, of the mean error with all causes and with none; whether the interval holds it."""
+def _shrink(report: dict[str, Any], maps: Any, truth: Truth, found: AbstractSet[str]) -> tuple[float | None, float | None, bool | None]:
+    """Stated shrink; the re-rendered one, of the session's own effects in `found`; whether the interval holds it."""
     stated, held = report["gap"]["shrink"], report["split"]["held_out_views"]
-    bias = truth.arrays["bias_all"].astype(float)
-    if stated is None or maps["residual_m"].shape != bias.shape or not np.nansum(bias**2):
+    bias = truth.arrays["bias_all"]
+    if stated is None or maps["residual_m"].shape != bias.shape or not np.nansum(bias.astype(float) ** 2):
         return None, None, None
-    without = truth.arrays["error_healthy"].astype(float)[held]
-    with_it = without + bias[held]
-    seen = np.isfinite(maps["residual_m"][held]) & (np.abs(with_it) < SMOOTH_M) & (np.abs(without) < SMOOTH_M)
-    true = 1 - float((without[seen] ** 2).mean()) / max(float((with_it[seen] ** 2).mean()), 1e-12)
+    true = shrink_of(truth.arrays, found, held, seen=np.isfinite(maps["residual_m"][held]))
     low, high = report["gap"]["shrink_ci95"]
     return stated, true, bool(low <= true <= high)
+
+
+def shrink_of(arrays: Mapping[str, Any], found: AbstractSet[str], held: Sequence[int], *, seen: Mask) -> float:
+    """Share of the mean error's energy in the pixels `seen` of held-out views that goes with the effects in `found`.
+
+    It is re-rendered: the mean error with all causes, and without those of the named effects. An effect that the session does not have
+    removes nothing.
+    """
+    bias = arrays["bias_all"].astype(float)
+    biased = {k.removeprefix("bias_") for k in arrays if k.startswith("bias_")} - {"all"}
+    removed = bias if biased <= found else sum((arrays[f"bias_{e}"].astype(float) for e in sorted(biased & found)), np.zeros(bias.shape))
+    with_it = (arrays["error_healthy"].astype(float) + bias)[held]
+    without = with_it - removed[held]
+    seen = seen & (np.abs(with_it) < SMOOTH_M) & (np.abs(without) < SMOOTH_M)
+    return 1 - float((without[seen] ** 2).mean()) / max(float((with_it[seen] ** 2).mean()), 1e-12)
 
 
 def _label(truth: Truth, maps: Any, effects: tuple[str, ...]) -> float | None:
