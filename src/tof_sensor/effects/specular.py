@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Specular highlight: near the mirror direction the lobe biases and saturates."""
+"""A glossy coat: near the mirror direction its lobe biases, and it mirrors other surfaces."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import numpy as np
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
 from tof_sensor.effect import Effect, Finer, Form, stack
+from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.mirrored import mirrored_phasor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,26 +24,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Specular(Effect):
-    """dr = b S / (S + M): the coat's lobe S and the matt light M = albedo cos(incidence) share the pixel.
+    """dr = b S / (S + M) + c0 / (4 pi f) arg(1 + coat m e^{j dphi}): own light of the coat, and light that the coat mirrors (docs/effects.md).
 
-    S = gloss exp(-(tan(incidence) / tan(lobe))^2) (Beckmann): light and camera sit together, so the
-    mirror direction is the normal's (docs/effects.md).
+    The coat's lobe S and the matt light M = albedo cos(incidence) share the pixel. S = gloss exp(-(tan(incidence) / tan(lobe))^2)
+    (Beckmann): light and camera sit together, so the mirror direction is the normal's. m is the light of other surfaces that a lacquer
+    on `part` mirrors, over M; a coat on all parts (-1) mirrors nothing, for what it mirrors would shine as well.
     """
 
     NAME: ClassVar[str] = "specular"
     ORDER: ClassVar[int] = 38
-    MEANING: ClassVar[str] = "highlights of shiny surfaces are measured wrongly"
+    MEANING: ClassVar[str] = "shiny surfaces are measured wrongly: their highlights, and where they mirror another surface"
     REMEDY: ClassVar[str] = "spray the part matt, look at it from another direction, or mask its highlights"
     SEPARATED_BY: ClassVar[str] = "the part sprayed matt"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
-    FINER: ClassVar[tuple[Finer, ...]] = (Finer("lobe_deg", 0.3), Finer("gloss", 0.7), Finer("lobe_deg", 0.15), Finer("gloss", 0.4))
-    LINEAR: ClassVar[tuple[str, ...]] = ("bias_m",)
+    FINER: ClassVar[tuple[Finer, ...]] = (
+        Finer("lobe_deg", 0.3),
+        Finer("gloss", 0.7),
+        Finer("lobe_deg", 0.15),
+        Finer("gloss", 0.4),
+        Finer("modulation_mhz", 0.3),
+    )
+    LINEAR: ClassVar[tuple[str, ...]] = ("bias_m", "coat")
 
     bias_m: float = param(0.0, "bias of the coat's own light", unit="m", low=-0.2, high=0.2)
+    coat: float = param(0.0, "what the part mirrors, against a lacquer of refractive index 1.5", low=0.0, high=25.0)
     lobe_deg: float = param(12.0, "angle at which the lobe falls to 1/e", unit="deg", low=0.5, high=60.0)
     gloss: float = param(0.5, "the lobe's peak, as an albedo", low=1e-3, high=100.0)
     part: int = param(-1, "index of the shining part, -1: all", low=-1)
+    modulation_mhz: float = param(60.0, "modulation frequency (weak influence)", unit="MHz", low=5.0, high=400.0)
 
     @property
     def needs_scene(self) -> bool:
@@ -49,17 +60,21 @@ class Specular(Effect):
         return self.part >= 0
 
     def columns(self, frame: Frame) -> Float:
-        """The coat's share of the light, along z."""
+        """The coat's share of the light, and the bias of what a lacquer mirrors, along z."""
         incidence = np.minimum(np.nan_to_num(frame.rendering.incidence.astype(np.float64), nan=1.5), 1.5)
         coat = self.gloss * np.exp(-((np.tan(incidence) / np.tan(np.radians(self.lobe_deg))) ** 2))
         matt = np.maximum(np.nan_to_num(frame.rendering.albedo.astype(np.float64)) * np.cos(incidence), 1e-6)
         here = frame.valid & ((frame.rendering.part == self.part) | (self.part < 0))
-        return stack([np.where(here, coat / (coat + matt), 0.0) / frame.length], frame)
+        waves = 2e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
+        mirrored = np.angle(1 + mirrored_phasor(frame, self.part, waves)) / (2 * waves)
+        return stack([np.where(here, coat / (coat + matt), 0.0) / frame.length, mirrored / frame.length], frame)
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Widths of the lobe and sizes of its peak, coats from silk to mirror."""
-        del session
+        """Widths of the lobe and sizes of its peak on all parts, coats from silk to mirror; and a lacquer on each part."""
         for lobe in (5.0, 10.0, 16.0, 24.0, 34.0):
             for gloss in (0.05, 0.3, 1.5):
                 yield Form(cls(lobe_deg=lobe, gloss=gloss), f"lobe {lobe:g} deg, gloss {gloss:g}")
+        for part, name in session.parts_seen():
+            for mhz in (50.0, 100.0):
+                yield Form(cls(part=part, modulation_mhz=mhz), f"{name} is lacquered, {mhz:g} MHz")

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Light that reaches a pixel by way of a glossy part that mirrors another surface.
+
+The lamp lights a point q; the coat at p mirrors it into the lens. Of the matt light of p that is the share
+R(theta) (rho_q cos(i_q) / r_q^2) / (rho_p cos(theta) / r_p^2), and its path from lamp to lens is longer by r_q + |q - p| - r_p.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tof_core.arrays import Float, Mask
+    from tof_sensor.frame import Frame
+
+NORMAL_REFLECTANCE = 0.04
+"""Fresnel reflectance of a lacquer (refractive index 1.5) at normal incidence."""
+OFF_SURFACE_M = 1e-4
+"""Distance from its surface at which a mirrored ray begins, so that it does not meet the surface itself."""
+SHORT_OF = 1 - 1e-3
+"""Share of the way from lamp to a point within which something else may stand."""
+LEAST_LIGHT = 1e-3
+"""Share of an albedo of 1 at 1 m below which the matt light of a point is nothing to compare with, 1/m^2."""
+
+
+def schlick(cosine: Float) -> Float:
+    """Reflectance of a lacquered surface by the cosine of the incidence: Schlick's approximation of Fresnel's law (1994)."""
+    return np.asarray(NORMAL_REFLECTANCE + (1 - NORMAL_REFLECTANCE) * (1 - cosine) ** 5)
+
+
+def mirrored_phasor(frame: Frame, part: int, waves_per_m: float) -> NDArray[np.complex128]:
+    """(H, W) light that a part mirrors over its own matt light, phase `waves_per_m` times the excess path.
+
+    Needs `frame.context.caster`; zero off the part, and where nothing lit is mirrored.
+    """
+    out = np.zeros(frame.depth.shape, complex)
+    here = frame.valid & (frame.rendering.part == part)
+    if frame.context.caster is not None and here.any():
+        out[here] = _phasor(frame, here, waves_per_m)
+    return out
+
+
+def _phasor(frame: Frame, here: Mask, waves_per_m: float) -> NDArray[np.complex128]:
+    caster, T = frame.context.caster, frame.rendering.T_cell_camera
+    assert caster is not None
+    R, t = T[:3, :3], T[:3, 3]
+    points, normals = frame.points[here], np.nan_to_num(frame.rendering.normal[here].astype(np.float64))
+    range_m = np.linalg.norm(points, axis=1)
+    along = points / range_m[:, None]
+    cosine = -np.einsum("ni,ni->n", along, normals)
+    away = along + 2 * cosine[:, None] * normals
+    hits = caster.cast((points + OFF_SURFACE_M * normals) @ R.T + t, away @ R.T)
+    second = points + away * np.where(np.isfinite(hits.t), hits.t, 0.0)[:, None]
+    far = np.linalg.norm(second, axis=1)
+    toward = np.nan_to_num(hits.normal) @ R
+    lit = np.einsum("ni,ni->n", second, toward) / far
+    # The coat sees one side of q; the lamp must light the same one.
+    seen = np.isfinite(hits.t) & (cosine > 0) & (lit * np.einsum("ni,ni->n", away, toward) > 0)
+    seen[seen] = ~caster.blocked(np.broadcast_to(t, (int(seen.sum()), 3)), second[seen] @ R.T, SHORT_OF)
+    albedo = np.array([p.material.albedo for p in caster.scene.parts])
+    matt = np.maximum(np.nan_to_num(frame.rendering.albedo[here].astype(np.float64)) * cosine / range_m**2, LEAST_LIGHT)
+    share = np.where(seen, schlick(cosine) * albedo[hits.part] * np.abs(lit) / far**2 / matt, 0.0)
+    excess = far + np.where(np.isfinite(hits.t), hits.t, 0.0) - range_m
+    return np.asarray(share * np.exp(1j * waves_per_m * excess))
