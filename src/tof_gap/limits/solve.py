@@ -57,6 +57,13 @@ class JointLimits:
         1, "width added to edge bands where pixels mix", unit="px", low=0, high=10, why="rendering without footprints does not show which"
     )
     mixed_every: int = param(3, "of so many views, one is tested for mixed pixels", low=1, why="all views have the same optics")
+    settle_pixels: int = param(
+        20_000,
+        "pixels of a view that the poses and the chosen effects are fitted to last",
+        low=200,
+        high=2_000_000,
+        why="memory: 8 MB a view",
+    )
     other_surface_mm: float = param(
         20.0, "difference of a rendered map from its first order", unit="mm", low=0.1, why="beyond, another surface is in view"
     )

@@ -61,6 +61,7 @@ def gather(
     *,
     concavity: bool = False,
     wider_px: int = 0,
+    recorded: Sequence[View] | None = None,
 ) -> tuple[ViewEvidence, ...]:
     """Residuals of all views against the CAD rendered at their reference poses.
 
@@ -71,20 +72,23 @@ def gather(
         limits: which pixels count.
         concavity: whether to compute it (costs ray casts).
         wider_px: pixels added to the edge bands of still views.
+        recorded: the views with the depth codes that the camera wrote, where `views` are those of another lens, whose z has none.
     """
+    steps = [depth_step(v.depth.astype(np.float64), limits.level) for v in recorded or views]
 
-    def one(view: View, frame: Frame) -> ViewEvidence:
+    def one(view: View, frame: Frame, step_m: float) -> ViewEvidence:
         shape = frame.depth.shape
         filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else np.full(shape, np.nan, np.float32)
-        return _of_view(view, frame, limits, filled, wider_px)
+        return _of_view(view, frame, limits, filled, wider_px, step_m)
 
     rng = np.random.default_rng(limits.seed)  # One draw after the other: the same pixels whichever view is ready first.
     return tuple(
-        replace(v, pixels=_drawn(v.smooth, limits.pixels, rng)) for v in in_threads(one, views, ideal_frames(views, renderings, caster))
+        replace(v, pixels=drawn(v.smooth, limits.pixels, rng))
+        for v in in_threads(one, views, ideal_frames(views, renderings, caster), steps)
     )
 
 
-def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image, wider_px: int) -> ViewEvidence:
+def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image, wider_px: int, step_m: float) -> ViewEvidence:
     depth = view.depth.astype(np.float64)
     residual = depth - frame.depth
     blur_px = smear(frame, limits.blur)
@@ -93,7 +97,6 @@ def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image,
     most = limits.gross_most_mm * 1e-3
     # Neighbours that are rounded to the same code of a coarse step show no noise: the step's own deviation is the least.
     white = noise_level(residual, (np.abs(residual) < most) & ~edge & ~grazing, frame.amplitude, limits.level)
-    step_m = depth_step(depth, limits.level)
     sigma = np.maximum(white, step_m / np.sqrt(12))
     gross = np.abs(residual) > np.maximum(limits.gross_mm * 1e-3, np.minimum(limits.gross_sigma * sigma, most))
     if blur_px:
@@ -102,7 +105,7 @@ def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image,
     return ViewEvidence(view, frame, residual, sigma, smooth, edge, gross, np.zeros(0, np.int64), concavity, step_m, limits)
 
 
-def _drawn(smooth: Mask, pixels: int, rng: np.random.Generator) -> Ints:
+def drawn(smooth: Mask, pixels: int, rng: np.random.Generator) -> Ints:
     """(n,) flat indices of the pixels to fit, in order."""
     index = np.flatnonzero(smooth)
     return np.sort(rng.choice(index, min(pixels, len(index)), replace=False))

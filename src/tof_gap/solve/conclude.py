@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen.level import depth_step
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.causes import free_shares, named, shares, smooth_ones
 from tof_gap.solve.judge import Selector
-from tof_gap.solve.solution import delayed, lens_of, solution, through
+from tof_gap.solve.solution import delayed, lens_of, solution
 from tof_gap.solve.start import observe
 from tof_gap.solve.tolerance import calibrated, sizes_m
 from tof_gap.solved import Solved
@@ -55,7 +54,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     lens = None if any(n.name == Intrinsics.NAME for n in rest) else lens_of(joint)
     there = delayed(replace(final, hand_eye=joint.hand_eye), joint.views, late_s)
     # Mixed pixels need exact poses and footprints.
-    evidence = coded(observe(through(lens, views), caster, final, config, concavity=True), views)
+    evidence = observe(views, caster, final, config, concavity=True, lens=lens)
     maps, free = shares(rest, evidence, final, caster, other_m), free_shares(joint, evidence)
     sizes = sizes_m(maps | free, evidence, split.held_out)
     small = {name for name, size in sizes.items() if size < config.select.least_mm * 1e-3}
@@ -64,7 +63,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
     causes = tuple(n for n in rest if n.name not in small)
     if any(moves_camera(e, camera) for n in causes for e in n.effects):
-        seen = coded(observe(through(lens_of(joint), views), caster, there, config), views)
+        seen = observe(views, caster, there, config, lens=lens_of(joint))
         pixelwise = smooth_ones([n for n in rest if not any(moves_camera(e, camera) for e in n.effects)])
         bare = less(seen, [*shares(pixelwise, seen, there, caster, other_m).values(), *free_shares(joint, seen).values()])
     else:
@@ -111,11 +110,6 @@ def _tied(joint: Joint, names: set[str]) -> tuple[tuple[Effect | None, Effect | 
 def moves_camera(effect: Effect, stated: Camera) -> bool:
     """Whether the effect puts the camera elsewhere or gives it another lens: pixels see other points."""
     return effect.mount is not None or effect.late_s != 0.0 or effect.camera(stated) != stated
-
-
-def coded(evidence: Sequence[ViewEvidence], views: Sequence[View]) -> tuple[ViewEvidence, ...]:
-    """The evidence with the steps of the depth codes as recorded: depth that another lens turned into z again shows none."""
-    return tuple(replace(e, step_m=depth_step(v.depth.astype(np.float64), e.limits.level)) for e, v in zip(evidence, views, strict=True))
 
 
 def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> tuple[ViewEvidence, ...]:

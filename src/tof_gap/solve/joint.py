@@ -19,8 +19,9 @@ from tof_gap.solve.candidates import candidates
 from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.free import UNKNOWN, free_functions
 from tof_gap.solve.select import narrowed, select
+from tof_gap.solve.settle import settled
 from tof_gap.solve.shapes import refined
-from tof_gap.solve.solution import Joint, lens_of, solution, through
+from tof_gap.solve.solution import Joint, lens_of, solution
 from tof_gap.solve.start import check_fit, farthest, observe
 from tof_scene.render import render
 from tof_sensor.geometry import pose_columns
@@ -52,7 +53,7 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
     for _ in range(limits.rounds - 1):
         (after, late_s), lens = solution(joint), lens_of(joint)
-        seen = observe(through(lens, views), caster, after, config, footprints=False, concavity=True, wider_px=wider_px)
+        seen = observe(views, caster, after, config, footprints=False, concavity=True, wider_px=wider_px, lens=lens)
         joint, store = _linearised(_as_recorded(seen, late_s, lens), caster, after, config, left_out)
         joint = replace(joint, late_s=late_s)
         if farthest(after, solution(joint)[0], limits) <= 1.0 and _alike(lens, lens_of(joint), views[0].camera, limits.lens_px):
@@ -63,7 +64,7 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     finer = refined(store, joint.design, joint.selection, joint.chain, config)
     free = [Candidate(UNKNOWN, None, f.quantity, f) for f in free_functions(joint.views)]
     design = build(store, [*joint.design.candidates, *finer, *free], joint.chain, config.hand_sd, config.lens_sd)
-    return replace(joint, design=design, selection=select(design, config.select, joint.selection.chosen.members))
+    return settled(replace(joint, design=design, selection=select(design, config.select, joint.selection.chosen.members)), config)
 
 
 def without(joint: Joint, name: str, config: GapConfig) -> Joint:

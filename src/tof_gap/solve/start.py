@@ -17,6 +17,7 @@ from tof_core.errors import RefusedError
 from tof_gap.seen.motion import moving
 from tof_gap.seen.residual import ViewEvidence, gather
 from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.solve.solution import through
 from tof_scene.render import render
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from tof_gap.config import GapConfig
     from tof_gap.limits.solve import JointLimits, StartLimits
     from tof_scene.raycast import Raycaster
+    from tof_sensor.effect import Effect
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +94,12 @@ def observe(
     footprints: bool = True,
     concavity: bool = False,
     wider_px: int = 0,
+    lens: Effect | None = None,
 ) -> tuple[ViewEvidence, ...]:
-    """Render every view where the chain has it, and gather what differs; `concavity`: whether to compute it; `wider_px`: of still views' edges."""
-    renderings = in_threads(lambda i, v: render(caster, v.camera, chain.pose(i), footprints=footprints), range(len(views)), views)
-    return gather(views, renderings, caster, config.evidence, concavity=concavity, wider_px=wider_px)
+    """Render every view where the chain has it, and gather what differs.
+
+    `concavity`: whether to compute it; `wider_px`: of still views' edges; `lens`: the one that the camera has, None for CameraInfo's.
+    """
+    seen = through(lens, views)
+    renderings = in_threads(lambda i, v: render(caster, v.camera, chain.pose(i), footprints=footprints), range(len(seen)), seen)
+    return gather(seen, renderings, caster, config.evidence, concavity=concavity, wider_px=wider_px, recorded=views)

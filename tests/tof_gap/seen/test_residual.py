@@ -11,6 +11,7 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
 from tof_gap.limits.seen import BlurLimits, EvidenceLimits
 from tof_gap.seen.edges import edge_band, excluded, smear, streaks
+from tof_gap.seen.residual import gather
 from tof_sensor.frame import Context, Frame, ideal_frame
 
 LIMITS, BLUR = EvidenceLimits(), BlurLimits()
@@ -93,3 +94,15 @@ def test_where_every_other_pixel_lost_a_turn_that_is_no_scatter() -> None:
     seen = views(rng, turned)
     assert np.stack([v.gross for v in seen])[turned > 0].all()
     assert max(float(v.sigma.max()) for v in seen) < 0.02
+
+
+def test_a_coarse_step_is_seen_through_another_lens_and_bounds_the_noise() -> None:
+    """A lens turns codes of 8 mm into continuous z; neighbours that were rounded alike still know their depth to a code only."""
+    step, ratio = 0.008, (1.0 + 1e-3 * np.arange(SHAPE[1]) / SHAPE[1]).astype(np.float32)
+    (one, *_) = views(np.random.default_rng(2))
+    recorded = replace(one.view, depth=(step * np.round(one.rendering.depth / step)).astype(np.float32))
+    turned = replace(recorded, depth=recorded.depth / ratio)
+    for given, expected in ((None, 0.0), ([recorded], step)):
+        (seen,) = gather([turned], [one.rendering], None, EvidenceLimits(edge_px=0), recorded=given)  # type: ignore[arg-type]
+        assert seen.step_m == pytest.approx(expected, abs=1e-5)
+        assert seen.sigma.min() >= 0.99 * expected / np.sqrt(12)

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The last step of a joint solution: the chosen effects and the poses, fitted to all pixels instead of those drawn for the selection."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_align.folds import deal
+from tof_gap.seen.residual import drawn
+from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.solve.judge import Selector
+from tof_gap.solve.select import Selection
+
+if TYPE_CHECKING:
+    from tof_gap.config import GapConfig
+    from tof_gap.solve.solution import Joint
+
+
+def settled(joint: Joint, config: GapConfig) -> Joint:
+    """The same effects with more pixels a view (`solve.joint.settle_pixels`): a selection of hundreds of forms cannot afford them.
+
+    White noise limits the poses of a good camera: four times the pixels halve the error of its labels.
+    """
+    rng = np.random.default_rng(config.evidence.seed)
+    views = tuple(replace(v, pixels=drawn(v.smooth, config.solve.joint.settle_pixels, rng)) for v in joint.views)
+    denser = sum(len(v.pixels) for v in views) / max(sum(len(v.pixels) for v in joint.views), 1)
+    chosen, ties = joint.selection.chosen, joint.selection.ties
+    kept = list(dict.fromkeys([*chosen.members, *(other for of_one in ties for other in of_one)]))
+    store = ColumnStore(views, deal(joint.chain.station.tolist(), config.select.folds))
+    design = build(store, [joint.design.candidates[m] for m in kept], joint.chain, config.hand_sd, config.lens_sd)
+    # An error that neighbours share covers as many more pixels as are drawn more densely.
+    judge = Selector(design, replace(config.select, neighbours=config.select.neighbours * denser))
+    members = [kept.index(m) for m in chosen.members]
+    final = judge.score(members, judge.inflation(members))
+    selection = Selection(
+        final,
+        judge.fit(final),
+        tuple(tuple(kept.index(other) for other in of_one) for of_one in ties),
+        joint.selection.unknown,
+        joint.selection.small_together,
+    )
+    return replace(joint, views=views, design=design, selection=selection)

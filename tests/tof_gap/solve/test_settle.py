@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The last step of a solution uses all pixels: the same effects, smaller errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import VIEWS, chain, views
+from tof_align.folds import deal
+from tof_core.config import from_mapping
+from tof_gap.config import GapConfig
+from tof_gap.solve.candidate import Candidate
+from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.solve.select import select
+from tof_gap.solve.settle import settled
+from tof_gap.solve.solution import Joint
+from tof_sensor.effects.depth_scale import DepthScale
+from tof_sensor.effects.wiggling import Wiggling
+
+DRAWN = 400
+TRUE = Wiggling(modulation_mhz=66.0, sine_m=0.006, cosine_m=0.003)
+CONFIG = from_mapping(GapConfig, {"evidence.pixels": DRAWN})
+
+
+@pytest.fixture(scope="module")
+def drawn() -> Joint:
+    """A wiggle in noise, selected from `DRAWN` pixels a view."""
+    extra = np.stack([TRUE.bias(v.frame) * v.frame.length for v in views(np.random.default_rng(1))])
+    rng = np.random.default_rng(2)
+    seen = tuple(replace(v, pixels=np.sort(rng.choice(v.pixels, DRAWN, replace=False))) for v in views(np.random.default_rng(1), extra))
+    tested = [Candidate("depth_scale", DepthScale()), Candidate("wiggling", replace(TRUE, sine_m=0.0, cosine_m=0.0))]
+    design = build(ColumnStore(seen, deal([0] * VIEWS, 6)), tested, chain(), CONFIG.hand_sd)
+    return Joint(chain(), seen, design, select(design, CONFIG.select))
+
+
+def test_all_pixels_halve_the_errors_and_keep_the_effects(drawn: Joint) -> None:
+    after = settled(drawn, CONFIG)
+    assert [c.name for c, _ in after.members()] == [c.name for c, _ in drawn.members()] == ["wiggling"]
+    assert len(after.views[0].pixels) == int(after.views[0].smooth.sum()) > 10 * DRAWN
+    before, fine = (j.selection.fit for j in (drawn, after))
+    assert np.sqrt(np.diag(fine.theta_cov)).max() < 0.5 * np.sqrt(np.diag(before.theta_cov)).max()
+    (_, values), *_ = after.members()
+    assert values == pytest.approx([TRUE.sine_m, TRUE.cosine_m], abs=2e-4)
+
+
+def test_no_more_pixels_are_taken_than_allowed(drawn: Joint) -> None:
+    few = settled(drawn, from_mapping(GapConfig, {"solve.joint.settle_pixels": 900}))
+    assert {len(v.pixels) for v in few.views} == {900}
