@@ -14,8 +14,9 @@ import numpy as np
 from numba import njit
 
 from tof_core.reasons import Reason
-from tof_core.stats import MAD_TO_STD
+from tof_preproc.lanes import IQR_BAND, IQR_TUKEY, SIGMA_PLAIN, SIGMA_ROBUST, bounds, equation_1, moments, quantiles, trim
 from tof_preproc.quantum import mean_error2
+from tof_preproc.stack import LANES
 
 if TYPE_CHECKING:
     from tof_core.arrays import Bytes, Float, Image, Ints
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 MEAN, MEDIAN, PAPER = 0, 1, 2
 METHODS = {"mean": MEAN, "median": MEDIAN, "paper": PAPER}
-IQR_TUKEY, IQR_BAND, SIGMA_ROBUST, SIGMA_PLAIN = 0, 1, 2, 3
 IQR_REASON, SIGMA_REASON = int(Reason.IQR), int(Reason.THREE_SIGMA)
 REASONS = 16
 """Room for the codes of `Reason`."""
@@ -68,11 +68,11 @@ def accumulate(stack: Stack, law: Image, quantum: float, config: PreprocConfig, 
     codes = [_code(s, config) for s in acting]
     numbers = np.array([config.iqr.low, config.iqr.high, config.iqr.fence, config.sigma3.ratio, config.accumulate.min_share])
     fewest = np.array([config.iqr.min_captures if c <= IQR_BAND else config.sigma3.min_captures for c in codes], np.int64)
-    shape = stack.count.shape
+    shape = stack.shape
     *arrays, rejected = _accumulate(
         n,
         stack.ordered,
-        stack.count.ravel(),
+        stack.count,
         stack.times,
         stack.reasons,
         law.ravel(),
@@ -82,7 +82,7 @@ def accumulate(stack: Stack, law: Image, quantum: float, config: PreprocConfig, 
         numbers,
         METHODS[config.accumulate.method],
     )
-    depth, sigma, noise, count, reason = (a.reshape(shape) for a in arrays)
+    depth, sigma, noise, count, reason = (a[: shape[0] * shape[1]].reshape(shape) for a in arrays)
     return Accumulated(depth, sigma, noise, count, reason, dict(zip(acting, rejected.tolist(), strict=True)), passed)
 
 
@@ -97,131 +97,11 @@ def _code(stage: str, config: PreprocConfig) -> int:
     return SIGMA_PLAIN if config.sigma3.method == "paper" else SIGMA_ROBUST
 
 
-# Below, `s` (P, room) holds the depths of pixel p in ascending order, of which [lo, hi) are still accepted. Rows are
-# never sliced: a slice costs more than the sums over it.
-
-
-@njit(cache=True)
-def _quantile(s: Image, p: int, lo: int, hi: int, q: float) -> float:
-    """Quantile, linear between order statistics (NumPy's default)."""
-    at = lo + q * (hi - lo - 1)
-    i = int(at)
-    below = np.float64(s[p, i])
-    return below if i + 1 >= hi else below + (at - i) * (s[p, i + 1] - below)
-
-
-@njit(cache=True)
-def _moments(s: Image, p: int, lo: int, hi: int) -> tuple[float, float]:
-    """Mean and sum of squared deviations."""
-    base, total, squares = np.float64(s[p, lo]), 0.0, 0.0
-    for i in range(lo + 1, hi):
-        step = s[p, i] - base
-        total += step
-        squares += step * step
-    return base + total / (hi - lo), max(squares - total * total / (hi - lo), 0.0)
-
-
-@njit(cache=True)
-def _mad(s: Image, p: int, lo: int, hi: int, centre: float) -> float:
-    """Median absolute deviation: walk inwards from both ends past the larger half."""
-    i, j = lo, hi - 1
-    last = before = 0.0
-    for _ in range((hi - lo) // 2 + 1):
-        before = last
-        left, right = centre - s[p, i], s[p, j] - centre
-        if left > right:
-            last = left
-            i += 1
-        else:
-            last = right
-            j -= 1
-    return last if (hi - lo) % 2 else 0.5 * (last + before)
-
-
-@njit(cache=True, inline="always")
-def _bounds(code: int, s: Image, p: int, lo: int, hi: int, numbers: Float, law: float, quantum: float) -> tuple[float, float]:
-    """Lowest and highest value that a stage keeps."""
-    if code <= IQR_BAND:
-        q1, q3 = _quantile(s, p, lo, hi, numbers[0]), _quantile(s, p, lo, hi, numbers[1])
-        # Neighbouring codes of a quantised sensor are one value: without them a mean cannot fall between codes.
-        margin = 0.0 if code == IQR_BAND else max(numbers[2] * (q3 - q1), 1.01 * quantum)
-        return q1 - margin, q3 + margin
-    if code == SIGMA_PLAIN:
-        mean, squares = _moments(s, p, lo, hi)
-        reach = numbers[3] * np.sqrt(squares / (hi - lo - 1))
-        return mean - reach, mean + reach
-    centre = _quantile(s, p, lo, hi, 0.5)
-    reach = max(numbers[3] * max(MAD_TO_STD * _mad(s, p, lo, hi, centre), law), 1.01 * quantum)
-    return centre - reach, centre + reach
-
-
-@njit(cache=True)
-def _equation_1(times: Image, n: int, p: int, low: float, high: float) -> tuple[float, float]:
-    """The paper's running value over depths (N, P) in order of time within [low, high], and its squared weights' sum."""
-    value, weight2 = 0.0, 0.0
-    for i in range(n):
-        z = times[i, p]
-        if low <= z <= high:
-            value, weight2 = (0.5 * (value + z), 0.25 * (weight2 + 1.0)) if weight2 > 0 else (np.float64(z), 1.0)
-    return value, weight2
-
-
-@njit(cache=True, inline="always")
-def _centre(method: int, mean: float, s: Image, times: Image, n: int, p: int, lo: int, hi: int) -> tuple[float, float]:
-    """The accumulated value and its variance in units of one capture's."""
-    k = hi - lo
-    if method == PAPER:
-        value: tuple[float, float] = _equation_1(times, n, p, s[p, lo], s[p, hi - 1])
-        return value
-    if method == MEDIAN:
-        # Variance of a normal median: pi/2 times the mean's for many, the mean's own for one or two.
-        return _quantile(s, p, lo, hi, 0.5), (1.0 + (np.pi / 2 - 1) * max(k - 1.0, 0.0) / (k + 0.3)) / k
-    return mean, 1.0 / k
-
-
-@njit(cache=True)
-def _variance(own: float, k: int, law: float, quantum: float) -> float:
-    """One capture's variance: the pixel's own sum of squares over k captures, drawn towards the law's while k is small."""
-    pooled = law * law if k < 2 else (PRIOR_DOF * law * law + own) / (PRIOR_DOF + k - 1)
-    return max(pooled, quantum * quantum / 12)
-
-
-@njit(cache=True)
-def _why(reasons: Bytes, n: int, p: int, votes: Ints) -> int:
-    """The commonest reason over the captures (N, P); `votes` brings those of the stages over time."""
-    for i in range(n):
-        votes[reasons[i, p]] += 1
-    best = 1
-    for code in range(2, votes.size):
-        if votes[code] > votes[best]:
-            best = code
-    return best
-
-
-@njit(cache=True, inline="always")
-def _reject(
-    s: Image, p: int, m: int, codes: Ints, fewest: Ints, numbers: Float, law: float, quantum: float, votes: Ints
-) -> tuple[int, int]:
-    """[lo, hi) that the stages over time leave of m depths, at least one; votes[16 + stage] counts what each rejects."""
-    lo, hi = 0, m
-    for c in range(codes.size):
-        if hi - lo < fewest[c]:
-            continue
-        low, high = _bounds(codes[c], s, p, lo, hi, numbers, law, quantum)
-        before = hi - lo
-        while lo < hi - 1 and s[p, lo] < low:
-            lo += 1
-        while hi > lo + 1 and s[p, hi - 1] > high:
-            hi -= 1
-        votes[REASONS + c] = before - (hi - lo)
-    return lo, hi
-
-
 @njit(cache=True, error_model="numpy")
 def _accumulate(
     n: int,
-    s: Image,
-    counts: Ints,
+    ordered: Image,
+    counts: Image,
     times: Image,
     reasons: Bytes,
     law: Image,
@@ -231,39 +111,118 @@ def _accumulate(
     numbers: Float,
     method: int,
 ) -> tuple[Image, Image, Image, Ints, Bytes, Ints]:
-    """Over pixels (P,); the arrays that `Accumulated` names, and per stage the depths it rejected."""
-    pixels = counts.size
-    depth = np.full(pixels, np.float32(np.nan))
-    sigma, noise = depth.copy(), depth.copy()
-    count, reason = np.zeros(pixels, np.uint16), np.zeros(pixels, np.uint8)
-    rejected = np.zeros(codes.size, np.int64)
-    votes = np.zeros(REASONS + codes.size, np.int64)
-    low, high = np.empty(pixels, np.int64), np.empty(pixels, np.int64)
-    banded, fenced = np.any(codes == IQR_BAND), np.any((codes == IQR_TUKEY) | (codes == SIGMA_ROBUST))
-    for p in range(pixels):
-        lo, hi = _reject(s, p, np.int64(counts[p]), codes, fewest, numbers, law[p], quantum, votes)
-        k = hi - lo
-        low[p], high[p] = lo, hi
-        if k == 0 or k < numbers[4] * n:
-            votes[:REASONS] = 0
-            for c in range(codes.size):
-                votes[IQR_REASON if codes[c] <= IQR_BAND else SIGMA_REASON] += votes[REASONS + c]
-            reason[p] = _why(reasons, n, p, votes[:REASONS])
-            high[p] = lo
-        for c in range(codes.size):
-            rejected[c] += votes[REASONS + c]
-            votes[REASONS + c] = 0
-    for p in range(pixels):
-        lo, hi = low[p], high[p]
-        k = hi - lo
-        if k == 0:
-            continue
-        mean, squares = _moments(s, p, lo, hi)
-        value, weight2 = _centre(method, mean, s, times, n, p, lo, hi)
-        trimmed = banded and k < np.int64(counts[p])
-        own = squares / (BAND_WITHIN if trimmed else (CUT_SHARE if fenced else 1.0))
-        variance = _variance(own, k, law[p], quantum)
-        factor = BAND_WITHIN * weight2 + BAND_BETWEEN / k if trimmed else weight2 * (CUT_PRICE if fenced else 1.0)
-        depth[p], count[p] = value, k
-        noise[p], sigma[p] = np.sqrt(variance), np.sqrt(mean_error2(variance, factor, quantum, method == MEDIAN))
-    return depth, sigma, noise, count, reason, rejected
+    """Over blocks of pixels; the arrays that `Accumulated` names (blocks times LANES), and per stage the depths it rejected."""
+    blocks, pixels = counts.shape[0], law.size
+    room = blocks * LANES
+    depth, sigma, noise = np.empty(room, np.float32), np.empty(room, np.float32), np.empty(room, np.float32)
+    count, reason = np.empty(room, np.uint16), np.zeros(room, np.uint8)
+    rejected, expected = np.zeros((codes.size, LANES)), np.ones(LANES, np.float32)
+    lo, hi, dropped = np.empty(LANES, np.float32), np.empty(LANES, np.float32), np.zeros((codes.size, LANES), np.float32)
+    low, high, value, weight2 = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    for b in range(blocks):
+        start = b * LANES
+        width = min(LANES, pixels - start)
+        s, m, own = ordered[b], counts[b], slice(start, start + LANES)
+        expected[:width] = law[start : start + width]
+        lo[:], hi[:] = 0.0, m
+        for i in range(codes.size):
+            bounds(codes[i], s, n, lo, hi, numbers, expected, quantum, fewest[i], low, high)
+            trim(s, n, lo, hi, fewest[i], low, high, dropped[i])
+            rejected[i] += dropped[i]
+        for c in range(width):
+            k = hi[c] - lo[c]
+            if k == 0 or k < numbers[4] * n:
+                reason[start + c] = _why(reasons, n, start + c, codes, dropped[:, c])
+                hi[c] = lo[c]
+        _values(method, s, n, lo, hi, times[b], value, weight2)
+        moments(s, n, lo, hi, low, high)
+        if method == MEAN:
+            value[:] = low
+        _variances(high, weight2, lo, hi, m, expected, quantum, codes, method == MEDIAN, low)
+        _write(value, high, low, lo, hi, depth[own], noise[own], sigma[own], count[own])
+    return depth, sigma, noise, count, reason, rejected.sum(axis=1).astype(np.int64)
+
+
+@njit(cache=True)
+def _why(reasons: Bytes, n: int, p: int, codes: Ints, dropped: Image) -> int:
+    """The commonest reason over the captures (N, P) of a pixel, with what each stage over time dropped."""
+    votes = np.zeros(REASONS, np.int64)
+    for i in range(codes.size):
+        votes[IQR_REASON if codes[i] <= IQR_BAND else SIGMA_REASON] += int(dropped[i])
+    for i in range(n):
+        votes[reasons[i, p]] += 1
+    best = 1
+    for code in range(2, REASONS):
+        if votes[code] > votes[best]:
+            best = code
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def _values(method: int, s: Image, n: int, lo: Image, hi: Image, times: Image, value: Float, weight2: Float) -> None:
+    """The accumulated value (the mean's is left to the moments) and its variance in units of one capture's."""
+    if method == PAPER:
+        low, high = np.full(LANES, np.inf), np.full(LANES, -np.inf)
+        for c in range(LANES):
+            if hi[c] > lo[c]:
+                low[c], high[c] = s[int(lo[c]), c], s[int(hi[c]) - 1, c]
+        equation_1(times, n, low, high, value, weight2)
+        return
+    if method == MEDIAN:
+        quantiles(s, n, lo, hi, 0.5, value)
+    for c in range(LANES):
+        k = np.float64(hi[c] - lo[c])
+        # Variance of a normal median: pi/2 times the mean's for many, the mean's own for one or two.
+        more = 1.0 + (np.pi / 2 - 1) * max(k - 1.0, 0.0) / (k + 0.3)
+        weight2[c] = (more if method == MEDIAN else 1.0) / k
+
+
+@njit(cache=True, error_model="numpy")
+def _variances(
+    squares: Float,
+    weight2: Float,
+    lo: Image,
+    hi: Image,
+    counts: Image,
+    law: Image,
+    quantum: float,
+    codes: Ints,
+    on_code: bool,  # noqa: FBT001  (compiled: positional)
+    error2: Float,
+) -> None:
+    """Sums of squared deviations to the variance of one capture (in their place) and to the value's squared standard error.
+
+    One capture's variance is the pixel's own, drawn towards the law's while its captures are few.
+    """
+    banded, share, price, least = False, 1.0, 1.0, quantum * quantum / 12
+    for code in codes:
+        banded |= code == IQR_BAND
+        if code in (IQR_TUKEY, SIGMA_ROBUST):
+            share, price = CUT_SHARE, CUT_PRICE
+    for c in range(LANES):
+        k, expected = np.float64(hi[c] - lo[c]), np.float64(law[c])
+        alone = np.float64(law[c] * law[c])
+        trimmed = banded and hi[c] - lo[c] < counts[c]
+        own = squares[c] / (BAND_WITHIN if trimmed else share)
+        pooled = (PRIOR_DOF * (expected * expected) + own) / (PRIOR_DOF + k - 1)
+        variance = alone if k < 2.0 else pooled
+        variance = max(least, variance)
+        factor = BAND_WITHIN * weight2[c] + BAND_BETWEEN / k if trimmed else weight2[c] * price
+        squares[c], error2[c], weight2[c] = variance, variance * factor, factor
+    if quantum > 0.0:
+        for c in range(LANES):
+            if hi[c] > lo[c]:
+                error2[c] = mean_error2(squares[c], weight2[c], quantum, on_code)
+
+
+@njit(cache=True)
+def _write(
+    value: Float, variance: Float, error2: Float, lo: Image, hi: Image, depth: Image, noise: Image, sigma: Image, count: Ints
+) -> None:
+    """A block's results; NaN where no capture is left."""
+    for c in range(LANES):
+        known = hi[c] > lo[c]
+        depth[c] = np.float32(value[c]) if known else np.float32(np.nan)
+        noise[c] = np.float32(np.sqrt(variance[c])) if known else np.float32(np.nan)
+        sigma[c] = np.float32(np.sqrt(error2[c])) if known else np.float32(np.nan)
+        count[c] = np.uint16(hi[c] - lo[c])

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mean distance of each point to its nearest neighbours, searched in the raster instead of a tree.
+"""Mean distance of points to their nearest neighbours, searched in the raster instead of a tree.
 
 A pixel r columns or rows away lies on a ray at least r pixels away, so its point is at least about z r pitch away,
 whatever its depth. Once the k-th distance found is below that, no pixel further out can be nearer: the result is as
-exact as that of a k-d tree. One window is enough for nearly all pixels, 64 of a row at a time. The others search
-outwards, tile by tile, and skip the tiles whose bounds are further away.
+exact as that of a k-d tree. One window is enough for nearly all pixels, 64 of them at a time, a second one for most of the
+rest. The others search outwards, tile by tile, and skip the tiles whose bounds are further away.
+
+Whether k points lie within a given distance is much cheaper to find: one count over a small window, no search.
 """
 
 from __future__ import annotations
@@ -15,38 +17,66 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
+from tof_preproc.tiles import NOWHERE, TILE, boxes, outwards, reach2
+
 if TYPE_CHECKING:
-    from tof_core.arrays import Float, Image, Ints
+    from tof_core.arrays import Float, Image, Ints, Mask
     from tof_core.camera import Camera
 
-NOWHERE = 1e6
-"""Coordinate in metres of a pixel without depth: never among the nearest."""
 LANES = 64
-"""Pixels of a row that are worked on together."""
-WINDOW = 1.75
-"""Radius of the first window, in radii of a disc that holds k pixels."""
+"""Pixels that are worked on together."""
+WINDOWS = (1.4, 3.0)
+"""Radii of the first and the second window, in radii of a disc that holds k pixels."""
+CROWD = 1.22
+"""Radius of the window that is counted, in the same unit: on a surface it holds half as many pixels again as are needed."""
 STEPS = 6
 """Secant steps to the k-th distance."""
-TILE = 8
-FAR = 64
-"""Radius in pixels at which the search ends once it has k neighbours: a point whose neighbours lie beyond is an outlier anyway."""
+
+
+class Neighbourhood:
+    """The points of a depth image (H, W), and the distances between them; `known` (H, W) where there is one, `points` how many.
+
+    `k` nearest count, the point itself (at 0) among them, as Open3D counts; all of them where there are fewer.
+    """
+
+    def __init__(self, depth: Image, camera: Camera, k: int) -> None:
+        """Points of all pixels that have a depth and a ray."""
+        self._radii = [max(2, int(np.ceil(times * np.sqrt(k / np.pi)))) for times in WINDOWS]
+        self._crowd = max(1, round(CROWD * np.sqrt(k / np.pi)))
+        self._pad = max(*self._radii, TILE)  # a tile at the rim reaches beyond it
+        self._pitch = _pitch(camera)
+        self._boxes: Image | None = None
+        self._cloud = np.empty((3, depth.shape[0] + 2 * self._pad, depth.shape[1] + 2 * self._pad), np.float32)
+        self.points = _fill(self._cloud, depth, camera.rays(), self._pad)
+        self.k = min(k, self.points)
+        self.known = self._cloud[2, self._pad : -self._pad, self._pad : -self._pad] < NOWHERE
+
+    def mean_distance(self, pixels: Ints) -> Image:
+        """(n,) mean distance in metres of known pixels, given by their flat index (n,), to their k nearest points."""
+        out = np.full(pixels.size, np.float32(-1.0))
+        rest = np.arange(pixels.size)
+        for radius in self._radii:
+            _inside(self._cloud, self._pitch, self.k, radius, self._pad, pixels, rest, out)
+            rest = rest[out[rest] < 0]
+        if rest.size:
+            if self._boxes is None:
+                self._boxes = boxes(self._cloud, self._pad)
+            outwards(self._cloud, self._boxes, self._pitch, self.k, self._pad, pixels, rest, out)
+        return out
+
+    def crowded(self, within: Image) -> Mask:
+        """(H, W) where at least k points lie closer than the distance `within` (H, W): there the mean of the k nearest is below it, too.
+
+        Only a small window is looked at: more pixels may be crowded than are found.
+        """
+        return np.asarray(_crowded(self._cloud, within, self.k, self._crowd, self._pad))
 
 
 def mean_distance(depth: Image, camera: Camera, k: int) -> Image:
-    """Mean distance (H, W) in metres to the k nearest points, the point itself (at 0) among them, as Open3D counts.
-
-    NaN where there is no depth; fewer than k points in all: the mean over those there are.
-    """
-    radius = max(2, int(np.ceil(WINDOW * np.sqrt(k / np.pi))))
-    rays = camera.rays()
-    pad = radius + LANES
-    cloud = np.full((3, depth.shape[0] + 2 * radius, depth.shape[1] + 2 * pad), np.float32(NOWHERE))
-    points = _fill(cloud, depth, rays, radius, pad)
+    """Mean distance (H, W) in metres to the k nearest points, the point itself (at 0) among them; NaN where there is no depth."""
     out = np.full(depth.shape, np.float32(np.nan))
-    if points > 0:
-        pitch, k = _pitch(camera), min(k, points)
-        rest = _inside(cloud, pitch, k, radius, pad, out)
-        _outwards(cloud, pitch, k, radius, pad, rest, out)
+    cloud = Neighbourhood(depth, camera, k)
+    out[cloud.known] = cloud.mean_distance(np.flatnonzero(cloud.known))
     return out
 
 
@@ -59,33 +89,49 @@ def _pitch(camera: Camera) -> float:
 
 
 @njit(cache=True)
-def _fill(cloud: Image, depth: Image, rays: Float, radius: int, pad: int) -> int:
-    """Points (3, H + 2 radius, W + 2 pad) of a depth image; how many there are."""
+def _fill(cloud: Image, depth: Image, rays: Float, pad: int) -> int:
+    """Points (3, H + 2 pad, W + 2 pad) of a depth image; how many there are."""
     points = 0
-    for v in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
+    height, width = depth.shape
+    for i in range(3):
+        cloud[i, :pad], cloud[i, pad + height :] = NOWHERE, NOWHERE
+        cloud[i, :, :pad], cloud[i, :, pad + width :] = NOWHERE, NOWHERE
+    for v in range(height):
+        for u in range(width):
             z, x, y = depth[v, u], rays[v, u, 0], rays[v, u, 1]
-            if np.isfinite(z) and np.isfinite(x) and np.isfinite(y):
-                cloud[0, v + radius, u + pad] = x * z
-                cloud[1, v + radius, u + pad] = y * z
-                cloud[2, v + radius, u + pad] = z
-                points += 1
+            known = np.isfinite(z) & np.isfinite(x) & np.isfinite(y)
+            cloud[0, v + pad, u + pad] = np.float32(x * z if known else NOWHERE)
+            cloud[1, v + pad, u + pad] = np.float32(y * z if known else NOWHERE)
+            cloud[2, v + pad, u + pad] = z if known else np.float32(NOWHERE)
+            points += 1 if known else 0
     return points
 
 
 @njit(cache=True, fastmath=True)
-def _reach2(x: np.float32, y: np.float32, z: np.float32, pitch: float, radius: int) -> np.float32:
-    """Squared distance below which no point outside the window of this radius can be."""
-    off = np.float32((radius + 1) * pitch)
-    ray = np.sqrt(x * x + y * y + z * z) / z
-    reach: np.float32 = z * off / (ray + off)
-    return reach * reach
+def _crowded(cloud: Image, within: Image, k: int, radius: int, pad: int) -> Mask:
+    """Where at least k points of a disc of pixels lie within a distance (H, W)."""
+    height, width = within.shape
+    out = np.empty((height, width), np.bool_)
+    limit2, n = np.empty(width, np.float32), np.empty(width, np.float32)
+    for v in range(height):
+        x, y, z = cloud[0, v + pad, pad : pad + width], cloud[1, v + pad, pad : pad + width], cloud[2, v + pad, pad : pad + width]
+        n[:] = np.float32(0.0)
+        limit2[:] = within[v] * within[v]
+        for dv in range(v + pad - radius, v + pad + radius + 1):
+            reach = int(np.sqrt(radius * (radius + 0.4) - (dv - v - pad) ** 2))
+            for du in range(pad - reach, pad + reach + 1):
+                xs, ys, zs = cloud[0, dv, du : du + width], cloud[1, dv, du : du + width], cloud[2, dv, du : du + width]
+                for c in range(width):
+                    dx, dy, dz = xs[c] - x[c], ys[c] - y[c], zs[c] - z[c]
+                    n[c] += np.float32(1.0) if dx * dx + dy * dy + dz * dz <= limit2[c] else np.float32(0.0)
+        for c in range(width):
+            out[v, c] = n[c] >= k
+    return out
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _inside(cloud: Image, pitch: float, k: int, radius: int, pad: int, out: Image) -> Ints:
-    """Fill `out` where the window holds the k nearest; return the other pixels (n, 2)."""
-    height, width = out.shape
+def _inside(cloud: Image, pitch: float, k: int, radius: int, pad: int, pixels: Ints, rest: Ints, out: Image) -> None:
+    """Fill `out` for those of the pixels (flat indices) named by `rest` whose window holds the k nearest."""
     d2 = np.empty(((2 * radius + 1) ** 2, LANES), np.float32)
     reach2, mean, lo, n_lo = (
         np.empty(LANES, np.float32),
@@ -99,38 +145,32 @@ def _inside(cloud: Image, pitch: float, k: int, radius: int, pad: int, out: Imag
         np.empty(LANES, np.float32),
         np.empty(LANES, np.float32),
     )
-    rest = np.empty((height * width, 2), np.int32)
-    waiting = 0
-    for v in range(height):
-        for start in range(0, width, LANES):
-            at = start + pad
-            x, y, z = cloud[0, v + radius, at : at + LANES], cloud[1, v + radius, at : at + LANES], cloud[2, v + radius, at : at + LANES]
-            for c in range(LANES):
-                reach2[c] = _reach2(x[c], y[c], z[c], pitch, radius)
-            _window(cloud, v, at, radius, x, y, z, d2)
-            _select(d2, k, reach2, mean, lo, n_lo, n_hi, guess, n, total)
-            for c in range(min(LANES, width - start)):
-                if z[c] < NOWHERE:
-                    if mean[c] >= 0:
-                        out[v, start + c] = mean[c]
-                    else:
-                        rest[waiting, 0], rest[waiting, 1] = v, start + c
-                        waiting += 1
-    return rest[:waiting]
+    width = cloud.shape[2] - 2 * pad
+    for start in range(0, rest.size, LANES):
+        lanes = min(LANES, rest.size - start)
+        for c in range(lanes):
+            p = pixels[rest[start + c]]
+            reach2[c] = _window(cloud, p // width + pad, p % width + pad, radius, pitch, c, d2)
+        for c in range(lanes, LANES):
+            reach2[c] = reach2[0]
+            d2[:, c] = d2[:, 0]
+        _select(d2, k, reach2, mean, lo, n_lo, n_hi, guess, n, total)
+        for c in range(lanes):
+            out[rest[start + c]] = mean[c]
 
 
 @njit(cache=True, fastmath=True)
-def _window(cloud: Image, v: int, at: int, radius: int, x: Image, y: Image, z: Image, d2: Image) -> None:
-    """Squared distances (window, LANES) of LANES pixels of a row to all pixels of their windows."""
+def _window(cloud: Image, v: int, u: int, radius: int, pitch: float, lane: int, d2: Image) -> np.float32:
+    """Squared distances d2[:, lane] of a pixel to all pixels of its window, and below which no others can be."""
+    x, y, z = cloud[0, v, u], cloud[1, v, u], cloud[2, v, u]
     o = 0
-    for dv in range(2 * radius + 1):
-        for du in range(at - radius, at + radius + 1):
-            xs, ys, zs = cloud[0, v + dv, du : du + LANES], cloud[1, v + dv, du : du + LANES], cloud[2, v + dv, du : du + LANES]
-            row = d2[o]
-            for c in range(LANES):
-                dx, dy, dz = xs[c] - x[c], ys[c] - y[c], zs[c] - z[c]
-                row[c] = dx * dx + dy * dy + dz * dz
+    for row in range(v - radius, v + radius + 1):
+        for column in range(u - radius, u + radius + 1):
+            dx, dy, dz = cloud[0, row, column] - x, cloud[1, row, column] - y, cloud[2, row, column] - z
+            d2[o, lane] = dx * dx + dy * dy + dz * dz
             o += 1
+    nearer: np.float32 = reach2(x, y, z, pitch, radius)
+    return nearer
 
 
 @njit(cache=True, fastmath=True)
@@ -191,70 +231,3 @@ def _sums(d2: Image, lo: Image, hi: Image, below: Image, between: Image) -> None
             root = np.sqrt(row[c])
             below[c] += root if row[c] <= lo[c] else np.float32(0.0)
             between[c] += root if lo[c] < row[c] <= hi[c] else np.float32(0.0)
-
-
-@njit(cache=True)
-def _boxes(cloud: Image, radius: int, pad: int, height: int, width: int) -> Image:
-    """Bounds (rows, columns, 6) of the points of each tile; an empty tile's are far away."""
-    boxes = np.empty(((height + TILE - 1) // TILE, (width + TILE - 1) // TILE, 6), np.float32)
-    boxes[..., :3], boxes[..., 3:] = NOWHERE, -NOWHERE
-    for v in range(height):
-        for u in range(width):
-            if cloud[2, v + radius, u + pad] < NOWHERE:
-                r, c = v // TILE, u // TILE
-                for i in range(3):
-                    value = cloud[i, v + radius, u + pad]
-                    boxes[r, c, i] = min(boxes[r, c, i], value)
-                    boxes[r, c, i + 3] = max(boxes[r, c, i + 3], value)
-    return boxes
-
-
-@njit(cache=True, fastmath=True, error_model="numpy")
-def _outwards(cloud: Image, pitch: float, k: int, radius: int, pad: int, rest: Ints, out: Image) -> None:
-    """Search ring after ring of tiles for the pixels (n, 2) whose neighbours are further off."""
-    height, width = out.shape
-    boxes = _boxes(cloud, radius, pad, height, width)
-    rows, columns = boxes.shape[:2]
-    least = np.empty(k, np.float32)
-    for i in range(rest.shape[0]):
-        v, u = rest[i]
-        x, y, z = cloud[0, v + radius, u + pad], cloud[1, v + radius, u + pad], cloud[2, v + radius, u + pad]
-        least[:] = NOWHERE
-        for ring in range(max(rows, columns)):
-            inside = _reach2(x, y, z, pitch, max((ring - 1) * TILE, 0)) if ring else np.float32(0.0)
-            if least[k - 1] <= inside or (ring > FAR // TILE and least[k - 1] < NOWHERE):
-                break
-            for row in range(max(0, v // TILE - ring), min(rows, v // TILE + ring + 1)):
-                whole = abs(row - v // TILE) == ring
-                for column in range(u // TILE - ring, u // TILE + ring + 1, 1 if whole or ring == 0 else 2 * ring):
-                    if 0 <= column < columns and _box_distance2(boxes, row, column, x, y, z) < least[k - 1]:
-                        _merge(cloud, row * TILE + radius, column * TILE + pad, x, y, z, least)
-        total = np.float32(0.0)
-        for j in range(k):
-            total += np.sqrt(least[j])
-        out[v, u] = total / k
-
-
-@njit(cache=True, fastmath=True)
-def _box_distance2(boxes: Image, r: int, c: int, x: np.float32, y: np.float32, z: np.float32) -> np.float32:
-    dx = max(boxes[r, c, 0] - x, x - boxes[r, c, 3], np.float32(0.0))
-    dy = max(boxes[r, c, 1] - y, y - boxes[r, c, 4], np.float32(0.0))
-    dz = max(boxes[r, c, 2] - z, z - boxes[r, c, 5], np.float32(0.0))
-    distance2: np.float32 = dx * dx + dy * dy + dz * dz
-    return distance2
-
-
-@njit(cache=True, fastmath=True)
-def _merge(cloud: Image, row: int, column: int, x: float, y: float, z: float, least: Image) -> None:
-    """Merge a tile's points into the sorted least squared distances; what lies beyond the raster is nowhere."""
-    last = least.size - 1
-    for v in range(row, min(row + TILE, cloud.shape[1])):
-        for u in range(column, column + TILE):
-            dx, dy, dz = cloud[0, v, u] - x, cloud[1, v, u] - y, cloud[2, v, u] - z
-            value = dx * dx + dy * dy + dz * dz
-            if value < least[last]:
-                j = last
-                while j > 0 and least[j - 1] > value:
-                    least[j] = least[j - 1]
-                    j -= 1
-                least[j] = value

@@ -11,11 +11,14 @@ Without an amplitude image 1/z^2 takes its place (inverse square law).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
+from functools import lru_cache
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
+
+from tof_preproc.stack import LANES
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Image, Ints
@@ -82,43 +85,51 @@ def _second_differences(depth: Image, brightness: Image) -> tuple[Float, Float]:
 def law_of_dwell(stack: Stack, amplitude: Image | None, quantum: float) -> NoiseLaw:
     """The law fitted to the captures of a dwell, at least 2: from the variance over time of pixels that are valid in all of them."""
     n = stack.captures
-    some = np.flatnonzero(stack.count == n)
+    some = np.flatnonzero(stack.count.ravel() == n)
     some = some[:: max(1, some.size // SAMPLES)]
     if not some.size:
         return NoiseLaw((max(quantum**2 / 12, TINY), 0.0, 0.0), 1.0, 1.0, by_range=amplitude is None)
-    means, variances = _moments(stack.ordered, some, n)
+    means, variances = _moments(_gathered(stack.ordered, some, n))
     brightness = _brightness(means, None if amplitude is None else amplitude.ravel()[some])
     return _fit(variances, np.asarray(brightness, float), n - 1, quantum, by_range=amplitude is None)
 
 
 @njit(cache=True)
-def _moments(ordered: Image, some: Ints, n: int) -> tuple[Float, Float]:
-    """Mean and unbiased variance of the first n values of some rows."""
-    means, variances, row, strands = np.empty(some.size), np.empty(some.size), np.empty(n), np.empty(8)
+def _gathered(ordered: Image, some: Ints, n: int) -> Float:
+    """(n, k) depths of some pixels of a stack."""
+    out = np.empty((n, some.size))
     for i in range(some.size):
+        b, c = some[i] // LANES, some[i] % LANES
         for j in range(n):
-            row[j] = ordered[some[i], j]
-        means[i] = _sum(row, strands) / n
-        for j in range(n):
-            row[j] = (row[j] - means[i]) * (row[j] - means[i])
-        variances[i] = _sum(row, strands) / (n - 1)
-    return means, variances
+            out[j, i] = ordered[b, j, c]
+    return out
 
 
 @njit(cache=True)
-def _sum(row: Float, r: Float) -> float:
-    """Sum in eight strands, as NumPy adds up to 128 values: less rounding than one strand, and the same bits as NumPy."""
-    whole = row.size - row.size % 8
-    total = 0.0
+def _moments(values: Float) -> tuple[Float, Float]:
+    """Mean and unbiased variance (k,) of values (n, k) over n."""
+    n, k = values.shape
+    means, variances = np.empty(k), np.empty(k)
+    _sum(values, means)
+    means /= n
+    values = (values - means) * (values - means)
+    _sum(values, variances)
+    return means, variances / (n - 1)
+
+
+@njit(cache=True)
+def _sum(values: Float, total: Float) -> None:
+    """Sum over n in eight strands, as NumPy adds up to 128 values: less rounding than one strand, and the same bits as NumPy."""
+    n = values.shape[0]
+    whole = n - n % 8
+    total[:] = 0.0
     if whole:
-        r[:] = row[:8]
-        for i in range(8, whole, 8):
-            for j in range(8):
-                r[j] += row[i + j]
-        total = ((r[0] + r[1]) + (r[2] + r[3])) + ((r[4] + r[5]) + (r[6] + r[7]))
-    for i in range(whole, row.size):
-        total += row[i]
-    return total
+        strands = values[:8].copy()
+        for i in range(8, whole):
+            strands[i % 8] += values[i]
+        total[:] = ((strands[0] + strands[1]) + (strands[2] + strands[3])) + ((strands[4] + strands[5]) + (strands[6] + strands[7]))
+    for i in range(whole, n):
+        total += values[i]
 
 
 def _fit(noise2: Float, brightness: Float, dof: int, quantum: float, *, by_range: bool) -> NoiseLaw:
@@ -132,13 +143,15 @@ def _fit(noise2: Float, brightness: Float, dof: int, quantum: float, *, by_range
         spread = robust_variance(everything, dof, floor) if everything.size else floor
         return NoiseLaw((spread, 0.0, 0.0), 1.0, 1.0, by_range)
     brightness, noise2 = brightness[usable], noise2[usable]
+    ascending = brightness[order]
+    ends = np.cumsum([0, *(b.size for b in bins)])
     variance = np.array([robust_variance(noise2[b], dof, floor) for b in bins])
-    centre = np.array([_middle(brightness[b]) for b in bins])
+    centre = np.array([_middle(ascending[a:b]) for a, b in pairwise(ends)])
     unit = float(np.median(centre))
     powers = (centre[:, None] / unit) ** -np.arange(3.0)
     coefficients = _least_squares(powers / variance[:, None], np.ones(len(bins)))
     a0, a1, a2 = (float(c * unit**p) for p, c in enumerate(coefficients))
-    low, high = (float(v) for v in np.quantile(brightness, (0.001, 0.999)))
+    low, high = (_quantile(ascending, q) for q in (0.001, 0.999))
     return NoiseLaw((max(a0, floor) if a1 == a2 == 0 else a0, a1, a2), low, high, by_range)
 
 
@@ -155,10 +168,34 @@ def _least_squares(A: Float, b: Float) -> Float:
     return best
 
 
+def _median(values: Float) -> float:
+    """Median; NumPy's own spends more time on its arguments than on a thousand values."""
+    half = values.size // 2
+    if values.size % 2:
+        return float(np.partition(values, half)[half])
+    return 0.5 * float(np.partition(values, (half - 1, half))[half - 1 : half + 1].sum())
+
+
 def _middle(ascending: Float) -> float:
     """Median of sorted values."""
     half = ascending.size // 2
     return float(ascending[half] if ascending.size % 2 else 0.5 * (ascending[half - 1] + ascending[half]))
+
+
+def _quantile(ascending: Float, q: float) -> float:
+    """Quantile of sorted values, linear between them as NumPy's (which interpolates from the nearer one)."""
+    at = q * (ascending.size - 1)
+    i = int(at)
+    below, above, part = float(ascending[i]), float(ascending[min(i + 1, ascending.size - 1)]), at - i
+    return above - (above - below) * (1 - part) if part >= 0.5 else below + (above - below) * part
+
+
+@lru_cache(maxsize=256)
+def _chi2(dof: int) -> tuple[float, float]:
+    """Median of chi-square, and the mean of its values up to `CUT` times `dof` as a share of `dof`."""
+    from scipy.special import chdtr, chdtri
+
+    return float(chdtri(dof, 0.5)), float(chdtr(dof + 2, CUT * dof) / chdtr(dof, CUT * dof))
 
 
 def robust_variance(noise2: Float, dof: int, floor: float) -> float:
@@ -167,10 +204,8 @@ def robust_variance(noise2: Float, dof: int, floor: float) -> float:
     The median gives the scale. The result is the mean of the values within three sigma, corrected for the cut:
     a median alone cannot measure noise below the quantisation step.
     """
-    from scipy.special import chdtr, chdtri
-
-    scale = float(np.median(noise2)) * dof / float(chdtri(dof, 0.5))
+    middle, share = _chi2(dof)
+    scale = _median(noise2) * dof / middle
     cut = CUT * max(scale, floor)
     kept = noise2[noise2 <= cut]
-    share = chdtr(dof + 2, CUT * dof) / chdtr(dof, CUT * dof)
-    return max(float(kept.mean()) / float(share), floor) if kept.size else max(scale, floor)
+    return max(float(kept.mean()) / share, floor) if kept.size else max(scale, floor)

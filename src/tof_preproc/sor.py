@@ -8,46 +8,100 @@ apart. `scaled` measures in units of the point spacing that a surface has at tha
 
 from __future__ import annotations
 
+from math import gcd
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tof_core.reasons import Reason
 from tof_core.stats import robust_std
-from tof_preproc.neighbours import mean_distance
+from tof_preproc.neighbours import Neighbourhood
 from tof_preproc.surface import cos_incidence
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Image
+    from tof_core.arrays import Image, Ints
     from tof_core.camera import Camera
     from tof_preproc.config import PreprocConfig
     from tof_preproc.frame import Frame
 
 CORNER = 2.2
 """Least ratio of an outlier's mean distance to the median; at a corner of a surface the ratio is 2."""
+SAMPLES = 4000
+"""Points that a limit is estimated from where there are more than twice as many.
+
+The scaled limit is within 0.3 % of that from all points. Of recorded frames 1 pixel in 20 000 is decided otherwise; of a clean
+slanted plane, whose far end the paper's filter cuts, 24 in 10 000."""
+SURE = 0.9
+"""Share of the limit as estimated so far; distances below it need no measuring, for they are below the next estimate, too."""
 FLATTEST = 0.1
 """Least cosine of incidence in the expected spacing."""
 
 
 def remove_sor(frame: Frame, config: PreprocConfig) -> int:
     """Remove points far from their nearest neighbours."""
-    distance = mean_distance(frame.depth, frame.camera, config.sor.neighbours)
-    known = np.isfinite(distance)
-    if np.count_nonzero(known) < 2:
+    cloud = Neighbourhood(frame.depth, frame.camera, config.sor.neighbours)
+    if cloud.points < 2:
         return 0
-    if config.sor.method == "paper":
-        limit = threshold(distance[known], config.sor.ratio)
-    else:
-        distance = distance / spacing(frame.depth, frame.camera)
-        limit = scaled_threshold(distance[known], config.sor.ratio)
-    with np.errstate(invalid="ignore"):
-        return frame.remove(known & ~(distance < limit), Reason.SOR)
+    outliers = _beyond if config.sor.method == "paper" else _beyond_scaled
+    gone = np.zeros(frame.depth.size, bool)
+    gone[outliers(cloud, frame, config.sor.ratio)] = True
+    return frame.remove(gone.reshape(frame.depth.shape), Reason.SOR)
+
+
+def _beyond_scaled(cloud: Neighbourhood, frame: Frame, ratio: float) -> Ints:
+    """Flat indices of the pixels whose distance, in units of the spacing expected there, is beyond the limit."""
+    unit = spacing(frame.depth, frame.camera)
+    known, some = _some(cloud)
+    limit = scaled_threshold(cloud.mean_distance(some) / unit.ravel()[some], ratio)
+    doubtful = known[~cloud.crowded(np.float32(limit) * unit).ravel()[known]]
+    return doubtful[~(cloud.mean_distance(doubtful) / unit.ravel()[doubtful] < limit)]
+
+
+def _beyond(cloud: Neighbourhood, frame: Frame, ratio: float) -> Ints:
+    """Flat indices of the pixels whose distance in metres is beyond the limit.
+
+    Outliers make most of the standard deviation: all pixels that are not certainly below the limit enter it, of the
+    others a sample. Where the limit turns out lower than the sample alone let expect, more pixels are measured.
+    """
+    known, some = _some(cloud)
+    distance = np.full(frame.depth.size, np.float32(np.nan))
+    distance[some] = cloud.mean_distance(some)
+    limit = threshold(distance[some], ratio)
+    if some.size == known.size:
+        return known[~(distance[known] < limit)]
+    far, certain = known, np.inf
+    while certain > limit:
+        certain = SURE * limit
+        sure = cloud.crowded(np.full(frame.depth.shape, np.float32(certain))).ravel()
+        far = known[~sure[known]]
+        unknown = far[np.isnan(distance[far])]
+        distance[unknown] = cloud.mean_distance(unknown)
+        limit = _limit_of_two(distance[some[sure[some]]], known.size - far.size, distance[far], ratio)
+    return far[~(distance[far] < limit)]
+
+
+def _some(cloud: Neighbourhood) -> tuple[Ints, Ints]:
+    """Flat indices of the known pixels, and of those of them that a limit is estimated from: about `SAMPLES` in even steps."""
+    known = np.flatnonzero(cloud.known)
+    step = max(1, known.size // SAMPLES)
+    while gcd(step, cloud.known.shape[1]) > 1:  # else whole columns would be missed
+        step += 1
+    return known, known[::step].copy()
 
 
 def threshold(distance: Image, ratio: float) -> float:
     """Open3D's threshold: mean plus `ratio` sample standard deviations of the mean distances (n,)."""
     distance = distance.astype(float)
     return float(distance.mean() + ratio * distance.std(ddof=1))
+
+
+def _limit_of_two(sample: Image, near: int, far: Image, ratio: float) -> float:
+    """`threshold` of `near` distances, known by a sample (n,), and of further ones that are all known (m,)."""
+    sample, far = sample.astype(float), far.astype(float)
+    total = near + far.size
+    mean = (near * sample.mean() + far.sum()) / total
+    squares = near * np.mean((sample - mean) ** 2) + np.sum((far - mean) ** 2)
+    return float(mean + ratio * np.sqrt(squares / (total - 1)))
 
 
 def scaled_threshold(distance: Image, ratio: float) -> float:

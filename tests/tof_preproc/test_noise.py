@@ -87,10 +87,8 @@ def test_a_tenth_of_outliers_moves_the_variance_by_less_than_a_tenth() -> None:
 
 @pytest.mark.parametrize("n", [2, 7, 8, 15, 16, 100])
 def test_mean_and_variance_over_time_are_numpy_s_to_the_bit(n: int) -> None:
-    depths = np.sort(np.random.default_rng(n).normal(1.0, 0.01, (50, 120)).astype(np.float32), axis=1)
-    some = np.arange(0, 50, 3)
-    values = depths[some, :n].astype(float)
-    means, variances = _moments(depths, some, n)
+    values = np.sort(np.random.default_rng(n).normal(1.0, 0.01, (17, n)).astype(np.float32), axis=1).astype(float)
+    means, variances = _moments(np.ascontiguousarray(values.T))
     np.testing.assert_array_equal(means, values.mean(axis=1))
     np.testing.assert_array_equal(variances, values.var(axis=1, ddof=1))
 

@@ -185,9 +185,9 @@ def test_an_empty_frame_makes_an_empty_view() -> None:
 def test_warm_up_leaves_nothing_to_compile() -> None:
     truth = plane()
     warm_up(truth.camera)
-    from tof_preproc import accumulate, neighbours
+    from tof_preproc import accumulate, neighbours, tiles
 
-    kernels = [accumulate._accumulate, neighbours._inside, neighbours._outwards]
+    kernels = [accumulate._accumulate, neighbours._inside, neighbours._crowded, tiles.outwards]
     known = [len(k.signatures) for k in kernels]
     for f in captures(truth, 6):
         Preprocessor().push(f)

@@ -10,6 +10,7 @@ import pytest
 
 from benchmarks.tof_frames import captures, edge_rich, noise_of, plane
 from tof_core.reasons import Reason
+from tof_preproc import sor
 from tof_preproc.config import PreprocConfig, SorConfig
 from tof_preproc.frame import Frame
 from tof_preproc.sor import remove_sor
@@ -69,6 +70,18 @@ def test_scaled_removes_lone_spikes_and_spares_surfaces() -> None:
     gone = removed(capture, PreprocConfig())
     assert gone[spike].mean() > 0.95
     assert gone[~spike & ~truth.mixed].mean() < 0.003
+
+
+@pytest.mark.parametrize(("incidence", "noise"), [(30.0, 1.0), (55.0, 0.2)])
+@pytest.mark.parametrize("config", [PAPER, PreprocConfig()], ids=["paper", "scaled"])
+def test_a_limit_from_a_sample_removes_what_the_limit_from_all_points_removes(
+    config: PreprocConfig, incidence: float, noise: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = [captures(edge_rich(), spikes=0.01, dropouts=0.05, noise=noise)[0], captures(plane(incidence_deg=incidence), noise=noise)[0]]
+    sampled = [removed(capture, config) for capture in frames]
+    monkeypatch.setattr(sor, "SAMPLES", frames[0].depth.size)
+    for capture, some in zip(frames, sampled, strict=True):
+        assert np.count_nonzero(some ^ removed(capture, config)) <= 5e-4 * capture.depth.size + 0.01 * np.count_nonzero(some)
 
 
 def test_two_points_or_none_are_no_cloud_to_judge() -> None:
