@@ -20,7 +20,7 @@ from tof_gap.solve.joint import solve, without
 from tof_gap.solve.radial import gate
 from tof_gap.solve.start import start
 from tof_gap.solved import Split
-from tof_gap.tell.account import account
+from tof_gap.tell.account import account, without_causes
 from tof_gap.tell.diagnosis import Diagnosis, doubted
 from tof_gap.tell.explainable import explainable
 from tof_gap.tell.unexplained import look
@@ -98,7 +98,7 @@ def diagnose(
     unexplained = look(found, caster.scene, config.report, config.missing)
     return Diagnosis(
         verdict(found, unexplained, config.report),
-        found,
+        without_causes(found) if doubted(unexplained, config.report) else found,
         explainable(found.solved.evidence, found.figures.left(), split, found.gap, config.report.explainable),
         unexplained,
         too_few(len(views)) if few else untested(joint, found, config, law) | dict(untestable),

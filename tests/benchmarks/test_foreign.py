@@ -137,6 +137,15 @@ def test_the_true_shrink_is_that_of_the_named_effects(found: set[str], true: flo
     assert shrink_of(arrays, found, [1], seen=np.ones((1, 4, 4), bool)) == pytest.approx(true)
 
 
+def test_wrongly_unwrapped_pixels_count_where_they_are_named() -> None:
+    healthy, wraps = np.full((1, 4, 4), 1e-3), np.zeros((1, 4, 4))
+    wraps[0, 0, 0] = 1.5
+    arrays = {"bias_phase_wrap": wraps, "bias_all": np.zeros((1, 4, 4)), "error_healthy": healthy}
+    seen = np.ones((1, 4, 4), bool)
+    assert shrink_of(arrays, {"phase_wrap"}, [0], seen=seen) == pytest.approx(1.0, abs=1e-4)
+    assert shrink_of(arrays, set(), [0], seen=seen) == 0
+
+
 # how verdicts are judged --------------------------------------------------------------------------
 def case(kind: str, *effects: str, left_out: str = "") -> dict[str, Any]:
     shares = {e: {"separable": True, "gap_share": 1 / len(effects), "rivals": []} for e in effects}

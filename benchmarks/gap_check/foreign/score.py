@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 MATTERS = 0.15
 """Share of the gap above which each effect of three must be named."""
 PLAIN = frozenset({"none", "unknown"})
+WRAPPED = "phase_wrap"
 MAPS_ALIKE_ELSEWHERE = frozenset({"emitter_offset"})
 
 
@@ -188,11 +189,14 @@ def shrink_of(arrays: Mapping[str, Any], found: AbstractSet[str], held: Sequence
     removes nothing.
     """
     bias = arrays["bias_all"].astype(float)
-    biased = {k.removeprefix("bias_") for k in arrays if k.startswith("bias_")} - {"all"}
+    # Wrongly unwrapped pixels are no part of the mean error: they differ from capture to capture.
+    wraps = np.nan_to_num(arrays.get(f"bias_{WRAPPED}", np.zeros(bias.shape)).astype(float))
+    biased = {k.removeprefix("bias_") for k in arrays if k.startswith("bias_")} - {"all", WRAPPED}
     removed = bias if biased <= found else sum((arrays[f"bias_{e}"].astype(float) for e in sorted(biased & found)), np.zeros(bias.shape))
     with_it = (arrays["error_healthy"].astype(float) + bias)[held]
     without = with_it - removed[held]
     seen = seen & (np.abs(with_it) < SMOOTH_M) & (np.abs(without) < SMOOTH_M)
+    with_it, without = with_it + wraps[held], without + (0.0 if WRAPPED in found else wraps[held])
     return 1 - float((without[seen] ** 2).mean()) / max(float((with_it[seen] ** 2).mean()), 1e-12)
 
 

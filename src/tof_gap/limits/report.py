@@ -17,6 +17,16 @@ class ShrinkLimits:
     )
     noise_known: float = param(0.03, "error of the noise variance, relative", low=0.0, high=1.0, why="bins of amplitude interpolate it")
     resolution: float = param(0.005, "half width of the interval", low=0.0, high=1.0, why="rounding of the depth code and of the floor")
+    healthy_mm: float = param(
+        0.7,
+        "RMS of a healthy camera's errors that poses absorb",
+        unit="mm",
+        low=0.0,
+        why="table, temperature and albedo: a simulation with the true effects leaves them",
+    )
+    drawn_share: float = param(
+        0.05, "of the gap's energy, what a bootstrap draw must hold to count", low=0.0, high=1.0, why="a ratio to nothing says nothing"
+    )
     rounds: int = param(400, "bootstrap resamples of the blocks", low=50, high=100_000, why="a 2.5 % quantile rests on ten of them")
     common_left: float = param(
         0.5, "of noise that neighbours share, what its map may leave", low=0.0, high=1.0, why="rows and stripes are known coarsely"

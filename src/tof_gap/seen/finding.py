@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_sensor.effect import Effect
     from tof_sensor.effects.photon_law import PhotonLaw
 
@@ -26,7 +26,7 @@ class Finding:
     noise), or None; `corrects` whether the share can be subtracted from the measured depth; `common` (V, H, W) metres of noise
     that neighbours share: no model predicts it, but it is no unexplained structure either; `note`: the evidence in words;
     `beside`: the photon law that the noise was compared with, where that is stated and not fitted to the session; `posed_m`: metres RMS
-    of noise that neighbours share and that the poses took.
+    of noise that neighbours share and that the poses took; `own_noise` (H, W): pixels with a noise of their own, which are in no figure.
     """
 
     effect: Effect
@@ -38,6 +38,7 @@ class Finding:
     note: str = ""
     beside: PhotonLaw | None = None
     posed_m: float = 0.0
+    own_noise: Mask | None = None
 
     @property
     def name(self) -> str:

@@ -107,7 +107,8 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
             common = np.stack([line_map(v, axis, limits.lines) for v in views]) + (0.0 if common is None else common)
     pixels = noisy_pixels(views, pattern_m, limits.pixels)
     of_pixels = float(pixels.size_m * np.sqrt(pixels.share))
-    if pixels.share > limits.pixel_share and of_pixels > limits.extra_mm * 1e-3:
+    few = pixels.share > limits.pixel_share and of_pixels > limits.extra_mm * 1e-3
+    if few:
         parts[f"of {pixels.share:.1%} of the pixels"] = of_pixels
     size = float(np.sqrt(sum(p * p for p in parts.values())))
     if size <= 0:
@@ -121,6 +122,7 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
         _constant(views, size),
         common=common,
         note=how,
+        own_noise=pixels.where if few else None,
     )
 
 

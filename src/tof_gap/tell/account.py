@@ -45,7 +45,7 @@ class Account:
     """Everything that is read off one solution.
 
     causes: effects of the solution with what each does on held-out views; findings: effects that noise, loss or edges show;
-    figures: the arrays behind every figure; gap: before and after all causes.
+    figures: the arrays behind every figure; gap: before and after all effects that are asserted.
     """
 
     solved: Solved
@@ -94,14 +94,24 @@ def account(
     counted = figures(solved, findings, rng, config.report)
     if along_ray is not None and along_ray.share is not None:
         counted = replace(counted, residual=[r + share for r, share in zip(counted.residual, along_ray.share, strict=True)])
-    gap = counted.shrink(list(counted.maps))
-    if findings and not counted.maps:
-        gap = replace(gap, shrink=None, ci95=None)  # Noise and loss alone: no bias is there to be removed.
+    gap = _gap(counted, findings, list(counted.maps))
     causes = tuple(
         Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink, solved.sizes[n.name])
         for n in solved.named
     )
     return Account(solved, causes, findings, counted, gap)
+
+
+def without_causes(found: Account) -> Account:
+    """The account whose gap shrinks by its findings alone: causes that are only suspected promise nothing."""
+    names = [name for name in found.figures.maps if name not in found.solved.maps]
+    return replace(found, gap=_gap(found.figures, found.findings, names))
+
+
+def _gap(counted: Figures, findings: Sequence[Finding], names: Sequence[str]) -> Shrink:
+    """The gap before and after these effects; no shrink where noise and loss alone were found: no bias is there to be removed."""
+    gap = counted.shrink(names)
+    return replace(gap, shrink=None, ci95=None) if findings and not names else gap
 
 
 def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out: AbstractSet[str]) -> tuple[Finding, ...]:

@@ -106,13 +106,19 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
 
 
 def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
-    """(H, W) the residual on the pixels that count: gross errors and edges only where an effect explains them; NaN elsewhere."""
+    """(H, W) the residual on the pixels that count; NaN elsewhere.
+
+    Gross errors and edges count only where an effect explains them; pixels with a named noise of their own do not.
+    """
     names = {f.name for f in findings}
     keep = view.smooth.copy()
     if PhaseWrap.NAME in names:
         keep |= view.gross & ~view.edge
     if FlyingPixels.NAME in names:
         keep |= view.edge & (view.rendering.mixed > 0) & (view.rendering.mixed < view.limits.own_share) & np.isfinite(view.residual)
+    for finding in findings:
+        if finding.own_noise is not None:
+            keep &= ~finding.own_noise
     return np.where(keep, view.residual, np.nan)
 
 

@@ -179,15 +179,17 @@ def _finite(value: Any) -> Any:
 
 
 def sensor_model(d: Diagnosis) -> SensorModel:
-    """The fitted sensor: every named effect, the photon law of the remaining noise, unit of amplitude, camera and promised shrink."""
-    effects = [e for c in d.causes for e in c.named.effects] + [f.effect for f in d.findings]
+    """The fitted sensor: every asserted effect, the photon law of the remaining noise, unit of amplitude, camera and promised shrink."""
+    causes = [] if d.doubted else d.causes
+    effects = [e for c in causes for e in c.named.effects] + [f.effect for f in d.findings]
     return SensorModel((*effects, *([] if d.law is None else [d.law])), _gain(d), d.camera, _promise(d))
 
 
 def _promise(d: Diagnosis) -> Promise | None:
     """The shrink that the model predicts for another session: without pixels that wrap here and there, which no model foresees."""
     by_chance = {f.name for f in d.findings if f.corrects and f.effect.makes_outliers}
-    gap = d.account.figures.shrink([n for n in d.shares if n not in by_chance]) if by_chance else d.gap
+    suspected = {c.named.name for c in d.causes} if d.doubted else set()
+    gap = d.account.figures.shrink([n for n in d.shares if n not in by_chance | suspected]) if by_chance else d.gap
     return None if gap.shrink is None or gap.ci95 is None else Promise(gap.shrink, *gap.ci95)
 
 

@@ -84,29 +84,38 @@ def _block_sums(before: Float, after: Float, floor2: Float, block_px: int) -> tu
 def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, unsure2: float = 0.0) -> Shrink:
     """RMS, MAE and bias before and after, and the shrink with the 95 % interval of what the true effects would give.
 
-    The interval is that of a block bootstrap, widened by the error of the floor. Where many coefficients were estimated from few
-    views, their maps have an error of variance `unsure2` (m^2): the true effects would shrink the gap by up to that much more.
+    The interval is that of a block bootstrap, widened by the error of the floor. It reaches up to 1 and beyond: what is left above the
+    floor may be error of the fitted maps. Where many coefficients were estimated from few views, their maps have an error of variance
+    `unsure2` (m^2): the true effects would shrink the gap by up to that much more. It reaches down by what poses took of a healthy camera's
+    errors, which the true effects leave. Where nothing is removed, nothing shrinks.
     """
     before, after = held_out.errors("before"), held_out.errors("after")
     floor2 = float(held_out.floor2.sum() / max(held_out.n.sum(), 1.0))
     value = _shrink(before.rmse, after.rmse, floor2, limits.above_floor)
     ci = None
-    if value is not None:
+    if value is not None and np.array_equal(held_out.before, held_out.after):
+        ci = (0.0, 0.0)
+    elif value is not None:
         draws = rng.multinomial(len(held_out.n), np.full(len(held_out.n), 1 / len(held_out.n)), size=limits.rounds).astype(float)
         n = draws @ held_out.n
         b2, a2, f2 = draws @ held_out.before[2] / n, draws @ held_out.after[2] / n, draws @ held_out.floor2 / n
-        ratios = 1 - (a2 - f2) / np.maximum(b2 - f2, 1e-12)
-        low, high = np.quantile(ratios, [0.025, 0.975])
         above = (before.rmse * 1e-3) ** 2 - floor2
+        # A draw of blocks without a gap says nothing of a ratio.
+        ratios = (1 - (a2 - f2) / (b2 - f2))[b2 - f2 > limits.drawn_share * above]
+        low, high = np.quantile(ratios, [0.025, 0.975]) if len(ratios) else (value, value)
         floor = abs(value) * limits.noise_known * floor2 / above
         half = [float(np.hypot(max(side, limits.resolution), floor)) for side in (value - low, high - value)]
-        ci = (value - half[0], value + half[1] + unsure2 / above)
+        hidden = (limits.healthy_mm * 1e-3) ** 2 / above
+        ci = (value - half[0] - hidden, max(value + half[1] + unsure2 / above, 1.0))
     return Shrink(before, after, 1e3 * float(np.sqrt(floor2)), value, ci)
 
 
 def _shrink(before_mm: float, after_mm: float, floor2: float, above_floor: float) -> float | None:
-    """The shrink, or None where the RMS before exceeds the floor by less than the share `above_floor`."""
+    """The shrink, 1 at most, or None where the RMS before exceeds the floor by less than the share `above_floor`.
+
+    The floor is known to a few percent: what is left may seem to lie below it, but a gap shrinks to nothing at most.
+    """
     b2, a2 = (before_mm * 1e-3) ** 2, (after_mm * 1e-3) ** 2
     if not b2 > floor2 * (1.0 + above_floor) ** 2:
         return None
-    return float(1 - (a2 - floor2) / (b2 - floor2))
+    return float(min(1 - (a2 - floor2) / (b2 - floor2), 1.0))

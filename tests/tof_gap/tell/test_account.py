@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -12,7 +13,7 @@ from tof_gap.limits.report import ReportLimits
 from tof_gap.limits.seen import MissingLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
-from tof_gap.tell.account import Account, Cause, filtered
+from tof_gap.tell.account import Account, Cause, filtered, without_causes
 from tof_gap.tell.shrink import Errors, Shrink
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.noise import Noise
@@ -24,9 +25,13 @@ if TYPE_CHECKING:
 NOTHING = Errors(0.0, 0.0, 0.0)
 
 
+def gap_of(shrink: float | None) -> Shrink:
+    return Shrink(NOTHING, NOTHING, 0.0, shrink, None)
+
+
 def account(shrink: float | None, **left_out: float | None) -> Account:
     """A solution that shrinks the held-out gap by `shrink`, and by so much without each cause."""
-    gap = Shrink(NOTHING, NOTHING, 0.0, shrink, None)
+    gap = gap_of(shrink)
     causes = tuple(Cause(Named(name, (), (), (), 1.0), gap, without, 2e-3) for name, without in left_out.items())
     unused = cast("Any", None)
     figures = cast("Any", SimpleNamespace(limits=ReportLimits()))
@@ -48,6 +53,17 @@ def test_the_cause_that_makes_held_out_views_worst_is_found(
     shrink: float | None, left_out: dict[str, float | None], worsens: str | None
 ) -> None:
     assert account(shrink, **left_out).worsens == worsens
+
+
+def test_causes_that_are_only_suspected_shrink_nothing() -> None:
+    """A wiggle of the solution and wrapped pixels: only the latter are asserted."""
+    shrinks = {("phase_wrap",): 0.7, (): 0.0}
+    counted = cast("Any", SimpleNamespace(maps={"wiggling": [], "phase_wrap": []}, shrink=lambda names: gap_of(shrinks[tuple(names)])))
+    solved = cast("Any", SimpleNamespace(maps={"wiggling": []}))
+    both = replace(account(0.9, wiggling=0.7), solved=solved, figures=counted, findings=(Finding(PhaseWrap(), 1.0),))
+    assert without_causes(both).gap.shrink == 0.7
+    alone = replace(both, figures=cast("Any", SimpleNamespace(**vars(counted) | {"maps": {"wiggling": []}})), findings=())
+    assert without_causes(alone).gap.shrink == 0.0
 
 
 @pytest.mark.parametrize(

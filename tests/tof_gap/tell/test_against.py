@@ -50,7 +50,7 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
     findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, Dropout)]
     gap = SimpleNamespace(shrink=None, ci95=None)
     made = {"evidence": evidence, "causes": causes, "findings": findings, "law": law, "floor2": floors, "gap": gap, "camera": CAMERA}
-    return cast("Diagnosis", SimpleNamespace(account=SimpleNamespace(figures=figures), **made))
+    return cast("Diagnosis", SimpleNamespace(account=SimpleNamespace(figures=figures), doubted=False, **made))
 
 
 def compared(real: Diagnosis, simulated: Diagnosis) -> Against:

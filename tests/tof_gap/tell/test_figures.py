@@ -13,6 +13,7 @@ from tof_gap.limits.report import ReportLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.tell.figures import Figures, floor2, used
 from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.geometry import pose_columns
 
@@ -45,6 +46,14 @@ def test_gross_pixels_and_edges_count_only_where_an_effect_explains_them() -> No
     assert not counts["wrap"][20:24].any()
     assert counts["fly"][20:22].all()
     assert not counts["fly"][22:24].any(), "half a pixel of pose decides which surface these see"
+
+
+def test_pixels_with_a_named_noise_of_their_own_are_in_no_figure() -> None:
+    (view, *_) = views(np.random.default_rng(1))
+    noisy = np.zeros(SHAPE, bool)
+    noisy[5, 7] = noisy[9, 3] = True
+    counted, all_of_them = (np.isfinite(used(view, [Finding(Noise(extra_m=0.002), 0.95, own_noise=n)])) for n in (noisy, None))
+    np.testing.assert_array_equal(counted, all_of_them & ~noisy)
 
 
 def test_what_neighbours_share_is_the_codes_step_and_half_of_named_shared_noise() -> None:
