@@ -58,6 +58,11 @@ class Corrector:
         return self._first.reference if self._first else None
 
     @property
+    def caster(self) -> Raycaster | None:
+        """The CAD, if there is one."""
+        return self._caster
+
+    @property
     def scene(self) -> str:
         """Digest of the CAD, "" without one."""
         return self._caster.scene.digest if self._caster else ""

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tof_core.arrays import Bytes
+    from tof_core.hover import Numbers
 
 PALETTE = {
     "ink": "#1c2733",
@@ -33,6 +34,8 @@ PALETTE = {
 """Colours of pages and plots. Series take accent, contrast, third, neutral; verdicts take good, warning, bad."""
 PLOT_DPI = 110
 """A figure of 11 inches is about as wide as a page, 1200 pixels."""
+PAD_IN = 0.06
+"""Inches of paper around a figure."""
 _STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 9.5,
@@ -94,19 +97,25 @@ def axes(width: float, height: float, rows: int = 1, columns: int = 1, **kwargs:
 
 
 def figure_uri(figure: Figure) -> str:
-    """A figure as a PNG image inside the page."""
+    """A figure as a PNG image inside the page, with the values that the pointer finds there (`tof_core.hover`)."""
+    from tof_core.hover import numbers_of
+
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=PLOT_DPI, facecolor=PALETTE["paper"], bbox_inches="tight", pad_inches=0.06)
-    return _data_uri(stream.getvalue())
+    figure.set_dpi(PLOT_DPI)
+    figure.draw_without_rendering()
+    box = figure.get_tightbbox().padded(PAD_IN)
+    numbers = numbers_of(figure, box)
+    figure.savefig(stream, format="png", dpi=PLOT_DPI, facecolor=PALETTE["paper"], bbox_inches=box)
+    return _data_uri(numbers.into(stream.getvalue()))
 
 
-def image_uri(rgb: Bytes) -> str:
-    """An image (H, W, 3) as a PNG image inside the page."""
+def image_uri(rgb: Bytes, numbers: Numbers | None = None) -> str:
+    """An image (H, W, 3) as a PNG image inside the page; `numbers`: the values that the pointer finds there."""
     from PIL import Image
 
     stream = io.BytesIO()
     Image.fromarray(rgb).save(stream, "PNG", optimize=True)
-    return _data_uri(stream.getvalue())
+    return _data_uri(stream.getvalue() if numbers is None else numbers.into(stream.getvalue()))
 
 
 def _data_uri(png: bytes) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from tof_core.page import PALETTE, axes, figure_uri, render_page
+from tof_core.panels import panels
 from tof_eval.methods import METHODS
-from tof_eval.pictures import panels
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -59,7 +59,7 @@ def label_view(view: View, posed: Posed, caster: Raycaster, config: LabelConfig 
     rendering = render(caster, view.camera, posed.T_cell_camera)
     sigma = label_sigma(rendering, posed.cov_right, config, posed.parts)
     if world is None:
-        world = view_surprises(seen_of(view, rendering, sigma, config), config.world)
+        world = view_surprises(seen_of(view, rendering, posed, config), config.world)
     reason = _reasons(view, rendering, sigma, why_not(world), config, accepted=posed.accepted)
     return Label(
         depth=rendering.depth,

@@ -13,7 +13,7 @@ from tof_sim_label.sigma import label_sigma
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Bytes, Image
+    from tof_core.arrays import Bytes
     from tof_core.capture import Posed, View
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
@@ -29,7 +29,7 @@ def session_surprises(views: Sequence[View], posed: Sequence[Posed], caster: Ray
 
     def seen(view: View, pose: Posed) -> Seen:
         rendering = render(caster, view.camera, pose.T_cell_camera, footprints=False)
-        return seen_of(view, rendering, label_sigma(rendering, pose.cov_right, config, pose.parts), config)
+        return seen_of(view, rendering, pose, config)
 
     accepted = [k for k, p in enumerate(posed) if p.accepted]
     found = find_surprises([seen(views[k], posed[k]) for k in accepted], caster, config.world)
@@ -39,10 +39,16 @@ def session_surprises(views: Sequence[View], posed: Sequence[Posed], caster: Ray
     return Surprises(tuple(pixels), found.missing, found.foreign).of_views(accepted)
 
 
-def seen_of(view: View, rendering: Rendering, sigma: Image, config: LabelConfig) -> Seen:
-    """A view beside its rendering; a label less certain than its limit is masked anyway, and allows no more than that."""
+def seen_of(view: View, rendering: Rendering, posed: Posed, config: LabelConfig) -> Seen:
+    """A view beside its rendering at a solved pose.
+
+    The uncertainty is of pose and CAD without what the solution finds parts to stand off (`Posed.parts`): a part that stands
+    elsewhere is what is looked for, and must not excuse itself. A label less certain than its limit is masked anyway, and
+    allows no more than that.
+    """
     from tof_scene.world.seen import Seen
 
+    sigma = label_sigma(rendering, posed.cov_right, config)
     return Seen(
         camera=view.camera,
         T_cell_camera=rendering.T_cell_camera,

@@ -11,7 +11,7 @@ from tof_virtual.effect import UNIT_M, rms
 from tof_virtual.pipeline import expose
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from tof_core.arrays import Float
     from tof_virtual.effect import Effect
@@ -33,6 +33,15 @@ def calibrate(session: Session) -> None:
             continue
         error = _geometric(session, effect, indices) if effect.geometric or effect.tap_interval_s() else _measured(session, effect, indices)
         _solve(effect, error)
+    if any(e.geometric for e in session.effects):
+        session.forget()
+
+
+def resize(session: Session, sizes: Mapping[str, float]) -> None:
+    """Give the effects the sizes, by name, that they have in another session of the same camera (`Truth.meta`)."""
+    for effect in session.effects:
+        effect.size = sizes[effect.name]
+        effect.prepare(session)
     if any(e.geometric for e in session.effects):
         session.forget()
 

@@ -54,7 +54,7 @@ def photograph(session: Session, T_cell_depth: Float, station: int, index: int) 
     paints = np.stack([paint(b.albedo) for b in session.bodies])
     light = _light(world, points, _facing(world.soup.normals[face[hit]], rays[hit]), _lamps(session, station))
     linear[hit] = paints[world.soup.body[face[hit]]] * light
-    noise = np.random.default_rng([session.config.seed, 99, index]).standard_normal(linear.shape, dtype=np.float32)
+    noise = np.random.default_rng([session.config.seed, 99, index, session.config.day]).standard_normal(linear.shape, dtype=np.float32)
     grey = 255 * np.clip(linear, 0, 1) ** (1 / 2.2) + NOISE * noise
     return np.asarray(np.clip(grey + 0.5, 0, 255), np.uint8).reshape(*camera.shape, 3)
 
@@ -78,7 +78,7 @@ def _light(world: World, points: Float, normals: Float, lamps: list[tuple[Float,
 
 def _lamps(session: Session, station: int) -> list[tuple[Float, Float]]:
     """Position (3,) and linear RGB (3,) of each lamp; the light changes between stations."""
-    rng = np.random.default_rng([session.config.seed, 98, station])
+    rng = np.random.default_rng([session.config.seed, 98, station, session.config.day])
     target = session.nominal.soup.centre
     sides = np.radians(session.config.plan.facing_deg + np.array([-60, 60]) + rng.uniform(-30, 30, 2))
     lamps = []

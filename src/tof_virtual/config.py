@@ -109,3 +109,4 @@ class VirtualConfig:
     warmup: WarmupConfig = section(WarmupConfig, "temperature")
     output: OutputConfig = section(OutputConfig, "topics and frames")
     seed: int = param(0, "seed of all random numbers", low=0)
+    day: int = param(0, "day on which the plan is driven: the same plan and camera, other errors of the robot, light and noise", low=0)

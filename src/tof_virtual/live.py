@@ -12,7 +12,7 @@ from tof_core import se3
 from tof_core.capture import Capture, Colour, RobotPose
 from tof_core.decode import decode_amplitude, decode_depth
 from tof_core.encode import image_fields
-from tof_virtual.calibrate import calibrate
+from tof_virtual.calibrate import calibrate, resize
 from tof_virtual.colour import colour_camera, photograph
 from tof_virtual.config import VirtualConfig
 from tof_virtual.effect import Moment
@@ -40,14 +40,25 @@ class VirtualRobot:
     may read. Effects that need motion (`motion`, `time_sync`) are not visible, since it captures at rest.
     """
 
-    def __init__(self, bodies: Sequence[Body], config: VirtualConfig | None = None, effects: Mapping[str, float] | None = None) -> None:
-        """Plan as `record` does, so that effects have the same sizes."""
-        self._session = Session(bodies, config or VirtualConfig(), effects or {})
-        calibrate(self._session)
+    def __init__(
+        self,
+        bodies: Sequence[Body],
+        config: VirtualConfig | None = None,
+        effects: Mapping[str, float] | None = None,
+        *,
+        standing: Sequence[Body] | None = None,
+        sizes: Mapping[str, float] | None = None,
+    ) -> None:
+        """Plan as `record` does, so that effects have the same sizes; `standing`: the bodies as they are, `sizes`: of the effects, by name."""
+        self._session = Session(bodies, config or VirtualConfig(), effects or {}, standing)
+        if sizes is None:
+            calibrate(self._session)
+        else:
+            resize(self._session, sizes)
         self.config = self._session.config
         self.camera = self._session.camera
-        self._robot = Robot(self.config.robot, np.random.default_rng([self.config.seed, 2]), self._session.hand_eye())
-        self._photons = np.random.default_rng([self.config.seed, 78])
+        self._robot = Robot(self.config.robot, np.random.default_rng([self.config.seed, 2, self.config.day]), self._session.hand_eye())
+        self._photons = np.random.default_rng([self.config.seed, 78, self.config.day])
         self._time_s, self._index, self._station = 0.0, 0, -1
         self._sight: Sight | None = None
         self.drive(self._session.stops[0].T_cell_body)

@@ -150,7 +150,7 @@ def temperatures(session: Session) -> Iterator[Event]:
 def _captures(session: Session, truth: Truth, sensor: Sensor | None) -> Iterator[Event]:
     """Expose each capture in order of time and add its truth to `truth`."""
     c = session.config
-    photons = np.random.default_rng([c.seed, 77])
+    photons = np.random.default_rng([c.seed, 77, c.day])
     for index in progress(range(len(session.shutters)), "record", len(session.shutters)):
         shutter = session.shutters[index]
         moment = session.moment(index)

@@ -60,28 +60,27 @@ def stated_camera(config: CameraConfig, frame_id: str) -> Camera:
 class Session:
     """Stops, times, errors and effects of one session, all drawn from the seed."""
 
-    def __init__(self, bodies: Sequence[Body], config: VirtualConfig, effects: Mapping[str, float]) -> None:
-        """Plan the session on the nominal bodies, as a robot's programmer would."""
+    def __init__(
+        self, bodies: Sequence[Body], config: VirtualConfig, effects: Mapping[str, float], standing: Sequence[Body] | None = None
+    ) -> None:
+        """Plan the session on the nominal bodies, as a robot's programmer would; `standing`: the bodies as they are (default: the same)."""
         config = adapt(config, effects)
         self.config = config
-        self.bodies = bodies
+        self.bodies = bodies if standing is None else standing
         self.effects: tuple[Effect, ...] = make_effects(effects, config)
         self.camera = stated_camera(config.camera, frame(config, "hand_depth_sensor"))
-        self._worlds: dict[frozenset[str], World] = {frozenset(): World.of(bodies)}
+        self.nominal = World.of(bodies)
+        """The bodies as the CAD has them."""
+        self._worlds: dict[frozenset[str], World] = {frozenset(): self.nominal if standing is None else World.of(standing)}
         self._sights: dict[tuple[object, ...], Sight] = {}
         self._lights: tuple[tuple[Sight, ...], dict[object, list[Light]]] | None = None
-        plan_rng, time_rng, robot_rng = (np.random.default_rng([config.seed, k]) for k in range(3))
+        plan_rng, time_rng, robot_rng = (np.random.default_rng([config.seed, k, day]) for k, day in enumerate((0, 0, config.day)))
         raster = self.camera.rays()[:: max(self.camera.height // 12, 1), :: max(self.camera.width // 16, 1)].reshape(-1, 3)
         self.stops = plan(self.nominal, config.plan, raster, plan_rng)
         self.segments, self.shutters = schedule(self.stops, config.plan, time_rng)
         self.errors = self._errors(Robot(config.robot, robot_rng))
         for e in self.effects:
             e.prepare(self)
-
-    @property
-    def nominal(self) -> World:
-        """The bodies as the CAD has them."""
-        return self._worlds[frozenset()]
 
     def _errors(self, robot: Robot) -> list[Errors]:
         out = []

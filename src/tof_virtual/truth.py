@@ -83,7 +83,7 @@ class Truth:
             "schema": SCHEMA,
             "seed": s.config.seed,
             "config": to_mapping(s.config),
-            "parts": list(s.nominal.soup.names),
+            "parts": [b.name for b in s.bodies],
             "effects": {
                 e.name: {
                     "strength": e.strength,

@@ -18,6 +18,7 @@ from tof_scene.raycast import Raycaster
 from tof_scene.scene import Part, Scene
 from tof_sim_label.config import LabelConfig
 from tof_sim_label.label import Label, label_view
+from tof_sim_label.reasons import LabelReason
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
@@ -145,3 +146,14 @@ def test_a_less_certain_pose_makes_a_less_certain_label(caster: Raycaster) -> No
     pure = (sure.part == 0) & (sure.mixed == 0)
     inner = cv2.erode(pure.astype(np.uint8), np.ones((9, 9), np.uint8)) == 1
     np.testing.assert_allclose(unsure.sigma[inner] / sure.sigma[inner], 10.0, rtol=1e-3)
+
+
+def test_a_part_that_stands_elsewhere_does_not_excuse_itself(caster: Raycaster) -> None:
+    """The solution finds the clip to stand 8 mm off, and it stands 18 mm off: its pixels are no labels for all that."""
+    view, label = seen(caster)
+    on = label.part == 1
+    posed = replace(POSED, parts=np.array([0.0, 0.008]))
+    moved = replace(view, depth=np.where(on, view.depth - np.float32(0.018), view.depth))
+    inner = cv2.erode(on.astype(np.uint8), np.ones((3, 3), np.uint8)) == 1
+    assert (label_view(view, posed, caster).reason[inner] == LabelReason.USABLE).all()
+    assert (label_view(moved, posed, caster).reason[inner] == LabelReason.FOREIGN).all()

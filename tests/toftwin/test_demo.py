@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
-SMALL = ["width=160", "height=120", "views=4", "stations=1", "captures=3", "effects=wiggling=1", "sweep_views=3"]
+SMALL = ["width=160", "height=120", "views=4", "stations=1", "captures=3", "effects=wiggling=1", "sweep_views=3", "later_captures=3"]
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +29,8 @@ def demo(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_everything_is_left_and_nothing_half_done(demo: Path) -> None:
     names = {p.name for p in demo.iterdir()}
+    assert {"gap", "inspection", "first.json", "later", "fitted"} <= names
+    assert (demo / "gap/sensor.yaml").exists()
     assert {"bag", "graph", "dataset.zarr", "report.html", "scene", "truth.npz", "poses.json", "metrics.json", "config.yaml"} <= names
     assert not [name for name in names if name.endswith(".part")]
     assert not demo.with_name("out.part").exists()
@@ -37,7 +39,7 @@ def test_everything_is_left_and_nothing_half_done(demo: Path) -> None:
 def test_labels_are_nearer_to_the_truth_than_what_was_measured(demo: Path) -> None:
     from tof_eval.sessions import session_errors
     from tof_virtual.truth import load_truth
-    from toftwin.demo import live_poses
+    from toftwin.demo.run import live_poses
 
     found = session_errors(demo / "dataset.zarr", load_truth(demo / "truth")[0], live_poses(demo / "graph"))
     mae = {name: error.mae for name, error in found.rows}
@@ -58,8 +60,41 @@ def test_poses_and_metrics_are_written_beside(demo: Path) -> None:
 
 def test_the_report_needs_no_network_and_shows_every_picture(demo: Path) -> None:
     html = (demo / "report.html").read_text(encoding="utf-8")
-    assert not re.findall(r"(?:src|href)=\"(?!data:)", html)
-    assert html.count('src="data:image/png;base64,') == 7
+    links = re.findall(r"(?:src|href)=\"(?!data:)([^\"]*)", html)
+    assert links
+    assert all((demo / link).exists() for link in links)
+    assert html.count('src="data:image/png;base64,') >= 11
+    assert len(html) < 5_000_000
+
+
+def test_the_page_leads_with_the_four_questions(demo: Path) -> None:
+    html = (demo / "report.html").read_text(encoding="utf-8")
+    places = [html.index(f"<h2>{k} ") for k in (1, 2, 3, 4)]
+    assert places == sorted(places)
+    assert places[-1] < html.index("<h2>Labels: one view")
+
+
+def test_the_fitted_sensor_is_nearer_to_the_camera_than_an_ideal_one(demo: Path) -> None:
+    from tof_core.config import from_mapping
+    from toftwin.demo.config import DemoConfig
+    from toftwin.demo.replace import compared
+
+    values = dict(pair.split("=", 1) for pair in SMALL)
+    found = compared(
+        demo, demo / "scene/scene.yaml", from_mapping(DemoConfig, {k: v if k == "effects" else int(v) for k, v in values.items()})
+    )
+    assert found.fitted_mm < 0.8 * found.ideal_mm
+    assert found.noise_mm < found.fitted_mm
+
+
+def test_what_was_taken_away_and_moved_is_not_called_present(demo: Path) -> None:
+    found = json.loads((demo / "inspection/inspection.json").read_text())
+    parts = {p["name"]: p["state"] for p in found["parts"]}
+    gone, moved = "clip_1", "connector"
+    assert parts[gone] != "present"
+    assert parts[moved] != "absent"
+    others = [state for name, state in parts.items() if name not in (gone, moved)]
+    assert not {"absent", "displaced"} & set(others)
 
 
 @pytest.mark.browser
@@ -69,7 +104,7 @@ def test_the_report_opens_in_a_browser(demo: Path, tmp_path: Path) -> None:
         pytest.skip("no Chromium on this machine")
     flags = ["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", f"--user-data-dir={tmp_path}"]
     shown = subprocess.run([browser, *flags, f"file://{demo}/report.html"], capture_output=True, text=True, timeout=120, check=True)
-    assert "How far is each pixel really?" in shown.stdout
+    assert "a camera and its twin" in shown.stdout
 
 
 def test_a_folder_that_is_no_demo_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, names: Sequence[str] = ()) -> Path:
     """Write `report.html` beside `gap.json`, whose `content` it shows; `names` of the scene's parts stand on the map."""
-    left = [r - np.sum([np.zeros_like(r), *(np.nan_to_num(m[v]) for m in d.shares.values())], axis=0) for v, r in enumerate(d.residual)]
+    left = _left(d)
     gap, world = content["gap"], lines(content["world"])
     main, others = pictures.by_quantity(by_quantity(d.evidence, d.residual, d.floor2, d.config.report.where.bins))
     text = render_page(
@@ -61,3 +61,13 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
     path = folder / "report.html"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def map_picture(d: Diagnosis, names: Sequence[str]) -> str:
+    """The parts coloured by the gap, before and after the named effects are added."""
+    return pictures.on_the_cad(d, _left(d), names)
+
+
+def _left(d: Diagnosis) -> list[Any]:
+    """(H, W) residual of each view without what the named effects explain."""
+    return [r - np.sum([np.zeros_like(r), *(np.nan_to_num(m[v]) for m in d.shares.values())], axis=0) for v, r in enumerate(d.residual)]

@@ -38,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--view", type=int, default=-1, metavar="N", help="number of the view: 0 is the first, -1 the last (default: -1)")
     parser.add_argument("--frame", default="body", metavar="FRAME", help="TF frame in which the hand pose is given (default: body)")
     parser.add_argument("--hand-frame", default="", metavar="FRAME", help="TF frame whose pose the arm's driver commands (default: hand)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for correction.json and correction.html (default: print only)")
     parser.add_argument("--json", action="store_true", help="print the corrections as JSON")
     add_bag_arguments(parser)
     add_config_arguments(parser, _settings)
@@ -76,6 +77,12 @@ def run(args: argparse.Namespace) -> int:
         frames = frames_of(reader.chain, reader.camera.frame_id, chosen[-1].stamp_ns, args.hand_frame, args.frame)
         made = corrector.propose(chosen, frames)
     _print(made, as_json=args.json)
+    if args.out:
+        from arm_correction.report import write
+
+        page = write(made, chosen[-1], frames, args.out, Path(args.bag).name, reference=reference, caster=corrector.caster)
+        if not args.json:
+            print(f"report: {page}")
     return 0 if next(iter(made.values())).accepted else 1
 
 

@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _settings() -> type[Any]:
-    from toftwin.demo import DemoConfig
+    from toftwin.demo.config import DemoConfig
 
     return DemoConfig
 
@@ -43,7 +43,8 @@ def _settings() -> type[Any]:
 def run(args: argparse.Namespace) -> int:
     """Run it, print the table."""
     from tof_core.errors import UsageError
-    from toftwin.demo import MARK, DemoConfig, run_demo, summary
+    from toftwin.demo.config import DemoConfig
+    from toftwin.demo.run import MARK, run_demo, summary
     from toftwin.options import load_config
 
     config = load_config(DemoConfig, args)

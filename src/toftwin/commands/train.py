@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="FILE",
-        help="network to write (.onnx); its card, data and figures, is written beside it (.json)",
+        help="network to write (.onnx); its card, data and figures, is written beside it (.json), and a report (.html)",
     )
     parser.add_argument(
         "--unseen",
@@ -84,12 +84,16 @@ def run(args: argparse.Namespace) -> int:
         unseen=[dataset_at(p) for p in args.unseen],
         say=lambda line: print(line, file=sys.stderr, flush=True),
     )
+    from tof_infer.report import write
+
+    page = write(card, args.out)
     if args.json:
         import json
 
         print(json.dumps(card.figures, indent=1))
     else:
         _print(card, args.out)
+        print(f"report: {page}")
     return 0
 
 

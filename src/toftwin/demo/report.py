@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.page import render_page
+from tof_core.panels import panels
 from tof_core.reasons import Reason
 from tof_eval import pictures
 from tof_eval.report import sweep_plot, view_picture
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tof_sim_label.dataset import Dataset
-    from toftwin.demo import DemoResult
+    from toftwin.demo.run import DemoResult
 
 GALLERY = 12
 
@@ -36,7 +37,9 @@ def write_report(result: DemoResult, scene: Path) -> Path:
     html = render_page(
         "toftwin",
         "demo.html.j2",
-        "How far is each pixel really?",
+        "toftwin: a camera and its twin",
+        sentence=sentence(result),
+        four=_four(result),
         config=result.config,
         rows=result.errors.rows,
         poses=[_pose_row(p) for p in result.errors.poses],
@@ -64,6 +67,66 @@ def write_report(result: DemoResult, scene: Path) -> Path:
     return path
 
 
+def sentence(result: DemoResult) -> str:
+    """The four results in words."""
+    gone, moved = result.inspected.truth.gone, result.inspected.truth.moved
+    right, of, every = result.inspected.right, result.inspected.judged, len(result.inspected.verdicts)
+    before, after = result.corrected.before[0], result.corrected.after[0]
+    parts = f"all {of} observable parts" if of < every else f"all {of} parts"
+    parts = f"{parts} were judged right" if right == of else f"{right} of {of} judged parts were judged right"
+    return (
+        f"The labels are {1e3 * result.errors.rows[4][1].mae:.2f} mm off in the mean. The gap between camera and simulation fell from "
+        f"{result.diagnosed.before_mm:.1f} to {result.diagnosed.after_mm:.1f} mm; the hand, {before:.0f} mm beside its place a day later, came back "
+        f"to {after:.1f} mm; {parts}{f', {gone} gone and {moved} displaced among them' if gone else ''}."
+    )
+
+
+def _four(result: DemoResult) -> dict[str, Any]:
+    """What the four leading sections show."""
+    corrected, replaced, inspected = result.corrected, result.replaced, result.inspected
+    proposal = corrected.made["reference"]
+    shown = int(np.argmax(np.isfinite(replaced.ideal).sum(axis=(1, 2))))
+    verdicts = sorted(inspected.verdicts, key=lambda v: (v.state == "present", v.name))
+    return {
+        "gap": result.diagnosed,
+        "causes": [c["effect"].replace("_", " ") for c in result.diagnosed.content["causes"]],
+        "words": [w["sentence"] for w in result.diagnosed.content["words"]],
+        "correct": corrected,
+        "proposal": proposal,
+        "step": proposal.step,
+        "correct_picture": panels(
+            [
+                ("a day later: minus the first day", corrected.now - corrected.reference, "error"),
+                ("after the move: minus the first day", corrected.then - corrected.reference, "error"),
+            ],
+            columns=2,
+            span_mm=20.0,
+            width=11.0,
+        ),
+        "inspect": inspected,
+        "verdicts": verdicts,
+        "replace": replaced,
+        "replace_picture": panels(
+            [
+                ("camera minus simulation with an ideal camera", replaced.ideal[shown], "error"),
+                ("camera minus simulation with the fitted sensor", replaced.by_fitted[shown], "error"),
+            ],
+            columns=2,
+            width=11.0,
+        ),
+        "replace_histogram": pictures.error_histogram(
+            [("ideal camera", _sample(replaced.ideal)), ("fitted sensor", _sample(replaced.by_fitted))],
+            xlabel="camera minus simulation, mm",
+            band_mm=replaced.noise_mm,
+        ),
+        "view": shown,
+    }
+
+
+def _sample(difference_m: NDArray[Any]) -> NDArray[Any]:
+    return np.asarray(1e3 * difference_m[np.isfinite(difference_m)])
+
+
 def _fullest_view(dataset: Dataset) -> int:
     """The view whose label covers most parts."""
     return int(np.argmax([len(np.unique(dataset.frame("views/part", v))) for v in range(dataset.views)]))
@@ -84,7 +147,7 @@ def hero(dataset: Dataset, truth: dict[str, Any], caster: Raycaster, v: int) -> 
     raw = _raw(dataset, v)
     depth, label, part = (dataset.frame(f"views/{n}", v) for n in ("depth", "label", "part"))
     true, robot = truth["depth"][v], render(caster, dataset.camera, truth["T_robot"][v], footprints=False).depth
-    return pictures.panels(
+    return panels(
         [
             ("raw, one capture", raw, "depth"),
             ("accumulated and filtered", depth, "depth"),
@@ -134,4 +197,4 @@ def _gallery(dataset: Dataset, truth: dict[str, Any]) -> str:
     chosen = np.unique(np.linspace(0, dataset.views - 1, min(GALLERY, dataset.views)).round().astype(int))
     stations = dataset.column("views/station")
     images = [(f"view {v}, station {stations[v]}", dataset.frame("views/depth", int(v)) - truth["depth"][v], "error") for v in chosen]
-    return pictures.panels(images, columns=4, width=13.5)
+    return panels(images, columns=4, width=13.5)

@@ -3,17 +3,25 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
-from tof_core.config import from_mapping, param
 from tof_eval.sessions import SessionErrors, session_errors
 from tof_eval.tables import depth_table, methods_table, pose_table
+from tof_scene.scene_file import load_scene
 from tof_virtual.truth import load_truth
-from toftwin.demo_repair import compare_methods
+from toftwin.demo.correct import Corrected, correct
+from toftwin.demo.diagnose import Diagnosed, diagnose
+from toftwin.demo.inspect import Inspected, inspect
+from toftwin.demo.repair import compare_methods
+from toftwin.demo.replace import Replaced, replace_sensor
+from toftwin.demo.sessions import TODAY, changed, later, today
 from toftwin.inputs import opened
 from toftwin.labelling import LabelResult, label_bag
 from toftwin.pipeline import PipelineConfig
@@ -23,23 +31,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_eval.comparison import Comparison
+    from toftwin.demo.config import DemoConfig
 
 MARK = "made-by-toftwin-demo"
-
-
-@dataclass(frozen=True, slots=True)
-class DemoConfig:
-    """What the demonstration records."""
-
-    scene: str = param("body_section", "built-in scene")
-    width: int = param(400, "columns of the camera", unit="px", low=32, high=1000)
-    height: int = param(300, "rows of the camera", unit="px", low=32, high=1000)
-    views: int = param(12, "views of the session", low=1, high=200)
-    stations: int = param(3, "stations of the base", low=1, high=50)
-    captures: int = param(8, "captures of each view", low=1, high=100)
-    effects: str = param("wiggling=1,multipath=1", "effects of the camera and their strengths")
-    sweep_views: int = param(11, "views of the sweep on which raw, rules and network are compared", low=1, high=100)
-    seed: int = param(1, "seed of everything random", low=0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +45,10 @@ class DemoResult:
     replayed: ReplayResult
     labelled: LabelResult
     errors: SessionErrors
+    diagnosed: Diagnosed
+    corrected: Corrected
+    inspected: Inspected
+    replaced: Replaced
     comparison: Comparison
     seconds: dict[str, float]
 
@@ -62,15 +60,23 @@ def run_demo(out: Path, config: DemoConfig) -> DemoResult:
     part.mkdir(parents=True)
     (part / MARK).touch()
     seconds: dict[str, float] = {}
-    scene = _timed(seconds, "record", lambda: _record(part, config))
-    replayed = _timed(seconds, "replay", lambda: _replay(part, scene))
-    labelled = _timed(seconds, "label", lambda: _label(part, scene))
-    poses = {"per-view ICP": labelled.others["per_view"], **live_poses(part / "graph")}
-    truth, _ = load_truth(part / "truth")
-    errors = _timed(seconds, "evaluate", lambda: session_errors(part / "dataset.zarr", truth, poses))
-    comparison = _timed(seconds, "repair", lambda: compare_methods(part, scene, config))
-    result = DemoResult(config, part, replayed, labelled, errors, comparison, seconds)
-    _timed(seconds, "report", lambda: _report(result, scene))
+    path = _timed(seconds, "record", lambda: today(part, config))
+    scene = load_scene(path)
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as second:  # the longest step, beside four that do not need it
+        diagnosis = second.submit(diagnose, part / "gap", part / TODAY, path)
+        replayed = _timed(seconds, "replay", lambda: _replay(part, path))
+        labelled = _timed(seconds, "label", lambda: _label(part, path))
+        poses = {"per-view ICP": labelled.others["per_view"], **live_poses(part / "graph")}
+        truth, _ = load_truth(part / "truth")
+        errors = _timed(seconds, "evaluate", lambda: session_errors(part / "dataset.zarr", truth, poses))
+        _timed(seconds, "record the day after", lambda: later(part, scene, config, changed(scene, config)))
+        diagnosed = _timed(seconds, "gap", diagnosis.result)
+    corrected = _timed(seconds, "correct", lambda: correct(part, path, scene, config))
+    inspected = _timed(seconds, "inspect", lambda: inspect(part, path, scene, config))
+    replaced = _timed(seconds, "simulate", lambda: replace_sensor(part, path, scene, config))
+    comparison = _timed(seconds, "repair", lambda: compare_methods(part, path, config))
+    result = DemoResult(config, part, replayed, labelled, errors, diagnosed, corrected, inspected, replaced, comparison, seconds)
+    _timed(seconds, "report", lambda: _report(result, path))
     if out.exists():
         shutil.rmtree(out)
     part.replace(out)
@@ -85,26 +91,10 @@ def _timed(seconds: dict[str, float], name: str, work: Any) -> Any:
     return out
 
 
-def _record(folder: Path, config: DemoConfig) -> Path:
-    from tof_scene.builtin import write_builtin
-    from tof_scene.scene_file import load_scene
-    from tof_virtual.config import VirtualConfig
-    from tof_virtual.record import record
-    from toftwin.commands.simulate import bodies_of, parse_effects
-
-    scene = write_builtin(config.scene, folder / "scene")
-    values = {
-        "camera.width": config.width,
-        "camera.height": config.height,
-        "plan.views": config.views,
-        "plan.stations": config.stations,
-        "plan.captures": config.captures,
-        "output.colour": True,
-        "seed": config.seed,
-    }
-    effects = parse_effects([e for e in config.effects.split(",") if e])
-    record(bodies_of(load_scene(scene)), folder / "bag", from_mapping(VirtualConfig, values), effects=effects, truth_path=folder / "truth")
-    return scene
+def processor_seconds() -> float:
+    """Of this process and its children that have ended."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
 
 
 def _replay(folder: Path, scene: Path) -> ReplayResult:
@@ -134,22 +124,27 @@ def live_poses(run: Path) -> dict[str, list[Any]]:
 
 
 def _report(result: DemoResult, scene: Path) -> None:
-    from toftwin.demo_report import write_report
+    from toftwin.demo.report import write_report
 
     write_report(result, scene)
 
 
 def summary(result: DemoResult) -> str:
-    """The table that the command prints."""
+    """What the command prints."""
+    from toftwin.demo.report import sentence
+
     r = result.replayed
     return "\n".join(
         [
+            sentence(result),
             f"over DDS: {r.report.sent} frames sent, {r.report.fates['kept']} kept, {r.report.lost} lost; the graph used {r.memory_bytes / 1e6:.0f} MB",
             depth_table(result.errors.rows),
             pose_table(result.errors.poses),
             f"labels within two of their sigmas of the truth: {result.errors.honest:.1%}",
             f"sweep of the paper with the camera of the default network, {result.comparison.result['views']} views against the truth:",
             methods_table(result.comparison.result["methods"]),
-            "seconds: " + ", ".join(f"{name} {s:.0f}" for name, s in result.seconds.items()),
+            "seconds: "
+            + ", ".join(f"{name} {s:.0f}" for name, s in result.seconds.items())
+            + f"; {sum(result.seconds.values()):.0f} in all, {processor_seconds():.0f} of processor",
         ]
     )

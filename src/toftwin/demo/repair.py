@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from tof_eval.comparison import Comparison
     from tof_eval.methods import Method
-    from toftwin.demo import DemoConfig
+    from toftwin.demo.config import DemoConfig
 
 
 def compare_methods(folder: Path, scene: Path, config: DemoConfig) -> Comparison:

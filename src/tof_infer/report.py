@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A page beside the network: what it repairs, how honest its sigma is, how training went."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tof_core.page import PALETTE, axes, figure_uri, render_page
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from tof_infer.card import Card
+
+ONE_SIGMA, TWO_SIGMA = 0.683, 0.954
+"""Shares of a normal distribution within one and two standard deviations."""
+HONEST = 0.05
+"""Difference from these shares up to which sigma is called honest."""
+FLAT = 0.03
+"""Share of the validation error that the last quarter of the epochs must win, or more epochs promise nothing."""
+
+
+def write(card: Card, out: Path) -> Path:
+    """Write the page beside the network `out` (.onnx); returns it."""
+    figures = card.figures
+    page = out.with_suffix(".html")
+    text = render_page(
+        "tof_infer",
+        "training.html.j2",
+        f"Network {out.name}",
+        sentence=sentence(figures),
+        todo=todo(card),
+        figures=figures,
+        unseen="unseen_mae_mm" in figures,
+        split=card.split,
+        data=card.data,
+        camera=card.camera,
+        config=card.config,
+        range_m=card.range_m,
+        max_sigma_mm=1e3 * card.max_sigma_m,
+        errors=_errors(figures),
+        curves=_curves(card.curves, figures),
+        name=out.name,
+    )
+    page.write_text(text, encoding="utf-8")
+    return page
+
+
+def sentence(figures: Mapping[str, Any]) -> str:
+    """The verdict in words, on views of other stations."""
+    mae, raw = figures["val_mae_known_mm"], figures["val_raw_mae_mm"]
+    if mae is None:
+        return "The network repairs no pixel: its sigma is nowhere below the limit."
+    if mae >= raw:
+        return f"The network repairs nothing: the mean error is {mae:.2f} mm where raw depth has {raw:.2f} mm."
+    return f"The network brings the mean error from {raw:.2f} to {mae:.2f} mm, on the {figures['val_known']:.0%} of the pixels that it repairs."
+
+
+def todo(card: Card) -> list[str]:
+    """What to do now."""
+    figures, lines = card.figures, []
+    mae, raw = figures["val_mae_known_mm"], figures["val_raw_mae_mm"]
+    if mae is None or mae >= raw:
+        lines.append(
+            "Add views: more stations and ranges of this camera. Look at the labels first: toftwin label names views that were refused."
+        )
+    else:
+        lines.append("Use it: toftwin infer, evaluate and node infer take it as --model.")
+    if "unseen_mae_mm" not in figures:
+        lines.append(
+            "State what it is worth elsewhere: pass datasets of other scenes of this camera as --unseen; sigma is then calibrated on them."
+        )
+    elif figures["unseen_mae_known_mm"] is not None and figures["unseen_mae_known_mm"] > figures["unseen_raw_mae_mm"]:
+        lines.append("Use it in the trained scenes alone: in scenes that it has never seen it repairs nothing.")
+    one, two = figures["val_within_1_sigma"], figures["val_within_2_sigma"]
+    if abs(one - ONE_SIGMA) > HONEST or abs(two - TWO_SIGMA) > HONEST:
+        lines.append(f"Do not rely on sigma yet: {one:.0%} of the errors are within one and {two:.0%} within two; wanted are 68 and 95 %.")
+    if _still_falls(card.curves):
+        lines.append("Train longer: the validation error was still falling at the end.")
+    return lines
+
+
+def _still_falls(curves: list[dict[str, float]]) -> bool:
+    """Whether the last quarter of the epochs won something."""
+    values = [c["val_mae_mm"] for c in curves if "val_mae_mm" in c]
+    if len(values) < 8:
+        return False
+    before = min(values[: -len(values) // 4])
+    return min(values) < (1 - FLAT) * before
+
+
+def _errors(figures: Mapping[str, Any]) -> str:
+    """Mean errors raw and repaired, on views of other stations and, where known, of unseen scenes; one axis."""
+    groups = [("other stations", "val"), *([("scenes never seen", "unseen")] if "unseen_mae_mm" in figures else [])]
+    figure, ((ax,),) = axes(5.4, 2.9)
+    names, values, colours = [], [], []
+    for words, key in groups:
+        for part, colour in (("raw_mae_mm", "neutral"), ("mae_mm", "third"), ("mae_known_mm", "accent")):
+            value = figures[f"{key}_{part}"]
+            label = {"raw_mae_mm": "raw", "mae_mm": "network, all pixels", "mae_known_mm": "network, repaired pixels"}[part]
+            names.append(f"{label}\n{words}")
+            values.append(0.0 if value is None else value)
+            colours.append(PALETTE[colour])
+    ax.barh(names[::-1], values[::-1], color=colours[::-1], height=0.62)
+    for row, value in enumerate(values[::-1]):
+        ax.text(value, row, f" {value:.2f}", va="center", fontsize=8.5)
+    ax.set_xlabel("mean absolute error, mm")
+    ax.margins(x=0.15)
+    return figure_uri(figure)
+
+
+def _curves(curves: list[dict[str, float]], figures: Mapping[str, Any]) -> str:
+    """Validation error by epoch beside that of the raw depth."""
+    figure, ((ax,),) = axes(5.4, 2.9)
+    checked = [c for c in curves if "val_mae_mm" in c]
+    ax.plot(
+        [c["epoch"] for c in checked],
+        [c["val_mae_mm"] for c in checked],
+        color=PALETTE["accent"],
+        marker="o",
+        ms=3,
+        label="network, other stations",
+    )
+    ax.axhline(figures["val_raw_mae_mm"], color=PALETTE["neutral"], ls="--", label="raw depth")
+    ax.set_xlabel("epoch")
+    ax.set_ylabel("mean absolute error, mm")
+    ax.set_ylim(bottom=0)
+    ax.legend(frameon=False)
+    return figure_uri(figure)
