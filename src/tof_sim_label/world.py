@@ -59,6 +59,7 @@ def seen_of(view: View, rendering: Rendering, posed: Posed, config: LabelConfig)
         part=rendering.part,
         reason=view.reason,
         amplitude=view.amplitude,
+        apart=np.append(posed.parts, 0.0)[rendering.part].astype(np.float32) if len(posed.parts) else None,
     )
 
 

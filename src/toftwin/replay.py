@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 PATIENCE_S = 8.0
 """Time after which a frame without its transform is skipped; DDS repeats lost messages after three seconds."""
+OWN_GRAPH_S = 300.0
+"""Time that the graph of a replay may take to start while its process lives: on a busy host it imports and compiles for minutes."""
 NOT_PLAYED = ("/clock", "/diagnostics", "/rosout", "/parameter_events")
 
 
@@ -156,7 +158,8 @@ def _play(reader: BagReader, player: Player, recorder: Recorder | None, spec: Gr
     player.advertise({**played, "/tf": TF, "/tf_static": TF}.items())
     shared = ("/tf", "/tf_static") if isinstance(graph, RunningGraph) else ("/tf", "/tf_static", "/clock")
     subscriptions = {**dict.fromkeys(_subscribed(reader), 1), **dict.fromkeys(shared, len(spec.nodes))}
-    player.wait_for_graph(subscriptions, graph.alive, lambda: recorder.mute if recorder is not None else [])
+    patience = {} if isinstance(graph, RunningGraph) else {"timeout_s": OWN_GRAPH_S}
+    player.wait_for_graph(subscriptions, graph.alive, lambda: recorder.mute if recorder is not None else [], **patience)
     if (placed := reader.chain.placed) is not None:
         player.place(placed.frame, reader.chain.cell or "cell", placed.T_frame_cell)
     rest = tuple(t for t in played if t != "/tf")

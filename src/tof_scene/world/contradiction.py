@@ -54,6 +54,19 @@ def contradictions(seen: Seen, bias: Float, spread: float, limits: WorldLimits) 
     return _with_rim(sides[0], lost, lost & seen.saturated, limits.rim_px), _with_rim(sides[1], lost, lost & seen.saturated, limits.rim_px)
 
 
+def strays(seen: Seen, bias: Float, known: Mask, limits: WorldLimits) -> Mask:
+    """(H, W) single pixels beside a contradiction `known` (H, W), or beside a part that stands off its CAD, that deviate by themselves.
+
+    The outline of a part that stands elsewhere is a strip of a pixel or two, too narrow for a patch, and the depths that the CAD has
+    beside it excuse it.
+    """
+    beside = known if seen.apart is None else known | (seen.apart > 1e-3 * limits.least_mm)
+    near = ndimage.binary_dilation(beside, EIGHT, iterations=limits.rim_px) if beside.any() and limits.rim_px else beside
+    with np.errstate(invalid="ignore"):
+        off = np.abs(seen.residual - bias) > 1e-3 * limits.stray_mm + limits.noise_sigma * seen.noise_or_own
+    return np.asarray(near & off)
+
+
 def allowance(seen: Seen, spread: float, limits: WorldLimits) -> Float:
     """(H, W) metres by which measurement and CAD may differ beside noise."""
     beside = np.hypot(1e-3 * limits.least_mm, limits.spread_sigma * spread)

@@ -43,6 +43,13 @@ class WorldLimits:
     rim_px: int = param(
         2, "pixels without a return up to this far from a contradiction belong to it", unit="px", low=0, why="its rim is mixed"
     )
+    stray_mm: float = param(
+        12.0,
+        "a single pixel beside a contradiction, or beside a part that stands off its CAD, belongs to it from this deviation on",
+        unit="mm",
+        low=1.0,
+        why="twice the least contradiction: where something is known to be wrong, no patch is asked for",
+    )
     bias_most_mm: float = param(
         40.0,
         "largest residual from which the session's own sensor effects are estimated, by range and by amplitude",

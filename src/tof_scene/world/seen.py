@@ -23,7 +23,7 @@ class Seen:
 
     depth: measured, NaN without a return; noise: standard deviation of a pixel of it, NaN where unknown; cad: rendered depth, NaN where the ray
     misses; cad_sigma: standard deviation of that, of pose and CAD; part: index of the part, -1 none; reason: why a pixel has no
-    depth (`tof_core.reasons`); amplitude: or None.
+    depth (`tof_core.reasons`); amplitude: or None; apart: how far its part stands off the CAD by the session's solution, or None.
     """
 
     camera: Camera
@@ -35,6 +35,7 @@ class Seen:
     part: Ints
     reason: Bytes
     amplitude: Image | None = None
+    apart: Image | None = None
 
     @property
     def saturated(self) -> Mask:

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from tof_scene.world.absent import missing_parts
 from tof_scene.world.bias import session_bias
-from tof_scene.world.contradiction import EIGHT, contradictions, smooth_spread
+from tof_scene.world.contradiction import EIGHT, allowance, contradictions, smooth_spread, strays
 from tof_scene.world.displaced import half_empty_boxes, is_displaced_part
 from tof_scene.world.foreign import foreign_objects
 
@@ -65,9 +65,9 @@ def find_surprises(views: Sequence[Seen], caster: Raycaster, limits: WorldLimits
         code[before[number]], code[behind[number]] = BEFORE, BEHIND
         for things, name in ((elsewhere, DISPLACED), (foreign, OBJECT)):
             here = [f.points for f in things if (len(f.views) > 1 and not f.moves) or number in f.views]
-            code[_of_objects(seen, measured[number], before[number], here, limits)] = name
+            code[_of_objects(seen, measured[number], before[number], here, spread, limits)] = name
         code[np.isin(seen.part, gone)] = ABSENT
-        pixels.append(code)
+        pixels.append(_with_strays(seen, bias[number], code, limits))
     return Surprises(tuple(pixels), missing, foreign)
 
 
@@ -75,10 +75,17 @@ def view_surprises(seen: Seen, limits: WorldLimits) -> Bytes:
     """(H, W) the codes of one view by itself, as a live one is judged."""
     bias = session_bias([seen], limits)
     before, behind = contradictions(seen, bias[0], smooth_spread([seen], bias, limits), limits)
-    return np.where(before, np.uint8(BEFORE), np.where(behind, np.uint8(BEHIND), np.uint8(NONE)))
+    code = np.where(before, np.uint8(BEFORE), np.where(behind, np.uint8(BEHIND), np.uint8(NONE)))
+    return _with_strays(seen, bias[0], code, limits)
 
 
-def _of_objects(seen: Seen, measured: Float, before: Mask, objects: Sequence[Float], limits: WorldLimits) -> Mask:
+def _with_strays(seen: Seen, bias: Float, code: Bytes, limits: WorldLimits) -> Bytes:
+    """(H, W) the codes of a view, with the single pixels beside what is known."""
+    stray = strays(seen, bias, code > NONE, limits) & (code == NONE)
+    return np.where(stray, np.where(seen.residual < bias, np.uint8(BEFORE), np.uint8(BEHIND)), code)
+
+
+def _of_objects(seen: Seen, measured: Float, before: Mask, objects: Sequence[Float], spread: float, limits: WorldLimits) -> Mask:
     """(H, W) pixels that lie on objects, each given by points (n, 3) of it: those measured at them, and lost ones in their outline."""
     out = np.zeros(seen.depth.shape, bool)
     if not objects:
@@ -86,7 +93,7 @@ def _of_objects(seen: Seen, measured: Float, before: Mask, objects: Sequence[Flo
     tree = cKDTree(np.concatenate(objects))
     with np.errstate(invalid="ignore"):
         near = ndimage.binary_dilation(before, EIGHT, iterations=3) | (measured < seen.cad)
-        doubtful = near & np.isfinite(measured) & (seen.cad - measured > 0.5e-3 * limits.least_mm)
+        doubtful = near & np.isfinite(measured) & (seen.cad - measured > limits.weak * allowance(seen, spread, limits))
     distance, _ = tree.query(seen.points(doubtful, measured), distance_upper_bound=limits.agree_mm * 1e-3)
     out[doubtful] = np.isfinite(distance)
     # Rays that end on the object give no return at its rim: its points of all views, as this view would see them.
