@@ -231,7 +231,9 @@ def qos_table() -> str:
 def commands_page() -> str:
     """Every command with its flags, from the parsers."""
     about = (
-        "Exit codes: 0 done, 1 the data do not support a result (with the reason), 2 the call was wrong. An error is one line: what, where, what to do; "
+        "Exit codes: 0 done, 1 the data do not support a result (with the reason), 2 the call was wrong, 130 stopped with Ctrl-C, 70 a fault in toftwin itself. "
+        "With a result, 1 also says that it is not the wished one: `correct` refuses, `inspect` finds a part absent or displaced, `doctor` finds something to correct, "
+        "`replay --against` finds a difference, one of several bags of `label` failed. An error is one line: what, where, what to do; "
         "`--debug` shows its traceback. `--settings` prints every number that a command uses; `--config` and `--set` change them. `doctor` has no such numbers. "
         "The numbers of `node` are ROS parameters: `--list-params` prints them, `--params-file` and `--param` change them. Terms: [glossary](glossary.md)."
     )

@@ -30,7 +30,7 @@ MOST_PIXELS = 30_000
 MOST_POINTS = 3000
 """Points of a series whose values are kept."""
 STEPS = 1000
-"""Steps into which the colour scale is divided: finer values cannot be told from the picture."""
+"""Steps into which the colour scale is divided: finer values cannot be seen in the picture."""
 NOTHING = -32768
 """Value of a pixel without one."""
 END = b"\x00\x00\x00\x00IEND\xaeB`\x82"
@@ -69,7 +69,7 @@ class Numbers:
         if not self.axes or not png.endswith(END):
             return png
         text = json.dumps({"axes": self.axes}).encode()
-        body = zlib.compress(struct.pack("<I", len(text)) + text + bytes(self.data), 9)
+        body = zlib.compress(struct.pack("<I", len(text)) + text + bytes(self.data))
         chunk = struct.pack(">I", len(body)) + CHUNK + body + struct.pack(">I", zlib.crc32(CHUNK + body))
         return png[: -len(END)] + chunk + END
 

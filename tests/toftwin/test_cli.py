@@ -8,15 +8,12 @@ import re
 import resource
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from tof_core.errors import BagError, ConfigError
 from toftwin import cli, faults
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_help_lists_every_command_and_starts_at_once() -> None:
@@ -54,6 +51,19 @@ def test_known_errors_are_one_line_with_their_exit_code(capsys: pytest.CaptureFi
     assert capsys.readouterr().err == "toftwin: bag: has no CameraInfo; name it with --info-topic\n"
     assert cli.report(ConfigError("unknown key\n'x'")) == 2
     assert capsys.readouterr().err == "toftwin: unknown key 'x'\n"
+
+
+def test_a_mistyped_command_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["lable", "bag"]) == 2
+    assert capsys.readouterr().err == "toftwin: there is no command 'lable'; did you mean 'label'?\n"
+
+
+def test_the_page_lists_every_exit_code() -> None:
+    """What docs/commands.md says is what the error tree and the faults return."""
+    codes = {cli.report(BagError("x")), cli.report(ConfigError("x")), faults.EXIT_BUG, faults.EXIT_INTERRUPTED}
+    text = (Path(__file__).parents[2] / "docs/commands.md").read_text()
+    line = text[text.index("Exit codes:") :].partition(".")[0]
+    assert {int(n) for n in re.findall(r"\b\d+\b", line)} == codes | {0}
 
 
 def test_a_full_disk_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:

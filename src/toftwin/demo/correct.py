@@ -20,28 +20,44 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Image
     from tof_core.capture import View
     from tof_scene.scene import Scene
+    from tof_virtual.live import VirtualRobot
     from toftwin.correcting import CorrectionConfig
     from toftwin.demo.config import DemoConfig
+
+MOVES = 3
+"""Moves at most: the first brings a far hand near, the next ones see more of the reference."""
+NEAR_MM = 0.5
+"""A smaller step is the arm's own repeatability."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corrected:
-    """The correction of the first view, and what it does.
+    """The corrections of the first view's hand, and what they do.
 
-    made: by what it is compared with (`reference`, `cad`); before, after: distance of the true camera from that of the first day,
-    millimetres and degrees; reference, now, then: depth (H, W) of the first day, of the day after, and after the move.
+    made: the first proposal, by what it is compared with (`reference`, `cad`); apart: distance of the true camera from that of the
+    first day, millimetres and degrees, before and after each move; reference, now, then: depth (H, W) of the first day, of the day
+    after, and after the last move.
     """
 
     made: dict[str, Correction]
-    before: tuple[float, float]
-    after: tuple[float, float]
+    apart: tuple[tuple[float, float], ...]
     reference: Image
     now: Image
     then: Image
 
+    @property
+    def before(self) -> tuple[float, float]:
+        """Distance before the first move."""
+        return self.apart[0]
+
+    @property
+    def after(self) -> tuple[float, float]:
+        """Distance after the last move."""
+        return self.apart[-1]
+
 
 def correct(folder: Path, scene_path: Path, scene: Scene, config: DemoConfig) -> Corrected:
-    """Propose a hand pose as `toftwin correct` does, move the virtual hand there, and look again; leaves `first.json` and its arrays."""
+    """Propose a hand pose as `toftwin correct` does, move the virtual hand there, look again and repeat; leaves `first.json` and its arrays."""
     from arm_correction.frames import frames_of
     from arm_correction.reference import save_reference
     from toftwin.correcting import CorrectionConfig, corrector_of
@@ -52,10 +68,20 @@ def correct(folder: Path, scene_path: Path, scene: Scene, config: DemoConfig) ->
     save_reference(reference, folder / "first")
     with opened(folder / LATER, scene_path, settings) as (reader, _):
         view = _first_view(folder / LATER, scene_path, settings)
-        made = corrector.propose([view], frames_of(reader.chain, reader.camera.frame_id, view.stamp_ns))
+        frames = frames_of(reader.chain, reader.camera.frame_id, view.stamp_ns)
+    made = corrector.propose([view], frames)
+    robot = _robot(folder, scene, config)
     wanted = load_truth(folder / "truth")[0]["T_cell_camera"][0]
-    there, depth, then = _moved(folder, scene, config, next(iter(made.values())).T_frame_hand, settings)
-    return Corrected(made, _apart(wanted, there[0]), _apart(wanted, there[1]), reference.depth, depth, then)
+    apart, now, proposal = [_apart(wanted, robot.T_cell_camera_true)], _look(robot, config, settings), made["reference"]
+    then = now
+    while proposal.accepted and len(apart) <= MOVES:
+        robot.goto(proposal.T_frame_hand)
+        apart.append(_apart(wanted, robot.T_cell_camera_true))
+        then = _look(robot, config, settings)
+        proposal = corrector.propose([then], frames)["reference"]
+        if proposal.step[0] < NEAR_MM:
+            break
+    return Corrected(made, tuple(apart), reference.depth, now.depth, then.depth)
 
 
 def _first_view(bag: Path, scene_path: Path, settings: CorrectionConfig) -> View:
@@ -65,24 +91,20 @@ def _first_view(bag: Path, scene_path: Path, settings: CorrectionConfig) -> View
         return next(iter(ViewStream(reader, settings)))
 
 
-def _moved(
-    folder: Path, scene: Scene, config: DemoConfig, T_body_hand: Float, settings: CorrectionConfig
-) -> tuple[tuple[Float, Float], Image, Image]:
-    """True cameras (4, 4) before and after the hand moves to its proposed pose, and what is measured at both."""
-    from tof_preproc.preprocessor import accumulate_views
+def _robot(folder: Path, scene: Scene, config: DemoConfig) -> VirtualRobot:
+    """The virtual robot where the day after begins: at the first view of the recorded bag, with the same errors."""
     from tof_virtual.live import VirtualRobot
     from toftwin.commands.simulate import bodies_of
 
     built = standing(scene, changed(scene, config))
-    robot = VirtualRobot(bodies_of(scene), virtual(config, day=1), effects_of(config), standing=built, sizes=sizes(folder))
+    return VirtualRobot(bodies_of(scene), virtual(config, day=1), effects_of(config), standing=built, sizes=sizes(folder))
 
-    def look() -> Image:
-        shots = [robot.capture() for _ in range(config.later_captures)]
-        return list(accumulate_views(shots, settings.preproc))[-1].depth
 
-    before, now = robot.T_cell_camera_true, look()
-    robot.goto(T_body_hand)
-    return (before, robot.T_cell_camera_true), now, look()
+def _look(robot: VirtualRobot, config: DemoConfig, settings: CorrectionConfig) -> View:
+    """One dwell of the virtual robot."""
+    from tof_preproc.preprocessor import accumulate_views
+
+    return list(accumulate_views([robot.capture() for _ in range(config.later_captures)], settings.preproc))[-1]
 
 
 def _apart(a: Float, b: Float) -> tuple[float, float]:

@@ -97,7 +97,7 @@ def _four(result: DemoResult) -> dict[str, Any]:
         "correct_picture": panels(
             [
                 ("a day later: minus the first day", corrected.now - corrected.reference, "error"),
-                ("after the move: minus the first day", corrected.then - corrected.reference, "error"),
+                ("after the last move: minus the first day", corrected.then - corrected.reference, "error"),
             ],
             columns=2,
             span_mm=20.0,

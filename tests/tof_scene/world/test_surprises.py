@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -137,3 +138,19 @@ def test_a_displaced_part_is_no_foreign_object() -> None:
     assert any((codes == DISPLACED).any() for codes in found.pixels)
     kept = [(codes[off] == NONE).mean() for codes, off in zip(found.pixels, wrong(seen, real), strict=True)]
     assert np.mean(kept) < 0.05
+
+
+def test_the_outline_of_a_part_that_stands_off_is_a_strip_too_narrow_for_a_patch() -> None:
+    """A block that stands 8 mm beside its place: the strip before the plate is a pixel wide; it counts only beside the part that stands off."""
+    cad = scene(PLATE, BLOCK)
+    real = scene(PLATE, Part("block", BLOCK.vertices + np.array([0.0, -0.008, 0.0]), BLOCK.faces))
+    seen = views(real, cad)
+    apart = [replace(s, apart=np.where(s.part == 1, np.float32(0.008), np.float32(0.0))) for s in seen]
+    off = [w & (np.abs(s.residual) > 0.015) for w, s in zip(wrong(seen, real), seen, strict=True)]
+    kept = [
+        sum(int((w & (p == NONE)).sum()) for w, p in zip(off, find_surprises(s, cad, LIMITS).pixels, strict=True)) for s in (seen, apart)
+    ]
+    assert kept[0] > 20
+    assert kept[1] == 0
+    lost = sum(int(((p != NONE) & ~w).sum()) for w, p in zip(wrong(seen, real), find_surprises(apart, cad, LIMITS).pixels, strict=True))
+    assert lost < 0.02 * sum(s.depth.size for s in seen)
