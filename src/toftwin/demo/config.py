@@ -19,7 +19,7 @@ class DemoConfig:
     stations: int = param(3, "stations of the base", low=1, high=50)
     captures: int = param(8, "captures of each view", low=1, high=100)
     effects: str = param("wiggling=1,multipath=1", "effects of the camera and their strengths")
-    later_captures: int = param(4, "captures of each view on the day after", low=1, high=100)
+    later_captures: int = param(4, "captures of each view on the day after", low=2, high=100)
     moved_mm: float = param(6.0, "displacement of a part on the day after", unit="mm", low=0, high=50)
     sweep_views: int = param(11, "views of the sweep on which raw, rules and network are compared", low=1, high=100)
     seed: int = param(1, "seed of everything random", low=0)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tof_core.stats import robust_std
 from tof_virtual.truth import load_truth
 from toftwin.demo.sessions import FITTED, LATER, fitted
 from toftwin.inputs import opened
@@ -29,26 +28,33 @@ class Replaced:
     """Camera minus simulation over the day after, mean of each view's captures.
 
     ideal, by_fitted: (V, H, W) metres, with an ideal camera and with the fitted sensor, NaN where not compared;
-    noise_mm: standard error of such a mean.
+    ideal_noise, fitted_noise: (V, H, W) variances of these differences by the spread of the captures, metres squared.
     """
 
     ideal: Float
     by_fitted: Float
-    noise_mm: float
+    ideal_noise: Float
+    fitted_noise: Float
 
-    def mm(self, difference: Float) -> float:
-        """RMS of a difference."""
-        return 1e3 * float(np.sqrt(np.nanmean(np.square(difference))))
+    @property
+    def noise_mm(self) -> float:
+        """Noise of the camera's means, RMS."""
+        return 1e3 * float(np.sqrt(np.nanmean(self.ideal_noise)))
 
     @property
     def ideal_mm(self) -> float:
-        """RMS of the camera minus an ideal one."""
-        return self.mm(self.ideal)
+        """Camera minus an ideal one, RMS above the noise."""
+        return _above(self.ideal, self.ideal_noise)
 
     @property
     def fitted_mm(self) -> float:
-        """RMS of the camera minus the fitted sensor."""
-        return self.mm(self.by_fitted)
+        """Camera minus the fitted sensor, RMS above the noise of both."""
+        return _above(self.by_fitted, self.fitted_noise)
+
+
+def _above(difference: Float, noise2: Float) -> float:
+    """Millimetres RMS of a difference without its noise."""
+    return 1e3 * float(np.sqrt(max(np.nanmean(np.square(difference)) - np.nanmean(noise2), 0.0)))
 
 
 def replace_sensor(folder: Path, scene_path: Path, scene: Scene, config: DemoConfig) -> Replaced:
@@ -59,25 +65,24 @@ def replace_sensor(folder: Path, scene_path: Path, scene: Scene, config: DemoCon
 
 def compared(folder: Path, scene_path: Path, config: DemoConfig) -> Replaced:
     """The recorded day after beside its simulation, pixels of parts that were taken away or moved left out."""
-    real, noise = _means(folder / LATER, scene_path, config)
-    simulated, _ = _means(folder / FITTED, scene_path, config)
+    real, real_noise = _means(folder / LATER, scene_path, config)
+    simulated, noise = _means(folder / FITTED, scene_path, config)
     truth, meta = load_truth(folder / "later" / "truth")
     drawn, names = load_truth(folder / "fitted" / "truth")
     same = _same_part(truth["part"], meta["parts"], drawn["part"], names["parts"]) & (np.abs(real - drawn["depth"]) < FAR_M)
-    same &= np.isfinite(simulated)
-    return Replaced(np.where(same, real - drawn["depth"], np.nan), np.where(same, real - simulated, np.nan), 1e3 * noise)
+    same &= np.abs(real - simulated) < FAR_M
+    kept = (np.where(same, x, np.nan) for x in (real - drawn["depth"], real - simulated, real_noise, real_noise + noise))
+    return Replaced(*kept)
 
 
-def _means(bag: Path, scene_path: Path, config: DemoConfig) -> tuple[Float, float]:
-    """(V, H, W) mean depth of each view's captures, metres, and the standard error of such a mean."""
+def _means(bag: Path, scene_path: Path, config: DemoConfig) -> tuple[Float, Float]:
+    """(V, H, W) mean depth of each view's captures, metres, and the variance of that mean."""
     from toftwin.pipeline import PipelineConfig
 
     with opened(bag, scene_path, PipelineConfig()) as (reader, _):
         depth = np.stack([c.depth for c in reader.captures(repeats=True)])
     views = depth.reshape(config.views, config.later_captures, *depth.shape[1:]).astype(np.float64)
-    steps = np.diff(views, axis=1)
-    noise = robust_std(steps[np.isfinite(steps)], 0.0) / np.sqrt(2 * config.later_captures)
-    return views.mean(axis=1), noise
+    return views.mean(axis=1), views.var(axis=1, ddof=1) / config.later_captures
 
 
 def _same_part(a: Any, a_names: list[str], b: Any, b_names: list[str]) -> Mask:
