@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 FAR_M = 0.05
 """A larger difference is no effect of the sensor: another surface is seen."""
 
+NOISY_M = 0.003
+"""Standard error of a difference beyond which a pixel says nothing about an effect of millimetres."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Replaced:
@@ -70,7 +73,7 @@ def compared(folder: Path, scene_path: Path, config: DemoConfig) -> Replaced:
     truth, meta = load_truth(folder / "later" / "truth")
     drawn, names = load_truth(folder / "fitted" / "truth")
     same = _same_part(truth["part"], meta["parts"], drawn["part"], names["parts"]) & (np.abs(real - drawn["depth"]) < FAR_M)
-    same &= np.abs(real - simulated) < FAR_M
+    same &= (np.abs(real - simulated) < FAR_M) & (real_noise + noise < NOISY_M**2)
     kept = (np.where(same, x, np.nan) for x in (real - drawn["depth"], real - simulated, real_noise, real_noise + noise))
     return Replaced(*kept)
 

@@ -61,6 +61,7 @@ def fitted(folder: Path, scene: Scene, config: DemoConfig) -> None:
     from toftwin.sensed import modelled
 
     session = Session(bodies_of(scene), virtual(config, day=1), {})
+    session.config = replace(session.config, day=2)  # the robot's errors are drawn; photons are others than the camera's
     sensor = modelled(load_model(folder / "gap" / "sensor.yaml"), scene)
     record_session(session, folder / FITTED, truth_path=folder / "fitted" / "truth", sensor=sensor)
 
