@@ -146,6 +146,18 @@ def test_wrongly_unwrapped_pixels_count_where_they_are_named() -> None:
     assert shrink_of(arrays, set(), [0], seen=seen) == 0
 
 
+def test_mixed_pixels_that_the_healthy_filter_removes_count_as_recorded() -> None:
+    """15 pixels of 1 mm, healthy or not; one that lies 0.2 m off and that the healthy camera does not give."""
+    healthy = np.full((1, 4, 4), 1e-3)
+    healthy[0, 0, 0] = np.nan
+    depth = np.ones((1, 4, 4))
+    arrays = {"bias_all": 0.0 * healthy, "bias_flying_pixels": 0.0 * healthy, "error_healthy": healthy, "depth": depth}
+    seen = np.ones((1, 4, 4), bool)
+    measured = depth + np.where(np.isfinite(healthy), 1e-3, 0.2)
+    true = 1 - 15e-6 / (15e-6 + 0.04)
+    assert shrink_of(arrays | {"measured": measured}, {"flying_pixels"}, [0], seen=seen) == pytest.approx(true)
+
+
 # how verdicts are judged --------------------------------------------------------------------------
 def case(kind: str, *effects: str, left_out: str = "") -> dict[str, Any]:
     shares = {e: {"separable": True, "gap_share": 1 / len(effects), "rivals": []} for e in effects}

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 MATTERS = 0.15
 """Share of the gap above which each effect of three must be named."""
 PLAIN = frozenset({"none", "unknown"})
-WRAPPED = "phase_wrap"
+WRAPPED, MIXED = "phase_wrap", "flying_pixels"
 MAPS_ALIKE_ELSEWHERE = frozenset({"emitter_offset"})
 
 
@@ -177,7 +177,8 @@ def _shrink(report: dict[str, Any], maps: Any, truth: Truth, found: AbstractSet[
     bias = truth.arrays["bias_all"]
     if stated is None or maps["residual_m"].shape != bias.shape or not np.nansum(bias.astype(float) ** 2):
         return None, None, None
-    true = shrink_of(truth.arrays, found, held, seen=np.isfinite(maps["residual_m"][held]))
+    arrays = truth.arrays | ({"measured": _measured(truth)} if MIXED in found else {})
+    true = shrink_of(arrays, found, held, seen=np.isfinite(maps["residual_m"][held]))
     low, high = report["gap"]["shrink_ci95"]
     return stated, true, bool(low <= true <= high)
 
@@ -190,14 +191,29 @@ def shrink_of(arrays: Mapping[str, Any], found: AbstractSet[str], held: Sequence
     """
     bias = arrays["bias_all"].astype(float)
     # Wrongly unwrapped pixels are no part of the mean error: they differ from capture to capture.
-    wraps = np.nan_to_num(arrays.get(f"bias_{WRAPPED}", np.zeros(bias.shape)).astype(float))
+    wraps = np.nan_to_num(arrays.get(f"bias_{WRAPPED}", np.zeros(bias.shape)).astype(float))[held]
     biased = {k.removeprefix("bias_") for k in arrays if k.startswith("bias_")} - {"all", WRAPPED}
     removed = bias if biased <= found else sum((arrays[f"bias_{e}"].astype(float) for e in sorted(biased & found)), np.zeros(bias.shape))
     with_it = (arrays["error_healthy"].astype(float) + bias)[held]
     without = with_it - removed[held]
-    seen = seen & (np.abs(with_it) < SMOOTH_M) & (np.abs(without) < SMOOTH_M)
-    with_it, without = with_it + wraps[held], without + (0.0 if WRAPPED in found else wraps[held])
-    return 1 - float((without[seen] ** 2).mean()) / max(float((with_it[seen] ** 2).mean()), 1e-12)
+    smooth = seen & (np.abs(with_it) < SMOOTH_M) & (np.abs(without) < SMOOTH_M)
+    with_it, without = with_it + wraps, without + (0.0 if WRAPPED in found else wraps)
+    before, after = float((with_it[smooth] ** 2).sum()), float((without[smooth] ** 2).sum())
+    if "measured" in arrays:
+        # Mixed pixels that the healthy camera's filter removes: they have an error with the effect alone.
+        mixed = (arrays["measured"] - arrays["depth"])[held][seen & ~np.isfinite(arrays["error_healthy"][held])]
+        before += float(np.nansum(mixed.astype(float) ** 2))
+    return 1 - after / max(before, 1e-12)
+
+
+def _measured(truth: Truth) -> Float:
+    """(V, H, W) metres of z as recorded, in the order of the true views."""
+    from tof_core.bag import open_bag
+    from toftwin.diagnosis import GapPipelineConfig
+    from toftwin.pipeline import raw_views
+
+    with open_bag(truth.bag / "bag") as reader:
+        return np.stack([view.depth for view in raw_views(reader, GapPipelineConfig())])
 
 
 def _label(truth: Truth, maps: Any, effects: tuple[str, ...]) -> float | None:
