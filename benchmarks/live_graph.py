@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 SCENE = "body_section"
 HZ = 15.0
-RESPAWN_S = 0.5
+RESPAWN_S = 0.1
 """Delay after which graph.launch.py starts a node again."""
 IDLE_S = 30.0
 SETTLED_S = 1.0

@@ -110,13 +110,15 @@ def set_up(wanted: dict[str, str], ros_source: str) -> None:
     """All steps in order; each is skipped inside when already done."""
     level = wanted["level"]
     log = ROOT / "out" / "set-up.log"
-    steps = Steps(total=6 if level == "dev" else 4, log=log, cwd=ROOT)
+    steps = Steps(total=7 if level == "dev" else 5, log=log, cwd=ROOT)
     with steps.step("system libraries"):
         system.ensure(steps, build_tools=ros_source == "pip")
     with steps.step("virtual environment"):
         make_venv(steps, ros_source)
     with steps.step("packages (1 GB)" if level == "run" else "packages (3 GB)"):
         install_packages(steps, level, ros_source)
+    with steps.step("compiled kernels"):
+        steps.run([str(PYTHON), "scripts/compile_kernels.py"])
     if level == "dev":
         with steps.step("PyTorch for training, CPU build"):
             torch_cpu.ensure(steps, PYTHON, pip_install)

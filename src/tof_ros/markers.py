@@ -69,14 +69,16 @@ def _marker(number: int, part: tuple[str, Float, Ints], frame: str, colours: Map
     out.scale.x = out.scale.y = out.scale.z = 1.0
     r, g, b = colours.get(name, GREY)
     out.color = ColorRGBA(r=r, g=g, b=b, a=SOLID if name in colours else THIN)
-    out.points = [Point(x=x, y=y, z=z) for x, y, z in coarse(vertices, faces).reshape(-1, 3).tolist()]
+    corners, index = coarse(vertices, faces)
+    points = [Point(x=x, y=y, z=z) for x, y, z in corners.tolist()]  # one message a vertex, which its triangles share
+    out.points = [points[i] for i in index.ravel().tolist()]
     return out
 
 
-def coarse(vertices: Float, faces: Ints, most: int = MOST_TRIANGLES) -> Float:
-    """Corners (T, 3, 3) of at most `most` triangles: vertices are merged on a grid that grows until few enough are left (Rossignac, Borrel 1993)."""
+def coarse(vertices: Float, faces: Ints, most: int = MOST_TRIANGLES) -> tuple[Float, Ints]:
+    """Vertices (N, 3) and faces (T, 3) of at most `most` triangles: vertices are merged on a grid that grows until few enough are left (Rossignac, Borrel 1993)."""
     if len(faces) <= most:
-        return np.asarray(vertices[faces], np.float64)
+        return np.asarray(vertices, np.float64), faces
     low, size = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
     cells = 1024
     while True:
@@ -88,5 +90,5 @@ def coarse(vertices: Float, faces: Ints, most: int = MOST_TRIANGLES) -> Float:
         corners = corners[(a != b) & (b != c) & (c != a)]
         kept = corners[np.unique(np.sort(corners, axis=1), axis=0, return_index=True)[1]]
         if len(kept) <= most:
-            return np.asarray(vertices[merged][kept], np.float64)
+            return np.asarray(vertices[merged], np.float64), kept
         cells //= 2

@@ -47,11 +47,13 @@ class KnownBias:
 
 def known_bias(path: Path | str | None) -> KnownBias | None:
     """The bias of a `sensor.yaml`; None for no file ("" or None)."""
+    if not path:
+        return None
     from pathlib import Path
 
-    from tof_sensor.model import load_model
+    from tof_sensor.model import load_model  # all effects: only where they are needed
 
-    return KnownBias(load_model(Path(path))) if path else None
+    return KnownBias(load_model(Path(path)))
 
 
 def ideal_frames(views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster, start_ns: int | None = None) -> list[Frame]:

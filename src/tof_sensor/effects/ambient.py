@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.optimize import nnls
 
 from tof_core.config import param
 from tof_sensor.effect import Detection, Effect, Evidence
@@ -106,6 +105,8 @@ class Ambient(Effect):
 
 def _fitted(X: Float, excess: Float, bins: NoiseBins) -> Float:
     """Non-negative coefficients by least squares on relative errors, bins far off the rest left out."""
+    from scipy.optimize import nnls  # loads slowly, and only a fit needs it
+
     weight = np.sqrt(bins.samples / 2) / np.maximum(bins.variance, 1e-14)
     keep: Mask = np.ones(len(excess), bool)
     c = np.zeros(X.shape[1])

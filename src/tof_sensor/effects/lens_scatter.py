@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
@@ -87,6 +86,8 @@ class LensScatter(Effect):
 
 def blurred(own: ComplexImage, sigma: float, pixels: Ints) -> ComplexImage:
     """Gaussian of `sigma` pixels at chosen pixels (n,); wide ones on block means, since the veil is smooth."""
+    from scipy.ndimage import gaussian_filter  # loads slowly, and the registry loads every effect
+
     block = max(1, int(sigma / 4))
     h, w = own.shape
     padded = np.pad(own, ((0, -h % block), (0, -w % block)))

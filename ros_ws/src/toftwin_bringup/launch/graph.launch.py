@@ -52,7 +52,9 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "use_sim_time", default_value="auto", choices=("auto", *TRUTH), description="follow /clock; auto: only in replay"
     ),
-    DeclareLaunchArgument("respawn", default_value="true", choices=TRUTH, description="start a node again, half a second after it died"),
+    DeclareLaunchArgument(
+        "respawn", default_value="true", choices=TRUTH, description="start a node again, a tenth of a second after it died"
+    ),
     DeclareLaunchArgument("log_level", default_value="info", choices=("debug", "info", "warn", "error"), description="what the nodes log"),
 )
 
@@ -101,7 +103,7 @@ def node(name: str, given: dict[str, str], *, sim_time: bool) -> Node:
     return Node(
         package="toftwin", executable=name, namespace=given["namespace"], output="screen", emulate_tty=True,
         parameters=[given["params_file"], overrides], arguments=["--ros-args", "--log-level", given["log_level"]],
-        respawn=given["respawn"] == "true" and given["mode"] == "live", respawn_delay=0.5,
+        respawn=given["respawn"] == "true" and given["mode"] == "live", respawn_delay=0.1,
     )  # fmt: skip
 
 
