@@ -57,7 +57,7 @@ class Replaced:
 
 def _above(difference: Float, noise2: Float) -> float:
     """Millimetres RMS of a difference without its noise."""
-    return 1e3 * float(np.sqrt(max(np.nanmean(np.square(difference)) - np.nanmean(noise2), 0.0)))
+    return 1e3 * float(np.sqrt(max(float(np.nanmean(np.square(difference)) - np.nanmean(noise2)), 0.0)))
 
 
 def replace_sensor(folder: Path, scene_path: Path, scene: Scene, config: DemoConfig) -> Replaced:
@@ -74,8 +74,11 @@ def compared(folder: Path, scene_path: Path, config: DemoConfig) -> Replaced:
     drawn, names = load_truth(folder / "fitted" / "truth")
     same = _same_part(truth["part"], meta["parts"], drawn["part"], names["parts"]) & (np.abs(real - drawn["depth"]) < FAR_M)
     same &= (np.abs(real - simulated) < FAR_M) & (real_noise + noise < NOISY_M**2)
-    kept = (np.where(same, x, np.nan) for x in (real - drawn["depth"], real - simulated, real_noise, real_noise + noise))
-    return Replaced(*kept)
+
+    def kept(values: Float) -> Float:
+        return np.where(same, values, np.nan)
+
+    return Replaced(kept(real - drawn["depth"]), kept(real - simulated), kept(real_noise), kept(real_noise + noise))
 
 
 def _means(bag: Path, scene_path: Path, config: DemoConfig) -> tuple[Float, Float]:
