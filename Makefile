@@ -19,7 +19,7 @@ setup:  ## make .venv for the commands (once; demo does it too)
 setup-dev:  ## make .venv for tests, benchmarks and training (once; test does it too)
 	@scripts/set_up.sh dev
 
-demo: setup  ## set up, then record a virtual session, replay, label, report: out/demo/
+demo: setup  ## set up, then a virtual session: label, diagnose, correct, inspect, simulate: out/demo/
 	@.venv/bin/toftwin demo $(ARGS)
 
 test: setup-dev  ## set up, run the tests (ARGS="-k preproc"), then lint

@@ -10,11 +10,12 @@ if TYPE_CHECKING:
     import argparse
 
 NAME = "demo"
-HELP = "record a virtual session, run it through the ROS graph, label it, and write a report"
+HELP = "record a virtual session, label, diagnose, correct, inspect and simulate it, and write a report"
 ABOUT = (
     "Needs no robot, no CAD and no data. A virtual robot looks at a built-in scene and records a bag. The bag is replayed "
-    "through the ROS graph, aligned to the CAD and labelled, and its depth is repaired by the network in the package. The "
-    "report compares each result with the true depth and the true poses, which the virtual robot stores beside the bag."
+    "through the ROS graph, aligned to the CAD and labelled; the gap between camera and simulation is diagnosed. On the day "
+    "after, one part is gone and one displaced: the hand is corrected, the parts are inspected, and the day is simulated with "
+    "the fitted sensor. The report compares each result with the truth, which the virtual robot stores beside the bag."
 )
 EXAMPLE = "toftwin demo --out out/demo"
 
