@@ -217,6 +217,8 @@ def recording(folder: Path, answered: set[int]) -> Figure:
     with open_bag(bag, BagOptions(recover=True)) as reader:
         kept = {m.stamp_ns for m in reader.messages((reader.topics.depth,))}
     due = {stamp for stamp in answered if stamp >= min(kept)}
+    if not due:
+        raise ToftwinError("no frame was answered between the start of the recording and the kill", where="bench")
     lost = len(due - kept)
     return at_most(
         "kill -9 of preproc while it records: recorded frames lost",
