@@ -28,10 +28,10 @@ def run() -> list[Figure]:
         return [
             Figure("range error of a Kinect v2 by observables", float("nan"), "", remark="skipped: no ../shared/data beside the checkout")
         ]
-    tables = _tables()
-    apart = [1e3 * float(np.mean(np.abs(t["error"] - np.median(t["error"])) / t["length"])) for t in tables]
+    frames = tables()
+    apart = [1e3 * float(np.mean(np.abs(t["error"] - np.median(t["error"])) / t["length"])) for t in frames]
     what = "Kinect v2 before a board, regression on one half: plane error of the other half, MAE, "
-    rows = [Figure(what + name, _judged(tables, columns), "mm") for name, columns in MODELS.items()]
+    rows = [Figure(what + name, _judged(frames, columns), "mm") for name, columns in MODELS.items()]
     return [
         *rows,
         Figure("Kinect v2 before a board: plane error after the median of each frame is removed, MAE", float(np.mean(apart)), "mm"),
@@ -43,6 +43,9 @@ def _columns(*names: str) -> Callable[[Table], Float]:
 
 
 LIGHT, PLACE = ("one", "log", "log2"), ("across", "down")
+WAVES_M = (1.0, 0.33)
+"""Periods of range: the longest that a diagnosis tries, and the one that fits best beside it (c0 / 8f at 114 MHz; a Kinect v2 has 120 MHz)."""
+LONG_WAVE, SHORT_WAVE = ((f"sine {m}", f"cosine {m}") for m in WAVES_M)
 MODELS: dict[str, Callable[[Table], Float]] = {
     "nothing": lambda t: np.zeros((len(t["error"]), 1)),
     "offset and range": _columns("one", "range"),
@@ -51,12 +54,15 @@ MODELS: dict[str, Callable[[Table], Float]] = {
     "ln amplitude, its square, and a tilt over the image": _columns(*LIGHT, *PLACE),
     "the same and range as well": _columns(*LIGHT, *PLACE, "range"),
     "the same and range squared as well": _columns(*LIGHT, *PLACE, "range", "range2"),
+    "ln amplitude, its square, a tilt, and a wave of 1 m of range": _columns(*LIGHT, *PLACE, *LONG_WAVE),
+    "the same and a wave of 0.33 m": _columns(*LIGHT, *PLACE, *LONG_WAVE, *SHORT_WAVE),
+    "a tilt and a wave of 1 m, no amplitude": _columns("one", *PLACE, *LONG_WAVE),
     "ln amplitude, its square, and a tilt by the inverse of range": _columns(*LIGHT, "across/range", "down/range"),
     "ln amplitude, its square, and light that spreads in the lens": _columns(*LIGHT, "range", "veil 4", "veil 30", "veil 100", "veil 400"),
 }
 
 
-def _tables() -> list[Table]:
+def tables() -> list[Table]:
     """Per frame the error along the ray and the observables of its pixels, each (n,)."""
     from tof_core.board.spec import Board
     from tof_core.options import BagOptions
@@ -78,6 +84,8 @@ def _tables() -> list[Table]:
         r, A = frame.radial.ravel()[seen], np.maximum(frame.amplitude.ravel()[seen], 1.0)
         table: Table = {"error": ((view.depth - frame.depth) * frame.length).ravel()[seen], "length": frame.length.ravel()[seen]}
         table |= {"one": np.ones(len(seen)), "range": r, "range2": r**2, "log": np.log(A / 5e3), "log2": np.log(A / 5e3) ** 2}
+        for period in WAVES_M:
+            table |= {f"sine {period}": np.sin(2 * np.pi * r / period), f"cosine {period}": np.cos(2 * np.pi * r / period)}
         table |= {"across": 2 * column / w - 1, "down": 2 * row / h - 1}
         table |= {"across/range": table["across"] / r, "down/range": table["down"] / r}
         wave = 4e6 * np.pi * 80.0 / LIGHT_M_PER_S
@@ -96,12 +104,12 @@ def _judged(tables: list[Table], columns: Callable[[Table], Float]) -> float:
         order = rng.permutation(len(tables))
         one, other = order[: len(order) // 2], order[len(order) // 2 :]
         for fit, judge in ((one, other), (other, one)):
-            beta = _robust(np.concatenate([columns(tables[i]) for i in fit]), np.concatenate([tables[i]["error"] for i in fit]))
+            beta = robust(np.concatenate([columns(tables[i]) for i in fit]), np.concatenate([tables[i]["error"] for i in fit]))
             errors += [np.mean([np.mean(np.abs(t["error"] - columns(t) @ beta) / t["length"]) for t in (tables[i] for i in judge)])]
     return 1e3 * float(np.mean(errors))
 
 
-def _robust(X: Float, y: Float) -> Float:
+def robust(X: Float, y: Float) -> Float:
     """Least squares in which errors beyond `OUTLIER_M` count linearly."""
     scale = np.sqrt((X**2).mean(axis=0)) + 1e-12
     X, weight = X / scale, np.ones(len(y))

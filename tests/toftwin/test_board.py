@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 BOARD = Board.parse("5x7x0.030")
-NOISE_M, WALK_M = 0.0015, 0.012
-"""Noise of a pixel at an amplitude of 4000 (photons: it goes as the root of amplitude); by how much dark squares are measured farther than white ones (metres)."""
+NOISE_M, WALK_M, REFERENCE = 0.0015, 0.012, 4000.0
+"""Noise of a pixel at the reference amplitude (photons: it goes as the root of amplitude); by how much dark squares are measured farther than white ones (metres)."""
 PLAIN = replace(CAMERA, distortion=())
 
 
@@ -45,7 +45,7 @@ def captures(count: int = 10, *, walk_m: float = WALK_M, seed: int = 0, noiseles
         direction = rays @ T[:3, :3].T
         z = -T[2, 3] / direction[..., 2]
         lit = draw(BOARD, T, PLAIN) / z**2
-        depth = z + walk_m * np.log(lit.max() / lit) / np.log(8.0) + NOISE_M * np.sqrt(4000.0 / lit) * rng.standard_normal(z.shape)
+        depth = z + walk_m * np.log(REFERENCE / lit) / np.log(8.0) + NOISE_M * np.sqrt(REFERENCE / lit) * rng.standard_normal(z.shape)
         depth = z if noiseless else depth
         reason = np.zeros(z.shape, np.uint8)
         out.append(Capture(k * 10**9, PLAIN, depth.astype(np.float32), reason, amplitude=lit.astype(np.float32)))
