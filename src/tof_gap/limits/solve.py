@@ -122,6 +122,12 @@ class SelectLimits:
     small_share: float = param(
         0.15, "of the visible gap's energy, what an effect beyond the second must explain", low=0.0, high=1.0, why="coincidence"
     )
+    small_left: float = param(
+        0.15,
+        "of the held-out chi-square that is left, what suffices for it instead",
+        low=0.0,
+        why="without it clearly more would be left: no coincidence",
+    )
     small_together: float = param(
         0.06, "of the explained chi-square, what such effects explain together", low=0.0, high=1.0, why="beyond, it is `unknown`"
     )

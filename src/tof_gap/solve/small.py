@@ -15,7 +15,8 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
     """The hypothesis without the effects beyond the second that each explain little, and their names where together they explain much.
 
     Several small effects together fit almost any error, and so many causes at once are unlikely. Very small ones only correct inexact
-    maps of the others.
+    maps of the others. Small is what explains little beside the others, and little beside what all of them leave: a constant of
+    centimetres in one of them says nothing against a curve of millimetres that halves the rest.
     """
     whole, small = current, list[str]()
     while len(names := _names(judge, current)) > judge.config.named_freely:
@@ -26,7 +27,7 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
         others = [i for i, m in enumerate(current.members) if judge.is_free(m) or judge.frees_hand([m])]
         beside = float(worth(judge, current)[0][others].clip(0.0).sum()) if others else 0.0
         least = min(lost, key=lost.__getitem__)
-        if lost[least] >= judge.config.small_share * (sum(lost.values()) + beside):
+        if lost[least] >= min(judge.config.small_share * (sum(lost.values()) + beside), judge.config.small_left * current.score):
             break
         small.append(least)
         current = rescored(judge, judge.design.without(current.members, least))

@@ -109,6 +109,14 @@ def test_small_effects_beyond_the_second_are_a_crowd() -> None:
     assert trifle.small_together == ()
 
 
+def test_a_small_effect_that_takes_much_of_what_is_left_is_no_coincidence() -> None:
+    """Beside a centimetre of constant, a millimetre of curve is a small share of the gap and most of what the others leave."""
+    effects = plain(RangeOffset(), DepthScale(), Wiggling())
+    d = design(effects, [6.0, 3.0, 0.9])
+    assert names(d, select(d, SelectLimits()).chosen.members) == ["depth_scale", "range_offset", "wiggling"]
+    assert names(d, select(d, SelectLimits(small_left=1e6)).chosen.members) == ["depth_scale", "range_offset"]
+
+
 def test_who_wins_but_a_little_of_what_could_be_taken_from_others_mends_them_and_is_not_there() -> None:
     near = plain(Wiggling(), Subsurface(part=0), DepthScale())
     # The second is nearly the first: what is missing of it in the residual speaks for it, though little beside all that both could be.
