@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 SPAN_MM = 10.0
 """Ends of the colour scale: differences after a good move are noise, a few millimetres."""
 COMPARED = {"reference": "the reference view", "cad": "the CAD"}
+THEN = {"reference": "the camera then sees the reference view again", "cad": "by the CAD, the camera is then where it is wanted"}
 
 
 def write(
@@ -61,7 +62,7 @@ def write(
         todo=todo(first),
         first=first,
         sigma=sigma(first),
-        rows=[{"by": COMPARED[by], "correction": c, "sigma": sigma(c)} | c.to_dict() for by, c in made.items()],
+        rows=[c.to_dict() | {"compared": COMPARED[by], "sigma": sigma(c)} for by, c in made.items()],
         frame=first.frame,
         hand=frames.hand,
         other=COMPARED["cad" if reference is None else "reference"],
@@ -82,7 +83,7 @@ def sentence(c: Correction) -> str:
         if c.unknown
         else ""
     )
-    return f"Move the hand by {mm:.1f} mm and {deg:.2f}°: the camera then sees what it saw in {COMPARED[c.by]}.{free}"
+    return f"Move the hand by {mm:.1f} mm and {deg:.2f}°: {THEN[c.by]}.{free}"
 
 
 def todo(c: Correction) -> list[str]:
