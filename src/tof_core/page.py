@@ -106,7 +106,16 @@ def figure_uri(figure: Figure) -> str:
     box = figure.get_tightbbox().padded(PAD_IN)
     numbers = numbers_of(figure, box)
     figure.savefig(stream, format="png", dpi=PLOT_DPI, facecolor=PALETTE["paper"], bbox_inches=box)
-    return _data_uri(numbers.into(stream.getvalue()))
+    return _data_uri(numbers.into(_small(stream)))
+
+
+def _small(png: io.BytesIO) -> bytes:
+    """A picture in 256 colours, as many as a colour map has: a third of the size, so that a page with a dozen of them stays below 5 MB."""
+    from PIL import Image
+
+    out = io.BytesIO()
+    Image.open(png).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(out, "PNG")
+    return out.getvalue()
 
 
 def image_uri(rgb: Bytes, numbers: Numbers | None = None) -> str:
