@@ -30,7 +30,7 @@ def command() -> Iterator[None]:
 def decoded(uri: str) -> np.ndarray:
     head, _, data = uri.partition(",")
     assert head == "data:image/png;base64"
-    return np.asarray(Image.open(io.BytesIO(base64.b64decode(data))))
+    return np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB"))
 
 
 @pytest.mark.usefixtures("command")
