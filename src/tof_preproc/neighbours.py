@@ -27,7 +27,7 @@ LANES = 64
 """Pixels that are worked on together."""
 WINDOWS = (1.4, 3.0)
 """Radii of the first and the second window, in radii of a disc that holds k pixels."""
-CROWD = 1.22
+DENSE = 1.22
 """Radius of the window that is counted, in the same unit: on a surface it holds half as many pixels again as are needed."""
 STEPS = 6
 """Secant steps to the k-th distance."""
@@ -42,7 +42,7 @@ class Neighbourhood:
     def __init__(self, depth: Image, camera: Camera, k: int) -> None:
         """Points of all pixels that have a depth and a ray."""
         self._radii = [max(2, int(np.ceil(times * np.sqrt(k / np.pi)))) for times in WINDOWS]
-        self._crowd = max(1, round(CROWD * np.sqrt(k / np.pi)))
+        self._reach = max(1, round(DENSE * np.sqrt(k / np.pi)))
         self._pad = max(*self._radii, TILE)  # a tile at the rim reaches beyond it
         self._pitch = _pitch(camera)
         self._boxes: Image | None = None
@@ -64,12 +64,12 @@ class Neighbourhood:
             outwards(self._cloud, self._boxes, self._pitch, self.k, self._pad, pixels, rest, out)
         return out
 
-    def crowded(self, within: Image) -> Mask:
+    def dense(self, within: Image) -> Mask:
         """(H, W) where at least k points lie closer than the distance `within` (H, W): there the mean of the k nearest is below it, too.
 
-        Only a small window is looked at: more pixels may be crowded than are found.
+        Only a small window is looked at: more pixels may be that dense than are found.
         """
-        return np.asarray(_crowded(self._cloud, within, self.k, self._crowd, self._pad))
+        return np.asarray(_dense_there(self._cloud, within, self.k, self._reach, self._pad))
 
 
 def mean_distance(depth: Image, camera: Camera, k: int) -> Image:
@@ -108,7 +108,7 @@ def _fill(cloud: Image, depth: Image, rays: Float, pad: int) -> int:
 
 
 @njit(cache=True, fastmath=True)
-def _crowded(cloud: Image, within: Image, k: int, radius: int, pad: int) -> Mask:
+def _dense_there(cloud: Image, within: Image, k: int, radius: int, pad: int) -> Mask:
     """Where at least k points of a disc of pixels lie within a distance (H, W)."""
     height, width = within.shape
     out = np.empty((height, width), np.bool_)

@@ -53,7 +53,7 @@ def _beyond_scaled(cloud: Neighbourhood, frame: Frame, ratio: float) -> Ints:
     unit = spacing(frame.depth, frame.camera)
     known, some = _some(cloud)
     limit = scaled_threshold(cloud.mean_distance(some) / unit.ravel()[some], ratio)
-    doubtful = known[~cloud.crowded(np.float32(limit) * unit).ravel()[known]]
+    doubtful = known[~cloud.dense(np.float32(limit) * unit).ravel()[known]]
     return doubtful[~(cloud.mean_distance(doubtful) / unit.ravel()[doubtful] < limit)]
 
 
@@ -72,7 +72,7 @@ def _beyond(cloud: Neighbourhood, frame: Frame, ratio: float) -> Ints:
     far, certain = known, np.inf
     while certain > limit:
         certain = SURE * limit
-        sure = cloud.crowded(np.full(frame.depth.shape, np.float32(certain))).ravel()
+        sure = cloud.dense(np.full(frame.depth.shape, np.float32(certain))).ravel()
         far = known[~sure[known]]
         unknown = far[np.isnan(distance[far])]
         distance[unknown] = cloud.mean_distance(unknown)

@@ -187,7 +187,7 @@ def test_warm_up_leaves_nothing_to_compile() -> None:
     warm_up(truth.camera)
     from tof_preproc import accumulate, neighbours, tiles
 
-    kernels = [accumulate._accumulate, neighbours._inside, neighbours._crowded, tiles.outwards]
+    kernels = [accumulate._accumulate, neighbours._inside, neighbours._dense_there, tiles.outwards]
     known = [len(k.signatures) for k in kernels]
     for f in captures(truth, 6):
         Preprocessor().push(f)
