@@ -22,7 +22,7 @@ MOVING_RAD_S = float(np.radians(0.5))
 WARMING_K = 0.5
 """Change of temperature from which a drift can show: the resolution of a usual camera's thermometer."""
 WARMING_S = 60.0
-"""Duration from which a camera without a thermometer may have warmed up."""
+"""Duration in which a camera may warm up, whatever its thermometer shows."""
 PART_PIXELS = 150
 """Drawn pixels over the session below which a part has no hypothesis of its own."""
 
@@ -84,12 +84,10 @@ class Session:
 
     @property
     def warming(self) -> bool:
-        """Whether the temperature changes by `WARMING_K`, or is unknown and `WARMING_S` pass."""
-        temperature = self.temperatures
-        if np.isfinite(temperature).all():
-            return bool(np.ptp(temperature) >= WARMING_K)
-        times = [v.frame.context.time_s for v in self.views]
-        return max(times) - min(times) >= WARMING_S
+        """Whether the temperature changes by `WARMING_K`, or `WARMING_S` pass: a thermometer lags minutes behind lamp and sensor."""
+        temperature, times = self.temperatures, [v.frame.context.time_s for v in self.views]
+        changes = np.isfinite(temperature).all() and np.ptp(temperature) >= WARMING_K
+        return bool(changes or max(times) - min(times) >= WARMING_S)
 
     @property
     def range_span(self) -> float:

@@ -82,6 +82,8 @@ def test_an_effect_is_found_by_standing_in_the_folder(tmp_path: Path) -> None:
         (TemperatureDrift, session(Context(temperature=30.0), Context(temperature=30.2)), "temperature steady or unknown, and under 60 s"),
         (TemperatureDrift, session(Context(temperature=30.0), Context(temperature=31.0)), None),
         (TemperatureDrift, session(Context(time_s=0.0), Context(time_s=90.0)), None),
+        # A thermometer lags: its reading hardly moves while lamp and sensor warm up.
+        (TemperatureDrift, session(Context(temperature=30.0), Context(temperature=30.03, time_s=90.0)), None),
         (AmplitudeBias, session(has_amplitude=False), "no amplitude image"),
         (Noise, session(has_amplitude=False), "no amplitude image: rows and single pixels alone can show it"),
         (Multipath, session(modulated=False), "noise goes with range squared and not with light: no time-of-flight camera"),
