@@ -85,9 +85,15 @@ class Session:
     @property
     def warming(self) -> bool:
         """Whether the temperature changes by `WARMING_K`, or `WARMING_S` pass: a thermometer lags minutes behind lamp and sensor."""
-        temperature, times = self.temperatures, [v.frame.context.time_s for v in self.views]
+        temperature = self.temperatures
         changes = np.isfinite(temperature).all() and np.ptp(temperature) >= WARMING_K
-        return bool(changes or max(times) - min(times) >= WARMING_S)
+        return bool(changes or self.duration_s >= WARMING_S)
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first view to the last."""
+        times = [v.frame.context.time_s for v in self.views]
+        return max(times) - min(times)
 
     @property
     def range_span(self) -> float:

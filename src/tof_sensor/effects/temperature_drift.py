@@ -60,17 +60,20 @@ class TemperatureDrift(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """By the thermometer about its mean, alone and with a warm-up of each time constant beside it."""
+        """By the thermometer about its mean, alone and with warm-ups beside it that change within the session: others are a range offset."""
         temperature = session.temperatures
         known = bool(np.isfinite(temperature).all())
         mean = float(temperature.mean()) if known else 25.0
         if known:
             yield Form(cls(reference_c=mean), "thermometer")
-        for tau in TIME_CONSTANTS_S:
+        changing = [tau for tau in TIME_CONSTANTS_S if 1.0 - np.exp(-session.duration_s / tau) >= CHANGES]
+        for tau in changing:
             yield Form(cls(reference_c=mean, tau_s=tau), f"tau {tau:g} s")
-        for tau, slower in itertools.combinations(TIME_CONSTANTS_S, 2):
+        for tau, slower in itertools.combinations(changing, 2):
             yield Form(cls(reference_c=mean, tau_s=tau, housing_s=slower), f"tau {tau:g} s and {slower:g} s")
 
 
 TIME_CONSTANTS_S = (60.0, 300.0, 1200.0)
 """Usual of a lamp's driver, a sensor and a housing."""
+CHANGES = 0.2
+"""Share of a warm-up that must pass within the session: a smaller one looks like a constant offset."""
