@@ -75,5 +75,5 @@ class TemperatureDrift(Effect):
 
 TIME_CONSTANTS_S = (60.0, 300.0, 1200.0)
 """Usual of a lamp's driver, a sensor and a housing."""
-CHANGES = 0.2
-"""Share of a warm-up that must pass within the session: a smaller one looks like a constant offset."""
+CHANGES = 0.3
+"""Share of a warm-up that must pass within the session: what changes less ties with a constant offset."""
