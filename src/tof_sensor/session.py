@@ -85,9 +85,13 @@ class Session:
     @property
     def warming(self) -> bool:
         """Whether the temperature changes by `WARMING_K`, or `WARMING_S` pass: a thermometer lags minutes behind lamp and sensor."""
+        return self.temperature_changes or self.duration_s >= WARMING_S
+
+    @property
+    def temperature_changes(self) -> bool:
+        """Whether the thermometer's reading changes by `WARMING_K`."""
         temperature = self.temperatures
-        changes = np.isfinite(temperature).all() and np.ptp(temperature) >= WARMING_K
-        return bool(changes or self.duration_s >= WARMING_S)
+        return bool(np.isfinite(temperature).all() and np.ptp(temperature) >= WARMING_K)
 
     @property
     def duration_s(self) -> float:

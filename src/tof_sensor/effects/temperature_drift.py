@@ -60,13 +60,17 @@ class TemperatureDrift(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """By the thermometer about its mean, alone and with warm-ups beside it that change within the session: others are a range offset."""
+        """By the thermometer about its mean, alone and with warm-ups beside it.
+
+        While the thermometer stands, only those of which a share `CHANGES` passes: others are a range offset.
+        """
         temperature = session.temperatures
         known = bool(np.isfinite(temperature).all())
         mean = float(temperature.mean()) if known else 25.0
         if known:
             yield Form(cls(reference_c=mean), "thermometer")
-        changing = [tau for tau in TIME_CONSTANTS_S if 1.0 - np.exp(-session.duration_s / tau) >= CHANGES]
+        least = 0.0 if session.temperature_changes or not known else CHANGES
+        changing = [tau for tau in TIME_CONSTANTS_S if 1.0 - np.exp(-session.duration_s / tau) >= least]
         for tau in changing:
             yield Form(cls(reference_c=mean, tau_s=tau), f"tau {tau:g} s")
         for tau, slower in itertools.combinations(changing, 2):
@@ -75,5 +79,5 @@ class TemperatureDrift(Effect):
 
 TIME_CONSTANTS_S = (60.0, 300.0, 1200.0)
 """Usual of a lamp's driver, a sensor and a housing."""
-CHANGES = 0.3
-"""Share of a warm-up that must pass within the session: what changes less ties with a constant offset."""
+CHANGES = 0.5
+"""Share of a warm-up that must pass while the thermometer stands: what changes less ties with a constant offset."""
