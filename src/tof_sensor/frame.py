@@ -118,6 +118,16 @@ def ideal_frame(rendering: Rendering, context: Context | None = None, amplitude:
     return Frame(rendering, rendering.camera.rays(), depth, amplitude, np.zeros_like(depth), np.zeros_like(depth), context or Context())
 
 
+def waves_per_m(modulation_mhz: float) -> float:
+    """Radians of phase per metre of path, lamp to lens."""
+    return 2e6 * np.pi * modulation_mhz / LIGHT_M_PER_S
+
+
+def indirect_bias(indirect: NDArray[np.complex128], waves: float) -> Float:
+    """Metres along the ray by which light of a longer path moves the phase: `indirect` is its phasor over the direct light's."""
+    return np.asarray(np.angle(1 + indirect) / (2 * waves))
+
+
 def lambert_amplitude(rendering: Rendering) -> Float:
     """(H, W) albedo cos(incidence) / r^2 in 1/m^2; 0 off the CAD."""
     radial = rendering.depth.astype(np.float64) * rendering.camera.ray_length()

@@ -54,15 +54,15 @@ def _phasor(frame: Frame, here: Mask, waves_per_m: float) -> NDArray[np.complex1
     cosine = -np.einsum("ni,ni->n", along, normals)
     away = along + 2 * cosine[:, None] * normals
     hits = caster.cast((points + OFF_SURFACE_M * normals) @ R.T + t, away @ R.T)
-    second = points + away * np.where(np.isfinite(hits.t), hits.t, 0.0)[:, None]
+    met, distance = np.isfinite(hits.t), np.nan_to_num(hits.t, nan=0.0, posinf=0.0)
+    second = points + away * distance[:, None]
     far = np.linalg.norm(second, axis=1)
     toward = np.nan_to_num(hits.normal) @ R
     lit = np.einsum("ni,ni->n", second, toward) / far
     # The coat sees one side of q; the lamp must light the same one.
-    seen = np.isfinite(hits.t) & (cosine > 0) & (lit * np.einsum("ni,ni->n", away, toward) > 0)
+    seen = met & (cosine > 0) & (lit * np.einsum("ni,ni->n", away, toward) > 0)
     seen[seen] = ~caster.blocked(np.broadcast_to(t, (int(seen.sum()), 3)), second[seen] @ R.T, SHORT_OF)
     albedo = np.array([p.material.albedo for p in caster.scene.parts])
     matt = np.maximum(np.nan_to_num(frame.rendering.albedo[here].astype(np.float64)) * cosine / range_m**2, LEAST_LIGHT)
     share = np.where(seen, schlick(cosine) * albedo[hits.part] * np.abs(lit) / far**2 / matt, 0.0)
-    excess = far + np.where(np.isfinite(hits.t), hits.t, 0.0) - range_m
-    return np.asarray(share * np.exp(1j * waves_per_m * excess))
+    return np.asarray(share * np.exp(1j * waves_per_m * (far + distance - range_m)))

@@ -74,17 +74,16 @@ def gather(
         wider_px: pixels added to the edge bands of still views.
         recorded: the views with the depth codes that the camera wrote, where `views` are those of another lens, whose z has none.
     """
-    steps = [depth_step(v.depth.astype(np.float64), limits.level) for v in recorded or views]
 
-    def one(view: View, frame: Frame, step_m: float) -> ViewEvidence:
+    def one(view: View, frame: Frame, source: View) -> ViewEvidence:
         shape = frame.depth.shape
         filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else np.full(shape, np.nan, np.float32)
-        return _of_view(view, frame, limits, filled, wider_px, step_m)
+        return _of_view(view, frame, limits, filled, wider_px, depth_step(source.depth.astype(np.float64), limits.level))
 
     rng = np.random.default_rng(limits.seed)  # One draw after the other: the same pixels whichever view is ready first.
     return tuple(
         replace(v, pixels=drawn(v.smooth, limits.pixels, rng))
-        for v in in_threads(one, views, ideal_frames(views, renderings, caster), steps)
+        for v in in_threads(one, views, ideal_frames(views, renderings, caster), recorded or views)
     )
 
 

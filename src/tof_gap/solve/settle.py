@@ -13,6 +13,7 @@ from tof_gap.seen.residual import drawn
 from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.judge import Selector
 from tof_gap.solve.select import Selection
+from tof_gap.solve.worth import rescored
 
 if TYPE_CHECKING:
     from tof_gap.config import GapConfig
@@ -34,7 +35,7 @@ def settled(joint: Joint, config: GapConfig) -> Joint:
     # An error that neighbours share covers as many more pixels as are drawn more densely.
     judge = Selector(design, replace(config.select, neighbours=config.select.neighbours * denser))
     members = [kept.index(m) for m in chosen.members]
-    final = judge.score(members, judge.inflation(members))
+    final = rescored(judge, members)
     selection = Selection(
         final,
         judge.fit(final),

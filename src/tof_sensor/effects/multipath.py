@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
 from tof_sensor.effect import Effect, Finer, Form, stack
-from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.frame import indirect_bias, waves_per_m
 from tof_sensor.interreflection import indirect_phasor
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
-    from tof_sensor.interreflection import ComplexImage
     from tof_sensor.session import Session
 
 
@@ -53,21 +52,16 @@ class Multipath(Effect):
 
     def columns(self, frame: Frame) -> Float:
         """The bias at strength 1, along z."""
-        return stack([self._bias(indirect_phasor(frame, self._waves)) / frame.length], frame)
+        return stack([indirect_bias(indirect_phasor(frame, self._waves), self._waves) / frame.length], frame)
 
     def columns_at(self, frame: Frame, pixels: Ints) -> Float:
         """The same on chosen pixels: what reaches the others is not summed."""
-        bias = self._bias(indirect_phasor(frame, self._waves, pixels))
+        bias = indirect_bias(indirect_phasor(frame, self._waves, pixels), self._waves)
         return np.asarray(np.nan_to_num(bias / frame.length.ravel()[pixels])[:, None])
 
     @property
     def _waves(self) -> float:
-        """Radians per metre of path."""
-        return 2e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
-
-    def _bias(self, indirect: ComplexImage) -> Float:
-        """Metres along the ray."""
-        return np.asarray(np.angle(1 + indirect) / (2 * self._waves))
+        return waves_per_m(self.modulation_mhz)
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:

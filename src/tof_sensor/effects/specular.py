@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
 from tof_sensor.effect import Effect, Finer, Form, stack
-from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.frame import indirect_bias, waves_per_m
 from tof_sensor.mirrored import mirrored_phasor
 
 if TYPE_CHECKING:
@@ -65,8 +65,8 @@ class Specular(Effect):
         coat = self.gloss * np.exp(-((np.tan(incidence) / np.tan(np.radians(self.lobe_deg))) ** 2))
         matt = np.maximum(np.nan_to_num(frame.rendering.albedo.astype(np.float64)) * np.cos(incidence), 1e-6)
         here = frame.valid & ((frame.rendering.part == self.part) | (self.part < 0))
-        waves = 2e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
-        mirrored = np.angle(1 + mirrored_phasor(frame, self.part, waves)) / (2 * waves)
+        waves = waves_per_m(self.modulation_mhz)
+        mirrored = indirect_bias(mirrored_phasor(frame, self.part, waves), waves)
         return stack([np.where(here, coat / (coat + matt), 0.0) / frame.length, mirrored / frame.length], frame)
 
     @classmethod
