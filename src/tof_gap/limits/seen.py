@@ -221,6 +221,35 @@ class NoiseLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class FilterLimits:
+    """When a hole is that of a filter in the camera around outliers."""
+
+    shaped: float = param(
+        0.9,
+        "share of a hole that 3 x 3 neighbourhoods fill",
+        low=0.0,
+        high=1.0,
+        why="thresholds leave ragged rims; the lens's resampling too",
+    )
+    dimmest: float = param(
+        0.002, "quantile of returned amplitudes that is the least", low=0.0, high=0.5, why="single pixels are dimmer by noise"
+    )
+    rim: float = param(
+        1.5, "amplitude of a hole's rim, over the least", low=1.0, why="just above a threshold, amplitudes vary by noise and slope"
+    )
+    dimmer: float = param(
+        0.8,
+        "chance that a pixel removed has less light than one kept",
+        low=0.5,
+        high=1.0,
+        why="outliers of single pixels come at any light: 0.5",
+    )
+    noise_sigma: float = param(
+        3.0, "standard deviations of noise that nine pixels span", low=1.0, why="expected range of nine normal values"
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class MissingLimits:
     """When missing, wrapped or mixed pixels are an effect."""
 
@@ -292,3 +321,4 @@ class MissingLimits:
         why="pose and noise blur the surfaces",
     )
     fitted_mm: float = param(2.0, "predicted mixing of a pixel that is fitted", unit="mm", low=0.0, why="the usual noise")
+    filter: FilterLimits = section(FilterLimits, "holes that a filter leaves")

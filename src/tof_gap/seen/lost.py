@@ -64,9 +64,12 @@ def outliers_removed(valid: Mask, limits: MissingLimits) -> Mask:
     return np.asarray(small & ~single)
 
 
-def dropout(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | None:
-    """`dropout` where more is lost than `lost_share`: by amplitude below a threshold, and at random."""
-    inside = [expected(v, limits) for v in views]
+def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask]) -> Finding | None:
+    """`dropout` where more is lost than `lost_share`: by amplitude below a threshold, and at random.
+
+    filtered: (H, W) per view, pixels that a filter in the camera removed.
+    """
+    inside = [expected(v, limits) & ~f for v, f in zip(views, filtered, strict=True)]
     gone = np.concatenate([lost(v, limits)[i] for v, i in zip(views, inside, strict=True)])
     if gone.mean() < limits.lost_share:
         return None

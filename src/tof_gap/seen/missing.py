@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from tof_gap.seen.filtered import failed_unwrapping, filtered
 from tof_gap.seen.lost import dropout
 from tof_gap.seen.mixed import flying_pixels
 from tof_gap.seen.wrapped import phase_wrap
@@ -13,7 +14,7 @@ from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from collections.abc import Set as AbstractSet
 
     from tof_gap.limits.seen import MissingLimits
@@ -25,7 +26,12 @@ def missing_effects(
     views: Sequence[ViewEvidence], limits: MissingLimits, left_out: AbstractSet[str] = frozenset(), *, blurred: bool = False
 ) -> list[Finding]:
     """`dropout`, `phase_wrap` and `flying_pixels` where the pixels show them, unless left out; `blurred`: motion mixes edges of its own."""
-    detectors = {Dropout.NAME: dropout, PhaseWrap.NAME: phase_wrap, FlyingPixels.NAME: flying_pixels}
+    holes = filtered(views, limits)
+    detectors: dict[str, Callable[[], Finding | None]] = {
+        Dropout.NAME: lambda: dropout(views, limits, holes),
+        PhaseWrap.NAME: lambda: phase_wrap(views, limits) or failed_unwrapping(views, holes, limits),
+        FlyingPixels.NAME: lambda: flying_pixels(views, limits),
+    }
     apart = left_out | ({FlyingPixels.NAME} if blurred else frozenset())
-    found = (detect(views, limits) for name, detect in detectors.items() if name not in apart)
+    found = (detect() for name, detect in detectors.items() if name not in apart)
     return [f for f in found if f is not None]

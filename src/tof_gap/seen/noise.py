@@ -33,11 +33,18 @@ BURST_ROUNDS = 3
 
 
 def noise_effects(
-    views: Sequence[ViewEvidence], limits: NoiseLimits, left_out: AbstractSet[str] = frozenset(), law: PhotonLaw | None = None
+    views: Sequence[ViewEvidence],
+    limits: NoiseLimits,
+    left_out: AbstractSet[str] = frozenset(),
+    law: PhotonLaw | None = None,
+    *,
+    unmerged: bool = False,
 ) -> list[Finding]:
     """`quantization`, or else `interference` or `noise`, where the noise shows them and they are not left out.
 
     `law`: the camera's photon law as `--sensor` states it. Noise within it is no effect, whatever it does with amplitude.
+    `unmerged`: the camera fails to merge its frequencies, so that one of them counts for less than the law states and fewer
+    amplitudes are left to see the law by: noise at every amplitude is then no effect of its own.
     """
     step = code_step(views)
     if step > limits.step_mm * 1e-3:  # Coarse steps leave contours and uneven noise of their own.
@@ -58,7 +65,7 @@ def noise_effects(
     if Noise.NAME in left_out:
         return []
     usual = law is not None and np.median(b.variance / law.variance(b.amplitude, b.range2)) < 1.0 + limits.law_excess
-    own = _noise(views, b, None if dark or usual else fit_law(b, step, limits), step, limits)
+    own = _noise(views, b, None if dark or usual or unmerged else fit_law(b, step, limits), step, limits)
     return [] if own is None else [own]
 
 

@@ -14,6 +14,7 @@ from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -127,8 +128,10 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     silent = blurred or {Interference.NAME, HandEye.NAME} & left_out
     foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light)
     taken = left_out if foreign is None else left_out | {Interference.NAME}
-    uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law)]
     gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
+    # Wrapped pixels of which the camera's filter kept none: their jump is in no map.
+    unmerged = any(f.name == PhaseWrap.NAME and not f.corrects for f in gone)
+    uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
     return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone], config.missing)))
 
 

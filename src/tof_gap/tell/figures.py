@@ -110,7 +110,7 @@ def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
 
     Gross errors and edges count only where an effect explains them; pixels with a named noise of their own do not.
     """
-    names = {f.name for f in findings}
+    names = {f.name for f in findings if f.corrects}
     keep = view.smooth.copy()
     if PhaseWrap.NAME in names:
         keep |= view.gross & ~view.edge

@@ -38,12 +38,18 @@ def test_gross_pixels_and_edges_count_only_where_an_effect_explains_them() -> No
     seen = replace(view, frame=frame, gross=gross, edge=edge, smooth=view.smooth & ~gross & ~edge)
     counts = {
         name: np.isfinite(used(seen, f))
-        for name, f in (("", []), ("wrap", [Finding(PhaseWrap(), 1.0)]), ("fly", [Finding(FlyingPixels(), 1.0)]))
+        for name, f in (
+            ("", []),
+            ("wrap", [Finding(PhaseWrap(), 1.0, corrects=True)]),
+            ("filtered", [Finding(PhaseWrap(), 1.0)]),
+            ("fly", [Finding(FlyingPixels(), 1.0, corrects=True)]),
+        )
     }
     assert not counts[""][10:12].any()
     assert not counts[""][20:24].any()
     assert counts["wrap"][10:12].all()
     assert not counts["wrap"][20:24].any()
+    assert not counts["filtered"][10:12].any(), "no map explains wrapped pixels that a filter removed"
     assert counts["fly"][20:22].all()
     assert not counts["fly"][22:24].any(), "half a pixel of pose decides which surface these see"
 

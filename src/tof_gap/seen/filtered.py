@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Holes that a filter in the camera leaves around outliers, and failed unwrapping, which makes such outliers in weak light."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import binary_dilation, binary_opening, label
+from scipy.stats import rankdata
+
+from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
+from tof_gap.seen.lost import expected
+from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
+from tof_sensor.frame import lambert_amplitude
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Mask
+    from tof_gap.limits.seen import FilterLimits, MissingLimits
+    from tof_gap.seen.residual import ViewEvidence
+
+NEIGHBOURS = np.ones((3, 3), bool)
+"""A filter takes an outlier with its neighbours."""
+
+
+def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limits: MissingLimits) -> Finding | None:
+    """`phase_wrap` where the camera's filter removes outliers that come in weak light and that noise is too small for.
+
+    Merging frequencies fails more often the weaker the light, pixel by pixel. A filter that takes such pixels with their neighbours
+    leaves nothing that is off by a period, but holes of its own shape. Below a threshold of amplitude, holes have no such shape, and
+    their rims are as dim as the threshold.
+
+    holes: (H, W) per view, what `filtered` found.
+    """
+    inside = [expected(v, limits) for v in views]
+    gone = np.concatenate([h[i] for h, i in zip(holes, inside, strict=True)])
+    if gone.mean() < limits.lost_share or _noise_may_reach(views, holes, limits):
+        return None
+    if (
+        _chance_dimmer(np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)]), gone)
+        < limits.filter.dimmer
+    ):
+        return None
+    # A pixel is lost where it or one of its neighbours is an outlier.
+    share = min(1.0 - (1.0 - float(gone.mean())) ** (1 / NEIGHBOURS.size), 0.5 * SINGLE_PIXELS)
+    start = float(np.quantile(np.concatenate([v.frame.radial[h] for v, h in zip(views, holes, strict=True)]), limits.turn_start))
+    note = f"the camera's filter removed {gone.mean():.0%} of the pixels, around outliers in weak light; their jump is not seen"
+    return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note)
+
+
+def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:
+    """(H, W) per view: pixels lost where light is expected, in holes of a filter's shape that no threshold of amplitude explains.
+
+    Without amplitude none are known.
+    """
+    inside, shaped = [expected(v, limits) for v in views], [_shaped(v.view.valid, limits.filter) for v in views]
+    rims: list[Float] = []
+    returned: list[Float] = []
+    for v, i, s in zip(views, inside, shaped, strict=True):
+        amplitude = np.full(i.shape, np.nan) if v.view.amplitude is None else v.view.amplitude.astype(np.float64)
+        rims.append(amplitude[v.view.valid & i & binary_dilation(s & i, NEIGHBOURS)])
+        returned.append(amplitude[v.view.valid & i])
+    rim, least = np.concatenate(rims), np.concatenate(returned)
+    if not len(rim) or not np.median(rim) > limits.filter.rim * np.quantile(least, limits.filter.dimmest):
+        return [np.zeros(i.shape, bool) for i in inside]
+    return [s & i for s, i in zip(shaped, inside, strict=True)]
+
+
+def _shaped(valid: Mask, limits: FilterLimits) -> Mask:
+    """(H, W) pixels in holes that opening by a neighbourhood keeps."""
+    holes, count = label(~valid, NEIGHBOURS)
+    # Beyond the image there is nothing that a filter could have kept.
+    kept = binary_opening(np.pad(~valid, 1, constant_values=True), NEIGHBOURS)[1:-1, 1:-1]
+    size, whole = (np.bincount(pixels, minlength=count + 1) for pixels in (holes.ravel(), holes[kept]))
+    return np.asarray(~valid & (whole > limits.shaped * size)[holes])
+
+
+def _chance_dimmer(light: Float, gone: Mask) -> float:
+    """Chance that a pixel that is `gone` has less light than one that is not (area under the ROC curve)."""
+    rank = rankdata(light)
+    lost = int(gone.sum())
+    return float(1.0 - (rank[gone].sum() - lost * (lost + 1) / 2) / max(lost * (len(light) - lost), 1))
+
+
+def _noise_may_reach(views: Sequence[ViewEvidence], holes: Sequence[Mask], limits: MissingLimits) -> bool:
+    """Whether noise at the rims is as large as what the filter lets pass: the rise of a surface at `lost_grazing_deg` over a neighbourhood."""
+    sigma, passed = [], []
+    for v, h in zip(views, holes, strict=True):
+        rim = v.smooth & binary_dilation(h, NEIGHBOURS, iterations=2)
+        sigma.append(v.sigma[rim])
+        passed.append(2 * v.frame.depth[rim] * v.view.camera.pixel_angle * np.tan(np.radians(limits.lost_grazing_deg)))
+    s, p = np.concatenate(sigma), np.concatenate(passed)
+    return not len(s) or float(np.median(limits.filter.noise_sigma * s / p)) > 1.0

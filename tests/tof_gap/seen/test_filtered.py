@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Holes of a filter in the camera: unwrapping that fails in weak light, against thresholds, single pixels and noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from tests.tof_gap.quiet_views import SHAPE, views
+from tof_core.reasons import Reason
+from tof_gap.limits.seen import MissingLimits
+from tof_gap.seen.filtered import filtered
+from tof_gap.seen.missing import missing_effects
+from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
+from tof_sensor.frame import lambert_amplitude
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tof_core.arrays import Float, Mask
+    from tof_gap.seen.residual import ViewEvidence
+
+LIMITS = MissingLimits()
+BLOCK = np.ones((3, 3), bool)
+
+
+def session(lose: Callable[[Float, np.random.Generator], Mask], *, sigma: float = 1.0, amplitude: bool = True) -> list[ViewEvidence]:
+    """Quiet views with `sigma` times their noise, of which `lose(light relative to the session's mean, rng)` takes pixels (H, W)."""
+    rng, out, quiet = np.random.default_rng(8), [], views(np.random.default_rng(5))
+    mean = np.mean([lambert_amplitude(v.rendering).mean() for v in quiet])
+    for v in quiet:
+        light = (lambert_amplitude(v.rendering) / mean).astype(np.float32)
+        gone = lose(light, rng)
+        depth, reason = np.where(gone, np.nan, v.view.depth), np.where(gone, Reason.NO_RETURN, Reason.VALID)
+        seen = replace(v.view, depth=depth.astype(np.float32), reason=reason.astype(np.uint8), amplitude=light if amplitude else None)
+        residual = np.where(gone, np.nan, v.residual * sigma)
+        out.append(replace(v, view=seen, residual=residual, sigma=v.sigma * sigma, smooth=v.smooth & ~gone))
+    return out
+
+
+def outliers_in_weak_light(light: Float, rng: np.random.Generator) -> Mask:
+    """Outliers whose rate falls with light; the filter takes each with its neighbours."""
+    return np.asarray(binary_dilation(rng.random(SHAPE) < 0.2 * np.exp(-8.0 * (light - 0.5)), BLOCK))
+
+
+def names(session: list[ViewEvidence], left_out: frozenset[str] = frozenset()) -> list[str]:
+    return [f.name for f in missing_effects(session, LIMITS, left_out)]
+
+
+def test_holes_of_a_filter_in_weak_light_are_failed_unwrapping() -> None:
+    (found,) = missing_effects(session(outliers_in_weak_light), LIMITS)
+    assert isinstance(found.effect, PhaseWrap)
+    assert 0 < found.effect.share < SINGLE_PIXELS
+    assert found.effect.makes_outliers
+    assert not found.corrects  # The filter left no pixel that is off by a period.
+    assert "filter" in found.note
+
+
+def test_loss_below_a_threshold_of_amplitude_is_dropout() -> None:
+    lossy = session(lambda light, rng: light * (1 + 0.02 * rng.standard_normal(SHAPE)) < 0.7)
+    assert names(lossy) == ["dropout"]
+    assert not any(f.any() for f in filtered(lossy, LIMITS))
+
+
+def test_single_pixels_lost_at_random_are_dropout() -> None:
+    assert names(session(lambda _, rng: rng.random(SHAPE) < 0.05)) == ["dropout"]
+
+
+def test_outliers_at_any_light_are_neither_failed_unwrapping_nor_dropout() -> None:
+    assert names(session(lambda _, rng: binary_dilation(rng.random(SHAPE) < 0.01, BLOCK))) == []
+
+
+def test_noise_that_reaches_what_a_filter_lets_pass_is_no_failed_unwrapping() -> None:
+    assert names(session(outliers_in_weak_light, sigma=5.0)) == []
+
+
+def test_a_filter_s_holes_are_no_dropout_where_phase_wrap_is_left_out() -> None:
+    assert names(session(outliers_in_weak_light), frozenset({"phase_wrap"})) == []
+
+
+def test_without_amplitude_no_hole_is_a_filter_s() -> None:
+    assert not any(f.any() for f in filtered(session(outliers_in_weak_light, amplitude=False), LIMITS))
