@@ -76,7 +76,10 @@ CAUSES: dict[str, Cause] = {
         local=True,
         settings=FILTER_OFF,
     ),
-    "slow_readout": Cause("motion", "clock.subframe_ms", 3, 30, "the hand moves between the sub-frames", local=True, moving=True),
+    # A fixed size: by millimetres at the edges, microseconds between sub-frames and 15 ms were both of strength 1.
+    "slow_readout": Cause(
+        "motion", "clock.subframe_ms", 4, 30, "the hand moves between the sub-frames", metric="size", local=True, moving=True
+    ),
     "driver_latency": Cause(
         "time_sync", "firmware.latency_ms", 30, 500, "stamps are late by the driver's latency", metric="size", moving=True
     ),
