@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import os
+import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
@@ -15,11 +17,16 @@ if TYPE_CHECKING:
 CORES = len(os.sched_getaffinity(0))
 """Cores that this process may use."""
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-"""Environment of a process whose linear algebra and kernels take one thread.
+ONE_THREAD = {
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"),
+    "OMP_WAIT_POLICY": "PASSIVE",
+}
+"""Environment of a process whose linear algebra and kernels take one thread; where OpenMP is given more (PyTorch), they wait asleep.
 
 On small matrices more threads gain nothing, and they take the cores of other processes while they wait for each other.
 """
+CLOCK_TICK = 0.01
+"""Seconds of the unit in /proc/stat."""
 
 
 def one_thread() -> None:
@@ -28,12 +35,56 @@ def one_thread() -> None:
         os.environ.setdefault(name, value)
 
 
+LOOK_S = 0.5
+"""Least time between two looks at what other processes use."""
+
+
+class FreeCores:
+    """Cores of this process that other processes leave free.
+
+    Threads that wait for each other all wait for the one whose core, or whose turn of the interpreter lock, another process has
+    taken: beside busy processes one thread is faster than two.
+    """
+
+    def __init__(self) -> None:
+        """The first look."""
+        self._seen, self._count = _used(), CORES
+
+    def count(self) -> int:
+        """Free cores between the last two looks, those that this process used itself among them; at least 1."""
+        if time.monotonic() - self._seen[0] >= LOOK_S:
+            before, self._seen = self._seen, _used()
+            seconds, busy, own = (now - then for now, then in zip(self._seen, before, strict=True))
+            self._count = max(1, min(CORES, round(CORES - (busy - own) / seconds)))
+        return self._count
+
+
+def _used() -> tuple[float, float, float]:
+    """Seconds of the clock, of processor of all processes on the cores of this one, and of its own (0 where /proc/stat is missing)."""
+    try:
+        lines = Path("/proc/stat").read_text(encoding="ascii").splitlines()
+    except OSError:  # not Linux: all cores count as free
+        return time.monotonic(), 0.0, 0.0
+    names = {f"cpu{core}" for core in os.sched_getaffinity(0)}
+    busy = 0
+    for name, *ticks in (line.split() for line in lines if line.startswith("cpu")):
+        if name in names:
+            user, nice, system, _idle, _wait, irq, soft, steal, *_ = map(int, ticks)
+            busy += user + nice + system + irq + soft + steal
+    return time.monotonic(), busy * CLOCK_TICK, time.process_time()
+
+
+FREE = FreeCores()
+"""What other processes leave to this one."""
+
+
 def in_threads(work: Callable[..., T], *each: Iterable[object]) -> list[T]:
-    """Apply `work` to each item in threads; results in order, like `map`. An exception of `work` is raised here.
+    """Apply `work` to each item, in as many threads as cores are free; results in order, like `map`. An exception of `work` is raised here.
 
     NumPy, the ray casters and the compiled kernels release the interpreter lock.
     """
-    if CORES == 1:
+    threads = FREE.count()
+    if threads == 1:
         return list(map(work, *each))
-    with ThreadPoolExecutor(CORES) as pool:  # made anew: one kept at module level would not survive a fork
+    with ThreadPoolExecutor(threads) as pool:  # made anew: one kept at module level would not survive a fork
         return list(pool.map(work, *each))

@@ -84,7 +84,7 @@ class TrainConfig:
     test: float = param(0.0, "share of the views held out from training and validation, whole stations", low=0.0, high=0.5)
     limit: int = param(0, "train on this many views only, spread evenly; 0 is all", low=0)
     max_sigma_mm: float = param(0.0, "sigma above which the raw depth is kept; 0: chosen by validation", unit="mm", low=0.0, high=1000.0)
-    threads: int = param(0, "threads of the CPU; 0 leaves it to PyTorch", low=0, high=256)
+    threads: int = param(0, "threads of the CPU; 0: as many cores as other processes leave free, at each epoch", low=0, high=256)
     device: str = param("auto", "where to train", choices=("auto", "cpu", "cuda"))
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from tof_core.config import to_mapping
+from tof_core.cores import FREE
 from tof_core.errors import ModelError, RefusedError
 from tof_core.hashing import digest_config
 from tof_core.progress import progress
@@ -91,6 +92,7 @@ def train(
         say(f"resuming after epoch {state.epoch}")
     batcher, checker = Batcher(training, config, redraw), Batcher(validation, config)
     while state.epoch < config.epochs:
+        torch.set_num_threads(config.threads or FREE.count())
         line = _one_epoch(state, batcher, checker, device)
         _save(checkpoint, state, digest)
         say(line)
@@ -149,8 +151,6 @@ def thinned(views: Ints, count: int) -> Ints:
 
 
 def _prepare(config: TrainConfig) -> torch.device:
-    if config.threads:
-        torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed)
     if config.device == "cuda" and not torch.cuda.is_available():
         raise RefusedError("there is no CUDA device", where="train.device", todo="train with --device cpu")

@@ -12,6 +12,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Protocol, cast
 
+from tof_core.cores import one_thread
 from tof_core.page import set_command, version
 from tof_core.progress import set_quiet
 from toftwin.faults import explain
@@ -93,6 +94,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             set_quiet()
         check_paths(args)
         set_command(argv)
+        if "numpy" not in sys.modules:
+            one_thread()  # read when NumPy is imported, by the command; what takes more threads says so itself
         return load_command(chosen).run(args)
     except SystemExit as stop:  # argparse has printed its message
         return stop.code if isinstance(stop.code, int) else 2

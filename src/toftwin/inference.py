@@ -6,7 +6,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from tof_core.bag_writer import BagWriter
 from tof_core.config import section
+from tof_core.cores import FREE
 from tof_core.errors import RefusedError
 from tof_core.options import BagOptions
 from tof_core.progress import progress
@@ -80,7 +81,7 @@ def infer_bag(reader: BagReader, out: Path, config: InferConfig, *, copy: bool =
         ModelError: a damaged or foreign model.
         RefusedError: a model for another camera or range, or a bag without a frame that can be read. Then no bag is written.
     """
-    session = Session(config)
+    session = Session(replace(config, threads=min(config.threads, FREE.count())))
     session.accept(reader.camera)
     tally = Tally(session.path.name, session.device)
     try:

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work in threads: results in order, exceptions passed on."""
+"""Work in threads: results in order, exceptions passed on, as many as cores are free."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 
 import pytest
@@ -12,7 +14,7 @@ from tof_core import cores
 
 @pytest.fixture(params=[1, 4])
 def _cores(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cores, "CORES", request.param)
+    monkeypatch.setattr(cores.FREE, "count", lambda: request.param)
 
 
 @pytest.mark.usefixtures("_cores")
@@ -28,3 +30,38 @@ def test_results_come_in_the_order_of_the_items() -> None:
 def test_an_exception_of_a_thread_is_raised() -> None:
     with pytest.raises(ZeroDivisionError):
         cores.in_threads(lambda n: 1 / n, [1, 0, 2])
+
+
+@pytest.mark.parametrize(
+    ("busy", "own", "free"),
+    [(0.0, 0.0, 4), (10.0, 0.0, 3), (40.0, 10.0, 1), (40.0, 40.0, 4), (22.0, 8.0, 3), (40.0, 0.0, 1)],
+)
+def test_cores_are_free_that_no_other_process_uses(monkeypatch: pytest.MonkeyPatch, busy: float, own: float, free: int) -> None:
+    looks = iter([(0.0, 100.0, 5.0), (10.0, 100.0 + busy, 5.0 + own)])
+    monkeypatch.setattr(cores, "CORES", 4)
+    monkeypatch.setattr(cores, "_used", lambda: next(looks))
+    assert cores.FreeCores().count() == free
+
+
+def test_between_two_looks_the_last_count_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = iter([(0.0, 0.0, 0.0), (1.0, 4.0, 0.0), (1.0 + 2 * cores.LOOK_S, 4.0, 0.0)])
+    clock = iter([1.0, 1.0 + 0.5 * cores.LOOK_S, 1.0 + 2 * cores.LOOK_S])
+    monkeypatch.setattr(cores, "CORES", 4)
+    monkeypatch.setattr(cores, "_used", lambda: next(looks))
+    monkeypatch.setattr(cores.time, "monotonic", lambda: next(clock))
+    free = cores.FreeCores()
+    assert [free.count() for _ in range(3)] == [1, 1, 4]
+
+
+def test_a_busy_neighbour_is_seen() -> None:
+    neighbour = subprocess.Popen([sys.executable, "-S", "-c", "while True: pass"])
+    try:
+        before = cores._used()
+        time.sleep(0.5)
+        after = cores._used()
+    finally:
+        neighbour.kill()
+        neighbour.wait()
+    seconds, busy, own = (now - then for now, then in zip(after, before, strict=True))
+    assert own < 0.2
+    assert busy > 0.05 * seconds

@@ -83,12 +83,6 @@ class _Progress:
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose a bag and write the report."""
-    import sys
-
-    from tof_core.cores import one_thread
-
-    if not args.retrain and "numpy" not in sys.modules:
-        one_thread()  # on thousands of small matrices two threads take a third longer than one
     import json
     from dataclasses import asdict
 
