@@ -13,14 +13,16 @@ from tof_align.causal import SessionAligner
 from tof_core.camera import Camera
 from tof_core.capture import Capture, RobotPose, View
 from tof_core.errors import RefusedError, ToftwinError
+from tof_scene.builtin.shapes import box
+from tof_scene.raycast import Raycaster
 from tof_scene.render import render
+from tof_scene.scene import Part, Scene
 from tof_sim_label.gate import RadialGate
 from tof_sim_label.label import Label, label_view
 from tof_sim_label.labeller import LabellerConfig
 
 if TYPE_CHECKING:
     from tof_align.known import Bias
-    from tof_scene.raycast import Raycaster
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,15 +74,23 @@ class LabelStream:
 
 
 def warm_up(caster: Raycaster) -> None:
-    """Load all kernels of alignment and labels with one small view of the scene, before frames arrive; the first time they are compiled."""
-    vertices = np.concatenate([part.vertices for part in caster.scene.parts])
-    centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
-    camera, T = Camera(64, 48, 60.0, 60.0, 31.5, 23.5), np.eye(4)
+    """Before frames arrive: the kernels of alignment and labels, by a view of two boxes, and the tables of the scene.
+
+    The first time the kernels are compiled. A view of a large scene would take several times as long as loading them does.
+    """
+    boxes = Raycaster(_two_boxes())
+    camera, T = Camera(40, 30, 37.5, 37.5, 19.5, 14.5), np.eye(4)
     T[:3, :3] = [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]  # along -x of the cell
-    T[:3, 3] = centre + np.array([np.ptp(vertices, axis=0).max(), 0.0, 0.0])
-    depth = render(caster, camera, T).depth
+    T[0, 3] = 0.9
+    depth = render(boxes, camera, T).depth
     view = View.of_capture(Capture(1, camera, depth, np.zeros(depth.shape, np.uint8), RobotPose(np.eye(4), T)))
     with suppress(ToftwinError):
-        stream = LabelStream(caster)
+        stream = LabelStream(boxes)
         stream.push(view)
         stream.flush()
+    _ = caster.outline, caster.curvature
+
+
+def _two_boxes() -> Scene:
+    vertices, faces = box((0.6, 0.5, 0.4))
+    return Scene("cell", (Part("large", vertices, faces), Part("small", 0.3 * vertices + [0.35, 0.0, 0.1], faces)))

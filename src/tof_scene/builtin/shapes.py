@@ -188,21 +188,22 @@ def sheet(
 
 
 def _rim(tri: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(k, 2) directed edges that one triangle alone has."""
-    edges = tri[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    alone = {(int(a), int(b)) for a, b in edges}
-    return np.array(sorted((a, b) for a, b in alone if (b, a) not in alone), np.int32)
+    """(k, 2) directed edges that one triangle alone has, in ascending order."""
+    a, b = tri[:, [0, 1, 2]].ravel().astype(np.int64), tri[:, [1, 2, 0]].ravel().astype(np.int64)
+    points = max(int(tri.max(initial=0)) + 1, 1)
+    alone = np.setdiff1d(a * points + b, b * points + a)
+    return np.stack([alone // points, alone % points], 1).astype(np.int32)
 
 
 def _pierced(uv: Float, tri: NDArray[np.int32], hole: tuple[float, float, float], cell: Float) -> Solid:
     """Cut the cells around a hole out of a flat mesh and fill the frame between them and the circle."""
     u, v, radius = hole
-    middle = (np.floor(uv[tri].mean(axis=1) / cell) + 0.5) * cell
+    centre = (uv[tri[:, 0]] + uv[tri[:, 1]] + uv[tri[:, 2]]) / 3
+    middle = (np.floor(centre / cell) + 0.5) * cell
     keep = (np.abs(middle - [u, v]) > radius + 0.75 * cell).any(axis=1)
-    cut_edges = {(int(a), int(b)) for a, b in tri[~keep][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)}
-    frame = sorted({a for a, b in cut_edges if (b, a) not in cut_edges})
+    frame = np.unique(_rim(tri[~keep])[:, 0])
     angle_of = np.arctan2(uv[frame, 1] - v, uv[frame, 0] - u)
-    outer = np.asarray(frame, np.int32)[np.argsort(angle_of)]
+    outer = frame[np.argsort(angle_of)]
     angle = 2 * np.pi * (np.arange(SEGMENTS) + 0.5) / SEGMENTS - np.pi
     inner = np.arange(SEGMENTS, dtype=np.int32) + len(uv)
     points = np.concatenate([uv, np.stack([u + radius * np.cos(angle), v + radius * np.sin(angle)], 1)])
