@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from tof_core.errors import DatasetError, UsageError
 from tof_core.progress import progress
-from toftwin.batch_engines import ENGINES
 from toftwin.known import Known
 from toftwin.label_call import KEPT, LabelCall, Outcome, files
 from toftwin.pipeline import PipelineConfig
@@ -55,6 +54,8 @@ def label_bags(
     Raises:
         UsageError: a pattern fits nothing, two bags would be written to one folder, or Ray is not installed.
     """
+    from toftwin.batch_engines import ENGINES
+
     config = config or PipelineConfig()
     calls = [LabelCall(bag, scene, out / _name(bag), config, mode, initial_pose, known=known or Known()) for bag in find_bags(bags)]
     wanted = calls[0].provenance()

@@ -147,15 +147,16 @@ class _Job:
 
     def _final(self, dataset: Unfinished, result: LabelResult) -> Iterator[Labelled]:
         """Poses from one solution of the whole session."""
-        from tof_align.session import solve_session
-        from tof_sim_label.label import label_view
-        from tof_sim_label.world import session_surprises
-
         views = list[View]()
         for view, members in self._views(result):
             for capture in members:
                 dataset.append_capture(capture, len(views))
             views.append(view)
+
+        from tof_align.session import solve_session
+        from tof_sim_label.label import label_view
+        from tof_sim_label.world import session_surprises
+
         try:
             posed = dataset.solved(views, "labels", partial(self._poses, views))
         except RefusedError as error:

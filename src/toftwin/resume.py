@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,9 +13,7 @@ import numpy as np
 from tof_core.capture import Posed
 from tof_core.errors import RefusedError
 from tof_core.hashing import digest_arrays
-from tof_sim_label.dataset import Dataset, DatasetWriter
 from tof_sim_label.schema import from_json
-from tof_sim_label.store import read_meta
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
 
     from tof_core.camera import Camera
     from tof_core.capture import Capture, View
+    from tof_sim_label.dataset import Dataset, DatasetWriter
     from tof_sim_label.label import Label
     from tof_sim_label.schema import Attributes
 
@@ -39,20 +39,22 @@ class Unfinished:
     """An unfinished dataset, `dataset.zarr.part`, and beside it the poses once they are solved.
 
     It can be read as far as it was written. The data of an interrupted run are compared with those that this run would
-    write, and stay; data of another scene, configuration or camera are removed.
+    write, and stay; data of another scene, configuration or camera are removed. A new dataset is made when its first frame
+    arrives, so that zarr is loaded only then.
     """
 
     def __init__(self, folder: Path, camera: Camera, attributes: Attributes) -> None:
         self.path, self._poses = folder / "dataset.zarr.part", folder / "poses.json.kept"
         if not self._continues(camera, attributes):
             self._remove()
-        self._writer = DatasetWriter(self.path, camera, attributes, resume=True)
-        self._before = Dataset(self.path)
+        self._of = camera, attributes
         self._captures = self._views = 0
 
     @property
     def note(self) -> str:
         """A note for the user if an earlier run is continued, else empty."""
+        if not self.path.exists():
+            return ""
         captures, views = self._before.captures, self._before.views
         return f"continued an interrupted run that had {captures} captures and {views} labels" if captures else ""
 
@@ -108,9 +110,24 @@ class Unfinished:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         """Close the writer; the data of a refused bag, or of another bag, are removed."""
-        self._writer.close()
+        if "_writer" in self.__dict__:
+            self._writer.close()
         if isinstance(error, (RefusedError, OtherBagError)):
             self._remove()
+
+    @cached_property
+    def _writer(self) -> DatasetWriter:
+        from tof_sim_label.dataset import DatasetWriter
+
+        return DatasetWriter(self.path, *self._of, resume=True)
+
+    @cached_property
+    def _before(self) -> Dataset:
+        """The dataset as it was before this run."""
+        from tof_sim_label.dataset import Dataset
+
+        self._writer  # noqa: B018  (locks the dataset, or makes it)
+        return Dataset(self.path)
 
     def _remove(self) -> None:
         shutil.rmtree(self.path, ignore_errors=True)
@@ -119,6 +136,8 @@ class Unfinished:
     def _continues(self, camera: Camera, attributes: Attributes) -> bool:
         if not self.path.exists():
             return False
+        from tof_sim_label.store import read_meta
+
         there, made = from_json(read_meta(self.path)["attributes"], self.path)
         return there == camera and made == attributes
 

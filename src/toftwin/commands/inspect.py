@@ -65,21 +65,25 @@ def run(args: argparse.Namespace) -> int:
     """Inspect; 1 when a part is absent or displaced, or not judged where that is asked for."""
     import json
 
+    from toftwin.inputs import opened
+    from toftwin.inspection import InspectionConfig
+    from toftwin.options import load_config
+    from toftwin.pipeline import ViewStream
+
+    config = load_config(InspectionConfig, args)
+    with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
+        assert scene is not None
+        views = tuple(ViewStream(reader, config))
+
     from tof_inspect import history
     from tof_inspect.judge import Inspector
     from tof_inspect.report import content, write
     from tof_scene.raycast import Raycaster
     from tof_sensor.known import known_bias
-    from toftwin.inputs import opened
-    from toftwin.inspection import InspectionConfig, inspect_bag
-    from toftwin.options import load_config
 
-    config = load_config(InspectionConfig, args)
-    with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
-        assert scene is not None
-        inspector = Inspector(Raycaster(scene), config.inspect, config.align, bias=known_bias(args.sensor))
-        _learn(args, inspector, config)
-        found = inspect_bag(reader, inspector, config)
+    inspector = Inspector(Raycaster(scene), config.inspect, config.align, bias=known_bias(args.sensor))
+    _learn(args, inspector, config)
+    found = inspector.judge(views)
     result = content(found, scene.digest)
     trends = history.trends(history.add(args.history, result)) if args.history else []
     result["trends"] = [t.to_dict() for t in trends]
