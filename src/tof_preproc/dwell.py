@@ -98,7 +98,7 @@ class Dwell:
     def _expected_noise(self, amplitude: Image | None) -> Image:
         one = self._stack.captures == 1
         law = law_of_capture(self.first.depth, amplitude, self._quantum) if one else law_of_dwell(self._stack, amplitude, self._quantum)
-        return law.sigma(self._stack.nearest(), amplitude)
+        return law.sigma(self._stack.nearest() if amplitude is None else self.first.depth, amplitude)
 
     def _amplitude(self) -> Image | None:
         if self._light is None or self._lit is None:

@@ -29,11 +29,11 @@ class Frame:
 
     def remove(self, mask: Mask, reason: Reason) -> int:
         """Invalidate the valid pixels of `mask`, store the reason, and return their number."""
-        gone = mask & np.isfinite(self.depth)
-        self.depth[gone] = np.nan
-        self.sigma[gone] = np.nan
-        self.reason[gone] = reason
-        return int(np.count_nonzero(gone))
+        gone = np.flatnonzero(mask & np.isfinite(self.depth))
+        self.depth.reshape(-1)[gone] = np.nan
+        self.sigma.reshape(-1)[gone] = np.nan
+        self.reason.reshape(-1)[gone] = reason
+        return int(gone.size)
 
 
 @dataclass(slots=True)

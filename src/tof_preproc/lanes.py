@@ -16,7 +16,7 @@ from tof_core.stats import MAD_TO_STD
 from tof_preproc.stack import LANES
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float, Image
+    from tof_core.arrays import Float, Image, Mask
 
 IQR_TUKEY, IQR_BAND, SIGMA_ROBUST, SIGMA_PLAIN = 0, 1, 2, 3
 ONE = np.float32(1.0)
@@ -109,12 +109,28 @@ def bounds(
         for c in range(LANES):
             reach = max(numbers[3] * law[c], 1.01 * quantum)
             low[c], high[c] = centre[c] - reach, centre[c] + reach
+        # The expected noise is the least that the deviation is taken to be: only what lies beyond it needs the MAD.
+        beyond = _beyond(s, n, lo, hi, low, high, np.float32(fewest))
         for c in range(LANES):
-            # The expected noise is the least that the deviation is taken to be: only what lies beyond it needs the MAD.
-            first, last = int(lo[c]), int(hi[c])
-            if last - first >= fewest and (s[first, c] < low[c] or s[last - 1, c] > high[c]):
+            if beyond[c]:
+                first, last = int(lo[c]), int(hi[c])
                 reach = max(numbers[3] * max(MAD_TO_STD * _mad(s, c, first, last, centre[c]), law[c]), 1.01 * quantum)
                 low[c], high[c] = centre[c] - reach, centre[c] + reach
+
+
+@njit(cache=True, error_model="numpy")
+def _beyond(s: Image, n: int, lo: Image, hi: Image, low: Float, high: Float, fewest: np.float32) -> Mask:
+    """Whether a pixel has at least `fewest` depths and its least is below `low` or its largest above `high`."""
+    least, largest, out = s[0].copy(), s[0].copy(), np.empty(LANES, np.bool_)
+    for j in range(1, n):
+        i = np.float32(j)
+        for c in range(LANES):
+            z = s[j, c]
+            least[c] = z if lo[c] >= i else least[c]
+            largest[c] = z if hi[c] > i else largest[c]
+    for c in range(LANES):
+        out[c] = (hi[c] - lo[c] >= fewest) & ((least[c] < low[c]) | (largest[c] > high[c]))
+    return out
 
 
 @njit(cache=True)

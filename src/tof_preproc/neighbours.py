@@ -3,7 +3,7 @@
 
 A pixel r columns or rows away lies on a ray at least r pixels away, so its point is at least about z r pitch away,
 whatever its depth. Once the k-th distance found is below that, no pixel further out can be nearer: the result is as
-exact as that of a k-d tree. One window is enough for nearly all pixels, 64 of them at a time, a second one for most of the
+exact as that of a k-d tree. One window is enough for nearly all pixels, 64 of them at a time, wider ones for most of the
 rest. The others search outwards, tile by tile, and skip the tiles whose bounds are further away.
 
 Whether k points lie within a given distance is much cheaper to find: one count over a small window, no search.
@@ -25,10 +25,12 @@ if TYPE_CHECKING:
 
 LANES = 64
 """Pixels that are worked on together."""
-WINDOWS = (1.4, 3.0)
-"""Radii of the first and the second window, in radii of a disc that holds k pixels."""
+WINDOWS = (1.4, 1.9, 3.0)
+"""Radii of the windows, one after the other, in radii of a disc that holds k pixels."""
 DENSE = 1.22
 """Radius of the window that is counted, in the same unit: on a surface it holds half as many pixels again as are needed."""
+WIDE = 2.4
+"""Half the side of the square that is counted next: half of it, as at a straight rim, holds more than twice as many as are needed."""
 STEPS = 6
 """Secant steps to the k-th distance."""
 
@@ -43,6 +45,7 @@ class Neighbourhood:
         """Points of all pixels that have a depth and a ray."""
         self._radii = [max(2, int(np.ceil(times * np.sqrt(k / np.pi)))) for times in WINDOWS]
         self._reach = max(1, round(DENSE * np.sqrt(k / np.pi)))
+        self._wide = max(2, round(WIDE * np.sqrt(k / np.pi)))
         self._pad = max(*self._radii, TILE)  # a tile at the rim reaches beyond it
         self._pitch = _pitch(camera)
         self._boxes: Image | None = None
@@ -64,12 +67,16 @@ class Neighbourhood:
             outwards(self._cloud, self._boxes, self._pitch, self.k, self._pad, pixels, rest, out)
         return out
 
-    def dense(self, within: Image) -> Mask:
-        """(H, W) where at least k points lie closer than the distance `within` (H, W): there the mean of the k nearest is below it, too.
+    def doubtful(self, within: Image, *, at_rims: bool = True) -> Ints:
+        """(n,) flat indices of known pixels without k points closer than the distance `within` (H, W); elsewhere the mean is below it, too.
 
-        Only a small window is looked at: more pixels may be that dense than are found.
+        A small window of pixels is looked at, and a wider one where that does not suffice, as at the rim of a surface (not with `at_rims`
+        false, where most of them are too far from each other anyway): a pixel that is named may be as dense all the same.
         """
-        return np.asarray(_dense_there(self._cloud, within, self.k, self._reach, self._pad))
+        rest = np.flatnonzero(self.known & ~_dense_there(self._cloud, within, self.k, self._reach, self._pad))
+        if not at_rims:
+            return rest
+        return np.asarray(rest[~_dense_at(self._cloud, within.ravel(), self.k, self._wide, self._pad, rest)])
 
 
 def mean_distance(depth: Image, camera: Camera, k: int) -> Image:
@@ -126,6 +133,25 @@ def _dense_there(cloud: Image, within: Image, k: int, radius: int, pad: int) -> 
                     n[c] += np.float32(1.0) if dx * dx + dy * dy + dz * dz <= limit2[c] else np.float32(0.0)
         for c in range(width):
             out[v, c] = n[c] >= k
+    return out
+
+
+@njit(cache=True, fastmath=True)
+def _dense_at(cloud: Image, within: Image, k: int, radius: int, pad: int, pixels: Ints) -> Mask:
+    """Where at least k points of a square of pixels lie within a distance (H W,), for some pixels (flat indices)."""
+    width = cloud.shape[2] - 2 * pad
+    out = np.empty(pixels.size, np.bool_)
+    for i in range(pixels.size):
+        v, u = pixels[i] // width + pad, pixels[i] % width + pad
+        x, y, z, limit2 = cloud[0, v, u], cloud[1, v, u], cloud[2, v, u], within[pixels[i]] * within[pixels[i]]
+        n = 0
+        for row in range(v - radius, v + radius + 1):
+            for column in range(u - radius, u + radius + 1):
+                dx, dy, dz = cloud[0, row, column] - x, cloud[1, row, column] - y, cloud[2, row, column] - z
+                n += 1 if dx * dx + dy * dy + dz * dz <= limit2 else 0
+            if n >= k:
+                break
+        out[i] = n >= k
     return out
 
 

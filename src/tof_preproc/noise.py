@@ -28,6 +28,9 @@ BINS = 12
 FEWEST = 40
 """Least residuals of a bin; bins with fewer are not used."""
 SAMPLES = 16000
+"""Degrees of freedom that a law is fitted to: second differences, or deviations over time, of which n captures give n - 1 a pixel."""
+LEAST_PIXELS = 3000
+"""Pixels that a law is fitted to however many captures there are: 250 in each bin of brightness."""
 TINY = 1e-12
 """Least variance, m^2: a micrometre squared."""
 EQUAL = 1e-12
@@ -49,10 +52,22 @@ class NoiseLaw:
     def sigma(self, depth: Image, amplitude: Image | None) -> Image:
         """Expected standard deviation (H, W) of one capture, metres; finite everywhere."""
         brightness = _brightness(depth, None if self.by_range else amplitude)
-        middle = np.float32(np.sqrt(self.low * self.high))
-        inverse = 1 / np.clip(np.where(np.isfinite(brightness), brightness, middle), self.low, self.high)
+        low, high, middle = np.float32(self.low), np.float32(self.high), np.float32(np.sqrt(self.low * self.high))
         a0, a1, a2 = (np.float32(a) for a in self.coefficients)
-        return np.sqrt(a0 + inverse * (a1 + inverse * a2), dtype=np.float32)
+        return np.asarray(_law(brightness, low, high, middle, a0, a1, a2))
+
+
+@njit(cache=True, error_model="numpy")
+def _law(brightness: Image, low: np.float32, high: np.float32, middle: np.float32, a0: np.float32, a1: np.float32, a2: np.float32) -> Image:
+    """The root of the law; at `middle` where the brightness is unknown."""
+    height, width = brightness.shape
+    out = np.empty((height, width), np.float32)
+    for v in range(height):
+        for u in range(width):
+            value = brightness[v, u]
+            inverse = np.float32(1.0) / min(max(value if np.isfinite(value) else middle, low), high)
+            out[v, u] = np.sqrt(a0 + inverse * (a1 + inverse * a2))
+    return out
 
 
 def _brightness(depth: Image, amplitude: Image | None) -> Image:
@@ -86,7 +101,7 @@ def law_of_dwell(stack: Stack, amplitude: Image | None, quantum: float) -> Noise
     """The law fitted to the captures of a dwell, at least 2: from the variance over time of pixels that are valid in all of them."""
     n = stack.captures
     some = np.flatnonzero(stack.count.ravel() == n)
-    some = some[:: max(1, some.size // SAMPLES)]
+    some = some[:: max(1, some.size // max(SAMPLES // (n - 1), LEAST_PIXELS))]
     if not some.size:
         return NoiseLaw((max(quantum**2 / 12, TINY), 0.0, 0.0), 1.0, 1.0, by_range=amplitude is None)
     means, variances = _moments(_gathered(stack.ordered, some, n))

@@ -73,16 +73,18 @@ def test_rasters_of_one_line(shape: tuple[int, int]) -> None:
     np.testing.assert_allclose(mean_distance(depth, camera, 5), by_tree(depth, camera, k), rtol=1e-3, atol=1e-7)
 
 
-def test_a_pixel_is_dense_only_where_the_tree_finds_as_many_points() -> None:
+@pytest.mark.parametrize(("at_rims", "share"), [(False, 0.7), (True, 0.85)])
+def test_a_pixel_is_dense_only_where_the_tree_finds_as_many_points(at_rims: bool, share: float) -> None:  # noqa: FBT001  (a case)
     capture = captures(edge_rich(), spikes=0.02, dropouts=0.05)[0]
     points = CAMERA.points(capture.depth).reshape(-1, 3)
     known = np.isfinite(points).all(axis=1)
     kth = np.full(capture.depth.size, np.inf)
     kth[known] = cKDTree(points[known]).query(points[known], 20)[0][:, -1]
     within = np.float32(5.0) * capture.depth * np.float32(CAMERA.pixel_angle)
-    dense = Neighbourhood(capture.depth, CAMERA, 20).dense(within)
-    assert not (dense.ravel() & (kth > 1.0001 * within.ravel())).any()
-    assert dense[np.isfinite(capture.depth)].mean() > 0.7
+    dense = known.copy()
+    dense[Neighbourhood(capture.depth, CAMERA, 20).doubtful(within, at_rims=at_rims)] = False
+    assert not (dense & (kth > 1.0001 * within.ravel())).any()
+    assert dense[known].mean() > share
 
 
 def test_an_empty_frame_stays_empty() -> None:
