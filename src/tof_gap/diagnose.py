@@ -13,6 +13,7 @@ from tof_align.folds import deal
 from tof_core.errors import RefusedError
 from tof_gap.seen.photons import own_law
 from tof_gap.solve.apart import set_apart
+from tof_gap.solve.brief import in_motion
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.candidates import not_testable
 from tof_gap.solve.conclude import conclude
@@ -84,7 +85,8 @@ def diagnose(
     world, begun = set_apart(begun, caster, config)
 
     progress("poses and effects together")
-    joint = solve(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
+    unasked = frozenset(VOCABULARY) if few else left_out
+    joint, config = in_motion(solve(begun, caster, config, unasked), begun, caster, config, unasked)
     split = dealt(joint.chain, config.solve)
 
     progress("noise, loss and edges; the gap on held-out views")

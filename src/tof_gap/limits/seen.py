@@ -31,6 +31,10 @@ class BlurLimits:
     """Motion blur of edges, in a view taken while the camera moved."""
 
     exposure_s: float = param(0.2, "longest exposure", unit="s", low=0.0, high=10.0, why="four taps of some tens of milliseconds")
+    brief_s: float = param(
+        0.05, "exposure of a brief frame", unit="s", low=0.0, high=10.0, why="twelve sub-frames of 4 ms: three frequencies, four taps"
+    )
+    creases: bool = param(True, "leave out brightness edges of moving views, too")
     flow_quantile: float = param(0.9, "quantile of the image flow over the pixels", low=0.0, high=1.0, why="near surfaces blur most")
     still_px: float = param(0.25, "blur below which a view is still", unit="px", low=0.0, why="TF jitters by as much")
     most_share: float = param(0.04, "most blur, of the image width", low=0.0, high=1.0, why="a wider edge band leaves too few pixels")

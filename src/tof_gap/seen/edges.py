@@ -32,10 +32,10 @@ def excluded(frame: Frame, limits: EvidenceLimits, wider_px: int, blur_px: int) 
     """(H, W) pixels that mixing or motion blur may reach.
 
     In a still view, those within `edge_px + wider_px` of a depth edge. In a moving one, those within `edge_px + blur_px` of a
-    depth edge or a brightness edge; `wider_px` is not added there, since the blur already costs many pixels.
+    depth edge or, with `blur.creases`, a brightness edge; `wider_px` is not added there, since the blur already costs many pixels.
     """
     if blur_px:
-        return edge_band(frame, limits.edge_px + blur_px, limits, creases=True)
+        return edge_band(frame, limits.edge_px + blur_px, limits, creases=limits.blur.creases)
     return edge_band(frame, limits.edge_px + wider_px, limits)
 
 

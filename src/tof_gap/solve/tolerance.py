@@ -11,6 +11,7 @@ from tof_core.stats import touched
 from tof_gap.solve.candidate import HAND_EYE
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.intrinsics import Intrinsics
+from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -32,26 +33,45 @@ def calibrated(one: Named, stated: Calibration, camera: Camera) -> bool:
 
 
 def sizes_m(maps: Mapping[str, Sequence[Float]], views: Sequence[ViewEvidence], held_out: Sequence[int]) -> dict[str, float]:
-    """Of each map, (H, W) metres per view, the size in metres that the held-out views confirm."""
-    left = [v.residual - sum((np.nan_to_num(m[k]) for m in maps.values()), np.zeros(v.residual.shape)) for k, v in enumerate(views)]
+    """Of each map, (H, W) metres per view, the size in metres that the held-out views confirm.
+
+    What smears errs most at edges, which are in no fit: as much of its map is taken for true there as elsewhere.
+    """
+    left = {k: views[k].residual - sum((np.nan_to_num(m[k]) for m in maps.values()), np.zeros(views[k].residual.shape)) for k in held_out}
     out = {}
     for name, by_view in maps.items():
-        pairs = [(np.nan_to_num(by_view[k][views[k].smooth]), left[k][views[k].smooth]) for k in held_out]
-        out[name] = confirmed_m(*(np.concatenate(one) for one in zip(*pairs, strict=True)))
+        fitted, errors = (np.concatenate([np.nan_to_num(m[k][views[k].smooth]) for k in held_out]) for m in (by_view, left))
+        everywhere = np.concatenate([_one_surface(by_view[k], views[k]) for k in held_out]) if _smears(name) else fitted
+        out[name] = float(np.sqrt(confirmed(fitted, errors) * mean_square(everywhere)))
     return out
 
 
-def confirmed_m(effect: Float, left: Float) -> float:
-    """Metres: RMS of a map (n,) over the pixels that it touches, as far as measurements agree with it.
+def confirmed(effect: Float, left: Float) -> float:
+    """Share of the square of a map (n,) in metres, over the pixels that it touches, that measurements agree with.
 
     `left` (n,) is what the map and all others leave of the measurements. Of e = `left` + `effect`, which the map stands for, subtracting
     the map removes e^2 - left^2 = effect^2 + 2 effect left: the map's square where it is right, and less than nothing where nothing is
     there. Pixels that the map was not fitted to make that an unbiased estimate of the square of the true effect's size.
     """
     affected = touched(effect)
-    if not affected.any():
-        return 0.0
-    return float(np.sqrt(max(float(np.mean(effect[affected] ** 2 + 2 * effect[affected] * left[affected])), 0.0)))
+    square = mean_square(effect)
+    return max(1.0 + 2.0 * float(np.mean(effect[affected] * left[affected])) / square, 0.0) if square > 0 else 0.0
+
+
+def mean_square(effect: Float) -> float:
+    """m^2: mean square of a map (n,) over the pixels that it touches."""
+    affected = touched(effect)
+    return float(np.mean(effect[affected] ** 2)) if affected.any() else 0.0
+
+
+def _smears(name: str) -> bool:
+    return name in EFFECTS and EFFECTS[name].SMEARS
+
+
+def _one_surface(effect: Float, view: ViewEvidence) -> Float:
+    """(n,) metres of a map where the CAD is, but for changes that no bias reaches: there another surface comes into view."""
+    values = effect[view.frame.valid & np.isfinite(effect)]
+    return np.asarray(values[np.abs(values) < view.limits.gross_mm * 1e-3])
 
 
 def _mounted_as_stated(one: Named, stated: Calibration) -> bool:

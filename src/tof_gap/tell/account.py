@@ -136,11 +136,14 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
 
 
 def filtered(loss: Finding, beside: Sequence[Finding], limits: MissingLimits) -> bool:
-    """Whether loss may be that of a filter in the camera, which removes outliers.
+    """Whether loss may be that of a filter in the camera, which removes outliers of another kind.
 
     Outliers of noise are rare in bright light and never all there is in the dark: `dropout` neither at random nor below a threshold.
-    Pixels that are unwrapped wrongly here and there are outliers wherever they are.
+    Pixels that are unwrapped wrongly here and there are outliers wherever they are. Pixels with a noise of their own are outliers,
+    the more the weaker the light, without a wrong turn.
     """
+    if isinstance(loss.effect, PhaseWrap) and not loss.corrects:
+        return any(f.own_noise is not None for f in beside)
     if not isinstance(loss.effect, Dropout):
         return False
     rare = loss.effect.threshold == 0.0 and loss.effect.random < limits.lost_share

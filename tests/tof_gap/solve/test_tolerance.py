@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a stated calibration covers is no effect; what is smaller than the tolerance is none either."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from tests.tof_gap.quiet_views import SHAPE, views
 from tof_core.calibration import Calibration, HandEyeLimits, LensLimits
 from tof_core.camera import Camera
-from tof_gap.solve.tolerance import calibrated, confirmed_m
+from tof_gap.solve.tolerance import calibrated, confirmed, mean_square, sizes_m
 from tof_gap.solved import Named
 from tof_sensor.effect import Effect
 from tof_sensor.effects.hand_eye import HandEye
@@ -48,22 +51,37 @@ def test_nothing_is_covered_where_nothing_is_stated() -> None:
     assert not calibrated(named(Intrinsics(cx_px=1e-3)), Calibration(), CAMERA)
 
 
-def test_a_right_map_is_confirmed_with_its_size_over_the_pixels_that_it_affects() -> None:
+def test_a_right_map_is_confirmed_over_the_pixels_that_it_affects() -> None:
     rng = np.random.default_rng(0)
     noise, corner = rng.normal(0, 3e-3, 20_000), np.zeros(20_000)
     corner[:4000] = 2e-3
-    assert confirmed_m(corner, noise) == pytest.approx(2e-3, rel=0.1)
-    assert confirmed_m(np.full(20_000, 2e-3), noise) == pytest.approx(2e-3, rel=0.1)
-    assert confirmed_m(np.zeros(20_000), noise) == 0.0
+    assert confirmed(corner, noise) == pytest.approx(1.0, abs=0.1)
+    assert confirmed(np.full(20_000, 2e-3), noise) == pytest.approx(1.0, abs=0.1)
+    assert confirmed(np.zeros(20_000), noise) == 0.0
+    assert mean_square(corner) == pytest.approx(2e-3**2)
 
 
 def test_a_map_of_what_is_not_there_is_not_confirmed() -> None:
     rng = np.random.default_rng(0)
     false = np.full(20_000, 2e-3)
-    assert confirmed_m(false, rng.normal(0, 3e-3, 20_000) - false) == 0.0
+    assert confirmed(false, rng.normal(0, 3e-3, 20_000) - false) == 0.0
 
 
 def test_a_map_twice_too_large_is_confirmed_by_nothing_and_one_of_half_the_size_by_more_than_its_own() -> None:
     true, noise = np.full(20_000, 2e-3), np.random.default_rng(0).normal(0, 1e-3, 20_000)
-    assert confirmed_m(2 * true, noise - true) == pytest.approx(0.0, abs=3e-4)
-    assert confirmed_m(true / 2, noise + true / 2) == pytest.approx(np.sqrt(3) * 1e-3, rel=0.05)
+    assert confirmed(2 * true, noise - true) == pytest.approx(0.0, abs=0.03)
+    assert confirmed(true / 2, noise + true / 2) == pytest.approx(3.0, rel=0.1)
+
+
+def test_what_smears_is_as_large_as_its_map_at_edges_and_other_effects_as_where_they_were_fitted() -> None:
+    flat, edge = np.s_[:, :100], np.s_[:, 100:]
+    seen = views(np.random.default_rng(0))
+    off = np.zeros(SHAPE)
+    off[flat], off[edge] = 4e-3, 8e-3
+    within = np.zeros(SHAPE, bool)
+    within[flat] = True
+    fitted = [replace(v, residual=v.residual + off, smooth=v.smooth & within) for v in seen]
+    maps = [off] * len(seen)
+    everywhere = np.sqrt(np.mean(off**2))
+    assert sizes_m({"motion": maps}, fitted, [0, 1, 2])["motion"] == pytest.approx(everywhere, rel=0.05)
+    assert sizes_m({"wiggling": maps}, fitted, [0, 1, 2])["wiggling"] == pytest.approx(4e-3, rel=0.05)

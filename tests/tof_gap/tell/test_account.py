@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
 import pytest
 
 from tof_gap.limits.report import ReportLimits
@@ -85,3 +86,12 @@ def test_loss_that_is_neither_random_nor_below_a_threshold_may_be_a_filter_s(eff
 def test_pixels_that_are_unwrapped_wrongly_here_and_there_are_what_a_filter_removes(share: float, *, scattered: bool) -> None:
     loss = Finding(Dropout(threshold=0.3, random=0.2), 1.0)
     assert filtered(loss, [Finding(PhaseWrap(share=share), 1.0)], MissingLimits()) is scattered
+
+
+def test_holes_around_pixels_with_a_noise_of_their_own_are_no_failed_unwrapping() -> None:
+    holes, jumps = Finding(PhaseWrap(share=0.1), 0.6), Finding(PhaseWrap(share=0.1), 0.9, corrects=True)
+    single = Finding(Noise(extra_m=0.002), 0.95, own_noise=np.ones((2, 2), bool))
+    even = Finding(Noise(extra_m=0.002), 0.95)
+    assert filtered(holes, [single, holes], MissingLimits())
+    assert not filtered(holes, [even, holes], MissingLimits())
+    assert not filtered(jumps, [single, jumps], MissingLimits()), "jumps of one size are wrapped phases beside any noise"
