@@ -58,12 +58,13 @@ def source(
     """
     from tof_core.board.spec import FORMS, Board
     from tof_core.errors import UsageError
-    from toftwin.boarded import BoardSource, read_captures
 
     if (scene is None) == (board is None):
         what = "neither a scene nor a board is given" if scene is None else "a scene and a board are given"
         raise UsageError(what, where=bag, todo=f"say --scene FILE, or --board {FORMS}")
     if board is not None:
+        from toftwin.boarded import BoardSource, read_captures
+
         before = BoardSource(read_captures(bag, config.input), Board.parse(board), calibrate=calibrate, apart=apart)
         yield before, before.session.scene
         return

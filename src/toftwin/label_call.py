@@ -42,7 +42,6 @@ class LabelCall:
     def run(self) -> LabelResult:
         """Label the bag in this process; `toftwin.labelling.label_bag` names the errors."""
         from tof_scene.raycast import Raycaster
-        from toftwin.boarded import posed_by_board
         from toftwin.inputs import source
         from toftwin.labelling import label_bag
 
@@ -51,7 +50,10 @@ class LabelCall:
             self.bag, config, scene=self.scene, board=board, calibrate=self.calibrate, apart=True, initial_pose=self.initial_pose
         )
         with opened as (reader, scene):
-            config = replace(config, align=posed_by_board(reader, config.align))
+            if self.board:
+                from toftwin.boarded import posed_by_board
+
+                config = replace(config, align=posed_by_board(reader, config.align))
             return label_bag(reader, Raycaster(scene), config, self.out, known=self.known, mode=self.mode)
 
     def provenance(self) -> tuple[str, str, str]:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 Solid: TypeAlias = "tuple[Float, NDArray[np.int32]]"
 SEGMENTS = 48
+REACH = 4.0
+"""Cells beyond the rim of a hole that its frame may touch."""
 
 
 def join(*solids: Solid) -> Solid:
@@ -191,17 +193,21 @@ def _rim(tri: NDArray[np.int32]) -> NDArray[np.int32]:
     """(k, 2) directed edges that one triangle alone has, in ascending order."""
     a, b = tri[:, [0, 1, 2]].ravel().astype(np.int64), tri[:, [1, 2, 0]].ravel().astype(np.int64)
     points = max(int(tri.max(initial=0)) + 1, 1)
-    alone = np.setdiff1d(a * points + b, b * points + a)
+    edges, reverse = np.sort(a * points + b), np.sort(b * points + a)
+    alone = edges[reverse[np.minimum(np.searchsorted(reverse, edges), len(reverse) - 1)] != edges]
     return np.stack([alone // points, alone % points], 1).astype(np.int32)
 
 
 def _pierced(uv: Float, tri: NDArray[np.int32], hole: tuple[float, float, float], cell: Float) -> Solid:
     """Cut the cells around a hole out of a flat mesh and fill the frame between them and the circle."""
     u, v, radius = hole
-    centre = (uv[tri[:, 0]] + uv[tri[:, 1]] + uv[tri[:, 2]]) / 3
+    near = (np.abs(uv - [u, v]) < radius + REACH * cell).all(axis=1)[tri].any(axis=1)
+    corners = uv[tri[near]]
+    centre = (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3
     middle = (np.floor(centre / cell) + 0.5) * cell
-    keep = (np.abs(middle - [u, v]) > radius + 0.75 * cell).any(axis=1)
-    frame = np.unique(_rim(tri[~keep])[:, 0])
+    keep = ~near
+    keep[near] = (np.abs(middle - [u, v]) > radius + 0.75 * cell).any(axis=1)
+    frame = np.flatnonzero(np.bincount(_rim(tri[~keep])[:, 0])).astype(np.int32)
     angle_of = np.arctan2(uv[frame, 1] - v, uv[frame, 0] - u)
     outer = frame[np.argsort(angle_of)]
     angle = 2 * np.pi * (np.arange(SEGMENTS) + 0.5) / SEGMENTS - np.pi
