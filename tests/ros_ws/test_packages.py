@@ -114,6 +114,16 @@ def test_the_changelog_is_one_that_bloom_reads(name: str, packages: Path) -> Non
     assert [line for line in lines if line.startswith("* ")]
 
 
+@pytest.mark.parametrize("name", [*PACKAGES, "toftwin_msgs"])
+def test_every_package_declares_its_quality(name: str, packages: Path, repository: Path) -> None:
+    """REP 2004: the level that is claimed, and what holds of each of its seven requirements."""
+    text = (packages / name / "QUALITY_DECLARATION.md").read_text()
+    assert text.startswith(f"# Quality declaration of `{name}` (REP 2004)\n")
+    assert "**Quality Level 4**" in text
+    assert [line[2:4] for line in text.splitlines() if line[2:3].isdigit()] == [f"{n} " for n in range(1, 8)]
+    assert f"src/{name}/QUALITY_DECLARATION.md" in (repository / "ros_ws" / "README.md").read_text()
+
+
 def test_the_parameter_file_is_what_the_configuration_says() -> None:
     make_params = import_module("make_params")
     assert make_params.FILE.read_text() == make_params.text(), "run .venv/bin/python scripts/make_params.py"
