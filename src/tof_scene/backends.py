@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from threading import Lock
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
@@ -49,16 +50,17 @@ class EmbreeBackend:
     name = "embree"
 
     def __init__(self, vertices: Float, faces: NDArray[np.int32]) -> None:
-        """Build the tree over vertices (n, 3) and faces (m, 3)."""
+        """Take vertices (n, 3) and faces (m, 3); the first ray builds the tree."""
         from embreex import rtcore_scene
         from embreex.mesh_construction import TriangleMesh
 
         self._scene: Any = rtcore_scene.EmbreeScene(robust=True)
         self._mesh: Any = TriangleMesh(self._scene, vertices.astype(np.float32), faces)
-        self._run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # the tree is built by the first ray
+        self._building, self._built = Lock(), False
 
     def nearest(self, origins: Float32, directions: Float32) -> Found:
         """See Backend."""
+        self._build()
         found = _shared(self._run, origins, directions)
         return np.concatenate([face for face, _ in found]), np.concatenate([near for _, near in found])
 
@@ -69,7 +71,15 @@ class EmbreeBackend:
             end = np.full(len(origins), reach, np.float32)
             return np.asarray(self._scene.run(origins, directions, end, "OCCLUDED") >= 0)
 
+        self._build()
         return np.concatenate(_shared(work, origins, directions))
+
+    def _build(self) -> None:
+        """Cast the first ray, in one thread."""
+        with self._building:
+            if not self._built:
+                self._run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+                self._built = True
 
     def _run(self, origins: Float32, directions: Float32) -> Found:
         found = self._scene.run(origins, directions, output=True)

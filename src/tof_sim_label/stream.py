@@ -89,6 +89,7 @@ def warm_up(caster: Raycaster) -> None:
         stream.push(view)
         stream.flush()
     _ = caster.outline, caster.curvature
+    caster.cast(np.zeros((1, 3)), np.ones((1, 3)))
 
 
 def _two_boxes() -> Scene:

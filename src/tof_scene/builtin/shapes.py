@@ -201,7 +201,8 @@ def _rim(tri: NDArray[np.int32]) -> NDArray[np.int32]:
 def _pierced(uv: Float, tri: NDArray[np.int32], hole: tuple[float, float, float], cell: Float) -> Solid:
     """Cut the cells around a hole out of a flat mesh and fill the frame between them and the circle."""
     u, v, radius = hole
-    near = (np.abs(uv - [u, v]) < radius + REACH * cell).all(axis=1)[tri].any(axis=1)
+    inside = np.asarray(np.all(np.abs(uv - [u, v]) < radius + REACH * cell, axis=1))
+    near = np.asarray(np.any(inside[tri], axis=1))
     corners = uv[tri[near]]
     centre = (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3
     middle = (np.floor(centre / cell) + 0.5) * cell
