@@ -121,6 +121,12 @@ class PixelLimits:
     ratio: float = param(
         6.0, "median squared deviation over the views, over that of quiet pixels", low=1.0, why="1 in 2000 quiet pixels of 12 views"
     )
+    usual: float = param(
+        5e-4, "share of quiet pixels beyond `ratio`", low=0.0, high=1.0, why="normal noise: 1 in 1000 of 8 views, fewer of more"
+    )
+    chance: float = param(
+        1e-3, "chance of as many noisy pixels among quiet ones", low=0.0, high=1.0, why="one pixel of 300 is no kind of noise"
+    )
     views: int = param(8, "views that see the pixel", low=2, why="the median of fewer exceeds `ratio` by chance")
     pattern_share: float = param(
         0.1, "least noise beside a fixed pattern, of the variance with it", low=0.0, high=1.0, why="differences overlap"

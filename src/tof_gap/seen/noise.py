@@ -114,7 +114,8 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
             common = np.stack([line_map(v, axis, limits.lines) for v in views]) + (0.0 if common is None else common)
     pixels = noisy_pixels(views, pattern_m, limits.pixels)
     of_pixels = float(pixels.size_m * np.sqrt(pixels.share))
-    few = pixels.share > limits.pixel_share and of_pixels > limits.extra_mm * 1e-3
+    beyond_chance = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
+    few = beyond_chance and of_pixels > limits.extra_mm * 1e-3
     if few:
         parts[f"of {pixels.share:.1%} of the pixels"] = of_pixels
     size = float(np.sqrt(sum(p * p for p in parts.values())))

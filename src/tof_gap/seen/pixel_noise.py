@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import label
+from scipy.special import pdtrc
 
 from tof_core.stats import CHI2_MEDIAN, second_differences
 from tof_gap.seen.pattern import in_common
@@ -21,11 +23,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoisyPixels:
-    """where: (H, W) pixels noisier than their light; share: of the pixels seen; size_m: their own noise, metres along the ray."""
+    """Pixels with a noise of their own.
+
+    where: (H, W) pixels noisier than their light; share: of the pixels seen; size_m: their own noise, metres along the ray; chance:
+    that among as many quiet pixels as many stand out.
+    """
 
     where: Mask
     share: float
     size_m: float
+    chance: float
 
 
 def noisy_pixels(views: Sequence[ViewEvidence], pattern_m: float, limits: PixelLimits) -> NoisyPixels:
@@ -45,9 +52,12 @@ def noisy_pixels(views: Sequence[ViewEvidence], pattern_m: float, limits: PixelL
     quiet = float(np.median(variance[known])) if known.any() else 1.0
     where = known & (variance > limits.ratio * max(quiet, 1e-12))
     share = float(where.sum() / max(known.sum(), 1))
+    # A noisy pixel shows in its neighbours of the row too: one by one, only such groups are independent.
+    groups = label(where)[1]
+    chance = float(pdtrc(groups - 1, limits.usual * known.sum())) if groups else 1.0
     light2 = float(np.mean([float(np.median(v.sigma[v.smooth] ** 2)) for v in views if v.smooth.any()] or [0.0]))
     size2 = (float(variance[where].mean()) - quiet) * light2 if where.any() else 0.0
-    return NoisyPixels(where, share, float(np.sqrt(max(size2, 0.0))))
+    return NoisyPixels(where, share, float(np.sqrt(max(size2, 0.0))), chance)
 
 
 def pixel_pattern(views: Sequence[ViewEvidence]) -> float:

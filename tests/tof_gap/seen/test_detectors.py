@@ -60,7 +60,19 @@ def test_noisy_pixels_have_their_share_and_size() -> None:
     assert found.where[noisy].mean() > 0.7
     assert found.where[~noisy].mean() < 0.03, "neighbours of a noisy pixel differ from it too"
     assert found.size_m == pytest.approx(0.02, rel=0.35)
+    assert found.chance < 1e-6
     assert noisy_pixels(views(rng()), 0.0, LIMITS.pixels).share < 0.001
+
+
+def test_a_single_noisy_pixel_of_a_few_hundred_may_be_chance() -> None:
+    noisy, few = np.zeros(SHAPE), np.zeros(SHAPE, bool)
+    noisy[40, 60], few[30:50, 50:70] = 0.05, True
+    quiet = views(rng(), noisy * rng().choice([-1.0, 1.0], (VIEWS, *SHAPE)))
+    some = [replace(v, smooth=v.smooth & few) for v in quiet]
+    found = noisy_pixels(some, 0.0, LIMITS.pixels)
+    assert found.where[40, 60]
+    assert found.share > LIMITS.pixel_share - 0.002
+    assert found.chance > LIMITS.pixels.chance
 
 
 def test_the_pattern_of_single_pixels_has_its_rms() -> None:
