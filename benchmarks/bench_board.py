@@ -74,17 +74,12 @@ def run() -> list[Figure]:
 
 def fitted_and_judged(session: BoardSession, fit: Ints, other: Ints) -> Half:
     """Diagnose some views; take the fitted sensor's bias off the others."""
-    from tof_align.config import AlignConfig
-    from tof_core.calibration import Calibration
-    from tof_gap.config import GapConfig
-    from tof_gap.diagnose import diagnose
     from tof_gap.tell.report import sensor_model
     from tof_scene.raycast import Raycaster
-    from toftwin.boarded import NOT_TESTABLE
+    from toftwin.diagnosis import GapPipelineConfig, diagnose_before_board
 
     caster = Raycaster(session.scene)
-    config = GapConfig(calibration=session.calibration(Calibration()))
-    found = diagnose([session.views[int(i)] for i in fit], caster, config, session.align(AlignConfig()), untestable=NOT_TESTABLE)
+    found = diagnose_before_board(session, [session.views[int(i)] for i in fit], caster, GapPipelineConfig())
     judged = [session.views[int(i)] for i in other]
     raw, after = plane_errors(judged, caster, None), plane_errors(judged, caster, sensor_model(found))
     return Half(found.verdict, raw, after)

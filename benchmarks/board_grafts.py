@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from tof_core.capture import Capture
 
 WIGGLE_COUNTS = np.array([15, 4, -10, -20, -21, 14, 9, 16, 15], float)
-"""Range error at eight equal steps of one period, and again at its end, in counts: the look-up table of a TI evaluation kit (CalculusCDK, 36 MHz)."""
-COUNTS, PERIOD_M = 1024, 299_792_458.0 / (2 * 36e6)
+"""Range error at eight equal steps of the table, and again at its end, in counts: the look-up table of a TI evaluation kit (CalculusCDK, 36 MHz)."""
+TURN_COUNTS, TABLE_COUNTS, TURN_M = 4096, 1024, 299_792_458.0 / (2 * 36e6)
+"""Counts of a whole turn of the phase (12 bits) and of the table, which repeats four times a turn, as four taps alias; metres of a turn."""
 WARM_UP_M, WARM_UP_K = 0.010, 12.0
 LATE_NS = 30_000_000
 
@@ -26,8 +27,9 @@ def wiggled(capture: Capture, _: float) -> Capture:
     """Range errors of the look-up table."""
     length = capture.camera.ray_length()
     r = capture.depth * length
-    at = np.mod(r, PERIOD_M) / PERIOD_M * (len(WIGGLE_COUNTS) - 1)
-    error = np.interp(at, np.arange(len(WIGGLE_COUNTS)), WIGGLE_COUNTS) * PERIOD_M / COUNTS
+    count_m = TURN_M / TURN_COUNTS
+    at = np.mod(r / count_m, TABLE_COUNTS) / TABLE_COUNTS * (len(WIGGLE_COUNTS) - 1)
+    error = np.interp(at, np.arange(len(WIGGLE_COUNTS)), WIGGLE_COUNTS) * count_m
     return replace(capture, depth=((r + error) / length).astype(np.float32))
 
 
@@ -70,16 +72,12 @@ def grafted(captures: Sequence[Capture], graft: Callable[[Capture, float], Captu
 
 def names(captures: Sequence[Capture], board: Board) -> set[str]:
     """Effects that the diagnosis names, ties apart."""
-    from tof_align.config import AlignConfig
-    from tof_core.calibration import Calibration
-    from tof_gap.config import GapConfig
-    from tof_gap.diagnose import diagnose
     from tof_scene.raycast import Raycaster
-    from toftwin.boarded import NOT_TESTABLE, board_session
+    from toftwin.boarded import board_session
+    from toftwin.diagnosis import GapPipelineConfig, diagnose_before_board
 
     session = board_session(captures, board)
-    config = GapConfig(calibration=session.calibration(Calibration()))
-    found = diagnose(session.views, Raycaster(session.scene), config, session.align(AlignConfig()), untestable=NOT_TESTABLE)
+    found = diagnose_before_board(session, session.views, Raycaster(session.scene), GapPipelineConfig())
     return {name for verdict in found.verdict for name in verdict.split("|")} - {"none"}
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tof_align.config import Priors
     from tof_align.pixels import Sample
     from tof_core.arrays import Float, Ints
-    from tof_core.capture import View
+    from tof_core.capture import RobotPose, View
 
 
 class Rig(Protocol):
@@ -57,6 +57,8 @@ class Chain:
     has one, else the middle of the cameras); robot (V, 4, 4): the robot's own T_cell_camera.
     base (S, 4, 4), arm (V, 4, 4), hand_eye (4, 4): the corrections, with
     B = pivot @ base @ inv(pivot), A = arm, X = hand_eye.
+    root (V, 6, 6): with root @ root.T the covariance of each arm pose, where each has its own; the arm's unknowns are then
+    whitened, A = exp(root z), z ~ N(0, 1). None: the priors' deviations hold for every pose.
     """
 
     station: Ints
@@ -67,6 +69,7 @@ class Chain:
     arm: Float
     hand_eye: Float
     priors: Priors
+    root: Float | None = None
 
     @property
     def globals_(self) -> int:
@@ -99,36 +102,42 @@ class Chain:
         """(6, 12) for base and hand-eye, (6, 6) for the arm."""
         s = int(self.station[view])
         after_base = se3.inverse(self.pivot[s]) @ self.robot[view] @ self.arm[view] @ self.hand_eye
-        base = se3.adjoint(se3.inverse(after_base))
-        return np.concatenate([base, np.eye(6)], axis=1), se3.adjoint(se3.inverse(self.hand_eye))
+        base, arm = se3.adjoint(se3.inverse(after_base)), se3.adjoint(se3.inverse(self.hand_eye))
+        return np.concatenate([base, np.eye(6)], axis=1), arm if self.root is None else np.asarray(arm @ self.root[view])
 
     def prior(self) -> tuple[Float, Float, Float, Float]:
         """As the configuration's priors have it."""
         p = self.priors
         info = np.concatenate([np.tile(p.base**-2, len(self.names)), p.hand_eye**-2])
         error = np.concatenate([*(se3.log(T) for T in self.base), se3.log(self.hand_eye)])
-        return info, p.arm**-2, error, np.array([se3.log(T) for T in self.arm])
+        arm = np.array([se3.log(T) for T in self.arm])
+        if self.root is None:
+            return info, p.arm**-2, error, arm
+        return info, np.ones(6), error, np.linalg.solve(self.root, arm[..., None])[..., 0]
 
     def prior_cov(self, view: int) -> Float:
         """(6, 6) of the right perturbation of the robot's own pose of a camera."""
         shared, own = self.links(view)
         std = np.concatenate([self.priors.base, self.priors.hand_eye])
-        return np.asarray((shared * std**2) @ shared.T + (own * self.priors.arm**2) @ own.T)
+        arm = self.priors.arm if self.root is None else np.ones(6)
+        return np.asarray((shared * std**2) @ shared.T + (own * arm**2) @ own.T)
 
     def moved(self, x: Float, own: Float) -> Chain:
         """The chain after right perturbations of base, hand-eye and arm."""
         steps = x[: self.globals_].reshape(-1, 6)
+        own = own[:, :6] if self.root is None else np.einsum("vij,vj->vi", self.root, own[:, :6])
         return replace(
             self,
             base=np.array([T @ se3.exp(d) for T, d in zip(self.base, steps[:-1], strict=True)]),
-            arm=np.array([T @ se3.exp(d) for T, d in zip(self.arm, own[:, :6], strict=True)]),
+            arm=np.array([T @ se3.exp(d) for T, d in zip(self.arm, own, strict=True)]),
             hand_eye=self.hand_eye @ se3.exp(steps[-1]),
         )
 
     def subset(self, views: Sequence[int]) -> Chain:
         """Some views only; all stations stay."""
         at = list(views)
-        return replace(self, station=self.station[at], robot=self.robot[at], arm=self.arm[at])
+        root = None if self.root is None else self.root[at]
+        return replace(self, station=self.station[at], robot=self.robot[at], arm=self.arm[at], root=root)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,7 +191,14 @@ def chain_of(views: Sequence[View | Sample], priors: Priors) -> Chain:
     robot = np.array([v.robot.T_cell_camera for v in views if v.robot is not None])
     pivot = np.array([_pivot([v for v in views if v.station == name]) for name in names])
     eye = np.eye(4)
-    return Chain(station, names, pivot, robot, np.tile(eye, (len(names), 1, 1)), np.tile(eye, (len(views), 1, 1)), eye, priors)
+    base, arm = np.tile(eye, (len(names), 1, 1)), np.tile(eye, (len(views), 1, 1))
+    return Chain(station, names, pivot, robot, base, arm, eye, priors, _roots([v.robot for v in views if v.robot is not None]))
+
+
+def _roots(robots: Sequence[RobotPose]) -> Float | None:
+    """(V, 6, 6) factors of the poses' own covariances, None where not every pose has one."""
+    covs = [r.cov for r in robots if r.cov is not None]
+    return np.linalg.cholesky(np.stack(covs)) if len(covs) == len(robots) else None
 
 
 def _pivot(views: Sequence[View | Sample]) -> Float:

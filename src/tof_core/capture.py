@@ -27,6 +27,8 @@ class RobotPose:
     T_body_camera: Float
     twist: Float | None = None
     """(6,) velocity of the camera in its own axes (m/s, rad/s) at the stamp, from TF; None unknown."""
+    cov: Float | None = None
+    """(6, 6) covariance of a right perturbation of this camera pose (m, rad); None: the deviations of every arm pose hold."""
 
     @property
     def T_cell_camera(self) -> Float:

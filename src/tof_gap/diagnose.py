@@ -58,6 +58,7 @@ def diagnose(
     *,
     untestable: Mapping[str, str] = MappingProxyType({}),
     law: PhotonLaw | None = None,
+    given: Sequence[Finding] = (),
 ) -> Diagnosis:
     """Diagnose a session.
 
@@ -70,12 +71,13 @@ def diagnose(
         progress: called with the name of each step.
         untestable: effects that this kind of session cannot have, each with the reason; none of them is considered.
         law: the camera's photon law, where it is known; without one, noise has the law that the session itself shows.
+        given: what was found before depth was looked at, and is corrected in the views: a lens that the corners of a board contradict.
 
     Raises:
         RefusedError: the session fits the scene nowhere, or fewer views than `solve.views` do not even show distance along the ray.
     """
     check(views, config.solve.views)
-    left_out = left_out | untestable.keys()
+    left_out = left_out | untestable.keys() | {f.name for f in given}
     few, rng = len(views) < config.solve.views, np.random.default_rng(config.evidence.seed)
 
     progress("first poses: depth or distance along the ray")
@@ -90,7 +92,7 @@ def diagnose(
     split = dealt(joint.chain, config.solve)
 
     progress("noise, loss and edges; the gap on held-out views")
-    read = partial(account, config=config, rng=rng, along_ray=along_ray, alone=few, left_out=left_out, law=law)
+    read = partial(account, config=config, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, law=law)
     found = read(conclude(joint, begun.views, caster, config, split, rng))
     while (worse := found.worsens) is not None:
         joint = without(joint, worse, config)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tof_align.config import AlignConfig
     from tof_core.capture import View
     from tof_gap.config import GapConfig
+    from tof_gap.seen.finding import Finding
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.raycast import Raycaster
     from tof_sensor.model import SensorModel
@@ -36,6 +37,7 @@ def diagnose_session(
     left_out: frozenset[str] = frozenset(),
     progress: Callable[[str], None] = lambda _: None,
     untestable: Mapping[str, str] = MappingProxyType({}),
+    given: Sequence[Finding] = (),
 ) -> Diagnosis:
     """Remove the bias of the effects in `known`, diagnose the rest; noise is compared with their photon law. Arguments as of `diagnose`."""
     if known is not None and views:
@@ -47,4 +49,4 @@ def diagnose_session(
     if config.calibration == Calibration() and beside.exists():
         config = replace(config, calibration=load_calibration(beside))
     law = None if known is None else known.law
-    return diagnose(views, caster, config, align, left_out, progress, untestable=untestable, law=law)
+    return diagnose(views, caster, config, align, left_out, progress, untestable=untestable, law=law, given=given)

@@ -12,7 +12,8 @@ import numpy as np
 
 from tof_core.bag import open_bag
 from tof_core.board.corners import find_corners
-from tof_core.board.pose import board_pose, calibrated
+from tof_core.board.lens import calibrated, lens_fault, with_lens_errors
+from tof_core.board.pose import board_pose
 from tof_core.calibration import FILE, BoardLimits, Calibration, LensLimits, lens_limits, save_calibration
 from tof_core.capture import RobotPose, View
 from tof_core.cores import in_threads
@@ -23,9 +24,10 @@ from tof_scene.board import board_scene
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from tof_align.config import AlignConfig, Priors
+    from tof_align.config import AlignConfig
     from tof_core.arrays import Float
     from tof_core.bag import BagReader
+    from tof_core.board.lens import LensFault
     from tof_core.board.pose import BoardPose
     from tof_core.board.spec import Board
     from tof_core.camera import Camera
@@ -51,7 +53,8 @@ NOT_TESTABLE = {
 class BoardSession:
     """Views with the poses that the board gives them, the board as a scene, and what is known of the poses.
 
-    skipped: stamps of captures in which the board was not found; lens_std (9,): of a calibrated lens, None where CameraInfo's was kept.
+    skipped: stamps of captures in which the board was not found; lens_std (9,): of a calibrated lens, None where CameraInfo's was kept;
+    lens_fault: where the corners contradict CameraInfo's lens, and the views have another.
     """
 
     views: tuple[View, ...]
@@ -60,6 +63,7 @@ class BoardSession:
     skipped: tuple[int, ...]
     camera: Camera
     lens_std: Float | None = None
+    lens_fault: LensFault | None = None
 
     def calibration(self, stated: Calibration) -> Calibration:
         """What may be off beside the camera: the board's print scale, and a lens calibrated from the same corners by its deviations."""
@@ -68,21 +72,9 @@ class BoardSession:
         return replace(stated, board=board, lens=lens)
 
     def align(self, config: AlignConfig) -> AlignConfig:
-        """The alignment's settings with the corners' covariance as the arm's prior, base and hand-eye held."""
-        return replace(config, priors=self.priors(config.priors))
-
-    def priors(self, priors: Priors) -> Priors:
-        """Deviations of the poses: along the optical axis and about the axes, median over the views."""
-        sd = np.sqrt(np.median([np.diag(p.cov) for p in self.poses], axis=0))
-        return replace(
-            priors,
-            base_mm=HELD_MM,
-            base_deg=HELD_DEG,
-            hand_eye_mm=HELD_MM,
-            hand_eye_deg=HELD_DEG,
-            arm_mm=1e3 * float(sd[2]),
-            arm_deg=float(np.degrees(sd[3:].max())),
-        )
+        """The alignment's settings with base and hand-eye held; each pose has the covariance of its own corners."""
+        held = replace(config.priors, base_mm=HELD_MM, base_deg=HELD_DEG, hand_eye_mm=HELD_MM, hand_eye_deg=HELD_DEG)
+        return replace(config, priors=held)
 
 
 def posed_by_board(reader: BagReader | BoardSource, config: AlignConfig) -> AlignConfig:
@@ -103,10 +95,17 @@ class BoardSource:
         """
         self.session = board_session(captures, board, calibrate=calibrate)
         seen = [(v.stamp_ns, v.robot) for v in self.session.views if v.robot is not None]
-        posed = {stamp: RobotPose(robot.T_cell_camera, np.eye(4)) if apart else robot for stamp, robot in seen}
+        posed = {
+            stamp: replace(robot, T_cell_body=robot.T_cell_camera, T_body_camera=np.eye(4)) if apart else robot for stamp, robot in seen
+        }
         self._captures = [replace(c, camera=self.camera, robot=posed[c.stamp_ns]) for c in captures if c.stamp_ns in posed]
         self.skipped, self.last_error = Counter(board=len(self.session.skipped)), ""
         self.note = f"the board is seen in {len(posed)} of {len(captures)} captures"
+        if (fault := self.session.lens_fault) is not None:
+            self.note += (
+                f"; its corners are off by {fault.stated_px:.2f} px through the lens that camera_info states: one fitted to them"
+                f" ({fault.fitted_px:.2f} px) takes its place"
+            )
 
     @property
     def camera(self) -> Camera:
@@ -162,9 +161,11 @@ def board_session(captures: Sequence[Capture], board: Board, *, calibrate: bool 
         raise RefusedError(
             f"the board is found in none of {len(captures)} captures", where="--board", todo="count inner corners, and show the board whole"
         )
-    camera, lens_std = seen[0][0].camera, None
+    camera, lens_std, fault = seen[0][0].camera, None, None
     if calibrate:
         camera, lens_std, _ = calibrated(camera, [f for _, f in seen])
+    elif (fault := lens_fault(camera, [f for _, f in seen])) is not None:
+        camera, lens_std = fault.camera, fault.std
     posed = [(replace(c, camera=camera), f, p) for c, f in seen if (p := board_pose(f, camera)) is not None]
     if not posed:
         raise RefusedError(
@@ -172,12 +173,14 @@ def board_session(captures: Sequence[Capture], board: Board, *, calibrate: bool 
             where="--board",
             todo="check camera_info and the board's size, or fit the lens (--calibrate)",
         )
-    views = tuple(replace(View.of_capture(c), robot=RobotPose(np.eye(4), p.T_board_camera)) for c, _, p in posed)
+    sure = with_lens_errors([p for *_, p in posed], [f for _, f, _ in posed], camera)
+    posed = [(c, f, p) for (c, f, _), p in zip(posed, sure, strict=True)]
+    views = tuple(replace(View.of_capture(c), robot=RobotPose(np.eye(4), p.T_board_camera, cov=p.cov)) for c, _, p in posed)
     black, white, odd_is_black = _albedos([(c, p) for c, _, p in posed], board)
     scene = board_scene(board, black, white, odd_is_black=odd_is_black)
     kept = {v.stamp_ns for v in views}
     return BoardSession(
-        views, scene, tuple(p for *_, p in posed), tuple(c.stamp_ns for c in captures if c.stamp_ns not in kept), camera, lens_std
+        views, scene, tuple(p for *_, p in posed), tuple(c.stamp_ns for c in captures if c.stamp_ns not in kept), camera, lens_std, fault
     )
 
 

@@ -6,22 +6,29 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tof_core.config import section
 from tof_gap.config import GapConfig
+from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.session import diagnose_session
 from tof_gap.tell.against import AgainstLimits
 from tof_scene.raycast import Raycaster
+from tof_sensor.effects.intrinsics import Intrinsics
 from toftwin.boarded import NOT_TESTABLE, BoardSource
 from toftwin.pipeline import PipelineConfig, raw_views
 from toftwin.retraining import RetrainConfig
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from tof_core.bag import BagReader
+    from tof_core.board.lens import LensFault
+    from tof_core.capture import View
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.scene import Scene
     from tof_sensor.model import SensorModel
+    from toftwin.boarded import BoardSession
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +52,53 @@ def diagnose_bag(
     """Read every view unfiltered, remove the bias of the effects in `known`, and diagnose the rest."""
     progress("reading views")
     views = raw_views(reader, config)
-    caster, gap, align, untestable = Raycaster(scene), config.gap, config.align, dict[str, str]()
+    caster = Raycaster(scene)
     if isinstance(reader, BoardSource):
-        align, untestable = reader.session.align(align), NOT_TESTABLE
-        gap = replace(gap, calibration=reader.session.calibration(gap.calibration))
-    found = diagnose_session(views, caster, gap, align, known=known, left_out=left_out, progress=progress, untestable=untestable)
-    return found, caster
+        return diagnose_before_board(reader.session, views, caster, config, known=known, left_out=left_out, progress=progress), caster
+    return diagnose_session(views, caster, config.gap, config.align, known=known, left_out=left_out, progress=progress), caster
+
+
+def diagnose_before_board(
+    session: BoardSession,
+    views: Sequence[View],
+    caster: Raycaster,
+    config: GapPipelineConfig,
+    *,
+    known: SensorModel | None = None,
+    left_out: frozenset[str] = frozenset(),
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Diagnose views of a session before a board, all of them or some; arguments as of `diagnose_bag`."""
+    gap = replace(config.gap, calibration=session.calibration(config.gap.calibration))
+    fault = session.lens_fault
+    given = () if fault is None or Intrinsics.NAME in left_out else (lens_finding(fault),)
+    return diagnose_session(
+        views,
+        caster,
+        gap,
+        session.align(config.align),
+        known=known,
+        left_out=left_out,
+        progress=progress,
+        untestable=NOT_TESTABLE,
+        given=given,
+    )
+
+
+def lens_finding(fault: LensFault) -> Finding:
+    """The lens that CameraInfo states and the corners contradict, as `intrinsics`; the camera's own conversion of distance to z is not in doubt."""
+    stated, fitted = fault.stated, fault.camera
+    distortion = np.zeros((2, 4))
+    for row, camera in zip(distortion, (stated, fitted), strict=True):
+        row[: min(4, len(camera.distortion))] = camera.distortion[:4]
+    change = [
+        fitted.fx / stated.fx - 1,
+        fitted.fy / stated.fy - 1,
+        fitted.cx - stated.cx,
+        fitted.cy - stated.cy,
+        *(distortion[1] - distortion[0]),
+    ]
+    effect = Intrinsics(z_from="true_lens").plausible(np.array(change))
+    std = fault.std[:8] / [stated.fx, stated.fy, *np.ones(6)]
+    note = f"the board's corners are off by {fault.stated_px:.2f} px through the stated lens, by {fault.fitted_px:.2f} px through another"
+    return Finding(effect, CONFIDENT, dict(zip(Intrinsics.LINEAR, std.tolist(), strict=True)), note=note)

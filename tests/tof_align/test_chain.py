@@ -46,6 +46,29 @@ def test_links_say_how_each_unknown_moves_the_camera() -> None:
             np.testing.assert_allclose(xi, own[:, k], atol=1e-5)
 
 
+def test_a_pose_with_its_own_covariance_errs_by_it() -> None:
+    views, _ = session(section(), views=3, stations=1)
+    rng = np.random.default_rng(3)
+    mixed = 1e-3 * rng.normal(size=(3, 6, 6))
+    roots = np.linalg.cholesky(mixed @ mixed.swapaxes(1, 2) + 1e-6 * np.eye(6))
+    known = [replace(v, robot=replace(v.robot, cov=r @ r.T)) for v, r in zip(views, roots, strict=True) if v.robot is not None]
+    held = replace(CONFIG.priors, base_mm=1e-3, base_deg=1e-4, hand_eye_mm=1e-3, hand_eye_deg=1e-4)
+    chain = chain_of(known, held)
+    steps = rng.normal(size=(3, 6))
+    moved = chain.moved(np.zeros(chain.globals_), steps)
+    for v in range(3):
+        np.testing.assert_allclose(chain.prior_cov(v), roots[v] @ roots[v].T, atol=1e-10)
+        np.testing.assert_allclose(se3.log(se3.inverse(chain.pose(v)) @ moved.pose(v)), roots[v] @ steps[v], atol=1e-12)
+        np.testing.assert_allclose(chain.links(v)[1], roots[v], atol=1e-12)
+    info, own_info, error, own_error = moved.prior()
+    np.testing.assert_allclose(own_info, np.ones(6))
+    np.testing.assert_allclose(own_error, steps, atol=1e-9)
+    assert info.shape == error.shape == (12,)
+    np.testing.assert_allclose(moved.subset([2]).root, roots[2:], atol=1e-15)
+    partly = [*known[:2], views[2]]
+    assert chain_of(partly, held).root is None
+
+
 def test_the_prior_of_the_base_holds_at_the_body_and_without_a_body_among_the_cameras() -> None:
     views, _ = session(section(), views=2, stations=1)
     assert views[0].robot is not None

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.tof_core.board.drawn import CAMERA, draw, pose
-from tof_align.config import Priors
+from tof_align.config import AlignConfig
 from tof_core.board.spec import Board
 from tof_core.calibration import BoardLimits, Calibration, load_calibration
 from tof_core.capture import Capture
@@ -22,10 +22,13 @@ from tof_core.yamlio import load_yaml
 from tof_gap.solve.tolerance import calibrated
 from tof_gap.solved import Named
 from tof_scene.board import BLACK, WHITE
+from tof_scene.raycast import Raycaster
 from tof_sensor.effects.depth_scale import DepthScale
+from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sim_label.dataset import open_dataset
 from toftwin.boarded import HELD_MM, PRINT_SCALE_PCT, BoardSource, board_session, save_lens
 from toftwin.cli import main
+from toftwin.diagnosis import GapPipelineConfig, diagnose_before_board, lens_finding
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -74,9 +77,11 @@ def test_the_board_is_the_scene_and_gives_the_poses() -> None:
     assert len(session.views) == 4
     white, black = session.scene.part(WHITE), session.scene.part(BLACK)
     assert white.material.albedo / black.material.albedo == pytest.approx(8.0, rel=0.1)
-    priors = session.priors(Priors())
-    assert priors.base_mm == HELD_MM
-    assert 0.005 < priors.arm_mm < 2.0
+    assert session.align(AlignConfig()).priors.base_mm == HELD_MM
+    assert session.lens_fault is None
+    for view, known in zip(session.views, session.poses, strict=True):
+        assert view.robot is not None
+        np.testing.assert_array_equal(view.robot.cov, known.cov)
     for view in session.views:
         assert view.robot is not None
         assert view.robot.T_cell_camera[2, 3] < 0
@@ -106,6 +111,24 @@ def test_gap_names_what_goes_with_amplitude_and_nothing_else(folder: Path, tmp_p
     assert report["gap"]["shrink"] > 0.9
     assert "flat and whole" in report["not_testable"]["cad_deviation"]
     assert (tmp_path / "gap" / "sensor.yaml").exists()
+
+
+def test_a_lens_that_the_corners_contradict_is_named_and_replaced() -> None:
+    seen = captures(12)
+    bent = replace(PLAIN, distortion=(0.3, -0.2, 0.004, -0.004, 0.0))
+    session = board_session([replace(c, camera=bent) for c in seen], BOARD)
+    fault = session.lens_fault
+    assert fault is not None
+    assert fault.stated_px > 1.05 * fault.fitted_px
+    assert session.camera == fault.camera
+    np.testing.assert_allclose(session.camera.distortion[:4], 0.0, atol=0.1)
+    assert session.camera.fx == PLAIN.fx
+    found = lens_finding(fault)
+    assert found.name == "intrinsics"
+    assert isinstance(found.effect, Intrinsics)
+    np.testing.assert_allclose(found.effect.camera(bent).distortion[:4], session.camera.distortion[:4], atol=1e-9)
+    d = diagnose_before_board(session, session.views, Raycaster(session.scene), GapPipelineConfig())
+    assert d.verdict == ("amplitude_bias", "intrinsics")
 
 
 def test_scene_and_board_exclude_each_other(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -75,6 +75,7 @@ def account(
     rng: np.random.Generator,
     *,
     along_ray: Finding | None = None,
+    given: Sequence[Finding] = (),
     alone: bool = False,
     left_out: AbstractSet[str] = frozenset(),
     law: PhotonLaw | None = None,
@@ -86,11 +87,12 @@ def account(
         config: when noise and loss are effects.
         rng: for resampling.
         along_ray: distance along the ray taken for depth, where the first poses showed it; its share belongs to the residual.
-        alone: `along_ray` is all that may be named (too few views).
+        given: what was found before depth was looked at.
+        alone: `along_ray` and `given` are all that may be named (too few views).
         left_out: effects that may not be named.
         law: the camera's photon law, where it is known.
     """
-    gated = () if along_ray is None else (along_ray,)
+    gated = tuple(given) if along_ray is None else (*given, along_ray)
     findings = gated if alone else (*gated, *_findings(solved, config, law, left_out))
     counted = figures(solved, findings, rng, config.report)
     if along_ray is not None and along_ray.share is not None:

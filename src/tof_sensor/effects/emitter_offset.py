@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from tof_sensor.frame import Frame
     from tof_sensor.session import Session
 
+FARTHEST_M = 0.08
+"""Farthest lamp: a Kinect v2 has its lamps 5 to 8 cm beside the lens, and smaller cameras theirs at 1 to 4 cm."""
+
 
 @dataclass(frozen=True, slots=True)
 class EmitterOffset(Effect):
@@ -38,9 +41,9 @@ class EmitterOffset(Effect):
     MODULATED: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("x_m", "y_m")
 
-    x_m: float = param(0.0, "lamp to the right of the lens", unit="m", low=-0.1, high=0.1)
+    x_m: float = param(0.0, "lamp to the right of the lens", unit="m", low=-FARTHEST_M, high=FARTHEST_M)
 
-    y_m: float = param(0.0, "lamp below the lens", unit="m", low=-0.1, high=0.1)
+    y_m: float = param(0.0, "lamp below the lens", unit="m", low=-FARTHEST_M, high=FARTHEST_M)
 
     @property
     def stated(self) -> str:

@@ -11,7 +11,8 @@ import pytest
 from tests.tof_core.board.drawn import CAMERA, draw, pose
 from tof_core import se3
 from tof_core.board.corners import Corners, find_corners
-from tof_core.board.pose import board_pose, calibrated
+from tof_core.board.lens import calibrated, lens_fault, with_lens_errors
+from tof_core.board.pose import board_pose
 from tof_core.board.spec import Board
 from tof_core.errors import RefusedError, UsageError
 
@@ -137,3 +138,43 @@ def test_the_lens_is_fitted_to_boards_and_says_how_well() -> None:
     assert rms == pytest.approx(0.05 * np.sqrt(2), rel=0.15)
     with pytest.raises(RefusedError, match="too few to calibrate"):
         calibrated(CAMERA, seen[:3])
+
+
+def test_what_an_error_of_the_principal_point_does_to_depth_is_within_the_poses_covariance() -> None:
+    T = pose(0.5, tilt=(0.2, -0.3, 0.1))
+    true = (CHECKER.corners - T[:3, 3]) @ T[:3, :3]
+    corners = replace(find_like(CHECKER), in_image=replace(CAMERA, cx=CAMERA.cx + 2.0).project(true))
+    found = board_pose(corners, CAMERA)
+    assert found is not None
+    (sure,) = with_lens_errors([found], [corners], CAMERA)
+    # Depth of the board along the stated rays, as found and per step of the pose.
+    there = se3.inverse(found.T_board_camera)
+    column, row = np.rint(corners.in_image).astype(int).T
+    rays, normal = CAMERA.rays()[row, column], there[:3, 2]
+    depth = there[:3, 3] @ normal / (rays @ normal)
+    steps = -np.concatenate([np.tile(normal, (35, 1)), np.cross(depth[:, None] * rays, normal)], axis=1) / (rays @ normal)[:, None]
+    seen = T[:3, :3].T @ [0.0, 0.0, 1.0]
+    true_rays = replace(CAMERA, cx=CAMERA.cx + 2.0).rays()[row, column]
+    error = -(T[:3, 3] @ [0.0, 0.0, 1.0]) / (true_rays @ seen) - depth
+    of_corners, with_lens = (np.sqrt(np.einsum("ni,ij,nj->n", steps, p.cov, steps)) for p in (found, sure))
+    assert np.sqrt(np.mean((error / with_lens) ** 2)) < 1.5
+    assert np.sqrt(np.mean((error / of_corners) ** 2)) > 1.5
+    # Many boards determine the lens, and the poses are as sure again as their corners are.
+    many = with_lens_errors([found] * 400, [corners] * 400, CAMERA)
+    assert np.trace(many[0].cov - found.cov) < 0.2 * np.trace(sure.cov - found.cov)
+
+
+@pytest.mark.parametrize(("distortion", "faulty"), [(CAMERA.distortion, False), ((0.5, 0.0, 0.0, 0.0, 0.0), True)])
+def test_corners_contradict_a_lens_that_is_not_theirs(distortion: tuple[float, ...], *, faulty: bool) -> None:
+    rng = np.random.default_rng(5)
+    seen = []
+    for _ in range(10):
+        T = pose(float(rng.uniform(0.25, 0.4)), tilt=tuple(rng.uniform(-0.5, 0.5, 3)))
+        at = CAMERA.project((CHECKER.corners - T[:3, 3]) @ T[:3, :3])
+        seen.append(replace(find_like(CHECKER), in_image=at + rng.normal(0, 0.05, at.shape)))
+    found = lens_fault(replace(CAMERA, distortion=distortion), seen)
+    assert (found is not None) == faulty
+    if found is not None:
+        assert found.camera.fx == CAMERA.fx
+        assert found.fitted_px == pytest.approx(0.05 * np.sqrt(2), rel=0.15)
+    assert lens_fault(replace(CAMERA, distortion=distortion), seen[:3]) is None
