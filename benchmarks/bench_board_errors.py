@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +15,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tof_core.arrays import Float
+    from tof_core.camera import Camera
 
 LONG = True
+FOCAL = 3e-3
+"""Relative step of the focal length for differences."""
 EVERY, OUTLIER_M, ROUNDS, RIDGE = 8, 0.006, 6, 1e-6
 """Every so-many-th pixel; metres beyond which an error counts linearly; rounds of reweighting; share of the diagonal that is added."""
 
@@ -32,8 +36,11 @@ def run() -> list[Figure]:
     apart = [1e3 * float(np.mean(np.abs(t["error"] - np.median(t["error"])) / t["length"])) for t in frames]
     what = "Kinect v2 before a board, regression on one half: plane error of the other half, MAE, "
     rows = [Figure(what + name, _judged(frames, columns), "mm") for name, columns in MODELS.items()]
+    between, within = (slope(frames, within=within) for within in (False, True))
     return [
         *rows,
+        Figure("Kinect v2 before a board: slope of the error over range, beside ln amplitude, its square and a tilt", between, "mm/m"),
+        Figure("Kinect v2 before a board: the same slope within the frames, each with an offset of its own", within, "mm/m"),
         Figure("Kinect v2 before a board: plane error after the median of each frame is removed, MAE", float(np.mean(apart)), "mm"),
     ]
 
@@ -56,6 +63,8 @@ MODELS: dict[str, Callable[[Table], Float]] = {
     "the same and range squared as well": _columns(*LIGHT, *PLACE, "range", "range2"),
     "ln amplitude, its square, a tilt, and a wave of 1 m of range": _columns(*LIGHT, *PLACE, *LONG_WAVE),
     "the same and a wave of 0.33 m": _columns(*LIGHT, *PLACE, *LONG_WAVE, *SHORT_WAVE),
+    "ln amplitude, its square, a tilt, and another focal length": _columns(*LIGHT, *PLACE, "focal"),
+    "the same and waves of 1 m and 0.33 m": _columns(*LIGHT, *PLACE, "focal", *LONG_WAVE, *SHORT_WAVE),
     "a tilt and a wave of 1 m, no amplitude": _columns("one", *PLACE, *LONG_WAVE),
     "ln amplitude, its square, and a tilt by the inverse of range": _columns(*LIGHT, "across/range", "down/range"),
     "ln amplitude, its square, and light that spreads in the lens": _columns(*LIGHT, "range", "veil 4", "veil 30", "veil 100", "veil 400"),
@@ -73,11 +82,14 @@ def tables() -> list[Table]:
     from tof_sensor.known import ideal_frames
     from toftwin.boarded import board_session, read_captures
 
-    session = board_session(read_captures(DATA / "bag", BagOptions()), Board.parse(BOARD))
+    captures, board = read_captures(DATA / "bag", BagOptions()), Board.parse(BOARD)
+    session = board_session(captures, board)
+    camera = replace(session.camera, fx=session.camera.fx * (1 + FOCAL), fy=session.camera.fy * (1 + FOCAL))
+    longer = board_session([replace(c, camera=camera) for c in captures], board)
     caster = Raycaster(session.scene)
     renderings = [render(caster, v.camera, v.robot.T_cell_camera) for v in session.views if v.robot is not None]
     out = []
-    for view, frame in zip(session.views, ideal_frames(session.views, renderings, caster), strict=True):
+    for k, (view, frame) in enumerate(zip(session.views, ideal_frames(session.views, renderings, caster), strict=True)):
         seen = np.flatnonzero(np.isfinite(view.depth) & frame.valid)[::EVERY]
         h, w = view.depth.shape
         row, column = np.divmod(seen, w)
@@ -87,6 +99,8 @@ def tables() -> list[Table]:
         for period in WAVES_M:
             table |= {f"sine {period}": np.sin(2 * np.pi * r / period), f"cosine {period}": np.cos(2 * np.pi * r / period)}
         table |= {"across": 2 * column / w - 1, "down": 2 * row / h - 1}
+        moved = plane_depth(longer.poses[k].T_board_camera, camera) - plane_depth(session.poses[k].T_board_camera, session.camera)
+        table |= {"focal": (moved / FOCAL * frame.length).ravel()[seen]}
         table |= {"across/range": table["across"] / r, "down/range": table["down"] / r}
         wave = 4e6 * np.pi * 80.0 / LIGHT_M_PER_S
         measured = np.nan_to_num(np.where(np.isfinite(view.depth), view.depth, np.nanmedian(view.depth)) * frame.length)
@@ -95,6 +109,22 @@ def tables() -> list[Table]:
         table |= {f"veil {s}": np.imag(blurred(light, float(s), seen) * own) for s in (4, 30, 100, 400)}
         out.append(table)
     return out
+
+
+def plane_depth(T_board_camera: Float, camera: Camera) -> Float:
+    """(H, W) depth of the board's plane."""
+    normal = T_board_camera[2, :3]
+    return np.asarray(-T_board_camera[2, 3] / (camera.rays() @ normal))
+
+
+def slope(tables: list[Table], *, within: bool) -> float:
+    """Millimetres per metre of range over all frames, beside light and tilt; `within`: each frame has an offset of its own."""
+    columns = _columns(*LIGHT[1:], *PLACE, "range")
+    offsets = np.eye(len(tables)) if within else np.ones((len(tables), 1))
+    X = np.concatenate(
+        [np.concatenate([columns(t), np.tile(row, (len(t["range"]), 1))], axis=1) for t, row in zip(tables, offsets, strict=True)]
+    )
+    return 1e3 * float(robust(X, np.concatenate([t["error"] for t in tables]))[4])
 
 
 def _judged(tables: list[Table], columns: Callable[[Table], Float]) -> float:

@@ -64,7 +64,9 @@ def test_a_pose_with_its_own_covariance_errs_by_it() -> None:
     np.testing.assert_allclose(own_info, np.ones(6))
     np.testing.assert_allclose(own_error, steps, atol=1e-9)
     assert info.shape == error.shape == (12,)
-    np.testing.assert_allclose(moved.subset([2]).root, roots[2:], atol=1e-15)
+    last = moved.subset([2]).root
+    assert last is not None
+    np.testing.assert_allclose(np.asarray(last, float), np.asarray(roots[2:], float), atol=1e-15)
     partly = [*known[:2], views[2]]
     assert chain_of(partly, held).root is None
 

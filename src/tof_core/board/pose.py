@@ -32,7 +32,7 @@ class BoardPose:
     @property
     def noise_px(self) -> float:
         """Deviation of a corner along one axis of the image."""
-        return max(self.rms_px / np.sqrt(2.0), LEAST_PX)
+        return max(self.rms_px / float(np.sqrt(2.0)), LEAST_PX)
 
 
 def board_pose(corners: Corners, camera: Camera) -> BoardPose | None:
@@ -43,7 +43,7 @@ def board_pose(corners: Corners, camera: Camera) -> BoardPose | None:
     seen = corners.on_board @ T_camera_board[:3, :3].T + T_camera_board[:3, 3]
     # A corner at p (camera frame) moves by -(v + w x p) under a right perturbation (v, w).
     J = pixel_jacobian(camera, seen)
-    found = BoardPose(np.asarray(se3.inverse(T_camera_board)), np.linalg.inv(J.T @ J), rms)
+    found = BoardPose(np.asarray(se3.inverse(T_camera_board)), np.asarray(np.linalg.inv(J.T @ J), float), rms)
     return replace(found, cov=found.noise_px**2 * found.cov)
 
 
