@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts that stand elsewhere: their place in the CAD is seen through, and something of their size is measured beside it."""
+"""Parts that stand elsewhere: something of their size is measured beside their place in the CAD.
+
+Either views look through that place, or the session's solution finds the part to stand off: a shelf that stands higher hides its place.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +16,8 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Mask
     from tof_scene.scene import Scene
+    from tof_scene.world.foreign import Foreign
+    from tof_scene.world.limits import WorldLimits
     from tof_scene.world.seen import Seen
 
 LOOKED_THROUGH = 0.1
@@ -22,26 +28,47 @@ INSIDE = 0.7
 """Share of an object's points that must lie within that reach of the part's box."""
 LARGER = 1.3
 """Diagonal of the object over that of the part, up to which it may be the part."""
+OFF = 0.3
+"""Share of a part's stand-off by which an object's distance to the CAD may differ from it: the solution knows it to a tenth or two."""
 LEAST_PX = 30
 """Measured pixels of a part, over all views, from which it is judged."""
 
 
-def half_empty_boxes(views: Sequence[Seen], behind: Sequence[Mask], scene: Scene) -> list[tuple[Float, Float]]:
-    """Lowest and highest corner (3,) of each part through whose place some of the views look."""
-    every, empty = np.zeros((2, len(scene.parts)))
+@dataclass(frozen=True, slots=True, eq=False)
+class Elsewhere:
+    """The box of a part that does not stand in its place: lowest and highest corner (3,).
+
+    off_m: how far it stands off by the session's solution, metres; 0 where that is not known, and views look through its place.
+    """
+
+    bottom: Float
+    top: Float
+    off_m: float = 0.0
+
+    def may_be(self, found: Foreign, least_m: float) -> bool:
+        """Whether an object may be this part, moved by less than `REACH_M`; where it is known how far, the object stands off the CAD by that."""
+        low, high = np.quantile(found.points, [0.02, 0.98], axis=0)
+        if np.linalg.norm(high - low) >= LARGER * np.linalg.norm(self.top - self.bottom):
+            return False
+        near = ((found.points > self.bottom - REACH_M) & (found.points < self.top + REACH_M)).all(axis=1)
+        if self.off_m:
+            near &= np.abs(found.clearance - self.off_m) < OFF * self.off_m + least_m
+        return float(near.mean()) > INSIDE
+
+
+def parts_elsewhere(views: Sequence[Seen], behind: Sequence[Mask], scene: Scene, limits: WorldLimits) -> list[Elsewhere]:
+    """Parts through whose place some of the views look, and parts that the session's solution finds to stand off their CAD."""
+    every, empty, off = np.zeros((3, len(scene.parts)))
     for seen, far in zip(views, behind, strict=True):
         on = (seen.part >= 0) & np.isfinite(seen.depth)
         every += np.bincount(seen.part[on], minlength=len(every))
         empty += np.bincount(seen.part[on & far], minlength=len(every))
-    parts = np.flatnonzero((every >= LEAST_PX) & (empty > LOOKED_THROUGH * every))
-    return [(scene.parts[k].vertices.min(axis=0), scene.parts[k].vertices.max(axis=0)) for k in parts]
-
-
-def is_displaced_part(points: Float, boxes: Sequence[tuple[Float, Float]]) -> bool:
-    """Whether points (n, 3) of an object may be one of the parts with these boxes, moved by less than `REACH_M`."""
-    low, high = np.quantile(points, [0.02, 0.98], axis=0)
-    return any(
-        np.linalg.norm(high - low) < LARGER * np.linalg.norm(top - bottom)
-        and float(((points > bottom - REACH_M) & (points < top + REACH_M)).all(axis=1).mean()) > INSIDE
-        for bottom, top in boxes
-    )
+        if seen.apart is not None:
+            np.maximum.at(off, seen.part[on], seen.apart[on])
+    seen_through = (every >= LEAST_PX) & (empty > LOOKED_THROUGH * every)
+    stands_off = (every >= LEAST_PX) & (off > 1e-3 * limits.stands_out_mm)
+    boxes = [(p.vertices.min(axis=0), p.vertices.max(axis=0)) for p in scene.parts]
+    return [
+        *(Elsewhere(*boxes[k]) for k in np.flatnonzero(seen_through)),
+        *(Elsewhere(*boxes[k], float(off[k])) for k in np.flatnonzero(stands_off & ~seen_through)),
+    ]

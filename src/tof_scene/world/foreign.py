@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from tof_core.stats import robust_std
@@ -25,6 +27,8 @@ CAD_POINTS = 60_000
 """Points of the rendered CAD to which distances are taken."""
 TRIM = 0.02
 """Share of an object's points that its box leaves out at each side."""
+SEEN_THROUGH = 0.1
+"""Share of the points that other views see through from which what one view measured is not a side of a standing object."""
 
 LEAST_WRAP_M = 0.3
 """Unambiguous range at 500 MHz, beyond any camera's: no shorter jump is a wrapped phase."""
@@ -37,7 +41,8 @@ class Foreign:
     """An object that the CAD lacks.
 
     centre_m, size_m (3,): of its box along the axes of the cell, of what the views see of it; views: indices of those that show it;
-    pixels: how many do; moves: other views see through its place, as through a hand's; points (n, 3): measured ones, in the cell.
+    pixels: how many do; moves: other views see through its place, as through a hand's; points (n, 3): measured ones, in the cell;
+    clearance (n,): metres from these to the CAD.
     """
 
     centre_m: Float
@@ -46,6 +51,7 @@ class Foreign:
     pixels: int
     moves: bool
     points: Float
+    clearance: Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +73,9 @@ class _Cloud:
 def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Sequence[Float], limits: WorldLimits) -> tuple[Foreign, ...]:
     """Objects of the session, those of several views first.
 
+    What one view alone measures beside an object of several, and no view sees through, is that object's too: its sides that the
+    others do not face.
+
     Args:
         views: of the session.
         before: (H, W) pixels of each that were measured before the CAD.
@@ -76,19 +85,36 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
     cloud = _cloud(views, before, measured, limits)
     if not len(cloud.points):
         return ()
-    clearance = _clearance(views, cloud.points)
-    out = list[Foreign]()
-    for mine in _clusters(cloud.points, cloud.static, limits.voxel_mm * 1e-3):
-        shown = _views(cloud, mine, limits.object_view_px)
-        if len(shown) > 1 and cloud.step[cloud.view[mine]].sum() >= limits.object_px and _stands_out(clearance[mine], limits):
-            out.append(_object(cloud, mine, shown, moves=False))
+    clearance, voxel = _clearance(views, cloud.points), limits.voxel_mm * 1e-3
+    standing: list[Ints] = []
+    single: list[Ints] = []
+    for mine in _clusters(cloud.points, cloud.static, voxel):
+        several = len(_views(cloud, mine, limits.object_view_px)) > 1
+        if several and cloud.step[cloud.view[mine]].sum() >= limits.object_px and _stands_out(clearance[mine], limits):
+            standing.append(mine)
     for number, seen in enumerate(views):
         alone = ~cloud.static & (cloud.view == number)
         least = max(limits.object_px, limits.moving_share * seen.depth.size)
-        for mine in _clusters(cloud.points, alone, limits.voxel_mm * 1e-3):
-            if len(mine) * cloud.step[number] >= least and _stands_out(clearance[mine], limits) and not _wrapped(cloud.jump[mine]):
-                out.append(_object(cloud, mine, (number,), moves=bool(cloud.through[mine].mean() > 0.5)))
-    return tuple(out)
+        large = (mine for mine in _clusters(cloud.points, alone, voxel) if len(mine) * cloud.step[number] >= least)
+        single.extend(mine for mine in large if _stands_out(clearance[mine], limits) and not _wrapped(cloud.jump[mine]))
+    joined, single = _joined(cloud, standing, single, 2 * voxel)
+    objects = [_object(cloud, mine, clearance, _views(cloud, mine, limits.object_view_px), moves=False) for mine in joined]
+    for mine in single:
+        moves = bool(cloud.through[mine].mean() > 0.5)
+        objects.append(_object(cloud, mine, clearance, (int(cloud.view[mine[0]]),), moves=moves))
+    return tuple(objects)
+
+
+def _joined(cloud: _Cloud, standing: Sequence[Ints], single: Sequence[Ints], reach: float) -> tuple[list[Ints], list[Ints]]:
+    """Clusters of several views joined with each other over those of one view that touch them, and what of the latter is left."""
+    still = [k for k, mine in enumerate(single) if cloud.through[mine].mean() < SEEN_THROUGH]
+    every = [*standing, *(single[k] for k in still)]
+    trees = [cKDTree(cloud.points[mine]) for mine in every]
+    touch = np.array([[bool(a.count_neighbors(b, reach)) for b in trees] for a in trees], bool).reshape(len(every), len(every))
+    _, group = connected_components(csr_array(touch), directed=False)
+    mine_of = [np.flatnonzero(group == g) for g in dict.fromkeys(group[: len(standing)].tolist())]
+    taken = {still[k - len(standing)] for members in mine_of for k in members.tolist() if k >= len(standing)}
+    return [np.concatenate([every[k] for k in m]) for m in mine_of], [mine for k, mine in enumerate(single) if k not in taken]
 
 
 def _cloud(views: Sequence[Seen], before: Sequence[Mask], measured: Sequence[Float], limits: WorldLimits) -> _Cloud:
@@ -153,7 +179,7 @@ def _views(cloud: _Cloud, mine: Ints, least: int) -> tuple[int, ...]:
     return tuple(int(v) for v in np.flatnonzero(count >= least))
 
 
-def _object(cloud: _Cloud, mine: Ints, views: tuple[int, ...], *, moves: bool) -> Foreign:
+def _object(cloud: _Cloud, mine: Ints, clearance: Float, views: tuple[int, ...], *, moves: bool) -> Foreign:
     points = cloud.points[mine]
     low, high = np.quantile(points, [TRIM, 1 - TRIM], axis=0)
-    return Foreign(0.5 * (low + high), high - low, views, int(cloud.step[cloud.view[mine]].sum()), moves, points)
+    return Foreign(0.5 * (low + high), high - low, views, int(cloud.step[cloud.view[mine]].sum()), moves, points, clearance[mine])

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from tof_scene.world.absent import missing_parts
 from tof_scene.world.bias import session_bias
 from tof_scene.world.contradiction import EIGHT, allowance, contradictions, smooth_spread, strays
-from tof_scene.world.displaced import half_empty_boxes, is_displaced_part
+from tof_scene.world.displaced import parts_elsewhere
 from tof_scene.world.foreign import foreign_objects
 
 if TYPE_CHECKING:
@@ -54,9 +54,9 @@ def find_surprises(views: Sequence[Seen], caster: Raycaster, limits: WorldLimits
     before, behind = [s[0] for s in sides], [s[1] for s in sides]
     measured = [v.depth - b for v, b in zip(views, bias, strict=True)]
     missing = missing_parts(views, behind, measured, spread, caster, limits)
-    moved = half_empty_boxes(views, behind, caster.scene)
+    moved = parts_elsewhere(views, behind, caster.scene, limits)
     objects = foreign_objects(views, before, measured, limits)
-    elsewhere = [o for o in objects if is_displaced_part(o.points, moved)]
+    elsewhere = [o for o in objects if any(part.may_be(o, 1e-3 * limits.least_mm) for part in moved)]
     foreign = tuple(o for o in objects if o not in elsewhere)
     gone = [m.part for m in missing]
     pixels = []

@@ -154,3 +154,26 @@ def test_the_outline_of_a_part_that_stands_off_is_a_strip_too_narrow_for_a_patch
     assert kept[1] == 0
     lost = sum(int(((p != NONE) & ~w).sum()) for w, p in zip(wrong(seen, real), find_surprises(apart, cad, LIMITS).pixels, strict=True))
     assert lost < 0.02 * sum(s.depth.size for s in seen)
+
+
+def test_a_shelf_that_stands_higher_hides_its_place_and_is_no_foreign_object() -> None:
+    """No view looks through its place; the session's solution finds it 40 mm off."""
+    shelf = Part("shelf", *box((0.3, 0.5, 0.02), (0.1, 0.0, 0.1)))
+    raised = Part("shelf", shelf.vertices + np.array([0.0, 0.0, 0.04]), shelf.faces)
+    real, cad = scene(PLATE, raised), scene(PLATE, shelf)
+    above = views(real, cad)
+    assert find_surprises(above, cad, LIMITS).foreign != ()
+    solved = [replace(s, apart=np.where(s.part == 1, np.float32(0.043), np.float32(0.0))) for s in above]
+    found = find_surprises(solved, cad, LIMITS)
+    assert found.foreign == ()
+    assert any((codes == DISPLACED).any() for codes in found.pixels)
+    crate = views(scene(PLATE, shelf, Part("crate", *box((0.1, 0.14, 0.12), (0.1, 0.05, 0.17)))), cad)
+    assert len(find_surprises([replace(s, apart=t.apart) for s, t in zip(crate, solved, strict=True)], cad, LIMITS).foreign) == 1
+
+
+def test_the_sides_of_an_object_that_one_view_alone_faces_are_the_objects() -> None:
+    real, cad = scene(PLATE, Part("crate", *box((0.3, 0.3, 0.3), (0.0, 0.0, 0.15)))), scene(PLATE)
+    found = find_surprises(views(real, cad), cad, LIMITS)
+    (crate,) = found.foreign
+    assert not crate.moves
+    np.testing.assert_allclose(crate.size_m, [0.3, 0.3, 0.3], atol=0.04)
