@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tof_core.errors import UsageError
-from tof_inspect.history import CREEPS, add, trends
+from tof_inspect.history import CREEPS, add, nearest_scale, trends
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,7 +28,7 @@ def test_rate_direction_and_sessions_left_are_those_of_the_creep() -> None:
     assert trend.creeps
     np.testing.assert_allclose(trend.rate_mm, (0.0, 0.25, 0.0), atol=1e-9)
     assert trend.now_mm == pytest.approx(1.25)
-    assert trend.std_mm == pytest.approx(STD / np.sqrt(17.5)), "sum of squares of 6 sessions about their middle"
+    assert trend.std_mm == pytest.approx(trend.scale * STD / np.sqrt(17.5)), "sum of squares of 6 sessions about their middle"
     assert trend.left == pytest.approx((2.0 - 1.25) / 0.25)
     assert "leaves its tolerance of 2 mm in about 3 sessions" in trend.words()
 
@@ -38,6 +38,39 @@ def test_chance_is_no_creep_and_its_share_is_that_of_the_chi_square() -> None:
     found = [trends([session(k, rng.normal(0, STD, 3)) for k in range(5)])[0].chi for _ in range(2000)]
     assert np.mean(np.array(found) > CREEPS) < 0.004
     assert np.mean(np.array(found) ** 2) == pytest.approx(3.0, abs=0.2)
+
+
+def test_what_repeats_in_every_session_hides_no_creep() -> None:
+    """Stated 0.8 mm, of which 0.15 mm changes from session to session: parts in place stay so, one that creeps by 0.35 mm is named."""
+    rng, false, seen = np.random.default_rng(3), 0, 0
+    for _ in range(40):
+        camera = rng.normal(0, 0.8, (10, 3))
+        days = []
+        for k in range(6):
+            days.append(session(k, (0, 0, 0)))
+            shifts = camera + rng.normal(0, 0.15, (10, 3)) + np.outer([1.0] + 9 * [0.0], [0.0, 0.35 * k, 0.0])
+            template = {**days[-1]["parts"][0], "cov_mm2": (0.64 * np.eye(3)).tolist()}
+            days[-1]["parts"] = [{**template, "name": f"part_{n}", "shift_mm": s.tolist()} for n, s in enumerate(shifts)]
+        creeping = [t.name for t in trends(days) if t.creeps]
+        seen, false = seen + ("part_0" in creeping), false + len(set(creeping) - {"part_0"})
+    assert seen >= 39
+    assert false <= 2, "of 360"
+
+
+def test_a_part_that_scatters_more_than_the_others_is_believed_less() -> None:
+    rng = np.random.default_rng(5)
+    days = [session(k, rng.normal(0, 0.02, 3)) for k in range(6)]
+    for day in days:
+        day["parts"] += [{**day["parts"][0], "name": "loose", "shift_mm": rng.normal(0, 0.6, 3).tolist()}]
+    scale = {t.name: t.scale for t in trends(days)}
+    assert scale["clip"] < 0.3
+    assert scale["loose"] > 1.5
+
+
+@pytest.mark.parametrize(("scatter", "scale"), [(20.0, 1.0), (2.0, 2.0 / 10.85), (80.0, 80.0 / 31.41)])
+def test_the_scale_stays_where_the_scatter_does_not_contradict_it(scatter: float, scale: float) -> None:
+    assert nearest_scale(1.0, scatter, 20) == pytest.approx(scale, rel=1e-3), "chi-square of 20: 5 % below 10.85, 5 % above 31.41"
+    assert nearest_scale(0.5, 7.0, 0) == 0.5
 
 
 def test_an_axis_that_is_not_known_says_nothing() -> None:
