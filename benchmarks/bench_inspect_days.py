@@ -28,8 +28,7 @@ from tof_virtual.record import record_session
 from tof_virtual.session import Session
 from toftwin.commands.simulate import bodies_of
 from toftwin.inputs import opened
-from toftwin.inspection import InspectionConfig, inspect_bag
-from toftwin.pipeline import ViewStream
+from toftwin.inspection import InspectionConfig, inspect_bag, learn_bag
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -161,5 +160,5 @@ def _inspected(folder: Path, bag: str, reference: str | None) -> Inspection:
         inspector = Inspector(Raycaster(scene), config.inspect, config.align)
         if reference is not None:
             with opened(folder / reference, path, config) as (earlier, _):
-                inspector.standing = inspector.learn(tuple(ViewStream(earlier, config)))
+                inspector.standing = learn_bag(earlier, inspector, config)
         return inspect_bag(reader, inspector, config)

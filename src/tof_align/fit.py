@@ -20,6 +20,7 @@ from tof_align.view_columns import columns_of
 from tof_core.arrays import Float
 from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
+from tof_core.progress import progress
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,7 +62,7 @@ class Fitter:
         Returns the last system, its answer (whose step is not taken yet), and the columns.
         """
         answer: Mixed | None = None
-        for _ in range(iterations):
+        for _ in progress(range(iterations), "poses", iterations + 1):
             system, answer, _ = self.once(rig, answer)
             rig = rig.moved(answer.x, answer.own)
             if float(np.abs(system.camera_steps(answer)).max()) < STILL:

@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, TypeVar
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
 T = TypeVar("T")
+DELAY_S = 1.0
+"""Work that takes less shows no progress."""
 _quiet = False
 
 
@@ -21,9 +24,37 @@ def set_quiet(quiet: bool = True) -> None:  # noqa: FBT001, FBT002 (a switch and
 
 def progress(iterable: Iterable[T], what: str, total: int | None = None) -> Iterator[T]:
     """Pass `iterable` on, with a bar named `what` on stderr where that is a terminal."""
-    if _quiet or not sys.stderr.isatty():
+    if _hidden():
         yield from iterable
         return
+    yield from _bar(what, total, iterable)
+
+
+@contextmanager
+def steps(what: str, total: int) -> Iterator[Callable[[str], None]]:
+    """A function to call with the name of each of `total` steps as it begins, with a bar named `what` as `progress` has it."""
+    if _hidden():
+        yield lambda _: None
+        return
+    with _bar(what, total) as bar:
+        begun = False
+
+        def begin(name: str) -> None:
+            nonlocal begun
+            bar.set_postfix_str(name, refresh=False)
+            bar.update(int(begun))
+            begun = True
+
+        yield begin
+
+
+def _hidden() -> bool:
+    """Whether nobody watches."""
+    return _quiet or not sys.stderr.isatty()
+
+
+def _bar(what: str, total: int | None, iterable: Iterable[T] | None = None) -> Any:
+    """A bar with what is done and the time that remains."""
     from tqdm import tqdm
 
-    yield from tqdm(iterable, desc=what, total=total, leave=False, dynamic_ncols=True, file=sys.stderr)
+    return tqdm(iterable, desc=what, total=total, leave=False, dynamic_ncols=True, file=sys.stderr, delay=DELAY_S)

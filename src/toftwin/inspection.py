@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tof_core.config import section
+from tof_core.progress import steps
 from tof_inspect.config import InspectConfig
 from toftwin.pipeline import PipelineConfig, ViewStream
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
     from arm_correction.reference import Reference
     from tof_core.bag import BagReader
+    from tof_inspect.beside import ReferenceSession
     from tof_inspect.colour import Picture
     from tof_inspect.judge import Inspection, Inspector
 
@@ -28,7 +30,16 @@ class InspectionConfig(PipelineConfig):
 
 def inspect_bag(reader: BagReader, inspector: Inspector, config: InspectionConfig) -> Inspection:
     """Inspect all views of a bag together; raises the errors of `Inspector.judge`."""
-    return inspector.judge(tuple(ViewStream(reader, config)))
+    views = tuple(ViewStream(reader, config))
+    with steps("parts", 1 + len(inspector.names)) as begin:
+        return inspector.judge(views, begin)
+
+
+def learn_bag(reader: BagReader, inspector: Inspector, config: InspectionConfig) -> ReferenceSession:
+    """A bag of the complete cell as reference session; raises the errors of `Inspector.learn`."""
+    views = tuple(ViewStream(reader, config))
+    with steps("reference", 1 + len(inspector.names)) as begin:
+        return inspector.learn(views, begin)
 
 
 def first_pictures(references: Mapping[str, Reference], scene: str) -> tuple[tuple[Picture, ...], list[str]]:

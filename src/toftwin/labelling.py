@@ -202,10 +202,7 @@ class _Job:
     def _views(self, result: LabelResult) -> Iterator[tuple[View, list[Capture]]]:
         """Views of the bag with their captures."""
         reader, stream = self.reader, ViewStream(self.reader, self.config)
-        frames = progress(range(reader.frame_count), "captures", reader.frame_count)
         for view in stream:
-            for _ in stream.members:
-                next(frames, None)
             result.captures += len(stream.members)
             result.views += 1
             yield replace(view, colour=None), stream.members

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from tof_align.config import AlignConfig
 from tof_core.config import section
 from tof_core.motion import StationTracker
+from tof_core.progress import progress
 from tof_preproc.stream_config import StreamConfig
 from tof_sim_label.config import LabelConfig
 
@@ -51,7 +52,8 @@ class ViewStream:
 
         taken: list[Capture] = []
         stations = StationTracker(self.config.station)
-        captures = _noted(self.reader.captures(need_tf=self.need_tf), taken)
+        frames = progress(self.reader.captures(need_tf=self.need_tf), "captures", self.reader.frame_count)
+        captures = _noted(frames, taken)
         for view in accumulate_views(captures, self.config.preproc, still=self.still, stations=stations):
             self.members = [c for c in taken if c.stamp_ns <= view.stamp_ns]
             del taken[: len(self.members)]

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +20,7 @@ from tof_core.capture import Capture, RobotPose, View
 from tof_core.errors import ConfigError, ToftwinError
 from tof_core.metrics import depth_error
 from tof_core.motion import MotionConfig
-from tof_core.progress import progress, set_quiet
+from tof_core.progress import progress, set_quiet, steps
 from tof_core.yamlio import dump_yaml, load_yaml, parse_yaml, save_yaml
 
 if TYPE_CHECKING:
@@ -104,6 +106,7 @@ def test_progress_passes_everything_on_and_is_seen_only_on_a_terminal(
     tty: bool,  # noqa: FBT001  (pytest gives it by name)
 ) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: tty, raising=False)
+    monkeypatch.setattr("tof_core.progress.DELAY_S", 0.0)
     assert list(progress(range(5), "counting", 5)) == [0, 1, 2, 3, 4]
     assert ("counting" in capsys.readouterr().err) == tty
     set_quiet(True)
@@ -112,6 +115,30 @@ def test_progress_passes_everything_on_and_is_seen_only_on_a_terminal(
         assert capsys.readouterr().err == ""
     finally:
         set_quiet(False)
+
+
+@pytest.mark.parametrize("tty", [False, True])
+def test_steps_are_named_and_counted_with_the_time_that_remains(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tty: bool,  # noqa: FBT001  (pytest gives it by name)
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: tty, raising=False)
+    monkeypatch.setattr("tof_core.progress.DELAY_S", 0.0)
+    with steps("parts", 3) as begin:
+        begin("poses")
+        time.sleep(0.2)
+        begin("panel")
+        time.sleep(0.2)
+    said = capsys.readouterr().err
+    assert bool(said) == tty
+    assert not tty or re.search(r"parts: .*1/3 \[00:00<00:00.*panel\]", said)
+
+
+def test_work_that_is_done_soon_shows_no_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    assert list(progress(range(5), "counting", 5)) == [0, 1, 2, 3, 4]
+    assert capsys.readouterr().err == ""
 
 
 def test_depth_errors_have_their_denominators() -> None:

@@ -171,3 +171,18 @@ def test_inspection_beside_a_session_of_the_complete_cell_keeps_its_history(
     capsys.readouterr()
     assert main(["inspect", str(bags["first"][0]), *flags, *two]) == 2
     assert "two reference sessions are given" in one_line(capsys)
+
+
+def test_on_a_terminal_correct_and_inspect_show_how_far_they_are(
+    bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("tof_core.progress.DELAY_S", 0.0)
+    first = str(bags["first"][0])
+    assert main(["correct", first, "--save", str(tmp_path / "ref")]) == 0
+    assert "captures:" in capsys.readouterr().err
+    main(["inspect", first, "--scene", "body_section"])
+    said = capsys.readouterr().err
+    assert all(f"{step}:" in said for step in ("captures", "poses", "parts"))
+    main(["inspect", first, "--scene", "body_section", "--quiet"])
+    assert capsys.readouterr().err == ""

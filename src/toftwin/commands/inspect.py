@@ -105,8 +105,7 @@ def _learn(args: argparse.Namespace, inspector: Inspector, config: InspectionCon
     from arm_correction.reference import load_reference
     from tof_core.errors import UsageError
     from toftwin.inputs import opened
-    from toftwin.inspection import first_pictures
-    from toftwin.pipeline import ViewStream
+    from toftwin.inspection import first_pictures, learn_bag
 
     views = [path for path in args.reference if path.with_suffix("").with_suffix(".json").exists()]
     bags = [path for path in args.reference if path not in views]
@@ -117,7 +116,7 @@ def _learn(args: argparse.Namespace, inspector: Inspector, config: InspectionCon
         print(line, file=sys.stderr)
     for bag in bags:
         with opened(bag, args.scene, config, args.initial_pose) as (reader, _):
-            inspector.standing = inspector.learn(tuple(ViewStream(reader, config)))
+            inspector.standing = learn_bag(reader, inspector, config)
 
 
 def _lines(found: Inspection, trends: Sequence[Trend]) -> list[str]:
