@@ -161,7 +161,7 @@ def _line(name: str, number: Float, parts: Sequence[dict[str, Any]], last: int) 
     scatter = sum(float((shift - D @ x) @ W @ (shift - D @ x)) for D, W, shift, _ in rows)
     known = [row[3] for row in rows]
     tolerance = float(parts[-1]["tolerance_mm"])
-    return _Line(name, len(parts), x[:3], x[3:], full[3:, 3:], scatter, max(sum(known) - 2 * max(known), 0), tolerance)
+    return _Line(name, len(parts), x[:3], x[3:], np.asarray(full[3:, 3:], float), scatter, max(sum(known) - 2 * max(known), 0), tolerance)
 
 
 def _left(now: Float, rate: Float, tolerance: float, chi: float) -> float | None:
