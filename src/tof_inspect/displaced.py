@@ -47,36 +47,16 @@ class Fit:
     known: Float
     ratio: float
 
-    @property
-    def repeats(self) -> Float:
-        """(3, 3) covariance of what another session from about the same views has, too: the camera's own errors."""
-        values, axes = np.linalg.eigh(self.shared - self.poses)
-        return np.asarray((axes * np.maximum(values, 0.0)) @ axes.T)
+    def relative_to(self, reference: Fit, config: InspectConfig) -> Fit:
+        """The motion since a reference session, in which the part stood in its place before the same camera from about the same views.
 
-    @property
-    def own(self) -> Float:
-        """(3, 3) covariance of what is new in every session: noise, outlines, poses."""
-        return self.noise + self.outline + self.poses
-
-    def relative_to(self, reference: Fit, scale: tuple[float, float], config: InspectConfig) -> Fit:
-        """The motion without the camera's own error, as a reference session shows it, in which the part stood in its place.
-
-        The reference's shift is that error and noise of its own; the error is estimated from it (minimum variance) and removed, and its
-        covariance after that (Joseph's form) stays. So a reference that is mostly noise does no harm.
-
-        Args:
-            reference: the part in the reference session.
-            scale: variance of the camera's errors over the stated one, most likely and at most (`beside.scale_of`).
-            config: the largest displacement.
+        The camera's errors are the same in both and leave the difference; noise, outlines and poses of both sessions remain.
         """
-        stated, own = reference.repeats, reference.own
-        gain = np.linalg.solve(scale[0] * stated + own, scale[0] * stated).T
-        left = np.eye(3) - gain
-        repeats = left @ (scale[1] * stated) @ left.T + gain @ own @ gain.T
-        shared = self.poses + repeats
-        known = _known_axes(self.noise + self.outline + shared, config)
-        shift = known @ (known.T @ (self.shift - gain @ reference.shift))
-        return Fit(shift, self.noise, self.outline, shared, self.poses, known, self.ratio)
+        poses = self.poses + reference.poses
+        noise, outline = self.noise + reference.noise, self.outline + reference.outline
+        known = _known_axes(noise + outline + poses, config)
+        shift = known @ (known.T @ (self.shift - reference.shift))
+        return Fit(shift, noise, outline, poses, poses, known, self.ratio)
 
     @property
     def cov(self) -> Float:

@@ -23,7 +23,7 @@ LEAST = 4
 CREEPS = 4.0
 """Chi of the rate (3 degrees of freedom) from which a part creeps; by chance in 1 of 900 parts."""
 SURE = 0.05
-"""Share of chance at either side of the interval in which the scatter of the sessions puts the scale of their covariance."""
+"""Share of chance at either side of the interval in which the spread of the sessions puts the scale of their covariance."""
 LEAST_SCALE = 0.01
 """Least scale of variances: no session is ten times better than it states."""
 KNOWN_MM = 6.0
@@ -36,7 +36,7 @@ class Trend:
     """A part over its sessions.
 
     rate_mm (3,): displacement per session in the cell; std_mm: its standard deviation along the rate; chi: the rate over its covariance;
-    scale: scatter of the sessions about the line, over their stated standard deviations;
+    scale: spread of the sessions about the line, over their stated standard deviations;
     now_mm: displacement that the trend states for the last session; left: sessions until it leaves its tolerance, None where it does not
     creep or is out already.
     """
@@ -96,7 +96,7 @@ def trends(sessions: Sequence[dict[str, Any]]) -> list[Trend]:
     """The trend of every part that was fitted in at least `LEAST` of the sessions; the largest chi first.
 
     A part's covariance holds what the camera does there, which repeats from session to session: it moves the start of the line and not
-    its rate. How much changes between sessions is measured by their scatter about the lines, of all parts together.
+    its rate. How much changes between sessions is measured by their spread about the lines, of all parts together.
     """
     names = dict.fromkeys(p["name"] for s in sessions for p in s["parts"])
     lines = []
@@ -104,15 +104,15 @@ def trends(sessions: Sequence[dict[str, Any]]) -> list[Trend]:
         rows = [(k, p) for k, s in enumerate(sessions) for p in s["parts"] if p["name"] == name and p.get("shift_mm")]
         if len(rows) >= LEAST:
             lines.append(_line(name, np.array([k for k, _ in rows], float), [p for _, p in rows], len(sessions) - 1))
-    together = nearest_scale(1.0, sum(line.scatter for line in lines), sum(line.free for line in lines))
-    return sorted((line.trend(nearest_scale(together, line.scatter, line.free)) for line in lines), key=lambda t: -t.chi)
+    together = nearest_scale(1.0, sum(line.spread for line in lines), sum(line.free for line in lines))
+    return sorted((line.trend(nearest_scale(together, line.spread, line.free)) for line in lines), key=lambda t: -t.chi)
 
 
-def nearest_scale(believed: float, scatter: float, free: int) -> float:
-    """Scale of variances next to the `believed` one that a chi-square `scatter` with `free` degrees of freedom does not contradict."""
+def nearest_scale(believed: float, spread: float, free: int) -> float:
+    """Scale of variances next to the `believed` one that a chi-square `spread` with `free` degrees of freedom does not contradict."""
     if free <= 0:
         return believed
-    low, high = (scatter / (2.0 * float(gammaincinv(0.5 * free, p))) for p in (1.0 - SURE, SURE))
+    low, high = (spread / (2.0 * float(gammaincinv(0.5 * free, p))) for p in (1.0 - SURE, SURE))
     return max(min(max(believed, low), high), LEAST_SCALE)
 
 
@@ -120,7 +120,7 @@ def nearest_scale(believed: float, scatter: float, free: int) -> float:
 class _Line:
     """Weighted least squares of place = start + rate * session, of one part.
 
-    now, rate (3,): of the last session, mm; cov (3, 3): of the rate, as the sessions state it; scatter: chi-square of the sessions about the
+    now, rate (3,): of the last session, mm; cov (3, 3): of the rate, as the sessions state it; spread: chi-square of the sessions about the
     line, free: its degrees of freedom.
     """
 
@@ -129,7 +129,7 @@ class _Line:
     now: Float
     rate: Float
     cov: Float
-    scatter: float
+    spread: float
     free: int
     tolerance: float
 
@@ -158,10 +158,10 @@ def _line(name: str, number: Float, parts: Sequence[dict[str, Any]], last: int) 
         rows.append((D, W, shift, int((np.linalg.eigvalsh(cov) < KNOWN_MM**2).sum())))
     full = np.linalg.inv(H)
     x = full @ b
-    scatter = sum(float((shift - D @ x) @ W @ (shift - D @ x)) for D, W, shift, _ in rows)
+    spread = sum(float((shift - D @ x) @ W @ (shift - D @ x)) for D, W, shift, _ in rows)
     known = [row[3] for row in rows]
     tolerance = float(parts[-1]["tolerance_mm"])
-    return _Line(name, len(parts), x[:3], x[3:], np.asarray(full[3:, 3:], float), scatter, max(sum(known) - 2 * max(known), 0), tolerance)
+    return _Line(name, len(parts), x[:3], x[3:], np.asarray(full[3:, 3:], float), spread, max(sum(known) - 2 * max(known), 0), tolerance)
 
 
 def _left(now: Float, rate: Float, tolerance: float, chi: float) -> float | None:

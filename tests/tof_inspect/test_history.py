@@ -57,7 +57,7 @@ def test_what_repeats_in_every_session_hides_no_creep() -> None:
     assert false <= 2, "of 360"
 
 
-def test_a_part_that_scatters_more_than_the_others_is_believed_less() -> None:
+def test_a_part_that_deviates_more_than_the_others_is_believed_less() -> None:
     rng = np.random.default_rng(5)
     days = [session(k, rng.normal(0, 0.02, 3)) for k in range(6)]
     for day in days:
@@ -67,9 +67,9 @@ def test_a_part_that_scatters_more_than_the_others_is_believed_less() -> None:
     assert scale["loose"] > 1.5
 
 
-@pytest.mark.parametrize(("scatter", "scale"), [(20.0, 1.0), (2.0, 2.0 / 10.85), (80.0, 80.0 / 31.41)])
-def test_the_scale_stays_where_the_scatter_does_not_contradict_it(scatter: float, scale: float) -> None:
-    assert nearest_scale(1.0, scatter, 20) == pytest.approx(scale, rel=1e-3), "chi-square of 20: 5 % below 10.85, 5 % above 31.41"
+@pytest.mark.parametrize(("spread", "scale"), [(20.0, 1.0), (2.0, 2.0 / 10.85), (80.0, 80.0 / 31.41)])
+def test_the_scale_stays_where_the_spread_does_not_contradict_it(spread: float, scale: float) -> None:
+    assert nearest_scale(1.0, spread, 20) == pytest.approx(scale, rel=1e-3), "chi-square of 20: 5 % below 10.85, 5 % above 31.41"
     assert nearest_scale(0.5, 7.0, 0) == 0.5
 
 
