@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening, label
 from scipy.stats import rankdata
 
+from tof_gap.seen.edges import edge_band
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
 from tof_gap.seen.lost import expected
 from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
@@ -38,11 +39,6 @@ def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limi
     gone = np.concatenate([h[i] for h, i in zip(holes, inside, strict=True)])
     if gone.mean() < limits.lost_share or _noise_may_reach(views, holes, limits):
         return None
-    if (
-        _chance_dimmer(np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)]), gone)
-        < limits.filter.dimmer
-    ):
-        return None
     # A pixel is lost where it or one of its neighbours is an outlier.
     share = min(1.0 - (1.0 - float(gone.mean())) ** (1 / NEIGHBOURS.size), 0.5 * SINGLE_PIXELS)
     start = float(np.quantile(np.concatenate([v.frame.radial[h] for v, h in zip(views, holes, strict=True)]), limits.turn_start))
@@ -51,19 +47,25 @@ def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limi
 
 
 def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:
-    """(H, W) per view: pixels lost where light is expected, in holes of a filter's shape that no threshold of amplitude explains.
+    """(H, W) per view: pixels in holes that a filter left around outliers of weak light.
 
-    Without amplitude none are known.
+    They have a filter's shape, rims that are brighter than a threshold's, and less light than the pixels kept: else none of them is
+    known to be a filter's. Without amplitude none is either.
     """
     inside, shaped = [expected(v, limits) for v in views], [_shaped(v.view.valid, limits.filter) for v in views]
     rims: list[Float] = []
     returned: list[Float] = []
     for v, i, s in zip(views, inside, shaped, strict=True):
         amplitude = np.full(i.shape, np.nan) if v.view.amplitude is None else v.view.amplitude.astype(np.float64)
-        rims.append(amplitude[v.view.valid & i & binary_dilation(s & i, NEIGHBOURS)])
+        # Where light itself jumps, a threshold leaves bright rims too.
+        jumps = edge_band(v.frame, v.limits.edge_px, v.limits, creases=True)
+        rims.append(amplitude[v.view.valid & i & ~jumps & binary_dilation(s & i & ~jumps, NEIGHBOURS)])
         returned.append(amplitude[v.view.valid & i])
     rim, least = np.concatenate(rims), np.concatenate(returned)
-    if not len(rim) or not np.median(rim) > limits.filter.rim * np.quantile(least, limits.filter.dimmest):
+    above_threshold = len(rim) > 0 and np.median(rim) > limits.filter.rim * np.quantile(least, limits.filter.dimmest)
+    light = np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
+    gone = np.concatenate([s[i] for s, i in zip(shaped, inside, strict=True)])
+    if not above_threshold or _chance_dimmer(light, gone) < limits.filter.dimmer:
         return [np.zeros(i.shape, bool) for i in inside]
     return [s & i for s, i in zip(shaped, inside, strict=True)]
 

@@ -73,6 +73,10 @@ def test_outliers_at_any_light_are_neither_failed_unwrapping_nor_dropout() -> No
     assert names(session(lambda _, rng: binary_dilation(rng.random(SHAPE) < 0.01, BLOCK))) == []
 
 
+def test_large_holes_at_any_light_are_dropout() -> None:
+    assert names(session(lambda _, rng: binary_dilation(rng.random(SHAPE) < 0.002, np.ones((7, 7), bool)))) == ["dropout"]
+
+
 def test_noise_that_reaches_what_a_filter_lets_pass_is_no_failed_unwrapping() -> None:
     assert names(session(outliers_in_weak_light, sigma=5.0)) == []
 
