@@ -10,8 +10,9 @@ import numpy as np
 
 from tof_core.calibration import Calibration
 from tof_core.config import param, section
+from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.report import ReportLimits
-from tof_gap.limits.seen import EvidenceLimits, MissingLimits, NoiseLimits, WorldEvidence
+from tof_gap.limits.seen import EvidenceLimits, NoiseLimits, WorldEvidence
 from tof_gap.limits.solve import SelectLimits, SolveLimits
 
 if TYPE_CHECKING:

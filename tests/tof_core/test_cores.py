@@ -48,7 +48,7 @@ def test_between_two_looks_the_last_count_holds(monkeypatch: pytest.MonkeyPatch)
     clock = iter([1.0, 1.0 + 0.5 * cores.LOOK_S, 1.0 + 2 * cores.LOOK_S])
     monkeypatch.setattr(cores, "CORES", 4)
     monkeypatch.setattr(cores, "_used", lambda: next(looks))
-    monkeypatch.setattr(cores.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(time, "monotonic", lambda: next(clock))
     free = cores.FreeCores()
     assert [free.count() for _ in range(3)] == [1, 1, 4]
 

@@ -81,7 +81,7 @@ def test_a_pixel_is_dense_only_where_the_tree_finds_as_many_points(at_rims: bool
     kth = np.full(capture.depth.size, np.inf)
     kth[known] = cKDTree(points[known]).query(points[known], 20)[0][:, -1]
     within = np.float32(5.0) * capture.depth * np.float32(CAMERA.pixel_angle)
-    dense = known.copy()
+    dense = np.array(known)
     dense[Neighbourhood(capture.depth, CAMERA, 20).doubtful(within, at_rims=at_rims)] = False
     assert not (dense & (kth > 1.0001 * within.ravel())).any()
     assert dense[known].mean() > share

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float, Mask
-    from tof_gap.limits.seen import FilterLimits, MissingLimits
+    from tof_gap.limits.missing import FilterLimits, MissingLimits
     from tof_gap.seen.residual import ViewEvidence
 
 NEIGHBOURS = np.ones((3, 3), bool)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from collections.abc import Set as AbstractSet
 
-    from tof_gap.limits.seen import MissingLimits
+    from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.seen.residual import ViewEvidence
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float
-    from tof_gap.limits.seen import MissingLimits
+    from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
 
 FOOTPRINTS_PX = (0.4, 0.55, 0.7, 0.85, 1.0)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float
-    from tof_gap.limits.seen import MissingLimits
+    from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
 
 MOST_TURNS = 3

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from tof_gap.config import GapConfig
-    from tof_gap.limits.seen import MissingLimits
+    from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.solved import Named, Solved
     from tof_gap.tell.figures import Figures

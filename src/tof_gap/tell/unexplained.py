@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float, Ints
+    from tof_gap.limits.missing import MissingLimits
     from tof_gap.limits.report import ReportLimits
-    from tof_gap.limits.seen import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
     from tof_scene.scene import Scene

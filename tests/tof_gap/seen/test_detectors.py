@@ -11,7 +11,8 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, views
 from tof_core.config import updated
 from tof_core.reasons import Reason
-from tof_gap.limits.seen import EvidenceLimits, LevelLimits, MissingLimits, NoiseLimits
+from tof_gap.limits.missing import MissingLimits
+from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.line_noise import line_map, line_noise
 from tof_gap.seen.lost import _half_lost, lost, outliers_removed

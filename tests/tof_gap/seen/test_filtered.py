@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 
 from tests.tof_gap.quiet_views import SHAPE, views
 from tof_core.reasons import Reason
-from tof_gap.limits.seen import MissingLimits
+from tof_gap.limits.missing import MissingLimits
 from tof_gap.seen.filtered import filtered
 from tof_gap.seen.missing import missing_effects
 from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap

@@ -11,7 +11,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.reasons import Reason
-from tof_gap.limits.seen import MissingLimits
+from tof_gap.limits.missing import MissingLimits
 from tof_gap.seen.lost import expected
 from tof_gap.seen.missing import missing_effects
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pytest
 
+from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.report import ReportLimits
-from tof_gap.limits.seen import MissingLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
 from tof_gap.tell.account import Account, Cause, filtered, without_causes

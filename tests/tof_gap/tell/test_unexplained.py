@@ -13,8 +13,8 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.config import updated
 from tof_core.reasons import Reason
+from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.report import ReportLimits
-from tof_gap.limits.seen import MissingLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.tell.diagnosis import doubted
 from tof_gap.tell.shrink import Errors, Shrink

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers that decide when lost, wrapped and mixed pixels are an effect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tof_core.config import param, section
+
+
+@dataclass(frozen=True, slots=True)
+class FilterLimits:
+    """When a hole is that of a filter in the camera around outliers."""
+
+    shaped: float = param(
+        0.9,
+        "share of a hole that 3 x 3 neighbourhoods fill",
+        low=0.0,
+        high=1.0,
+        why="thresholds leave ragged rims; the lens's resampling too",
+    )
+    dimmest: float = param(
+        0.002, "quantile of returned amplitudes that is the least", low=0.0, high=0.5, why="single pixels are dimmer by noise"
+    )
+    rim: float = param(
+        1.5, "amplitude of a hole's rim, over the least", low=1.0, why="just above a threshold, amplitudes vary by noise and slope"
+    )
+    dimmer: float = param(
+        0.8,
+        "chance that a pixel removed has less light than one kept",
+        low=0.5,
+        high=1.0,
+        why="outliers of single pixels come at any light: 0.5",
+    )
+    noise_sigma: float = param(
+        3.0, "standard deviations of noise that nine pixels span", low=1.0, why="expected range of nine normal values"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class MissingLimits:
+    """When missing, wrapped or mixed pixels are an effect."""
+
+    lost_share: float = param(
+        0.01, "share of CAD pixels missing, away from edges", low=1e-6, high=1.0, why="single dead or dark pixels are usual"
+    )
+    filter_px: int = param(
+        18, "largest hole that a filter leaves around an outlier", unit="px", low=1, why="two outliers, each with its 3 x 3"
+    )
+    filter_single: float = param(
+        0.1,
+        "share of single pixels in such holes above which no filter made them",
+        low=0.0,
+        high=1.0,
+        why="lost at random, most are single",
+    )
+    lost_grazing_deg: float = param(
+        60.0,
+        "incidence beyond which a missing pixel is usual",
+        unit="deg",
+        low=30.0,
+        high=90.0,
+        why="filters of flying pixels take slopes for edges; across a pixel's diagonal and with noise from 65 degrees on",
+    )
+    saturated: float = param(
+        0.999, "quantile of measured amplitude above which a missing pixel was saturated", low=0.0, high=1.0, why="chance: 1 in 1000"
+    )
+    half_lost: float = param(0.5, "loss at the stated threshold amplitude", low=0.0, high=1.0, why="definition of the threshold")
+    lost_bins: int = param(40, "bins of amplitude of the predicted loss", low=2, why="loss follows amplitude closely")
+    half_bins: int = param(20, "bins of amplitude of the threshold", low=2, why="the threshold is known to 5 % of the pixels")
+    near_px: int = param(7, "side of the window of local loss", unit="px", low=1, high=99, why="49 pixels: a share is known to 7 %")
+    turn_share: float = param(0.002, "share of pixels off by one common jump", low=1e-6, high=1.0, why="foreign objects jump by many sizes")
+    turn_spread_mm: float = param(60.0, "spread of one common jump", unit="mm", low=1.0, why="bias beside the wrap: the gross bound")
+    turn_majority: float = param(0.5, "of the jumps, share of the common one", low=0.0, high=1.0, why="else they are foreign objects")
+    turn_least_mm: float = param(200.0, "least jump that is counted", unit="mm", low=1.0, why="wraps are longer: 375 mm at 400 MHz")
+    turn_reach: float = param(
+        0.4, "residual, off the known jump and in its units, of a wrapped pixel", low=0.0, high=0.5, why="nearer to a wrap than to none"
+    )
+    turn_start: float = param(
+        0.02, "quantile of the wrapped pixels' range that is the stated start", low=0.0, high=0.5, why="2 % may be outliers"
+    )
+    edge_reach_px: int = param(
+        4,
+        "distance beyond the edge band where jumps may be edges, and lost pixels shadows of the lamp",
+        unit="px",
+        low=0,
+        high=64,
+        why="pose errors move edges",
+    )
+    flying_share: float = param(
+        0.25,
+        "mixed pixels that lie between their surfaces, over those expected",
+        low=1e-6,
+        high=1.0,
+        why="pose errors put some there without mixing",
+    )
+    step_mm: float = param(
+        30.0, "depth step of an edge that can show mixing", unit="mm", low=1.0, why="ten standard deviations of usual noise"
+    )
+    step_sigma: float = param(10.0, "the same, in noise standard deviations", low=1.0, why="noise alone would lie between")
+    mixed_pixels: int = param(80, "mixed pixels of the session", low=4, why="a share is known to 6 %")
+    mixed_least: float = param(0.05, "mixed share of a pixel that counts", low=0.0, high=1.0, why="less moves it by less than noise")
+    mixed_fitted: float = param(0.02, "mixed share of a pixel that is fitted", low=0.0, high=1.0, why="the fit weighs by size")
+    between: float = param(
+        0.15,
+        "distance from either surface, of their step, of a pixel between them",
+        low=0.0,
+        high=0.5,
+        why="pose and noise blur the surfaces",
+    )
+    fitted_mm: float = param(2.0, "predicted mixing of a pixel that is fitted", unit="mm", low=0.0, why="the usual noise")
+    filter: FilterLimits = section(FilterLimits, "holes that a filter leaves")
