@@ -13,13 +13,12 @@ from tof_align.folds import deal
 from tof_core.errors import RefusedError
 from tof_gap.seen.photons import own_law
 from tof_gap.solve.apart import set_apart
-from tof_gap.solve.brief import in_motion
+from tof_gap.solve.brief import solve_moving
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.candidates import not_testable
 from tof_gap.solve.conclude import conclude
-from tof_gap.solve.joint import solve, without
+from tof_gap.solve.joint import without
 from tof_gap.solve.radial import gate
-from tof_gap.solve.start import start
 from tof_gap.solved import Split
 from tof_gap.tell.account import account, without_causes
 from tof_gap.tell.diagnosis import Diagnosis, doubted
@@ -81,14 +80,12 @@ def diagnose(
     few, rng = len(views) < config.solve.views, np.random.default_rng(config.evidence.seed)
 
     progress("first poses: depth or distance along the ray")
-    z_alone = RadialDepth.NAME in left_out
-    begun, along_ray = (start(views, caster, config, align), None) if z_alone else gate(views, caster, config, align)
+    begun, along_ray = gate(views, caster, config, align, asked=RadialDepth.NAME not in left_out)
     check_enough(views, along_ray, config.solve.views)
     world, begun = set_apart(begun, caster, config)
 
     progress("poses and effects together")
-    unasked = frozenset(VOCABULARY) if few else left_out
-    joint, config = in_motion(solve(begun, caster, config, unasked), begun, caster, config, unasked)
+    joint, config = solve_moving(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
     split = dealt(joint.chain, config.solve)
 
     progress("noise, loss and edges; the gap on held-out views")

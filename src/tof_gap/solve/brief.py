@@ -18,15 +18,14 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 
-def in_motion(
-    joint: Joint, begun: Start, caster: Raycaster, config: GapConfig, left_out: frozenset[str] = frozenset()
-) -> tuple[Joint, GapConfig]:
+def solve_moving(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozenset[str] = frozenset()) -> tuple[Joint, GapConfig]:
     """The joint solution of a session, and the settings that it and all that follows use.
 
     In a moving session, pixels that the longest exposure may blur are left out, and brightness edges with them. Frames of some tens of
     milliseconds err just there, by millimetres, and by little elsewhere. Where the pixels left show no `motion`, the session is solved
     again as one of brief frames; that solution counts if it has `motion`. Blur of a longer exposure shows in the first one.
     """
+    joint = solve(begun, caster, config, left_out)
     if Motion.NAME in left_out or not moving(joint.views) or _has_motion(joint):
         return joint, config
     blur = replace(config.evidence.blur, exposure_s=config.evidence.blur.brief_s, creases=False)

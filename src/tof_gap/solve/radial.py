@@ -31,13 +31,17 @@ def gate(
     caster: Raycaster,
     config: GapConfig,
     align: AlignConfig,
+    *,
+    asked: bool = True,
 ) -> tuple[Start, Finding | None]:
     """The views as z, brought to the CAD, and `radial_depth` where they were not z.
 
     Both readings are brought to the CAD with the robot's priors; the one that misses it by less is believed. Few views leave poses
-    that bend with them: there wide planes of the views decide, which bend where distances are taken for z.
+    that bend with them: there wide planes of the views decide, which bend where distances are taken for z. Unless `asked`, they are z.
     """
     begun = start(views, caster, config, align)
+    if not asked:
+        return begun, None
     as_z = median_miss(begun.evidence)
     if as_z < config.solve.gate.least_mm * 1e-3:
         return begun, None

@@ -28,44 +28,52 @@ def joint(*names: str) -> Joint:
 
 
 @pytest.fixture
-def again(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The settings of every second solution; what it finds is put in front of them."""
-    asked: list[Any] = [joint("motion")]
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[GapConfig]:
+    """The settings of every solution that is asked for; the session moves."""
+    monkeypatch.setattr(brief, "moving", lambda _: True)
+    monkeypatch.setattr(brief, "observe", lambda *_, **__: ())
+    return []
+
+
+def solved(monkeypatch: pytest.MonkeyPatch, asked: list[GapConfig], *solutions: Joint, left_out: str = "") -> tuple[Joint, GapConfig]:
+    """What is returned where one solution after the other is found."""
+    found = iter(solutions)
 
     def solve(begun: Start, caster: object, config: GapConfig, left_out: frozenset[str]) -> Joint:
         del begun, caster, left_out
         asked.append(config)
-        return asked[0]  # type: ignore[no-any-return]
+        return next(found)
 
-    monkeypatch.setattr(brief, "moving", lambda _: True)
     monkeypatch.setattr(brief, "solve", solve)
-    monkeypatch.setattr(brief, "observe", lambda *_, **__: ())
-    return asked
+    return brief.solve_moving(BEGUN, None, CONFIG, frozenset({left_out}))  # type: ignore[arg-type]
 
 
-def found(first: Joint, left_out: frozenset[str] = frozenset()) -> tuple[Joint, GapConfig]:
-    return brief.in_motion(first, BEGUN, None, CONFIG, left_out)  # type: ignore[arg-type]
-
-
-def test_motion_that_shows_in_brief_frames_alone_is_of_that_solution_and_its_pixels(again: list[Any]) -> None:
-    solution, config = found(joint("time_sync"))
-    assert solution is again[0]
-    assert config is again[1]
+def test_motion_that_shows_in_brief_frames_alone_is_of_that_solution_and_its_pixels(
+    monkeypatch: pytest.MonkeyPatch, asked: list[GapConfig]
+) -> None:
+    again = joint("motion")
+    solution, config = solved(monkeypatch, asked, joint("time_sync"), again)
+    assert solution is again
+    assert asked == [CONFIG, config]
     assert config.evidence.blur.exposure_s == CONFIG.evidence.blur.brief_s < CONFIG.evidence.blur.exposure_s
     assert not config.evidence.blur.creases
 
 
-def test_a_second_solution_without_motion_does_not_count(again: list[Any]) -> None:
-    again[0] = joint("wiggling")
+def test_a_second_solution_without_motion_does_not_count(monkeypatch: pytest.MonkeyPatch, asked: list[GapConfig]) -> None:
     first = joint("time_sync")
-    assert found(first) == (first, CONFIG)
-    assert len(again) == 2
+    assert solved(monkeypatch, asked, first, joint("wiggling")) == (first, CONFIG)
+    assert len(asked) == 2
 
 
-def test_nothing_is_solved_again_where_motion_is_known_or_not_asked(again: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    shown, plain = joint("motion"), joint()
-    assert found(shown) == (shown, CONFIG)
-    assert found(plain, frozenset({"motion"})) == (plain, CONFIG)
+@pytest.mark.parametrize(("names", "left_out"), [(("motion",), ""), ((), "motion")])
+def test_nothing_is_solved_again_where_motion_is_known_or_not_asked(
+    monkeypatch: pytest.MonkeyPatch, asked: list[GapConfig], names: tuple[str, ...], left_out: str
+) -> None:
+    only = joint(*names)
+    assert solved(monkeypatch, asked, only, left_out=left_out) == (only, CONFIG)
+
+
+def test_a_session_at_rest_is_solved_once(monkeypatch: pytest.MonkeyPatch, asked: list[GapConfig]) -> None:
+    only = joint("wiggling")
     monkeypatch.setattr(brief, "moving", lambda _: False)
-    assert found(plain) == (plain, CONFIG)
-    assert len(again) == 1
+    assert solved(monkeypatch, asked, only) == (only, CONFIG)
