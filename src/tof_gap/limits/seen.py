@@ -164,8 +164,19 @@ class ForeignLightLimits:
         high=1.0,
         why="an arm worse than its prior errs across the view too; what the light leaves turns the camera a little",
     )
+    chance_across_fields: float = param(
+        0.03,
+        "the same, where nearly every view has a field of its own",
+        low=0.0,
+        high=1.0,
+        why="two signs, each rare without foreign light",
+    )
+    field_chi2: float = param(
+        100.0, "chi-square that the field of a view takes", low=0.0, why="inexact maps of healthy cameras leave up to 50; chance 1 in 10^15"
+    )
+    field_views: float = param(0.75, "share of the views with such a field", low=0.0, high=1.0, why="foreign light is in every capture")
     cosine: float = param(0.1, "least cosine of incidence", low=1e-3, high=1.0, why="grazing surfaces would outweigh all")
-    ridge: float = param(1e-3, "ridge of a view's field, of the mean diagonal", low=0.0, why="small views leave terms alike")
+    ridge: float = param(1e-6, "ridge of a view's field, each of its terms of norm 1", low=0.0, why="small views leave terms alike")
 
 
 @dataclass(frozen=True, slots=True)

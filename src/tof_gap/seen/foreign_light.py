@@ -28,7 +28,8 @@ def foreign_light(views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, li
 
     Another camera's modulated light adds a phasor with a phase of its own in every capture (docs/effects.md). Most of what the
     phasor adds to depth looks like a step of the camera along its view, and the arm's error takes it. No other effect is random
-    from capture to capture: an arm that errs does so across the view too.
+    from capture to capture: an arm that errs does so across the view too. Weak foreign light stays within the arm's prior; what the
+    arm does not take is then a smooth field in nearly every view.
 
     Args:
         views: at the solution's poses, less all smooth bias.
@@ -41,29 +42,40 @@ def foreign_light(views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, li
     count = len(views)
     by_prior = chdtrc(count, along)
     by_arm = fdtrc(2 * count, count, along / count / max(across / (2 * count), 1e-12)) if across > 0 else 0.0
-    if by_prior > limits.chance or by_arm > limits.chance_across:
+    fields = [field(v, limits) for v in views]
+    certain = by_prior < limits.chance and by_arm < limits.chance_across
+    if not certain and (by_arm > limits.chance_across_fields or _with_field(views, fields, limits) < limits.field_views):
         return None
     size = float(np.sqrt(np.mean(arms[:, ALONG] ** 2)))
-    fields = np.stack([field(v, limits) for v in views])
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
     reference = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in views])))
     note = f"every capture is off along the view by an amount of its own, {1e3 * size:.1f} mm RMS"
     effect = Interference(burst_m=min(size, most(Interference, "burst_m")), duty=1.0, reference=reference)
-    return Finding(effect, CONFIDENT, share=share, common=fields, note=note, posed_m=size)
+    return Finding(effect, CONFIDENT, share=share, common=np.stack(fields), note=note, posed_m=size)
 
 
 def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
     """(H, W) metres of z: the smooth field of a view that foreign light may have left, beside what its pose took.
 
-    Linear in the image, times one and times range^2 / cosine of incidence: own light is weak there, and foreign light counts more.
+    Linear in the image, and range^2 / cosine of incidence (own light is weak there, and foreign light counts more) times a function of
+    second order of the point: foreign light differs in phase and strength by the way to its lamp.
     """
     h, w = view.residual.shape
     row, column = np.mgrid[:h, :w]
-    weak = weakness(view, limits.cosine)
     plain = np.stack([np.ones((h, w)), row / h - 0.5, column / w - 0.5], axis=-1)
-    columns = np.concatenate([plain, plain * weak[..., None]], axis=-1) / view.frame.length[..., None]
+    points = np.nan_to_num(view.frame.points)
+    x, y, z = np.moveaxis(points - np.median(points[view.smooth], axis=0), -1, 0) if view.smooth.any() else np.zeros((3, h, w))
+    way = np.stack([np.ones((h, w)), x, y, z, x * x, y * y, z * z, x * y, x * z, y * z], axis=-1)
+    columns = np.concatenate([plain, way * weakness(view, limits.cosine)[..., None]], axis=-1) / view.frame.length[..., None]
     seen = view.smooth
     X = columns[seen] / view.sigma[seen][:, None]
-    ridge = limits.ridge * max(float((X * X).sum()) / X.shape[1], 1e-12) * np.eye(X.shape[1])
-    c = np.linalg.solve(X.T @ X + ridge, X.T @ (view.residual[seen] / view.sigma[seen]))
-    return np.asarray(columns @ c)
+    scale = np.maximum(np.linalg.norm(X, axis=0), 1e-12)
+    X = X / scale
+    c = np.linalg.solve(X.T @ X + limits.ridge * np.eye(X.shape[1]), X.T @ (view.residual[seen] / view.sigma[seen]))
+    return np.asarray(columns @ (c / scale))
+
+
+def _with_field(views: Sequence[ViewEvidence], fields: Sequence[Float], limits: ForeignLightLimits) -> float:
+    """Share of the views whose field takes more chi-square than chance and inexact maps give it."""
+    gains = [np.sum((v.residual**2 - (v.residual - f) ** 2)[v.smooth] / v.sigma[v.smooth] ** 2) for v, f in zip(views, fields, strict=True)]
+    return float(np.mean(np.array(gains) > limits.field_chi2))
