@@ -111,10 +111,11 @@ class UnfinishedBag:
         self.note = f"recording was not finished: {sum(counts.values())} messages are whole, {lost} bytes after them are lost"
 
     def messages(self, topics: Collection[str] = ()) -> Iterator[tuple[str, int, bytes]]:
-        """(topic, log time in ns, CDR bytes) in the order of the recording."""
+        """(topic, log time in ns, CDR bytes) in the order of the recording; a topic that it gained since it was opened is left out."""
+        wanted = topics or self.topics
         for file in self._files:
             for channel, log_ns, raw in McapScan(file).messages():
-                if not topics or channel.topic in topics:
+                if channel.topic in wanted:
                     yield channel.topic, log_ns, raw
 
     def close(self) -> None:

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -16,6 +18,7 @@ import pytest
 from tests.tof_core import bags
 from tests.tof_core.bags import CAMERA, Session, stamp
 from tof_core.bag import BagOptions, open_bag
+from tof_core.bag_files import open_files
 from tof_core.bag_writer import BagWriter
 from tof_core.encode import depth_counts
 from tof_core.errors import BagError, ToftwinError, UsageError
@@ -112,6 +115,7 @@ def test_a_bag_with_flipped_bytes_is_one_line_or_right(tmp_path: Path, at: float
 
 RECORDER = """
 import os, signal, sys
+from dataclasses import replace
 from pathlib import Path
 from tests.tof_core import bags
 from tof_core.bag_writer import BagWriter
@@ -148,6 +152,20 @@ def test_an_unfinished_file_alone_is_read_too(tmp_path: Path) -> None:
     assert found == [stamp(i) for i in range(len(found))]
 
 
+def test_a_topic_that_a_recording_gains_while_it_is_read_is_left_out(tmp_path: Path) -> None:
+    few, more = (
+        storage_file(bags.write(tmp_path / name, replace(MANY, amplitude=amplitude)))
+        for name, amplitude in (("few", False), ("more", True))
+    )
+    for file in (few, more):
+        os.truncate(file, file.stat().st_size - 4000)  # A recorder that still writes has written no end.
+    opened = open_files(few)
+    known = set(opened.topics)
+    shutil.copyfile(more, few)
+    assert set(open_files(few).topics) > known
+    assert {topic for topic, _, _ in opened.messages()} == known
+
+
 @pytest.mark.parametrize("compression", ["zstd", ""])
 def test_an_unfinished_recording_in_chunks_of_a_recorder_is_read_to_its_last_whole_chunk(tmp_path: Path, compression: str) -> None:
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -174,6 +192,7 @@ def test_an_unfinished_recording_in_chunks_of_a_recorder_is_read_to_its_last_who
 
 FULL_DISK = """
 import resource, signal, sys
+from dataclasses import replace
 from pathlib import Path
 from tests.tof_core import bags
 from tof_core.bag_writer import BagWriter
