@@ -26,7 +26,8 @@ class Finding:
     noise), or None; `corrects` whether the share can be subtracted from the measured depth; `common` (V, H, W) metres of noise
     that neighbours share: no model predicts it, but it is no unexplained structure either; `note`: the evidence in words;
     `beside`: the photon law that the noise was compared with, where that is stated and not fitted to the session; `posed_m`: metres RMS
-    of noise that neighbours share and that the poses took; `own_noise` (H, W): pixels with a noise of their own, which are in no figure.
+    of noise that neighbours share and that the poses took; `own_noise` (H, W): pixels with a noise of their own, which are in no figure;
+    `structure`: whether it was read off structure of the residual, which an effect without a name may leave too.
     """
 
     effect: Effect
@@ -39,6 +40,7 @@ class Finding:
     beside: PhotonLaw | None = None
     posed_m: float = 0.0
     own_noise: Mask | None = None
+    structure: bool = False
 
     @property
     def name(self) -> str:

@@ -138,7 +138,7 @@ def _stripes(views: Sequence[ViewEvidence], wave: Beat, reference: float, limits
     along = [stripes(v, wave.turns, wave.tilt, limits.beat) * h / v.frame.length for v, h in zip(views, wave.hit, strict=True)]
     effect = Interference(burst_m=min(wave.size_m, most(Interference, "burst_m")), duty=float(wave.hit.mean()), reference=reference)
     note = f"stripes of {wave.turns:g} turns in {int(wave.hit.sum())} of {len(views)} views"
-    return Finding(effect, CONFIDENT, share=np.abs(np.stack(along)), common=np.stack(along), note=note)
+    return Finding(effect, CONFIDENT, share=np.abs(np.stack(along)), common=np.stack(along), note=note, structure=True)
 
 
 def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, ratio: Float, hit: Mask) -> Finding:

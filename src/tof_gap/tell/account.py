@@ -56,8 +56,8 @@ class Account:
     gap: Shrink
 
     def names(self, *, causes: bool) -> set[str]:
-        """Name of every finding, and verdict of every cause where `causes` may be asserted."""
-        return {*(c.named.verdict for c in self.causes if causes), *(f.name for f in self.findings)}
+        """Name of every finding, and verdict of every cause, where `causes` and what was read off structure may be asserted."""
+        return {*(c.named.verdict for c in self.causes if causes), *(f.name for f in self.findings if causes or not f.structure)}
 
     @property
     def worsens(self) -> str | None:
@@ -106,9 +106,13 @@ def account(
 
 
 def without_causes(found: Account) -> Account:
-    """The account whose gap shrinks by its findings alone: causes that are only suspected promise nothing."""
+    """The account whose gap shrinks by its findings alone: causes that are only suspected promise nothing.
+
+    Findings read off structure are taken out: the structure is that of what has no name.
+    """
     names = [name for name in found.figures.maps if name not in found.solved.maps]
-    return replace(found, gap=_gap(found.figures, found.findings, names))
+    certain = tuple(f for f in found.findings if not f.structure)
+    return replace(found, findings=certain, gap=_gap(found.figures, certain, names))
 
 
 def _gap(counted: Figures, findings: Sequence[Finding], names: Sequence[str]) -> Shrink:

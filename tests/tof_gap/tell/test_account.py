@@ -17,6 +17,7 @@ from tof_gap.solved import Named
 from tof_gap.tell.account import Account, Cause, filtered, without_causes
 from tof_gap.tell.shrink import Errors, Shrink
 from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
@@ -95,3 +96,11 @@ def test_holes_around_pixels_with_a_noise_of_their_own_are_no_failed_unwrapping(
     assert filtered(holes, [single, holes], MissingLimits())
     assert not filtered(holes, [even, holes], MissingLimits())
     assert not filtered(jumps, [single, jumps], MissingLimits()), "jumps of one size are wrapped phases beside any noise"
+
+
+def test_what_was_read_off_structure_is_no_name_beside_structure_without_one() -> None:
+    stripes = Finding(Interference(burst_m=0.001), 0.95, structure=True)
+    rows = Finding(Noise(extra_m=0.002), 0.95)
+    found = replace(account(0.9, wiggling=0.7), findings=(stripes, rows))
+    assert found.names(causes=True) == {"wiggling", "interference", "noise"}
+    assert found.names(causes=False) == {"noise"}
