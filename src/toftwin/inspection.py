@@ -12,10 +12,11 @@ from tof_inspect.config import InspectConfig
 from toftwin.pipeline import PipelineConfig, ViewStream
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from arm_correction.reference import Reference
     from tof_core.bag import BagReader
+    from tof_core.capture import View
     from tof_inspect.beside import ReferenceSession
     from tof_inspect.colour import Picture
     from tof_inspect.judge import Inspection, Inspector
@@ -30,7 +31,11 @@ class InspectionConfig(PipelineConfig):
 
 def inspect_bag(reader: BagReader, inspector: Inspector, config: InspectionConfig) -> Inspection:
     """Inspect all views of a bag together; raises the errors of `Inspector.judge`."""
-    views = tuple(ViewStream(reader, config))
+    return inspect_views(tuple(ViewStream(reader, config)), inspector)
+
+
+def inspect_views(views: Sequence[View], inspector: Inspector) -> Inspection:
+    """Inspect views together, with a bar; raises the errors of `Inspector.judge`."""
     with steps("parts", 1 + len(inspector.names)) as begin:
         return inspector.judge(views, begin)
 

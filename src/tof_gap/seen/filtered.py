@@ -11,7 +11,7 @@ from scipy.stats import rankdata
 
 from tof_gap.seen.edges import edge_band
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
-from tof_gap.seen.lost import expected
+from tof_gap.seen.lost import NEIGHBOURS, expected
 from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
 from tof_sensor.frame import lambert_amplitude
 
@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.missing import FilterLimits, MissingLimits
     from tof_gap.seen.residual import ViewEvidence
-
-NEIGHBOURS = np.ones((3, 3), bool)
-"""A filter takes an outlier with its neighbours."""
 
 
 def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limits: MissingLimits) -> Finding | None:
@@ -53,6 +50,9 @@ def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]
     known to be a filter's. Without amplitude none is either.
     """
     inside, shaped = [expected(v, limits) for v in views], [_shaped(v.view.valid, limits.filter) for v in views]
+    none = [np.zeros(i.shape, bool) for i in inside]
+    if not any((s & i).any() for s, i in zip(shaped, inside, strict=True)):
+        return none
     rims: list[Float] = []
     returned: list[Float] = []
     for v, i, s in zip(views, inside, shaped, strict=True):
@@ -62,11 +62,12 @@ def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]
         rims.append(amplitude[v.view.valid & i & ~jumps & binary_dilation(s & i & ~jumps, NEIGHBOURS)])
         returned.append(amplitude[v.view.valid & i])
     rim, least = np.concatenate(rims), np.concatenate(returned)
-    above_threshold = len(rim) > 0 and np.median(rim) > limits.filter.rim * np.quantile(least, limits.filter.dimmest)
+    if not len(rim) or not np.median(rim) > limits.filter.rim * np.quantile(least, limits.filter.dimmest):
+        return none
     light = np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
     gone = np.concatenate([s[i] for s, i in zip(shaped, inside, strict=True)])
-    if not above_threshold or _chance_dimmer(light, gone) < limits.filter.dimmer:
-        return [np.zeros(i.shape, bool) for i in inside]
+    if _chance_dimmer(light, gone) < limits.filter.dimmer:
+        return none
     return [s & i for s, i in zip(shaped, inside, strict=True)]
 
 

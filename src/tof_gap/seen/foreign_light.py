@@ -42,9 +42,11 @@ def foreign_light(views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, li
     count = len(views)
     by_prior = chdtrc(count, along)
     by_arm = fdtrc(2 * count, count, along / count / max(across / (2 * count), 1e-12)) if across > 0 else 0.0
-    fields = [field(v, limits) for v in views]
     certain = by_prior < limits.chance and by_arm < limits.chance_across
-    if not certain and (by_arm > limits.chance_across_fields or _with_field(views, fields, limits) < limits.field_views):
+    if not certain and by_arm > limits.chance_across_fields:
+        return None
+    fields = [field(v, limits) for v in views]
+    if not certain and _with_field(views, fields, limits) < limits.field_views:
         return None
     size = float(np.sqrt(np.mean(arms[:, ALONG] ** 2)))
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
 
+NEIGHBOURS = np.ones((3, 3), bool)
+"""A filter takes an outlier with its neighbours."""
 LEAST_COVER = 0.1
 """Share of a window that must count, so that a mean over the rest stays finite."""
 
@@ -55,7 +57,7 @@ def outliers_removed(valid: Mask, limits: MissingLimits) -> Mask:
     A filter takes an outlier with its neighbours, so its holes are a few pixels large and never a single one; pixels lost one by one
     are mostly single.
     """
-    holes, _ = label(~valid, np.ones((3, 3)))
+    holes, _ = label(~valid, NEIGHBOURS)
     size = np.bincount(holes.ravel())[holes]
     small = ~valid & (size <= limits.filter_px)
     single = small & (size == 1)

@@ -135,8 +135,7 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light)
     taken = left_out if foreign is None else left_out | {Interference.NAME}
     gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
-    # Wrapped pixels of which the camera's filter kept none: their jump is in no map.
-    unmerged = any(f.name == PhaseWrap.NAME and not f.corrects for f in gone)
+    unmerged = any(_removed_wraps(f) for f in gone)
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
     return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone], config.missing)))
 
@@ -148,10 +147,15 @@ def filtered(loss: Finding, beside: Sequence[Finding], limits: MissingLimits) ->
     Pixels that are unwrapped wrongly here and there are outliers wherever they are. Pixels with a noise of their own are outliers,
     the more the weaker the light, without a wrong turn.
     """
-    if isinstance(loss.effect, PhaseWrap) and not loss.corrects:
+    if _removed_wraps(loss):
         return any(f.own_noise is not None for f in beside)
     if not isinstance(loss.effect, Dropout):
         return False
     rare = loss.effect.threshold == 0.0 and loss.effect.random < limits.lost_share
     makers = [f.effect for f in beside if f.effect.makes_outliers]
     return any(rare or effect.EVIDENCE is not Evidence.NOISE for effect in makers)
+
+
+def _removed_wraps(found: Finding) -> bool:
+    """Whether it is wrapped pixels of which the camera's filter kept none: their jump is in no map."""
+    return isinstance(found.effect, PhaseWrap) and not found.corrects

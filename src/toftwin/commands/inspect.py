@@ -65,9 +65,8 @@ def run(args: argparse.Namespace) -> int:
     """Inspect; 1 when a part is absent or displaced, or not judged where that is asked for."""
     import json
 
-    from tof_core.progress import steps
     from toftwin.inputs import opened
-    from toftwin.inspection import InspectionConfig
+    from toftwin.inspection import InspectionConfig, inspect_views
     from toftwin.options import load_config
     from toftwin.pipeline import ViewStream
 
@@ -84,8 +83,7 @@ def run(args: argparse.Namespace) -> int:
 
     inspector = Inspector(Raycaster(scene), config.inspect, config.align, bias=known_bias(args.sensor))
     _learn(args, inspector, config)
-    with steps("parts", 1 + len(inspector.names)) as begin:
-        found = inspector.judge(views, begin)
+    found = inspect_views(views, inspector)
     result = content(found, scene.digest)
     trends = history.trends(history.add(args.history, result)) if args.history else []
     result["trends"] = [t.to_dict() for t in trends]
