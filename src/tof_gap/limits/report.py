@@ -18,11 +18,11 @@ class ShrinkLimits:
     noise_known: float = param(0.03, "error of the noise variance, relative", low=0.0, high=1.0, why="bins of amplitude interpolate it")
     resolution: float = param(0.005, "half width of the interval", low=0.0, high=1.0, why="rounding of the depth code and of the floor")
     healthy_mm: float = param(
-        0.7,
+        0.5,
         "RMS of a healthy camera's errors that poses absorb",
         unit="mm",
         low=0.0,
-        why="table, temperature and albedo: a simulation with the true effects leaves them",
+        why="table, temperature and albedo; healthy emerging cameras have 0.3 to 0.7",
     )
     drawn_share: float = param(
         0.05, "of the gap's energy, what a bootstrap draw must hold to count", low=0.0, high=1.0, why="a ratio to nothing says nothing"

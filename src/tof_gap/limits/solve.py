@@ -104,12 +104,8 @@ class SelectLimits:
         0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0, why="half of its size"
     )
     tie_gain: float = param(
-        20.0, "held-out chi-square by which tied effects differ at most", low=0.0, why="less than what makes an effect believed"
+        6.0, "held-out chi-square by which tied effects differ at most", low=0.0, why="odds of 20 to 1: what a name with 0.95 states"
     )
-    tie_share: float = param(
-        0.35, "the same, of what the member wins", low=0.0, high=1.0, why="a weak member is not known from a strong one"
-    )
-    tie_least: float = param(4.0, "difference that is no evidence, whatever the member wins", low=0.0, why="two standard deviations")
     most: int = param(5, "effects named at most", low=1, high=12, why="more are rarely separable")
     unknown: float = param(25.0, "held-out chi-square that a free function of an observable pays", low=0.0, why="it has up to twelve knots")
     unknown_share: float = param(

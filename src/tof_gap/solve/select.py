@@ -149,9 +149,7 @@ def _rough(judge: Selector, current: Hypothesis, place: int, lost: Float) -> flo
 
 def _described(judge: Selector, current: Hypothesis, small: tuple[str, ...]) -> Selection:
     lost = worth(judge, current)[0] if current.members else np.zeros(0)
-    ties = tuple(
-        () if judge.is_free(m) else stand_ins(judge, current, place, float(lost[place])) for place, m in enumerate(current.members)
-    )
+    ties = tuple(() if judge.is_free(m) else stand_ins(judge, current, place) for place, m in enumerate(current.members))
     free = [judge.design.candidates[m].free for m in current.members]
     unknown = tuple(f.quantity for _, f in sorted(zip(-lost, free, strict=True), key=lambda lf: lf[0]) if f is not None)
     return Selection(current, judge.fit(current), ties, unknown, small)

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from tof_gap.solve.judge import Hypothesis, Selector
 
 
-def stand_ins(judge: Selector, current: Hypothesis, place: int, worth: float) -> tuple[int, ...]:
-    """Candidates of other names that the data cannot tell from the member at `place`; worth: held-out chi-square lost without it."""
+def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ...]:
+    """Candidates of other names that the data cannot tell from the member at `place`."""
     d, config = judge.design, judge.config
     member = current.members[place]
     rest = [m for i, m in enumerate(current.members) if i != place]
@@ -24,9 +24,7 @@ def stand_ins(judge: Selector, current: Hypothesis, place: int, worth: float) ->
         if candidate.name in taken or judge.is_free(i):
             continue
         trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
-        if trial.score - current.score > min(config.tie_gain, max(config.tie_share * worth, config.tie_least)) or not judge.plausible(
-            trial
-        ):
+        if trial.score - current.score > config.tie_gain or not judge.plausible(trial):
             continue
         if not _hides(judge, current, place, member, i, rest):
             continue

@@ -4,17 +4,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from tof_gap.seen.pattern import single_pixels, without_pattern
+from tof_gap.tell.floor import floor2, shown2
 from tof_gap.tell.shrink import Shrink, blocks, measure
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.quantization import Quantization
-from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,13 +28,13 @@ if TYPE_CHECKING:
     from tof_gap.solved import Solved
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Figures:
     """What every figure of a session is made of; lists are per view, images (H, W).
 
     residual: metres before any effect, NaN where a pixel does not count; floors: m^2; maps: metres per effect; common: metres of
-    noise that neighbours share (part of the floors); edge: pixels that count only where `flying_pixels` is named; held: held-out
-    views; unsure2: m^2 along the ray, variance of the error of a fixed pattern's map; step_m: metres between depth codes, where
+    noise that neighbours share (part of the floors); noise2: m^2, the pixels' own noise (part of the floors); edge: pixels that count
+    only where `flying_pixels` is named; mixed: those of them that measured a depth between their two surfaces; held: held-out views; unsure2: m^2 along the ray, variance of the error of a fixed pattern's map; step_m: metres between depth codes, where
     `quantization` is named; posed_m: metres of noise that neighbours share and that the poses took; rng: for resampling; limits: how the figures are computed.
     """
 
@@ -40,7 +42,9 @@ class Figures:
     floors: Sequence[Float]
     maps: Mapping[str, Sequence[Float]]
     common: Sequence[Float]
+    noise2: Sequence[Float]
     edge: Sequence[Mask]
+    mixed: Sequence[Mask]
     held: Sequence[int]
     unsure2: Float
     step_m: float
@@ -67,11 +71,21 @@ class Figures:
         """Figures before and after subtracting the named effects, on the held-out views."""
         before = [self.residual[v] for v in self.held]
         after = [b - self.total(names, v) for b, v in zip(before, self.held, strict=True)]
+        floors = self.floors_shown
         unsure2 = float(self.unsure2.mean()) if FixedPattern.NAME in names else 0.0
         if FlyingPixels.NAME in names:
+            after = [np.where(self.mixed[v], np.sqrt(f), a) for v, a, f in zip(self.held, after, floors, strict=True)]
             unsure2 += self._mixed_left(after)
-        held_out = blocks(before, after, [self.floors[v] for v in self.held], self.limits.block_px)
+        held_out = blocks(before, after, floors, self.limits.block_px)
         return measure(held_out, self.rng, self.limits.shrink, unsure2)
+
+    @cached_property
+    def floors_shown(self) -> list[Float]:
+        """(H, W) m^2 of each held-out view: the floor with the noise that its own pixels show."""
+        left = self.left()
+        steady = [np.where(self.edge[v], np.nan, left[v]) for v in self.held]
+        shown = shown2(steady, [self.noise2[v] for v in self.held], 2.0 * self.limits.shrink.noise_known)
+        return [self.floors[v] - self.noise2[v] + s for v, s in zip(self.held, shown, strict=True)]
 
     def _mixed_left(self, after: Sequence[Float]) -> float:
         """m^2 over all pixels: energy left at mixed pixels, which half a pixel of pose decides and no other effect explains."""
@@ -95,7 +109,9 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
         floors=[f + np.nan_to_num(c) ** 2 for f, c in zip(floor2(quiet, solved.camera_covs), common, strict=True)],
         maps={**maps, **{f.name: list(f.share) for f in findings if f.corrects and f.share is not None}},
         common=list(common),
+        noise2=[v.sigma**2 for v in quiet],
         edge=[v.edge for v in views],
+        mixed=[between(v) for v in views],
         held=solved.split.held_out,
         unsure2=unsure2,
         step_m=max((f.effect.step_m for f in findings if isinstance(f.effect, Quantization)), default=0.0),
@@ -103,6 +119,17 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
         rng=rng,
         limits=limits,
     )
+
+
+def between(view: ViewEvidence) -> Mask:
+    """(H, W) pixels at edges whose depth lies between those of the surfaces beside: mixed ones, by whatever share.
+
+    Half a pixel of pose decides the share, and with it the error of the pixel's map: only that both surfaces are in the pixel is known.
+    """
+    cad = view.frame.depth
+    near, far = minimum_filter(np.nan_to_num(cad, nan=np.inf), 3), maximum_filter(np.nan_to_num(cad, nan=-np.inf), 3)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(view.edge & (view.view.depth > near) & (view.view.depth < far))
 
 
 def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
@@ -120,12 +147,3 @@ def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
         if finding.own_noise is not None:
             keep &= ~finding.own_noise
     return np.where(keep, view.residual, np.nan)
-
-
-def floor2(views: Sequence[ViewEvidence], covs: Float) -> list[Float]:
-    """(H, W) m^2 per view: noise, and the posterior of the pose with the covariances `covs` (V, 6, 6); no model can go below."""
-    out = []
-    for view, cov in zip(views, covs, strict=True):
-        J = pose_columns(view.frame)
-        out.append(view.sigma**2 + np.einsum("hwi,ij,hwj->hw", J, cov, J))
-    return out

@@ -28,7 +28,10 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class Shrink:
-    """1 - (after^2 - floor^2) / (before^2 - floor^2) on RMSE, None where before is at the floor."""
+    """1 - (after^2 - floor^2 + healthy^2) / (before^2 - floor^2 + healthy^2) on RMSE, None where before is at the floor.
+
+    healthy: what poses take of a healthy camera's errors. The residuals do not show it, and no named effect removes it.
+    """
 
     before: Errors
     after: Errors
@@ -91,7 +94,8 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
     """
     before, after = held_out.errors("before"), held_out.errors("after")
     floor2 = float(held_out.floor2.sum() / max(held_out.n.sum(), 1.0))
-    value = _shrink(before.rmse, after.rmse, floor2, limits.above_floor)
+    healthy2 = (limits.healthy_mm * 1e-3) ** 2
+    value = _shrink(before.rmse, after.rmse, floor2, healthy2, limits.above_floor)
     ci = None
     if value is not None and np.array_equal(held_out.before, held_out.after):
         ci = (0.0, 0.0)
@@ -101,21 +105,21 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
         b2, a2, f2 = draws @ held_out.before[2] / n, draws @ held_out.after[2] / n, draws @ held_out.floor2 / n
         above = (before.rmse * 1e-3) ** 2 - floor2
         # A draw of blocks without a gap says nothing of a ratio.
-        ratios = (1 - (a2 - f2) / (b2 - f2))[b2 - f2 > limits.drawn_share * above]
+        ratios = ((b2 - a2) / (b2 - f2 + healthy2))[b2 - f2 > limits.drawn_share * above]
         low, high = np.quantile(ratios, [0.025, 0.975]) if len(ratios) else (value, value)
-        floor = abs(value) * limits.noise_known * floor2 / above
+        floor = abs(value) * limits.noise_known * floor2 / (above + healthy2)
         half = [float(np.hypot(max(side, limits.resolution), floor)) for side in (value - low, high - value)]
-        hidden = (limits.healthy_mm * 1e-3) ** 2 / above
-        ci = (value - half[0] - hidden, max(value + half[1] + unsure2 / above, 1.0))
+        hidden = healthy2 / (above + healthy2)
+        ci = (value - half[0] - hidden, max(value + half[1] + unsure2 / (above + healthy2), 1.0))
     return Shrink(before, after, 1e3 * float(np.sqrt(floor2)), value, ci)
 
 
-def _shrink(before_mm: float, after_mm: float, floor2: float, above_floor: float) -> float | None:
-    """The shrink, 1 at most, or None where the RMS before exceeds the floor by less than the share `above_floor`.
+def _shrink(before_mm: float, after_mm: float, floor2: float, healthy2: float, above_floor: float) -> float | None:
+    """The shrink, or None where the RMS before exceeds the floor by less than the share `above_floor`.
 
     The floor is known to a few percent: what is left may seem to lie below it, but a gap shrinks to nothing at most.
     """
     b2, a2 = (before_mm * 1e-3) ** 2, (after_mm * 1e-3) ** 2
     if not b2 > floor2 * (1.0 + above_floor) ** 2:
         return None
-    return float(min(1 - (a2 - floor2) / (b2 - floor2), 1.0))
+    return float((b2 - max(a2, floor2)) / (b2 - floor2 + healthy2))

@@ -42,9 +42,21 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
     maps = {e.NAME: [e.bias(v.frame) for v in evidence] for e in biases}
     residual = [used(v, ()) + sum((m[i] for m in maps.values()), np.zeros(SHAPE)) for i, v in enumerate(evidence)]
     floors = [v.sigma**2 for v in evidence]
-    edge = [v.edge for v in evidence]
+    nothing, nowhere = [np.zeros(SHAPE)] * VIEWS, [np.zeros(SHAPE, bool)] * VIEWS
     figures = Figures(
-        residual, floors, maps, [np.zeros(SHAPE)] * VIEWS, edge, HELD, np.zeros(SHAPE), 0.0, 0.0, np.random.default_rng(0), ReportLimits()
+        residual=residual,
+        floors=floors,
+        maps=maps,
+        common=nothing,
+        noise2=floors,
+        edge=[v.edge for v in evidence],
+        mixed=nowhere,
+        held=HELD,
+        unsure2=np.zeros(SHAPE),
+        step_m=0.0,
+        posed_m=0.0,
+        rng=np.random.default_rng(0),
+        limits=ReportLimits(),
     )
     causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
     findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, Dropout)]

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the figures are made of: the pixels that count, the floor under them, and noise that neighbours share."""
+"""What the figures are made of: the pixels that count, mixed pixels, and noise that neighbours share."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -11,22 +12,13 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, views
 from tof_gap.limits.report import ReportLimits
 from tof_gap.seen.finding import Finding
-from tof_gap.tell.figures import Figures, floor2, used
+from tof_gap.tell.figures import Figures, between, used
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
-from tof_sensor.geometry import pose_columns
 
-
-def test_the_floor_is_noise_and_pose_posterior() -> None:
-    (view, *_) = views(np.random.default_rng(1))
-    along = np.zeros((6, 6))
-    along[2, 2] = 0.002**2
-    (only_noise,), (both,) = floor2([view], np.zeros((1, 6, 6))), floor2([view], along[None])
-    np.testing.assert_allclose(only_noise, view.sigma**2)
-    # A step along the optical axis changes depth by itself, and by the slope of the surface.
-    np.testing.assert_allclose(both - only_noise, 0.002**2 * pose_columns(view.frame)[..., 2] ** 2)
-    assert np.sqrt((both - only_noise)[SHAPE[0] // 2, SHAPE[1] // 2]) == pytest.approx(0.002, rel=0.3)
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
 
 
 def test_gross_pixels_and_edges_count_only_where_an_effect_explains_them() -> None:
@@ -62,18 +54,66 @@ def test_pixels_with_a_named_noise_of_their_own_are_in_no_figure() -> None:
     np.testing.assert_array_equal(counted, all_of_them & ~noisy)
 
 
+def of(residual: list[Float], **made: Any) -> Figures:
+    """Figures of views with these residuals and 1 mm of noise, all held out."""
+    blank, nowhere = [np.zeros(SHAPE)] * len(residual), [np.zeros(SHAPE, bool)] * len(residual)
+    noise2 = [np.full(SHAPE, 0.001**2)] * len(residual)
+    usual: dict[str, Any] = {
+        "residual": residual,
+        "floors": noise2,
+        "maps": {},
+        "common": blank,
+        "noise2": noise2,
+        "edge": nowhere,
+        "mixed": nowhere,
+        "held": range(len(residual)),
+        "unsure2": np.zeros(SHAPE),
+        "step_m": 0.0,
+        "posed_m": 0.0,
+        "rng": np.random.default_rng(0),
+        "limits": ReportLimits(),
+    }
+    return Figures(**(usual | made))
+
+
 def test_what_neighbours_share_is_the_codes_step_and_half_of_named_shared_noise() -> None:
-    common = [np.full(SHAPE, 0.004)] * 2
-    figures = Figures([], [], {}, common, [], (), np.zeros(SHAPE), 0.012, 0.003, np.random.default_rng(0), ReportLimits())
+    figures = of([np.zeros(SHAPE)] * 2, common=[np.full(SHAPE, 0.004)] * 2, step_m=0.012, posed_m=0.003)
     assert figures.alike_m == pytest.approx(np.hypot(0.012 / np.sqrt(12), 0.5 * 0.005)), "what the poses took of it counts: 3 mm of 5"
 
 
 def test_what_is_left_is_without_named_effects_and_shared_noise() -> None:
     residual, share, common = (np.full(SHAPE, v) for v in (0.010, 0.006, 0.001))
-    figures = Figures(
-        [residual], [], {"wiggling": [share]}, [common], [], (), np.zeros(SHAPE), 0.0, 0.0, np.random.default_rng(0), ReportLimits()
-    )
+    figures = of([residual], maps={"wiggling": [share]}, common=[common])
     np.testing.assert_allclose(figures.left()[0], 0.003)
     np.testing.assert_allclose(figures.total(["wiggling"], 0), 0.006)
     np.testing.assert_allclose(figures.total([], 0), 0.0)
     assert CAMERA.shape == SHAPE
+
+
+def test_a_mixed_pixel_between_its_surfaces_is_explained_whatever_its_share() -> None:
+    """Mixed pixels of 50 mm whose map has the wrong share by half: both surfaces are in them, and that is what the effect says."""
+    rng = np.random.default_rng(5)
+    mixed = np.zeros(SHAPE, bool)
+    mixed[:, ::16] = True
+    residual = np.where(mixed, 0.05, 0.0) + rng.normal(0, 0.001, SHAPE)
+    share = np.where(mixed, 0.025, 0.0)
+    known, unknown = (
+        of([residual], maps={"flying_pixels": [share]}, edge=[mixed], mixed=[between]).shrink(["flying_pixels"])
+        for between in (mixed, np.zeros(SHAPE, bool))
+    )
+    assert known.shrink == pytest.approx(1.0, abs=0.02)
+    assert unknown.shrink == pytest.approx(0.75, abs=0.02)
+
+
+def test_only_edges_that_measure_between_their_two_surfaces_are_mixed() -> None:
+    (view, *_) = views(np.random.default_rng(1))
+    depth = np.where(np.arange(SHAPE[1]) < SHAPE[1] // 2, 1.0, 1.3) * np.ones(SHAPE)
+    edge = np.zeros(SHAPE, bool)
+    edge[:, SHAPE[1] // 2] = True
+    measured = depth.copy()
+    measured[:20, SHAPE[1] // 2], measured[20:, SHAPE[1] // 2] = 1.15, 1.31
+    frame = replace(view.frame, depth=depth)
+    seen = replace(view, frame=frame, edge=edge, view=replace(view.view, depth=measured.astype(np.float32)))
+    assert between(seen)[:20, SHAPE[1] // 2].all()
+    assert not between(seen)[20:].any(), "beyond both surfaces"
+    assert between(seen).sum() == 20, "no edge, no mixed pixel"

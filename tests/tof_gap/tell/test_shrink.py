@@ -12,6 +12,8 @@ from tof_gap.tell.shrink import HeldOut, blocks, measure
 RNG = np.random.default_rng(8)
 LIMITS = ShrinkLimits()
 SHAPE = (64, 64)
+HEALTHY2 = LIMITS.healthy_mm**2
+"""mm^2: what poses take of a healthy camera's errors stays."""
 
 
 def maps(bias: float, noise: float, left: float) -> tuple[list, list, list]:  # type: ignore[type-arg]
@@ -27,7 +29,7 @@ def sums(before: list, after: list, floor2: list) -> HeldOut:  # type: ignore[ty
 
 def test_a_bias_taken_off_by_half_shrinks_the_excess_by_three_quarters() -> None:
     result = measure(sums(*maps(0.004, 0.002, 0.5)), RNG, LIMITS)
-    assert result.shrink == pytest.approx(0.75, abs=0.03)
+    assert result.shrink == pytest.approx(0.75 * 16 / (16 + HEALTHY2), abs=0.03)
     assert result.before.bias == pytest.approx(4.0, abs=0.1)
     assert result.before.rmse == pytest.approx(np.hypot(4, 2), abs=0.1)
     assert result.floor_mm == pytest.approx(2.0)
@@ -42,9 +44,15 @@ def test_at_the_floor_there_is_no_shrink_to_state() -> None:
 
 
 def test_what_is_left_may_be_error_of_the_map_and_what_poses_took_would_stay() -> None:
-    """A bias of 4 mm of which the map leaves half: the true effect may leave nothing, or 0.7 mm of a healthy camera's errors more."""
+    """A bias of 4 mm of which the map leaves half: the true effect may leave nothing, or twice the energy of a healthy camera's errors."""
     result = measure(sums(*maps(0.004, 0.0005, 0.5)), RNG, LIMITS)
-    assert result.ci95 == pytest.approx((0.75 - 0.7**2 / 4.0**2, 1.0), abs=0.01)
+    assert result.ci95 == pytest.approx(((0.75 * 16 - HEALTHY2) / (16 + HEALTHY2), 1.0), abs=0.01)
+
+
+@pytest.mark.parametrize("bias_mm", [0.8, 2.0, 5.0])
+def test_a_healthy_cameras_errors_stay_and_count_the_more_the_smaller_the_gap(bias_mm: float) -> None:
+    result = measure(sums(*maps(1e-3 * bias_mm, 0.0005, 0.0)), RNG, LIMITS)
+    assert result.shrink == pytest.approx(bias_mm**2 / (bias_mm**2 + HEALTHY2), abs=0.02)
 
 
 def test_where_nothing_is_removed_nothing_shrinks() -> None:
@@ -54,7 +62,7 @@ def test_where_nothing_is_removed_nothing_shrinks() -> None:
 
 def test_a_gap_shrinks_to_nothing_at_most() -> None:
     before, after, floor = maps(0.004, 0.002, 0.0)
-    assert measure(sums(before, after, [1.2 * f for f in floor]), RNG, LIMITS).shrink == 1.0
+    assert measure(sums(before, after, [1.2 * f for f in floor]), RNG, LIMITS).shrink == pytest.approx(1.0, abs=0.03)
 
 
 def test_pixels_without_depth_do_not_count() -> None:
@@ -65,17 +73,17 @@ def test_pixels_without_depth_do_not_count() -> None:
 
 def test_what_a_map_may_be_wrong_by_may_still_be_won() -> None:
     held_out = sums(*maps(0.004, 0.002, 0.0))
-    sure, unsure = (measure(held_out, np.random.default_rng(0), LIMITS, u) for u in (0.0, 1e-6))
+    sure, unsure = (measure(held_out, np.random.default_rng(0), LIMITS, u) for u in (1e-6, 2e-6))
     assert sure.ci95 is not None
     assert unsure.ci95 is not None
     assert unsure.ci95[0] == sure.ci95[0]
-    assert unsure.ci95[1] - sure.ci95[1] == pytest.approx(1e-6 / 0.004**2, rel=0.05)
+    assert unsure.ci95[1] - sure.ci95[1] == pytest.approx(1.0 / (16 + HEALTHY2), rel=0.05)
 
 
 def test_under_much_scatter_the_interval_says_that_the_floor_is_not_known_better() -> None:
     little, much = (measure(sums(*maps(0.004, noise, 0.0)), RNG, LIMITS).ci95 for noise in (0.0005, 0.008))
     assert little is not None
     assert much is not None
-    hidden = 0.7**2 / 4.0**2  # by what a healthy camera errs and poses absorb
-    assert np.diff(little) - hidden < 0.02
+    hidden = HEALTHY2 / 4.0**2  # by what a healthy camera errs and poses absorb
+    assert np.diff(little) - 2 * hidden < 0.02
     assert np.diff(much) - hidden > 2 * 0.03 * 0.008**2 / 0.004**2

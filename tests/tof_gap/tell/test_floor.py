@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The floor: noise as its own pixels show it, and the posterior of the pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import SHAPE, views
+from tof_gap.tell.floor import floor2, shown2
+from tof_sensor.geometry import pose_columns
+
+RNG = np.random.default_rng(2)
+STATED = [np.full(SHAPE, 0.002**2)]
+
+
+def test_the_floor_is_noise_and_pose_posterior() -> None:
+    (view, *_) = views(np.random.default_rng(1))
+    along = np.zeros((6, 6))
+    along[2, 2] = 0.002**2
+    (only_noise,), (both,) = floor2([view], np.zeros((1, 6, 6))), floor2([view], along[None])
+    np.testing.assert_allclose(only_noise, view.sigma**2)
+    # A step along the optical axis changes depth by itself, and by the slope of the surface.
+    np.testing.assert_allclose(both - only_noise, 0.002**2 * pose_columns(view.frame)[..., 2] ** 2)
+    assert np.sqrt((both - only_noise)[SHAPE[0] // 2, SHAPE[1] // 2]) == pytest.approx(0.002, rel=0.3)
+
+
+def total(shown: list) -> float:  # type: ignore[type-arg]
+    return float(shown[0].sum() / STATED[0].sum())
+
+
+def test_the_noise_shown_is_that_of_these_very_pixels() -> None:
+    noise = RNG.normal(0, 1.03 * 0.002, SHAPE)
+    assert total(shown2([noise], STATED, 0.2)) == pytest.approx((noise**2).sum() / STATED[0].sum(), rel=0.02)
+
+
+def test_a_smooth_gap_is_no_noise() -> None:
+    row, column = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    gap = 0.006 * np.sin(row / 20) * np.cos(column / 15)
+    noise = RNG.normal(0, 0.002, SHAPE)
+    assert total(shown2([noise + gap], STATED, 0.2)) == pytest.approx(total(shown2([noise], STATED, 0.2)), rel=0.02)
+
+
+@pytest.mark.parametrize(("sigma", "bound"), [(0.003, 1.06), (0.001, 0.94)])
+def test_what_differs_from_the_stated_noise_by_more_than_it_is_known_is_not_the_floor(sigma: float, bound: float) -> None:
+    """A rough gap shows in second differences as noise does."""
+    assert total(shown2([RNG.normal(0, sigma, SHAPE)], STATED, 0.06)) == pytest.approx(bound)
+
+
+def test_pixels_without_neighbours_keep_the_stated_noise() -> None:
+    lonely = np.full(SHAPE, np.nan)
+    lonely[5, 5] = 0.001
+    np.testing.assert_array_equal(shown2([lonely], STATED, 0.06)[0], STATED[0])
