@@ -59,6 +59,7 @@ def run(args: argparse.Namespace) -> int:
     from toftwin.correcting import CorrectionConfig, corrector_of, views_of
     from toftwin.inputs import opened
     from toftwin.options import load_config
+    from toftwin.paths import session_name
 
     config = load_config(CorrectionConfig, args)
     if not (args.save or args.reference or args.scene):
@@ -80,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out:
         from arm_correction.report import write
 
-        page = write(made, chosen[-1], frames, args.out, Path(args.bag).name, reference=reference, caster=corrector.caster)
+        page = write(made, chosen[-1], frames, args.out, session_name(args.bag), reference=reference, caster=corrector.caster)
         if not args.json:
             print(f"report: {page}")
     return 0 if next(iter(made.values())).accepted else 1

@@ -95,6 +95,7 @@ def run(args: argparse.Namespace) -> int:
     from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
     from toftwin.inputs import source
     from toftwin.options import load_config
+    from toftwin.paths import session_name
 
     config = load_config(GapPipelineConfig, args)
     left_out = _effects(args.leave_out)
@@ -111,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
     content = write(diagnosis, caster, args.out, advise(diagnosis, caster), again)
     if compared is not None:
         content["against"] = compared.to_dict() | {"lines": compared.lines()}
-    page = write_page(diagnosis, content, args.out, Path(args.bag).name, caster.scene.names)
+    page = write_page(diagnosis, content, args.out, session_name(args.bag), caster.scene.names)
     learned = _retrained(diagnosis, caster, args.out, config, say) if args.retrain else None
     if args.json:
         print(json.dumps(content | ({} if learned is None else {"retrain": asdict(learned)}), indent=1))

@@ -6,8 +6,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tof_core.errors import UsageError
-
 if TYPE_CHECKING:
     import argparse
 
@@ -59,8 +57,6 @@ def run(args: argparse.Namespace) -> int:
     from toftwin.options import load_config
 
     config = load_config(InferenceConfig, args)
-    if args.out.exists():
-        raise UsageError("exists already", where=args.out, todo="name another folder or remove it")
     with open_bag(args.bag, config.input) as reader:
         tally = infer_bag(reader, args.out, config.infer, copy=not args.only)
     if args.json:

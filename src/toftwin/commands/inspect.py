@@ -68,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
     from toftwin.inputs import opened
     from toftwin.inspection import InspectionConfig, inspect_views
     from toftwin.options import load_config
+    from toftwin.paths import session_name
     from toftwin.pipeline import ViewStream
 
     config = load_config(InspectionConfig, args)
@@ -87,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     result = content(found, scene.digest)
     trends = history.trends(history.add(args.history, result)) if args.history else []
     result["trends"] = [t.to_dict() for t in trends]
-    page = write(inspector, found, args.out, Path(args.bag).name, trends) if args.out else None
+    page = write(inspector, found, args.out, session_name(args.bag), trends) if args.out else None
     if args.json:
         print(json.dumps(result, indent=1))
     else:

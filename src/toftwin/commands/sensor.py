@@ -6,8 +6,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tof_core.errors import UsageError
-
 if TYPE_CHECKING:
     import argparse
 
@@ -64,8 +62,6 @@ def run(args: argparse.Namespace) -> int:
     from toftwin.sensing import SensingConfig, sense_bag
 
     config = load_config(SensingConfig, args)
-    if args.out.exists():
-        raise UsageError("exists already", where=args.out, todo="name another folder or remove it")
     with opened(args.bag, args.scene, config, args.initial_pose) as (reader, scene):
         tally = sense_bag(reader, args.out, config.sensor, None if scene is None else Raycaster(scene), normals_topic=args.normals_topic)
     counts = tally.to_dict()

@@ -66,8 +66,6 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("needs --scene and --out", where="simulate", todo=f"for instance: {EXAMPLE}")
     config = _with_flags(load_config(VirtualConfig, args), args)
     effects = parse_effects(args.effect)
-    if args.out.exists():
-        raise UsageError("exists already", where=args.out, todo="name another folder or remove it")
 
     from tof_virtual.effects import make_effects
     from tof_virtual.record import record
