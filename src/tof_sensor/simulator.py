@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
     from tof_scene.rendering import Rendering
 
+NOISY_SHARE = 0.25
+"""Noise over distance from which a pixel has no depth: four sigmas reach the camera itself, and a phase so noisy is not known to a period."""
 STILL = 1e-4
 """Velocity (m/s, rad/s) that differences of rounded TF give a camera that stands still."""
 
@@ -87,6 +89,7 @@ class Simulator:
         frame = ideal_frame(self._rendering(ideal, normal), self._context(ideal), *self._light(ideal))
         made = self.model.apply(frame, rng)
         depth, amplitude = made.depth.astype(np.float32), made.amplitude.astype(np.float32)
+        depth[made.sigma > NOISY_SHARE * ideal.depth] = np.nan  # black surfaces give no light, and a simulator's image has such
         lost = ~np.isfinite(depth) & (ideal.reason == Reason.VALID)
         return replace(ideal, depth=depth, amplitude=amplitude, reason=np.where(lost, np.uint8(Reason.NO_RETURN), ideal.reason))
 

@@ -52,6 +52,17 @@ def test_noise_follows_the_law_and_is_the_seeds_alone() -> None:
     assert np.abs(other.measured(wall(3, albedo=0.5)).depth - frames[3]).max() > 1e-3
 
 
+def test_a_surface_that_gives_no_light_has_no_depth() -> None:
+    law = SensorModel((PhotonLaw(floor_m=0.0, shot_m=0.001, ambient_m=0.001, reference=100.0),), gain=100.0)
+    ideal = wall(albedo=0.5)
+    assert ideal.amplitude is not None
+    ideal.amplitude[:, :10] = 0.0
+    made = Simulator(SimulatorConfig(), law).measured(ideal)
+    assert np.isnan(made.depth[:, :10]).all()
+    assert (made.reason[:, :10] == Reason.NO_RETURN).all()
+    np.testing.assert_allclose(made.depth[:, 10:], WALL_M, atol=0.05)
+
+
 def test_lost_pixels_say_why_and_what_was_invalid_stays() -> None:
     ideal = wall()
     ideal.depth[0, 0], ideal.reason[0, 0] = np.nan, Reason.OUT_OF_RANGE
