@@ -58,6 +58,11 @@ def set_command(arguments: Sequence[str]) -> None:
     _command = shlex.join(["toftwin", *arguments]) if arguments else ""
 
 
+def noted_command() -> list[str]:
+    """The arguments that `set_command` noted, for a process that writes pages beside this one."""
+    return shlex.split(_command)[1:]
+
+
 def render_page(package: str, template: str, title: str, **values: Any) -> str:
     """A page as HTML text: the template of a package, which extends `frame.html.j2`, with a title and its values.
 
@@ -110,11 +115,14 @@ def figure_uri(figure: Figure) -> str:
 
 
 def _small(png: io.BytesIO) -> bytes:
-    """A picture in 256 colours, as many as a colour map has: a third of the size, so that a page with a dozen of them stays below 5 MB."""
+    """A picture in 256 colours, as many as a colour map has: a third of the size, so that a page with a dozen of them stays below 5 MB.
+
+    The colours cover all that the picture has, so that those of few pixels stay right, such as the ends of a colour bar.
+    """
     from PIL import Image
 
     out = io.BytesIO()
-    Image.open(png).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(out, "PNG")
+    Image.open(png).convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(out, "PNG")
     return out.getvalue()
 
 

@@ -32,7 +32,7 @@ def panels(images: Sequence[tuple[str, NDArray[Any], str]], *, columns: int, spa
         ax.set_title(title, loc="left")
         drawn = _show(ax, array, kind, (float(low), float(high)), span_mm)
         shown[kind] = (shown.get(kind, (set(), None))[0] | {i // columns}, drawn)
-    for kind, label in (("depth", "m along the optical axis"), ("error", "mm, + is too far")):
+    for kind, label in (("depth", "m along the optical axis"), ("error", "mm, + is farther")):
         if kind in shown:
             in_rows, drawn = shown[kind]
             bar: Any = figure.colorbar(drawn, ax=plots[sorted(in_rows)].ravel().tolist(), shrink=0.8, pad=0.012, aspect=18 * len(in_rows))

@@ -42,6 +42,11 @@ def test_the_frame_names_title_date_version_and_command() -> None:
     assert "toftwin label &#39;my bag&#39; --scene &#39;a&amp;b.yaml&#39;" in html
 
 
+@pytest.mark.usefixtures("command")
+def test_a_process_started_beside_notes_the_same_command() -> None:
+    assert page.noted_command() == ["label", "my bag", "--scene", "a&b.yaml"]
+
+
 def test_without_a_command_line_the_frame_shows_none() -> None:
     assert "<code>" not in page.render_page("tof_core", "frame.html.j2", "a bag")
 
@@ -64,3 +69,15 @@ def test_a_figure_has_the_paper_s_colour_and_the_size_asked_for() -> None:
     pixels = decoded(page.figure_uri(figure))
     assert pixels[0, 0, :3].tolist() == [255, 255, 255]
     assert pixels.shape[:2] == pytest.approx((2 * page.PLOT_DPI, 4 * page.PLOT_DPI), rel=0.1)
+
+
+def test_the_ends_of_a_colour_bar_keep_their_colour_beside_noise() -> None:
+    """Most pixels are of the noise's pale colours and greys; the bar's ends are few."""
+    figure, axes = page.axes(6.0, 3.0, rows=1, columns=2)
+    rng = np.random.default_rng(0)
+    drawn = axes[0, 0].imshow(rng.normal(0, 1, (300, 300)), cmap="RdBu_r", vmin=-7, vmax=7)
+    axes[0, 1].imshow(rng.random((300, 300)), cmap="gray")
+    figure.colorbar(drawn, ax=axes[0, 0])
+    pixels = decoded(page.figure_uri(figure)).reshape(-1, 3).astype(int)
+    for end in ((5, 48, 97), (103, 0, 31)):
+        assert np.abs(pixels - end).max(axis=1).min() <= 16

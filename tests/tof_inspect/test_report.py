@@ -38,6 +38,8 @@ def test_page_and_json(tmp_path: Path) -> None:
     assert "http" not in page
     assert data["evidence"] == "depth alone: no reference image in colour is given"
     assert "log ratio of depth" in page
+    assert "probability that it is there 0.0003" in page
+    assert "probability that it is there above 0.9999" in page
 
 
 @pytest.mark.browser

@@ -44,7 +44,7 @@ def diagnose(folder: Path, bag: Path, scene_path: Path) -> Diagnosed:
         assert scene is not None
         found, caster = diagnose_bag(reader, scene, config)
     content = write(found, caster, folder, advise(found, caster))
-    write_page(found, content, folder, bag.name, caster.scene.names)
+    write_page(found, content, folder, "the first day", caster.scene.names)
     gap = found.gap
     picture = map_picture(found, caster.scene.names)
     return Diagnosed(content, sentence(content), picture, gap.above_mm(gap.before), gap.above_mm(gap.after), time.monotonic() - began)

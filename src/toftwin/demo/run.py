@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
+from tof_core.page import noted_command, set_command
 from tof_eval.sessions import SessionErrors, session_errors
 from tof_eval.tables import depth_table, methods_table, pose_table
 from tof_scene.scene_file import load_scene
@@ -62,7 +63,9 @@ def run_demo(out: Path, config: DemoConfig) -> DemoResult:
     seconds: dict[str, float] = {}
     path = _timed(seconds, "record", lambda: today(part, config))
     scene = load_scene(path)
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as second:  # the longest step, beside four that do not need it
+    with ProcessPoolExecutor(
+        1, get_context("spawn"), set_command, (noted_command(),)
+    ) as second:  # the longest step, beside four that do not need it
         diagnosis = second.submit(diagnose, part / "gap", part / TODAY, path)
         replayed = _timed(seconds, "replay", lambda: _replay(part, path))
         labelled = _timed(seconds, "label", lambda: _label(part, path))
