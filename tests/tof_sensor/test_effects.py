@@ -14,7 +14,7 @@ from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.dropout import Dropout
-from tof_sensor.effects.fixed_pattern import FixedPattern, packed
+from tof_sensor.effects.fixed_pattern import FixedPattern, line_cosines, packed
 from tof_sensor.effects.flying_pixels import Edge, FlyingPixels
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.intrinsics import Intrinsics
@@ -98,6 +98,12 @@ def test_fixed_pattern_keeps_single_pixels_to_ten_micrometres() -> None:
     frame = plane_frame()
     bias = FixedPattern(pixels=packed(image)).bias(frame)
     np.testing.assert_allclose(bias * frame.length, image, atol=5.1e-6)
+
+
+def test_the_cosines_of_lines_begin_where_the_field_ends_and_are_independent_of_it() -> None:
+    both = np.concatenate([line_cosines(64, 1, 4), line_cosines(64, 4, 16)], axis=1)
+    np.testing.assert_allclose(both.T @ both, 32.0 * np.eye(15), atol=1e-9)
+    assert line_cosines(64, 4, 0).shape == (64, 0)
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,9 @@ class JointLimits:
         high=2_000_000,
         why="memory: 8 MB a view",
     )
+    frame_taps: float = param(
+        12.0, "taps of a frame at most: a stamp is off their mean time by half of them", low=1.0, why="three frequencies of four taps"
+    )
     other_surface_mm: float = param(
         20.0, "difference of a rendered map from its first order", unit="mm", low=0.1, why="beyond, another surface is in view"
     )

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from tof_gap.seen.level import noise_level
-from tof_sensor.effects.fixed_pattern import cosines
+from tof_sensor.effects.fixed_pattern import cosines, line_cosines
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,10 +18,11 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
     from tof_gap.limits.seen import PatternLimits
     from tof_gap.seen.residual import ViewEvidence
+    from tof_sensor.effects.fixed_pattern import FixedPattern
 
 
-def pattern_columns(views: Sequence[ViewEvidence], v: int, folds: Ints, order: int) -> Float:
-    """(n, order^2) on a view's drawn pixels: cosines, then the lines seen in views of other folds.
+def pattern_columns(views: Sequence[ViewEvidence], v: int, folds: Ints, pattern: FixedPattern) -> Float:
+    """(n, k) on a view's drawn pixels: the field's cosines, those of columns and of rows, then the lines seen in views of other folds.
 
     The last column is estimated without the fold that it is judged on, so a held-out score of it
     is honest; its coefficient is 1 where the pattern is real.
@@ -30,9 +31,10 @@ def pattern_columns(views: Sequence[ViewEvidence], v: int, folds: Ints, order: i
     h, w = view.residual.shape
     by_column, by_row = line_means([other for other, fold in zip(views, folds, strict=True) if fold != folds[v]])
     row, column = np.divmod(view.pixels, w)
-    smooth = cosines(h, w, order)[row, column]
+    smooth = cosines(h, w, pattern.order)[row, column]
+    blocks = [line_cosines(n, pattern.order, pattern.lines)[at] for n, at in ((w, column), (h, row))]
     seen = (by_column[column] + by_row[row])[:, None]
-    return np.concatenate([smooth, seen], axis=1) / view.frame.length.ravel()[view.pixels, None]
+    return np.concatenate([smooth, *blocks, seen], axis=1) / view.frame.length.ravel()[view.pixels, None]
 
 
 def line_means(views: Sequence[ViewEvidence]) -> tuple[Float, Float]:

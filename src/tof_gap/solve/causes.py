@@ -15,7 +15,7 @@ from tof_gap.seen.pattern import line_means, single_pixels
 from tof_gap.solve.solution import calibrated_lens
 from tof_gap.solved import Named
 from tof_scene.render import render
-from tof_sensor.effects.fixed_pattern import FixedPattern, packed
+from tof_sensor.effects.fixed_pattern import FixedPattern, line_cosines, packed
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.intrinsics import Intrinsics
 
@@ -88,10 +88,17 @@ def _in_units(
 def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Sequence[int]) -> FixedPattern:
     views = [joint.views[i] for i in fit_views]
     by_column, by_row = line_means(views)
-    line, single = values[-1], single_pixels(views)
+    single = single_pixels(views)
+    field, line = values[: effect.order**2 - 1], values[-1]
+    blocks = np.split(values[len(field) : -1], 2)
+    lines = [
+        line * seen + line_cosines(len(seen), effect.order, effect.lines) @ block
+        for seen, block in zip((by_column, by_row), blocks, strict=True)
+    ]
     return replace(
         effect,
-        values=tuple(float(v) for v in (*(line * by_column), *(line * by_row), *values[:-1])),
+        values=tuple(float(v) for v in (*lines[0], *lines[1], *field)),
+        lines=0,
         pixels=packed(single.image) if single.size_m > 0 else "",
     )
 

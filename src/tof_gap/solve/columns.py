@@ -90,7 +90,7 @@ class ColumnStore:
         if effect is None:
             return np.zeros((len(view.pixels), 0))
         if isinstance(effect, FixedPattern):  # Lines have no formula: they are what the other views show.
-            return pattern_columns(self.views, v, self._folds, effect.order)
+            return pattern_columns(self.views, v, self._folds, effect)
         if effect.LOCAL:
             return np.asarray(effect.columns(self._thinned[v])[0])
         return effect.columns_at(view.frame, view.pixels)

@@ -11,6 +11,7 @@ import numpy as np
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.causes import free_shares, named, shares, smooth_ones
 from tof_gap.solve.judge import Selector
+from tof_gap.solve.lateness import late_apart
 from tof_gap.solve.solution import delayed, lens_of, solution
 from tof_gap.solve.start import observe
 from tof_gap.solve.tolerance import calibrated, sizes_m
@@ -46,7 +47,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     """
     judge = Selector(joint.design, config.select)
     after, late_s = solution(joint)
-    found = tuple(named(joint, split.fit, judge, rng))
+    found = late_apart(named(joint, split.fit, judge, rng), config.solve.joint.frame_taps)
     camera, other_m = joint.views[0].view.camera, config.solve.joint.other_surface_mm * 1e-3
     rest = tuple(n for n in found if not calibrated(n, config.calibration, camera))
     # Hand-eye, lens and lateness are effects: figures are stated without them, unless they are within the stated calibration.

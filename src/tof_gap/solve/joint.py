@@ -24,6 +24,7 @@ from tof_gap.solve.shapes import refined
 from tof_gap.solve.solution import Joint, lens_of, solution
 from tof_gap.solve.start import check_fit, farthest, observe
 from tof_scene.render import render
+from tof_sensor.effects.motion import Motion
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
@@ -68,8 +69,10 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
 
 
 def without(joint: Joint, name: str, config: GapConfig) -> Joint:
-    """The same solution with no effect of that name, everything else fitted anew."""
-    rest = joint.design.without(joint.selection.chosen.members, name)
+    """The same solution with no effect of that name, everything else fitted anew; a lateness set apart from `motion` goes with it."""
+    members = joint.selection.chosen.members
+    own = any(joint.design.candidates[m].name == name for m in members)
+    rest = joint.design.without(members, name if own else Motion.NAME)
     return replace(joint, selection=narrowed(joint.design, config.select, joint.selection, rest))
 
 

@@ -43,6 +43,7 @@ class FixedPattern(FieldEffect):
 
     values: tuple[float, ...] = ()
     order: int = param(4, "smooth field: cosines per axis", low=1, high=16)
+    lines: int = param(0, "cosines of columns and of rows that are fitted beyond the smooth field's, up to this one", low=0, high=64)
     pixels: str = param("", "what single pixels err by beyond that: int16 of 10 um, row after row, deflated, base64")
 
     def columns(self, frame: Frame) -> Float:
@@ -76,13 +77,16 @@ class FixedPattern(FieldEffect):
         return stack([np.where(frame.valid, field / frame.length, 0)], frame)[..., 0]
 
     def prior_sd(self, scale: Float) -> Float:
-        """Of the cosines falling with the square of their frequency, and of what follows them (lines) `REACH_M`.
+        """Of the smooth field's cosines falling with the square of their frequency, of those of columns and rows with their frequency (as steps
+        do), and of the lines that follow `REACH_M`.
 
         Run times over an array are smooth: what the views do not show between the pixels they cover is not bent for it.
         """
         i, j = np.mgrid[: self.order, : self.order].reshape(2, -1)[:, 1:]
         sd = np.full(len(scale), self.REACH_M)
         sd[: len(i)] /= i**2 + j**2
+        blocks = np.tile(np.arange(self.order, max(self.order, self.lines)), 2)
+        sd[len(i) : len(i) + len(blocks)] /= blocks
         return sd
 
     @property
@@ -92,14 +96,17 @@ class FixedPattern(FieldEffect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """A tilt, and a smooth field; lines and pixels come from the views' residuals."""
+        """A tilt, a smooth field, and one with columns and rows in blocks; lines and pixels come from the views' residuals."""
         del session
         yield Form(cls(order=TILT), "tilt")
         yield Form(cls(), "smooth field")
+        yield Form(cls(lines=BLOCKS), "blocks of columns and rows")
 
 
 TILT = 2
 """Cosines per axis of a pattern that falls from one side of the array to the other: few views determine it, and not a field of 15 cosines."""
+BLOCKS = 16
+"""Cosines of columns and of rows: clock buffers drive groups of lines, wider than the neighbourhood that lines are compared with."""
 STEP_M = 1e-5
 """Of `pixels`: far below any camera's own step, and 0.3 m as int16."""
 
@@ -134,3 +141,10 @@ def cosines(height: int, width: int, order: int) -> Float:
     y, x = (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width
     fields = [np.cos(np.pi * i * y)[:, None] * np.cos(np.pi * j * x)[None, :] for i in range(order) for j in range(order) if i + j]
     return np.stack(fields, axis=-1) if fields else np.zeros((height, width, 0))
+
+
+@lru_cache(maxsize=8)
+def line_cosines(count: int, low: int, high: int) -> Float:
+    """(count, high - low) cosines number `low` to `high` - 1 of so many columns or rows, largest value 1."""
+    at = (np.arange(count) + 0.5) / count
+    return np.cos(np.pi * np.arange(low, max(low, high)) * at[:, None])

@@ -84,6 +84,11 @@ class Motion(Effect):
         """Of its mean time."""
         return self.axial_s
 
+    @property
+    def apart_s(self) -> float:
+        """Seconds from one tap to the next by the size of the taps' error, which grows with them: `tap_s` is one of a few forms."""
+        return float(np.hypot(self.edge, self.turned) * self.tap_s)
+
     @classmethod
     def lacks(cls, session: Session) -> str:
         """A view in motion."""

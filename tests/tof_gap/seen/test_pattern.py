@@ -8,7 +8,8 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.stats import trimmed_std
-from tof_gap.seen.pattern import single_pixels, without_pattern
+from tof_gap.seen.pattern import pattern_columns, single_pixels, without_pattern
+from tof_sensor.effects.fixed_pattern import FixedPattern
 
 RNG = np.random.default_rng(11)
 PATTERN = RNG.normal(0, 0.003, SHAPE)
@@ -38,3 +39,15 @@ def test_scatter_is_that_of_the_photons_once_the_pattern_is_off(fit: range) -> N
     ratio = [float(np.median(c.sigma / p.sigma)) for c, p in zip(cleaned, plain, strict=True)]
     assert np.mean([ratio[i] for i in fit]) == pytest.approx(1.0, abs=0.03)
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize(("pattern", "left_mm"), [(FixedPattern(), 0.75), (FixedPattern(lines=16), 0.15)])
+def test_steps_between_groups_of_columns_need_the_cosines_of_columns(pattern: FixedPattern, left_mm: float) -> None:
+    """Clock buffers of 28 columns each, 2 mm up and down: too fine for the smooth field, too wide to stand out from neighbouring columns."""
+    steps = 0.002 * np.sign(np.sin(2 * np.pi * np.arange(SHAPE[1]) / 56.0))
+    seen = views(RNG, np.stack([np.broadcast_to(steps, SHAPE)] * VIEWS))
+    folds = np.arange(VIEWS) % 4
+    columns = np.concatenate([pattern_columns(seen, v, folds, pattern) for v in range(VIEWS)])
+    depth = np.concatenate([np.broadcast_to(steps, SHAPE).ravel()[v.pixels] / v.frame.length.ravel()[v.pixels] for v in seen])
+    fitted = columns @ np.linalg.lstsq(columns, depth, rcond=None)[0]
+    assert 1e3 * np.sqrt(np.mean((depth - fitted) ** 2)) == pytest.approx(left_mm, abs=0.15)
