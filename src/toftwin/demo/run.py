@@ -63,21 +63,20 @@ def run_demo(out: Path, config: DemoConfig) -> DemoResult:
     seconds: dict[str, float] = {}
     path = _timed(seconds, "record", lambda: today(part, config))
     scene = load_scene(path)
-    with ProcessPoolExecutor(
-        1, get_context("spawn"), set_command, (noted_command(),)
-    ) as second:  # the longest step, beside four that do not need it
+    with ProcessPoolExecutor(1, get_context("spawn"), set_command, (noted_command(),)) as second:  # work that other steps do not wait for
         diagnosis = second.submit(diagnose, part / "gap", part / TODAY, path)
+        repair = second.submit(compare_methods, part, path, config)
         replayed = _timed(seconds, "replay", lambda: _replay(part, path))
         labelled = _timed(seconds, "label", lambda: _label(part, path))
         poses = {"per-view ICP": labelled.others["per_view"], **live_poses(part / "graph")}
         truth, _ = load_truth(part / "truth")
         errors = _timed(seconds, "evaluate", lambda: session_errors(part / "dataset.zarr", truth, poses))
         _timed(seconds, "record the day after", lambda: later(part, scene, config, changed(scene, config)))
+        corrected = _timed(seconds, "correct", lambda: correct(part, path, scene, config))
         diagnosed = _timed(seconds, "gap", diagnosis.result)
-    corrected = _timed(seconds, "correct", lambda: correct(part, path, scene, config))
-    inspected = _timed(seconds, "inspect", lambda: inspect(part, path, scene, config))
-    replaced = _timed(seconds, "simulate", lambda: replace_sensor(part, path, scene, config))
-    comparison = _timed(seconds, "repair", lambda: compare_methods(part, path, config))
+        inspected = _timed(seconds, "inspect", lambda: inspect(part, path, scene, config))
+        replaced = _timed(seconds, "simulate", lambda: replace_sensor(part, path, scene, config))
+        comparison = _timed(seconds, "repair", repair.result)
     result = DemoResult(config, part, replayed, labelled, errors, diagnosed, corrected, inspected, replaced, comparison, seconds)
     _timed(seconds, "report", lambda: _report(result, path))
     if out.exists():
