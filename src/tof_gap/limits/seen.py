@@ -23,6 +23,12 @@ class LevelLimits:
         0.005, "least step between depth codes", unit="mm", low=1e-6, why="rounding of float32 at 5 m is a tenth of it"
     )
     code_gaps: int = param(5, "different codes", low=1, why="one plane at rest may have two or three")
+    code_whole: float = param(
+        1.5,
+        "share of pixels on codes of one capture, over that of chance, above which a mean of captures keeps them",
+        low=1.0,
+        why="noise of half a step takes all codes alike to 2 %",
+    )
     code_share: float = param(0.5, "codes per pixel above which depth is continuous", low=0.0, high=1.0, why="16-bit codes repeat")
 
 

@@ -48,8 +48,12 @@ def noise_level(residual: Float, keep: Mask, amplitude: Float, limits: LevelLimi
     return np.interp(np.log(np.maximum(amplitude, DARK)), centres, np.maximum(sizes, limits.least_mm * 1e-3))
 
 
-def depth_step(depth: Float, limits: LevelLimits) -> float:
-    """Metres between the codes of a raw depth image (H, W), 0 where depth is continuous."""
+def depth_step(depth: Float, limits: LevelLimits, captures: int = 1) -> float:
+    """Metres between the codes of a depth image (H, W) that is the mean of so many captures, 0 where depth is continuous.
+
+    The mean of captures has codes between those of one capture, where noise makes the captures differ. Noise that is wider than the step
+    takes all of them alike often; else most pixels keep whole codes, and the step is that of one capture.
+    """
     z = depth[np.isfinite(depth)].astype(np.float64)
     if len(z) < limits.code_pixels:
         return 0.0
@@ -58,4 +62,8 @@ def depth_step(depth: Float, limits: LevelLimits) -> float:
     gaps = gaps[gaps > limits.code_gap_mm * 1e-3]
     if len(gaps) < limits.code_gaps or len(codes) > limits.code_share * len(z):
         return 0.0
-    return float(np.median(gaps))
+    between = float(np.median(gaps))
+    step = captures * between
+    off = np.abs(z / step - np.rint(z / step)) * step
+    alike = float(np.mean(off < 0.5 * between))
+    return step if captures > 1 and 1.0 > alike > limits.code_whole / captures else between

@@ -112,9 +112,8 @@ def quiet_law(b: NoiseBins, step_m: float, views: int, limits: NoiseLimits) -> L
 
 
 def code_step(views: Sequence[ViewEvidence]) -> float:
-    """Metres between the depth codes of single captures, 0 where depth is continuous or averaged."""
-    steps = [v.step_m for v in views if v.view.captures == 1]
-    return float(np.median(steps)) if steps else 0.0
+    """Metres between the depth codes that the camera writes, 0 where depth is continuous."""
+    return float(np.median([v.step_m for v in views])) if views else 0.0
 
 
 def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], limits: NoiseLimits) -> PhotonLaw | None:

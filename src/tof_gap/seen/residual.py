@@ -78,7 +78,7 @@ def gather(
     def one(view: View, frame: Frame, source: View) -> ViewEvidence:
         shape = frame.depth.shape
         filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else np.full(shape, np.nan, np.float32)
-        return _of_view(view, frame, limits, filled, wider_px, depth_step(source.depth.astype(np.float64), limits.level))
+        return _of_view(view, frame, limits, filled, wider_px, depth_step(source.depth.astype(np.float64), limits.level, source.captures))
 
     rng = np.random.default_rng(limits.seed)  # One draw after the other: the same pixels whichever view is ready first.
     return tuple(

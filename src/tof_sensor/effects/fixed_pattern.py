@@ -77,8 +77,7 @@ class FixedPattern(FieldEffect):
         return stack([np.where(frame.valid, field / frame.length, 0)], frame)[..., 0]
 
     def prior_sd(self, scale: Float) -> Float:
-        """Of the smooth field's cosines falling with the square of their frequency, of those of columns and rows with their frequency (as steps
-        do), and of the lines that follow `REACH_M`.
+        """Falling with the square of the frequency for the field's cosines, with the frequency for those of lines, and `REACH_M` for single lines.
 
         Run times over an array are smooth: what the views do not show between the pixels they cover is not bent for it.
         """

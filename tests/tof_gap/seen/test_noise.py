@@ -72,6 +72,14 @@ def test_step_of_the_code_is_seen(step: float) -> None:
     assert depth_step(depth, LevelLimits()) == pytest.approx(step, rel=1e-3)
 
 
+@pytest.mark.parametrize(("noise", "step"), [(0.0, 0.008), (0.0012, 0.008), (0.016, 0.002)])
+def test_a_mean_of_captures_has_the_step_of_one_unless_noise_takes_all_codes_alike(noise: float, step: float) -> None:
+    """Codes of 8 mm, four captures: noise of 1.2 mm leaves most pixels on whole codes, noise of 16 mm none."""
+    plane = RNG.uniform(0.5, 0.9, (100, 100))
+    captures = [np.round((plane + RNG.normal(0, noise, plane.shape)) / 0.008) * 0.008 for _ in range(4)]
+    assert depth_step(np.mean(captures, axis=0), LevelLimits(), captures=4) == pytest.approx(step, rel=1e-3)
+
+
 def test_continuous_depth_has_no_step() -> None:
     assert depth_step(RNG.uniform(0.5, 1.0, (100, 100)), LevelLimits()) == 0.0
 
