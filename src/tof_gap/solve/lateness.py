@@ -27,6 +27,8 @@ def late_apart(found: Sequence[Named], frame_taps: float) -> tuple[Named, ...]:
     motion, std = found[at].effects[0], found[at].std[0]
     if not isinstance(motion, Motion) or abs(motion.axial_s) <= 0.5 * frame_taps * motion.apart_s:
         return tuple(found)
-    late = Named(TimeSync.NAME, (TimeSync(delay_s=motion.axial_s),), ({"delay_s": std["axial_s"]},), found[at].ties, found[at].confidence)
-    taps = replace(found[at], effects=(replace(motion, axial_s=0.0),))
+    # Each is what the other was taken for: beside each other they are no tie.
+    ties = tuple(name for name in found[at].ties if name != TimeSync.NAME)
+    late = Named(TimeSync.NAME, (TimeSync(delay_s=motion.axial_s),), ({"delay_s": std["axial_s"]},), ties, found[at].confidence)
+    taps = replace(found[at], effects=(replace(motion, axial_s=0.0),), ties=ties)
     return tuple(sorted((*found[:at], taps, *found[at + 1 :], late), key=lambda one: one.name))
