@@ -85,6 +85,8 @@ class Effect(ABC):
     """Whether a pixel's bias depends on that pixel alone, so that `Frame.take` may thin the view."""
     ROUGH: ClassVar[float] = 0.0
     """Share of its own energy by which its map may be wrong, where only a coarse model of it can be computed."""
+    LACKS: ClassVar[float] = 0.0
+    """Share of its own energy along any other effect by which its map may be short: another effect is believed beside it for more."""
     MODULATED: ClassVar[bool] = False
     """Whether a camera has it only if it times modulated light."""
     REPEATS: ClassVar[bool] = False

@@ -114,6 +114,7 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
             if gain < judge.gain(current.members[i])
             or v * v < judge.share(current.members[i]) * total
             or gain < judge.config.absorbed * _absorbable(judge, current, i)
+            or gain < _lacking(judge, current, i)
             or gain < _rough(judge, current, i, lost)
         ]
         if not weak:
@@ -123,18 +124,25 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
     return current
 
 
-def _absorbable(judge: Selector, current: Hypothesis, place: int) -> float:
-    """Chi-square of the other members' maps that the member at `place` could absorb.
+def _lacking(judge: Selector, current: Hypothesis, place: int) -> float:
+    """Chi-square that the member at `place` may win by what the maps of other members lack (`Effect.LACKS`)."""
+    effects = [judge.design.candidates[m].effect for m in current.members]
+    short = [(i, e.LACKS) for i, e in enumerate(effects) if e is not None and e.LACKS and i != place]
+    return max((lacks * _absorbable(judge, current, place, [i]) for i, lacks in short), default=0.0)
+
+
+def _absorbable(judge: Selector, current: Hypothesis, place: int, of: Sequence[int] | None = None) -> float:
+    """Chi-square of the maps of the members at `of` (all others) that the member at `place` could absorb.
 
     Maps are never exact: a member that gains only a small part of that corrects the others' maps and is no effect of its own.
     """
     member, members = current.members[place], current.members
-    rest = [m for m in members if m != member]
-    if not rest or judge.frees_hand([member]) or judge.is_free(member):
+    others_at = [i for i in range(len(members)) if i != place] if of is None else of
+    if not others_at or judge.frees_hand([member]) or judge.is_free(member):
         return 0.0
     solution = judge.fit(current)
-    others = np.concatenate([coefficients(judge, current, solution, i) for i in range(len(members)) if i != place])
-    maps = judge.design.own(rest)
+    others = np.concatenate([coefficients(judge, current, solution, i) for i in others_at])
+    maps = judge.design.own([members[i] for i in others_at])
     before, after = (judge.design.system.left_of(maps, others, judge.columns(m), inflate=current.inflate) for m in ((), (member,)))
     return (before - after) / current.inflate
 

@@ -17,7 +17,8 @@ from tof_gap.solve.candidate import HAND_EYE, Candidate
 from tof_gap.solve.columns import Design
 from tof_gap.solve.free import UNKNOWN, FreeFunction
 from tof_gap.solve.judge import Selector
-from tof_gap.solve.select import select
+from tof_gap.solve.select import _lacking, select
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.motion import Motion
@@ -141,6 +142,14 @@ def test_what_a_rough_map_leaves_is_nobodys() -> None:
     assert names(d, beside.chosen.members) == ["multipath"]
     exact = select(d := design(plain(TemperatureDrift(), DepthScale()), [0.65, trifle]), SelectLimits(share=0.0))
     assert names(d, exact.chosen.members) == ["depth_scale", "temperature_drift"]
+
+
+@pytest.mark.parametrize(("first", "lacks"), [(Multipath(), 1.0), (Wiggling(), 0.0)])
+def test_beside_multipath_an_effect_must_win_more_than_later_bounces_may_make(first: Multipath | Wiggling, lacks: float) -> None:
+    """A map of size 3 on 4800 pixels, of which an effect nearly along it could absorb 98 %: the map of one bounce may be short by all of that."""
+    d = design(plain(first, AmplitudeBias()), [3.0, 1.2], copies=(0, 1))
+    judge = Selector(d, SelectLimits())
+    assert _lacking(judge, judge.score([0, 1], 1.0), 1) == pytest.approx(lacks * 0.98 * 4800 * 3.0**2, rel=0.1)
 
 
 def test_of_two_that_explain_alike_the_one_tried_at_fewer_shapes_is_chosen() -> None:
