@@ -59,7 +59,7 @@ def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effe
 
 def visible_share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, action: Action | None) -> float:
     """Of the energy of `one` after pose, the share that `two` leaves, with the action's views added."""
-    views, chain = list(d.solved.linearised), d.solved.linearised_at
+    views, chain = list(d.solved.evidence), d.solved.chain
     if action is not None:
         chosen = np.linspace(0, len(views) - 1, EXTRA).round().astype(int)
         extra = [_imagined(views[i], caster, action) for i in chosen]

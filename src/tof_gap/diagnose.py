@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from tof_gap.limits.report import ReportLimits
     from tof_gap.limits.solve import SolveLimits
     from tof_gap.seen.finding import Finding
-    from tof_gap.solve.solution import Joint
     from tof_gap.tell.account import Account
     from tof_gap.tell.unexplained import Unexplained
     from tof_scene.raycast import Raycaster
@@ -102,7 +101,7 @@ def diagnose(
         without_causes(found) if doubted(unexplained, config.report) else found,
         explainable(found.solved.evidence, found.figures.left(), split, found.gap, config.report.explainable),
         unexplained,
-        too_few(len(views)) if few else untested(joint, found, config, law) | dict(untestable),
+        too_few(len(views)) if few else untested(found, config, law) | dict(untestable),
         law_beside(found, config),
         config,
         described(world, caster.scene),
@@ -120,13 +119,13 @@ def too_few(views: int) -> dict[str, str]:
     return {name: f"{views} views are too few" for name in VOCABULARY if name != RadialDepth.NAME}
 
 
-def untested(joint: Joint, found: Account, config: GapConfig, law: PhotonLaw | None) -> dict[str, str]:
+def untested(found: Account, config: GapConfig, law: PhotonLaw | None) -> dict[str, str]:
     """Effects that the session cannot test, with the reason."""
     beside_motion = {
         FlyingPixels.NAME: "motion mixes edges by itself: record at rest",
         HAND_EYE: "motion shifts what poses are known by: record at rest",
     }
-    return not_testable(joint.views, config.noise, law) | (beside_motion if found.solved.names(Motion.NAME) else {})
+    return not_testable(found.solved.evidence, config.noise, law) | (beside_motion if found.solved.names(Motion.NAME) else {})
 
 
 def law_beside(found: Account, config: GapConfig) -> PhotonLaw | None:

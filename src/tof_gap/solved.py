@@ -50,7 +50,7 @@ class Solved:
 
     camera: as CameraInfo states it; chain: the poses that figures are stated at, without hand-eye and lateness, which are effects;
     cameras (V, 4, 4): T_cell_camera with both; camera_covs (V, 6, 6): of the cameras' right perturbations; hand_eye (4, 4): X;
-    evidence: the views at `chain`; linearised: the views at `linearised_at`, where the solution was linearised last;
+    evidence: the views at `chain`; linearised: the views where the solution was linearised last, without the CAD's surfaces;
     named: the effects; maps: (H, W) metres of z per named effect and view; sizes: metres, RMS over the pixels that each named effect
     affects, as the held-out views confirm it; tied: pairs of an effect and of one that could stand in for it (None: hand-eye);
     bare: the views where the cameras really were, less all smooth bias (that of free functions of an observable in, single pixels of
@@ -70,7 +70,6 @@ class Solved:
     hand_eye: Float
     evidence: tuple[ViewEvidence, ...]
     linearised: tuple[ViewEvidence, ...]
-    linearised_at: Chain
     named: tuple[Named, ...]
     maps: Mapping[str, Sequence[Float]]
     sizes: Mapping[str, float]

@@ -19,6 +19,9 @@ from tof_core.capture import Capture
 from tof_core.errors import RefusedError
 from tof_core.image_folder import read_camera
 from tof_core.yamlio import load_yaml
+from tof_gap.config import GapConfig
+from tof_gap.solve.radial import median_miss
+from tof_gap.solve.start import start
 from tof_gap.solve.tolerance import calibrated
 from tof_gap.solved import Named
 from tof_scene.board import BLACK, WHITE
@@ -192,3 +195,17 @@ def test_a_scale_within_the_print_scale_is_the_boards() -> None:
     assert not covered(0.0032, stated)
     assert not covered(0.003, own)
     assert not covered(0.003, Calibration())
+
+
+def test_first_poses_are_those_of_the_corners_whatever_depth_says() -> None:
+    """Depth that is 15 mm too far moves no pose, so distance along the ray still shows as such."""
+    far = [replace(c, depth=c.depth + np.float32(0.015)) for c in captures(5, noiseless=True)]
+    session = board_session(far, BOARD)
+    begun = start(session.views, Raycaster(session.scene), GapConfig(), session.align(AlignConfig()))
+    np.testing.assert_allclose(
+        [begun.chain.pose(v) for v in range(5)], [v.robot.T_cell_camera for v in session.views if v.robot is not None], atol=1e-12
+    )
+    assert median_miss(begun.evidence) == pytest.approx(0.015, abs=0.003)
+    evidence = begun.hand_over()
+    assert len(evidence) == 5
+    assert begun.evidence == ()

@@ -68,22 +68,24 @@ def single_pixels(views: Sequence[ViewEvidence]) -> PixelOffsets:
     """Means over the views of the high-passed residual less its lines, each weighed against its own noise."""
     limits = views[0].limits.pattern
     by_column, by_row = line_means(views)
-    sharp, weight = [], []
-    for view in views:
+    # Sums over the views of either half, one view after the other: the images of all at once are gigabytes.
+    product, weight, number = (np.zeros((2, *views[0].residual.shape)) for _ in range(3))
+    for v, view in enumerate(views):
         r = high_pass(view) - by_column[None] - by_row[:, None]
-        sharp.append(np.nan_to_num(r))
-        weight.append(np.where(np.isfinite(r), (view.sigma * view.frame.length) ** -2.0, 0.0))
-    high, w = np.stack(sharp), np.stack(weight)
-    halves = [(w[i::2] * high[i::2]).sum(axis=0) / np.maximum(w[i::2].sum(axis=0), 1e-12) for i in (0, 1)]
-    both = (w[0::2].sum(axis=0) > 0) & (w[1::2].sum(axis=0) > 0)
+        w = np.where(np.isfinite(r), (view.sigma * view.frame.length) ** -2.0, 0.0)
+        product[v % 2] += w * np.nan_to_num(r)
+        weight[v % 2] += w
+        number[v % 2] += w > 0
+    halves = product / np.maximum(weight, 1e-12)
+    both = (weight > 0).all(axis=0)
     size2, error2 = in_common(halves[0][both], halves[1][both], limits)
     if size2 <= 0 or size2 < limits.sigma * error2:
         return PixelOffsets(np.zeros(both.shape), 0.0, np.zeros(both.shape))
-    total, n = w.sum(axis=0), np.maximum((w > 0).sum(axis=0), 1)
+    total, n = weight.sum(axis=0), np.maximum(number.sum(axis=0), 1)
     # Noise estimated from neighbours contains the pattern.
     noise2 = np.maximum(n / np.maximum(total, 1e-12) - size2, limits.noise_share * size2) / n
     trust = np.where(total > 0, size2 / (size2 + noise2), 0.0)
-    mean = (w * high).sum(axis=0) / np.maximum(total, 1e-12)
+    mean = product.sum(axis=0) / np.maximum(total, 1e-12)
     return PixelOffsets(trust * mean, float(np.sqrt(size2)), size2 * (1.0 - trust))
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from tof_core.cores import in_threads
 from tof_gap.seen.edges import excluded, smear, streaks
 from tof_gap.seen.level import depth_step, noise_level
 from tof_scene.maps import concavity_map
+from tof_scene.rendering import depth_only
 from tof_sensor.known import ideal_frames
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ class ViewEvidence:
     """One view at its reference pose.
 
     residual (H, W) metres of z, NaN where measurement or CAD is missing; sigma (H, W) metres, standard deviation of the view's
-    noise; smooth, edge, gross (H, W) masks; pixels (n,) flat indices for fits; concavity (H, W) share of the hemisphere over a
+    noise, both in single precision as depth is (60 nm of a metre); smooth, edge, gross (H, W) masks; pixels (n,) flat indices for fits; concavity (H, W) share of the hemisphere over a
     pixel that the scene fills, NaN where it was not computed; step_m metres between depth codes, 0 where depth is continuous;
     limits: which pixels count, as this view was judged.
     """
@@ -77,7 +78,8 @@ def gather(
 
     def one(view: View, frame: Frame, source: View) -> ViewEvidence:
         shape = frame.depth.shape
-        filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else np.full(shape, np.nan, np.float32)
+        unknown = np.broadcast_to(np.float32(np.nan), shape)
+        filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else unknown
         return _of_view(view, frame, limits, filled, wider_px, depth_step(source.depth.astype(np.float64), limits.level, source.captures))
 
     rng = np.random.default_rng(limits.seed)  # One draw after the other: the same pixels whichever view is ready first.
@@ -101,7 +103,31 @@ def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image,
     if blur_px:
         edge |= streaks(residual, sigma, ~edge & ~gross, limits.blur)
     smooth = np.isfinite(residual) & ~edge & ~gross & ~grazing
-    return ViewEvidence(view, frame, residual, sigma, smooth, edge, gross, np.zeros(0, np.int64), concavity, step_m, limits)
+    return ViewEvidence(
+        view, compact(frame), single(residual), single(sigma), smooth, edge, gross, np.zeros(0, np.int64), concavity, step_m, limits
+    )
+
+
+def compact(frame: Frame) -> Frame:
+    """An ideal frame in a tenth of the memory: its depth is the rendering's own, amplitude has single precision, noise and loss are none.
+
+    Whatever is computed with rays or lengths is of doubles as before.
+    """
+    none = np.broadcast_to(0.0, frame.depth.shape)
+    return replace(frame, depth=cast("Float", frame.rendering.depth), amplitude=single(frame.amplitude), sigma=none, missing=none)
+
+
+def single(image: Float) -> Float:
+    """An image that is kept for every view, in single precision: what is computed from it and poses or rays is of doubles again."""
+    return cast("Float", image.astype(np.float32))
+
+
+def without_geometry(view: ViewEvidence) -> ViewEvidence:
+    """A view whose columns are computed: residual, noise and masks stay; of the frame, depth, amplitude and what surrounded it."""
+    frame = view.frame
+    rendering = replace(depth_only(frame.camera, frame.rendering.depth), T_cell_camera=frame.rendering.T_cell_camera)
+    unknown = np.broadcast_to(np.float32(np.nan), frame.depth.shape)
+    return replace(view, frame=replace(frame, rendering=rendering), concavity=unknown)
 
 
 def drawn(smooth: Mask, pixels: int, rng: np.random.Generator) -> Ints:

@@ -24,5 +24,6 @@ def set_apart(begun: Start, caster: Raycaster, config: GapConfig) -> tuple[Surpr
     world = world_of(begun.evidence, caster, config.world)
     if not (world.missing or world.foreign):
         return world, begun
+    begun.hand_over()  # those images go before the views are rendered again
     views = without_world(begun.views, world, config.world.rim_px)
     return world, Start(views, begun.chain, observe(views, caster, begun.chain, config, footprints=False))

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 from tof_gap.seen.motion import moving
 from tof_gap.solve.joint import solve
-from tof_gap.solve.start import observe
+from tof_gap.solve.start import Start, observe
 from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
     from tof_gap.config import GapConfig
     from tof_gap.solve.solution import Joint
-    from tof_gap.solve.start import Start
     from tof_scene.raycast import Raycaster
 
 
@@ -31,7 +30,7 @@ def solve_moving(begun: Start, caster: Raycaster, config: GapConfig, left_out: f
     blur = replace(config.evidence.blur, exposure_s=config.evidence.blur.brief_s, creases=False)
     brief = replace(config, evidence=replace(config.evidence, blur=blur))
     evidence = observe(begun.views, caster, begun.chain, brief, footprints=False)
-    again = solve(replace(begun, evidence=evidence), caster, brief, left_out)
+    again = solve(Start(begun.views, begun.chain, evidence), caster, brief, left_out)
     return (again, brief) if _has_motion(again) else (joint, config)
 
 

@@ -127,7 +127,7 @@ def shares(
 
     def of_view(cause: Named, v: int, view: ViewEvidence) -> Float:
         total = np.sum([_bias(e, view, v, chain, caster, other_surface_m) for e in cause.effects], axis=0)
-        return np.where(view.frame.valid, total, np.nan)
+        return np.where(view.frame.valid, total, np.nan).astype(np.float32)
 
     return {c.name: in_threads(partial(of_view, c), range(len(views)), views) for c in causes}
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from tof_align.chain import Chain
-    from tof_core.arrays import Float, Ints
+    from tof_core.arrays import Float, Image, Ints
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solve.free import FreeFunction
     from tof_sensor.effect import Effect
@@ -74,12 +74,15 @@ class ColumnStore:
         self.views = views
         self._folds = folds
         self._thinned = [v.frame.take(v.pixels) for v in views]
-        self._kept: dict[Effect | FreeFunction | None, list[Float]] = {}
+        self._kept: dict[Effect | FreeFunction | None, list[Image]] = {}
 
-    def of(self, tested: Sequence[Candidate]) -> list[list[Float]]:
-        """(n, k) per candidate and view; no column for hand-eye, whose columns the pose has."""
+    def of(self, tested: Sequence[Candidate]) -> list[list[Image]]:
+        """(n, k) per candidate and view; no column for hand-eye, whose columns the pose has.
+
+        Single precision: hundreds of columns of all views are most of what a long session needs, and each is a shape known to a percent.
+        """
         missing = {c.source: c for c in tested if c.source not in self._kept}
-        by_view = in_threads(lambda v: [self._columns(c, v) for c in missing.values()], range(len(self.views)))
+        by_view = in_threads(lambda v: [self._columns(c, v).astype(np.float32) for c in missing.values()], range(len(self.views)))
         self._kept |= dict(zip(missing, map(list, zip(*by_view, strict=True)), strict=True))
         return [self._kept[c.source] for c in tested]
 
@@ -122,12 +125,14 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
         by_candidate.append([c[:, :LENS_COLUMNS] for c in store.of([LENS])[0]])
     ends = np.cumsum([0, *(columns[0].shape[1] for columns in by_candidate)])
     groups = tuple(np.arange(a, b) for a, b in itertools.pairwise(ends))
-    C = [
-        np.concatenate([np.zeros((len(view.pixels), 0)), *(columns[v] for columns in by_candidate)], axis=1)
-        for v, view in enumerate(store.views)
-    ]
-    total = sum(len(c) for c in C)
-    scale = np.sqrt(sum((np.einsum("nk,nk->k", c, c) for c in C), np.zeros(C[0].shape[1])) / total)
+    every = range(len(store.views))
+
+    def joined(v: int) -> Float:
+        empty = np.zeros((len(store.views[v].pixels), 0))
+        return np.concatenate([empty, *(columns[v] for columns in by_candidate)], axis=1)
+
+    total = sum(len(view.pixels) for view in store.views)
+    scale = np.sqrt(sum(in_threads(lambda v: (joined(v) ** 2).sum(axis=0), every), np.zeros(ends[-1])) / total)
     live = scale > 1e-12
     safe = np.where(live, scale, 1.0)
     in_motion = moving(store.views)
@@ -136,7 +141,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
         sd = np.concatenate([sd, lens_sd * safe[groups[-1]]])
     base_sd = np.minimum(chain.priors.base, PINNED_SD) if in_motion else chain.priors.base
     system = ColumnSystem.of(
-        in_threads(lambda view, c: _gram(view, c / safe), store.views, C),
+        in_threads(lambda v: _gram(store.views[v], joined(v) / safe), every),
         chain,
         # A column that vanishes everywhere is pinned: it explains nothing.
         np.where(live, sd, 1e-9),

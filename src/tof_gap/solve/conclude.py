@@ -78,7 +78,6 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         hand_eye=joint.hand_eye,
         evidence=evidence,
         linearised=joint.views,
-        linearised_at=joint.chain,
         named=causes,
         maps=maps,
         sizes={n.name: sizes[n.name] for n in causes},
@@ -115,4 +114,6 @@ def moves_camera(effect: Effect, stated: Camera) -> bool:
 
 def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> tuple[ViewEvidence, ...]:
     """The views with residuals less some maps, (H, W) metres per map and view."""
-    return tuple(replace(e, residual=e.residual - sum(np.nan_to_num(m[v]) for m in maps)) for v, e in enumerate(evidence))
+    return tuple(
+        replace(e, residual=(e.residual - sum(np.nan_to_num(m[v]) for m in maps)).astype(np.float32)) for v, e in enumerate(evidence)
+    )

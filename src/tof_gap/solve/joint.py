@@ -13,7 +13,7 @@ from tof_core.cores import in_threads
 from tof_gap.seen.edges import smear
 from tof_gap.seen.mixed import mixing
 from tof_gap.seen.motion import moving
-from tof_gap.seen.residual import ViewEvidence, gather
+from tof_gap.seen.residual import ViewEvidence, gather, without_geometry
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.candidates import candidates
 from tof_gap.solve.columns import ColumnStore, build
@@ -45,27 +45,32 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     The first round asks only effects that look at each pixel by itself: it is there to bring the cameras near. Of a moving session it
     asks all, as whatever stands in for motion takes the cameras away.
     """
-    views, chain, evidence, wider_px = begun.views, begun.chain, begun.evidence, 0
+    views, chain, evidence, wider_px = begun.views, begun.chain, begun.hand_over(), 0
     limits = config.solve.joint
     check_fit(evidence, config.solve.start)
     if any(smear(v.frame, v.limits.blur) == 0 for v in evidence) and _mixes(views, caster, chain, config):
         wider_px = limits.mixed_px
+        del evidence  # Images of all views are most of what a session needs in memory: those of one round go before the next.
         evidence = observe(views, caster, chain, config, footprints=False, wider_px=wider_px)
     joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
+    del evidence
     for _ in range(limits.rounds - 1):
         (after, late_s), lens = solution(joint), lens_of(joint)
+        del joint, store
         seen = observe(views, caster, after, config, footprints=False, concavity=True, wider_px=wider_px, lens=lens)
         joint, store = _linearised(_as_recorded(seen, late_s, lens), caster, after, config, left_out)
         joint = replace(joint, late_s=late_s)
+        del seen
         if farthest(after, solution(joint)[0], limits) <= 1.0 and _alike(lens, lens_of(joint), views[0].camera, limits.lens_px):
             break
     if not joint.design.candidates:
-        return joint
+        return replace(joint, views=tuple(map(without_geometry, joint.views)))
     # Named effects go first, each in its best shape; then errors that no effect explains may compete.
     finer = refined(store, joint.design, joint.selection, joint.chain, config)
     free = [Candidate(UNKNOWN, None, f.quantity, f) for f in free_functions(joint.views)]
     design = build(store, [*joint.design.candidates, *finer, *free], joint.chain, config.hand_sd, config.lens_sd)
-    return settled(replace(joint, design=design, selection=select(design, config.select, joint.selection.chosen.members)), config)
+    final = settled(replace(joint, design=design, selection=select(design, config.select, joint.selection.chosen.members)), config)
+    return replace(final, views=tuple(map(without_geometry, final.views)))
 
 
 def without(joint: Joint, name: str, config: GapConfig) -> Joint:

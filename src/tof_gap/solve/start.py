@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Effect
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Start:
     """Views at the poses that robot and CAD agree on before any effect is asked, and what they show there."""
 
@@ -40,11 +40,23 @@ class Start:
     chain: Chain
     evidence: tuple[ViewEvidence, ...]
 
+    def hand_over(self) -> tuple[ViewEvidence, ...]:
+        """The evidence, which the start keeps no longer: the images of all views are most of what a session needs in memory."""
+        evidence, self.evidence = self.evidence, ()
+        return evidence
+
 
 def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> Start:
-    """The robot's poses brought to the CAD: bases from afar, then all poses with no effect."""
+    """The robot's poses brought to the CAD: bases from afar, then all poses with no effect.
+
+    Poses with a covariance of their own, as those of a board's corners, owe nothing to depth: depth, whose errors they would
+    take, does not move them here.
+    """
     samples = [sample(v, align.weights) for v in views]
-    chain = near(samples, chain_of(samples, align.priors), caster, align)
+    chain = chain_of(samples, align.priors)
+    if chain.root is not None:
+        return Start(views, chain, observe(views, caster, chain, config, footprints=False))
+    chain = near(samples, chain, caster, align)
     evidence = observe(views, caster, chain, config, footprints=False)
     for _ in range(config.solve.start.rounds):
         if moving(evidence):

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from tof_gap.seen.pattern import single_pixels, without_pattern
+from tof_gap.seen.residual import single
 from tof_gap.tell.floor import floor2, shown2
 from tof_gap.tell.shrink import Shrink, blocks, measure
 from tof_sensor.effects.fixed_pattern import FixedPattern
@@ -59,12 +60,13 @@ class Figures:
 
     def left(self) -> list[Float]:
         """(H, W) metres per view that no named effect explains."""
-        return [r - self.total(list(self.maps), v) - c for v, (r, c) in enumerate(zip(self.residual, self.common, strict=True))]
+        every = list(self.maps)
+        return [(r - self.total(every, v) - c).astype(np.float32) for v, (r, c) in enumerate(zip(self.residual, self.common, strict=True))]
 
     @property
     def alike_m(self) -> float:
         """Metres of error that neighbours share and that is named: the depth code's step, and what maps of rows, stripes or foreign light leave."""
-        shared = np.hypot(np.sqrt(np.mean(np.square(np.nan_to_num(self.common)))), self.posed_m)
+        shared = np.hypot(np.sqrt(np.mean([np.mean(np.square(np.nan_to_num(c))) for c in self.common])), self.posed_m)
         return float(np.hypot(self.step_m / np.sqrt(12), self.limits.shrink.common_left * shared))
 
     def shrink(self, names: Sequence[str]) -> Shrink:
@@ -101,14 +103,15 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
     if FixedPattern.NAME in maps:
         unsure2 = single_pixels([solved.linearised[i] for i in fit_views]).unsure2
         quiet = tuple(without_pattern(views, maps[FixedPattern.NAME], unsure2, fit_views))
-    nothing = np.zeros((len(views), *views[0].residual.shape))
-    common = np.sum([nothing, *(f.common for f in findings if f.common is not None)], axis=0)
+    shared = [f.common for f in findings if f.common is not None]
+    nothing = np.broadcast_to(0.0, views[0].residual.shape)
+    common = [np.asarray(sum((c[v] for c in shared), nothing)) for v in range(len(views))]
     return Figures(
         residual=[used(v, findings) for v in views],
         # Named noise is no bias to be subtracted: it belongs to the floor.
-        floors=[f + np.nan_to_num(c) ** 2 for f, c in zip(floor2(quiet, solved.camera_covs), common, strict=True)],
+        floors=[single(f + np.nan_to_num(c) ** 2) for f, c in zip(floor2(quiet, solved.camera_covs), common, strict=True)],
         maps={**maps, **{f.name: list(f.share) for f in findings if f.corrects and f.share is not None}},
-        common=list(common),
+        common=common,
         noise2=[v.sigma**2 for v in quiet],
         edge=[v.edge for v in views],
         mixed=[between(v) for v in views],

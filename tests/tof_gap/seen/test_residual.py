@@ -11,7 +11,7 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
 from tof_gap.limits.seen import BlurLimits, EvidenceLimits
 from tof_gap.seen.edges import edge_band, excluded, smear, streaks
-from tof_gap.seen.residual import gather
+from tof_gap.seen.residual import gather, without_geometry
 from tof_sensor.frame import Context, Frame, ideal_frame
 
 LIMITS, BLUR = EvidenceLimits(), BlurLimits()
@@ -106,3 +106,23 @@ def test_a_coarse_step_is_seen_through_another_lens_and_bounds_the_noise() -> No
         (seen,) = gather([turned], [one.rendering], None, EvidenceLimits(edge_px=0), recorded=given)  # type: ignore[arg-type]
         assert seen.step_m == pytest.approx(expected, abs=1e-5)
         assert seen.sigma.min() >= 0.99 * expected / np.sqrt(12)
+
+
+def test_what_is_kept_of_a_view_is_of_single_precision_and_depth_is_the_renderings_own() -> None:
+    view = views(np.random.default_rng(0))[0]
+    kept = view.frame
+    assert {str(image.dtype) for image in (view.residual, view.sigma, kept.amplitude)} == {"float32"}
+    assert np.shares_memory(kept.depth, kept.rendering.depth)
+    assert kept.sigma.strides == kept.missing.strides == view.concavity.strides == (0, 0)
+    ideal = ideal_frame(kept.rendering)
+    np.testing.assert_allclose(kept.radial, ideal.radial, rtol=1e-12)
+
+
+def test_without_geometry_residual_noise_and_masks_stay() -> None:
+    view = views(np.random.default_rng(0))[0]
+    bare = without_geometry(view)
+    assert bare.residual is view.residual
+    assert bare.edge is view.edge
+    assert bare.rendering.normal.strides == (0, 0, 0)
+    np.testing.assert_array_equal(bare.frame.radial, view.frame.radial)
+    np.testing.assert_array_equal(bare.rendering.T_cell_camera, view.rendering.T_cell_camera)
