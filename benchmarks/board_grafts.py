@@ -21,6 +21,8 @@ TURN_COUNTS, TABLE_COUNTS, TURN_M = 4096, 1024, 299_792_458.0 / (2 * 36e6)
 """Counts of a whole turn of the phase (12 bits) and of the table, which repeats four times a turn, as four taps alias; metres of a turn."""
 WARM_UP_M, WARM_UP_K = 0.010, 12.0
 LATE_NS = 30_000_000
+CODE_M = 1e-3
+"""Metres between depth codes of the camera: its errors come before it writes a code, so grafts are rounded to codes again."""
 
 
 def wiggled(capture: Capture, _: float) -> Capture:
@@ -66,8 +68,9 @@ NEVER = {"temperature_drift", "motion", "time_sync"}
 
 
 def grafted(captures: Sequence[Capture], graft: Callable[[Capture, float], Capture]) -> list[Capture]:
-    """The captures with an error; its size may grow from the first (0) to the last (1)."""
-    return [graft(c, k / max(len(captures) - 1, 1)) for k, c in enumerate(captures)]
+    """The captures with an error, in the camera's depth codes; its size may grow from the first (0) to the last (1)."""
+    wrong = [graft(c, k / max(len(captures) - 1, 1)) for k, c in enumerate(captures)]
+    return [replace(c, depth=(CODE_M * np.rint(c.depth / CODE_M)).astype(np.float32)) for c in wrong]
 
 
 def names(captures: Sequence[Capture], board: Board) -> set[str]:
@@ -87,8 +90,9 @@ def judged(captures: Sequence[Capture], board: Board) -> tuple[int, int, str]:
     print(f"as they are: {', '.join(sorted(plain))}", flush=True)
     right, answers = int(not plain & NEVER), [f"as they are {'+'.join(sorted(plain))}"]
     for what, (graft, effect) in GRAFTS.items():
-        new = names(grafted(captures, graft), board) - plain
-        right += new == ({effect} if effect else set())
-        answers.append(f"{what}: {'+'.join(sorted(new)) or 'nothing'}")
+        found = names(grafted(captures, graft), board)
+        new, asked = found - plain, {effect} if effect else set()
+        right += asked <= found and new <= asked
+        answers.append(f"{what}: {'+'.join(sorted(new)) or 'nothing new'}")
         print(answers[-1], flush=True)
     return right, len(GRAFTS) + 1, "; ".join(answers)

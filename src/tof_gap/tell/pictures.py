@@ -28,6 +28,8 @@ SMOOTH_PX = 5
 """Side of the square whose mean a view's map shows."""
 CUBES = 130
 """Cubes of space along the diagonal of what is seen: as fine as the map shows, and some pixels in each."""
+PIXELS = 2_000_000
+"""Pixels of all views that fill these cubes: a hundred a cube and more."""
 SURE = 2.0
 """Standard errors from which the mean gap of a cube of space has a colour: below, it is paper."""
 
@@ -65,8 +67,10 @@ def _name_parts(ax: Any, xy: Float, part: Ints, names: Sequence[str]) -> None:
 
 def _projected(d: Diagnosis, maps: Sequence[Float]) -> tuple[Float, Float, Ints]:
     """(n, 2) screen positions, (n,) mean gap in mm (0 where it is not significant) and (n,) part of small cubes of space, nearest last."""
-    points = np.concatenate([cell_points(v.frame)[np.isfinite(m)] for v, m in zip(d.evidence, maps, strict=True)])
-    gap = np.concatenate([m[np.isfinite(m)] for m in maps])
+    step = max(1, sum(int(np.isfinite(m).sum()) for m in maps) // PIXELS)
+    shown = [np.flatnonzero(np.isfinite(m))[::step] for m in maps]
+    points = np.concatenate([cell_points(v.frame).reshape(-1, 3)[at] for v, at in zip(d.evidence, shown, strict=True)])
+    gap = np.concatenate([m.ravel()[at] for m, at in zip(maps, shown, strict=True)])
     cell_m = float(np.linalg.norm(np.ptp(np.quantile(points, (0.02, 0.98), axis=0), axis=0))) / CUBES
     cube = np.floor(points / cell_m).astype(np.int64)
     size = np.ptp(cube, axis=0) + 1
@@ -75,9 +79,9 @@ def _projected(d: Diagnosis, maps: Sequence[Float]) -> tuple[Float, Float, Ints]
     key = cube[first]
     count = np.bincount(which)
     mean = np.bincount(which, gap) / count
-    noise2 = np.concatenate([np.broadcast_to(f, m.shape)[np.isfinite(m)] for f, m in zip(d.floor2, maps, strict=True)])
+    noise2 = np.concatenate([np.broadcast_to(f, m.shape).ravel()[at] for f, m, at in zip(d.floor2, maps, shown, strict=True)])
     mean = 1e3 * np.where(np.abs(mean) > SURE * np.sqrt(np.bincount(which, noise2)) / count, mean, 0.0)
-    part = np.concatenate([v.rendering.part[np.isfinite(m)] for v, m in zip(d.evidence, maps, strict=True)])[first]
+    part = np.concatenate([v.rendering.part.ravel()[at] for v, at in zip(d.evidence, shown, strict=True)])[first]
     T = d.evidence[len(d.evidence) // 2].rendering.T_cell_camera
     local = ((key + 0.5) * cell_m - T[:3, 3]) @ T[:3, :3]
     order = np.argsort(-local[:, 2])

@@ -13,7 +13,7 @@ from scipy.special import ndtr
 from tof_core.stats import grouped
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from tof_core.arrays import Float, Ints
     from tof_gap.limits.report import ReportLimits
@@ -122,25 +122,32 @@ def by_quantity(
     bins: int,
 ) -> dict[str, list[Bin]]:
     """The gap against each quantity that may cause it, in bins of equal pixel numbers."""
-    e, f = np.concatenate([g.ravel() for g in gap]), np.concatenate([x.ravel() for x in floor2])
-    return {name: _bins(np.concatenate([q.ravel() for q in maps]), e, f, bins) for name, maps in _quantities(views).items()}
-
-
-def _quantities(views: Sequence[ViewEvidence]) -> dict[str, list[Float]]:
-    shape = views[0].residual.shape
-    rows, columns = np.mgrid[: shape[0], : shape[1]].astype(float)
+    seen = [np.isfinite(g) for g in gap]
+    e, f = (np.concatenate([image[s] for image, s in zip(images, seen, strict=True)]) for images in (gap, floor2))
+    # One quantity after the other: all of them, for all pixels of a long session, are gigabytes.
     return {
-        "range_m": [v.frame.radial for v in views],
-        "incidence_deg": [np.degrees(v.rendering.incidence.astype(np.float64)) for v in views],
-        "amplitude": [v.frame.amplitude for v in views],
-        "edge_px": [np.asarray(distance_transform_edt(~v.edge)) for v in views],
-        "time_s": [np.full(shape, v.frame.context.time_s) for v in views],
-        "temperature_c": [np.full(shape, v.frame.context.temperature) for v in views],
-        "speed_m_s": [np.full(shape, np.linalg.norm(v.frame.context.twist[:3])) for v in views],
-        "column": [columns] * len(views),
-        "row": [rows] * len(views),
-        "concavity": [v.concavity.astype(np.float64) for v in views],
+        name: _bins(np.concatenate([value(v)[s] for v, s in zip(views, seen, strict=True)]), e, f, bins)
+        for name, value in QUANTITIES.items()
     }
+
+
+def _constant(view: ViewEvidence, value: float) -> Float:
+    return np.broadcast_to(value, view.residual.shape)
+
+
+QUANTITIES: dict[str, Callable[[ViewEvidence], Float]] = {
+    "range_m": lambda v: v.frame.radial,
+    "incidence_deg": lambda v: np.degrees(v.rendering.incidence.astype(np.float64)),
+    "amplitude": lambda v: v.frame.amplitude.astype(np.float64),
+    "edge_px": lambda v: np.asarray(distance_transform_edt(~v.edge)),
+    "time_s": lambda v: _constant(v, v.frame.context.time_s),
+    "temperature_c": lambda v: _constant(v, v.frame.context.temperature),
+    "speed_m_s": lambda v: _constant(v, float(np.linalg.norm(v.frame.context.twist[:3]))),
+    "column": lambda v: np.broadcast_to(np.arange(v.residual.shape[1], dtype=float), v.residual.shape),
+    "row": lambda v: np.broadcast_to(np.arange(v.residual.shape[0], dtype=float)[:, None], v.residual.shape),
+    "concavity": lambda v: v.concavity.astype(np.float64),
+}
+"""Per view (H, W): what the gap may vary with."""
 
 
 def _bins(quantity: Float, e: Float, floor2: Float, bins: int) -> list[Bin]:
