@@ -135,6 +135,11 @@ class Effect(ABC):
         """The same shape with coefficients (k,), clipped to their bounds."""
         return self.with_coefficients(np.clip(values, *self.bounds))
 
+    @property
+    def free_form(self) -> bool:
+        """Whether this form has no formula: it is any function of an observable, and pays for that as such functions do."""
+        return False
+
     def prior_sd(self, scale: Float) -> Float:
         """(k,) standard deviations of coefficients times `scale`, the RMS of their columns (k,)."""
         return np.full(len(scale), self.REACH_M)

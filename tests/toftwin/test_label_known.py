@@ -21,6 +21,7 @@ from tof_virtual.config import VirtualConfig
 from tof_virtual.record import record
 from tof_virtual.truth import load_truth
 from toftwin.cli import main
+from toftwin.commands.label import in_common
 from toftwin.commands.simulate import bodies_of
 from toftwin.known import Known
 from toftwin.pipeline import PipelineConfig
@@ -81,3 +82,11 @@ def test_the_digest_follows_the_content_of_the_model(folder: Path, tmp_path: Pat
     config, other = PipelineConfig(), tmp_path / "sensor.yaml"
     save_model(SensorModel((RangeOffset(offset_m=0.001),)), other)
     assert len({Known(path).digest(config) for path in (None, other, folder / "sensor.yaml")}) == 3
+
+
+@pytest.mark.parametrize(("bias_mm", "line"), [(7.32, "+7.3 mm"), (-4.1, "-4.1 mm"), (3.9, ""), (float("nan"), "")])
+def test_a_bias_common_to_all_depth_beyond_what_sigma_holds_is_a_warning(bias_mm: float, line: str) -> None:
+    """A wrong lens moved depth by 7 mm and the labels by 9 mm, with a sigma of 2 mm."""
+    said = in_common(bias_mm, offset_mm=2.0)
+    assert line in said
+    assert bool(said) == bool(line)

@@ -76,16 +76,21 @@ class Selector:
     def _price(self, members: Sequence[int], held_out: Float, inflate: float) -> float:
         """Chi-square that members pay for their forms.
 
-        Of many forms one fits by chance. A form that physics predicts is never exact; a free function always is, so it pays a share besides.
+        Of many forms one fits by chance. A form that physics predicts is never exact; a free function always is, so it pays a share besides,
+        and so does a form of an effect that is one (`Effect.free_form`).
         """
         forms = sum(2.0 * float(np.log(self._forms[self.design.candidates[m].name])) for m in members if not self.is_free(m))
-        free = sum(self.is_free(m) for m in members)
+        free = sum(self._without_formula(m) for m in members)
         if not free:
             return forms
         if inflate not in self._empty:
             self._empty[inflate] = self.score((), inflate).score
         explained = self._empty[inflate] - float(held_out.sum())
         return forms + free * (self.config.unknown + self.config.unknown_share * max(explained, 0.0))
+
+    def _without_formula(self, member: int) -> bool:
+        effect = self.design.candidates[member].effect
+        return self.is_free(member) or (effect is not None and effect.free_form)
 
     def is_free(self, member: int) -> bool:
         """Whether a candidate is a free function of an observable and no effect."""

@@ -89,6 +89,11 @@ class FixedPattern(FieldEffect):
         return sd
 
     @property
+    def free_form(self) -> bool:
+        """With columns and rows of any course."""
+        return self.lines > 0
+
+    @property
     def smooth(self) -> FixedPattern:
         """Lines and fields alone."""
         return replace(self, pixels="")

@@ -90,6 +90,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(result.to_dict(), indent=1))
     else:
         _print(result)
+        print(in_common(1e3 * result.filtered.error.bias, config.label.unseen_offset_mm), end="")
     return 0
 
 
@@ -139,6 +140,22 @@ def _print(result: LabelResult) -> None:
     print(depth_table(result.rows))
     print(_usable(result))
     print("\n".join(lines(result.world)), end="\n" if any(result.world.values()) else "")
+
+
+def in_common(bias_mm: float, offset_mm: float) -> str:
+    """A line where depth and label differ by more in common than the label's stated deviation holds (95 %), else nothing.
+
+    Args:
+        bias_mm: mean of the filtered depth less the label.
+        offset_mm: standard deviation of a constant offset that the label's sigma allows for.
+    """
+    if not abs(bias_mm) > 2.0 * offset_mm:
+        return ""
+    return (
+        f"depth and label differ by {bias_mm:+.1f} mm in common, where the labels' sigma allows for {2.0 * offset_mm:.1f} mm: the camera's range, its lens or "
+        "multipath. The labels may be off as far. Diagnose the session (toftwin gap BAG --scene FILE --out DIR), then label it with "
+        "--sensor DIR/sensor.yaml, or with --joint\n"
+    )
 
 
 def _usable(result: LabelResult) -> str:

@@ -21,6 +21,7 @@ from tof_gap.solve.select import _lacking, select
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
+from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.range_offset import RangeOffset
@@ -158,6 +159,14 @@ def test_of_two_that_explain_alike_the_one_tried_at_fewer_shapes_is_chosen() -> 
     judge = Selector(d, SelectLimits())
     assert judge.score([1], 1.0).price == pytest.approx(2 * np.log(4))
     assert judge.score([0], 1.0).price == 0.0
+
+
+def test_a_form_without_a_formula_pays_as_a_free_function_does() -> None:
+    """Groups of columns of any course fit whatever is a function of the column: they pay for that, and the smooth field does not."""
+    d = design(plain(FixedPattern(), FixedPattern(lines=16)), [0.0, 0.0])
+    judge = Selector(d, SelectLimits())
+    assert judge.score([0], 1.0).price == pytest.approx(2 * np.log(2))
+    assert judge.score([1], 1.0).price >= 2 * np.log(2) + SelectLimits().unknown
 
 
 def test_hand_eye_needs_less_than_what_pixels_speak_for() -> None:
