@@ -52,7 +52,10 @@ def _columns(*names: str) -> Callable[[Table], Float]:
 LIGHT, PLACE = ("one", "log", "log2"), ("across", "down")
 WAVES_M = (1.0, 0.33)
 """Periods of range: the longest that a diagnosis tries, and the one that fits best beside it (c0 / 8f at 114 MHz; a Kinect v2 has 120 MHz)."""
-LONG_WAVE, SHORT_WAVE = ((f"sine {m}", f"cosine {m}") for m in WAVES_M)
+FUNDAMENTAL_M, ALIAS_M = 1.249, 0.312
+"""c0 / 2f and c0 / 8f at 120 MHz, the highest frequency of a Kinect v2: its own period, and the harmonic that four taps alias."""
+LONG_WAVE, SHORT_WAVE, FUNDAMENTAL, ALIAS = ((f"sine {m}", f"cosine {m}") for m in (*WAVES_M, FUNDAMENTAL_M, ALIAS_M))
+BOW = ("bow xx", "bow xy", "bow yy")
 MODELS: dict[str, Callable[[Table], Float]] = {
     "nothing": lambda t: np.zeros((len(t["error"]), 1)),
     "offset and range": _columns("one", "range"),
@@ -63,6 +66,12 @@ MODELS: dict[str, Callable[[Table], Float]] = {
     "the same and range squared as well": _columns(*LIGHT, *PLACE, "range", "range2"),
     "ln amplitude, its square, a tilt, and a wave of 1 m of range": _columns(*LIGHT, *PLACE, *LONG_WAVE),
     "the same and a wave of 0.33 m": _columns(*LIGHT, *PLACE, *LONG_WAVE, *SHORT_WAVE),
+    "ln amplitude, its square, a tilt, and a wave of 1.249 m of range": _columns(*LIGHT, *PLACE, *FUNDAMENTAL),
+    "the same and a wave of 0.312 m": _columns(*LIGHT, *PLACE, *FUNDAMENTAL, *ALIAS),
+    "ln amplitude, its square, a tilt, and a bow of the board": _columns(*LIGHT, *PLACE, *BOW),
+    "ln amplitude, its square, a tilt, and black squares": _columns(*LIGHT, *PLACE, "black"),
+    "black squares and a tilt": _columns("one", *PLACE, "black"),
+    "ln amplitude, its square, a tilt, and time": _columns(*LIGHT, *PLACE, "time"),
     "ln amplitude, its square, a tilt, and another focal length": _columns(*LIGHT, *PLACE, "focal"),
     "the same and waves of 1 m and 0.33 m": _columns(*LIGHT, *PLACE, "focal", *LONG_WAVE, *SHORT_WAVE),
     "a tilt and a wave of 1 m, no amplitude": _columns("one", *PLACE, *LONG_WAVE),
@@ -96,11 +105,21 @@ def tables() -> list[Table]:
         r, A = frame.radial.ravel()[seen], np.maximum(frame.amplitude.ravel()[seen], 1.0)
         table: Table = {"error": ((view.depth - frame.depth) * frame.length).ravel()[seen], "length": frame.length.ravel()[seen]}
         table |= {"one": np.ones(len(seen)), "range": r, "range2": r**2, "log": np.log(A / 5e3), "log2": np.log(A / 5e3) ** 2}
-        for period in WAVES_M:
+        for period in (*WAVES_M, FUNDAMENTAL_M, ALIAS_M):
             table |= {f"sine {period}": np.sin(2 * np.pi * r / period), f"cosine {period}": np.cos(2 * np.pi * r / period)}
         table |= {"across": 2 * column / w - 1, "down": 2 * row / h - 1}
         moved = plane_depth(longer.poses[k].T_board_camera, camera) - plane_depth(session.poses[k].T_board_camera, session.camera)
         table |= {"focal": (moved / FOCAL * frame.length).ravel()[seen]}
+        on_board = (
+            frame.points.reshape(-1, 3)[seen] @ session.poses[k].T_board_camera[:2, :3].T + session.poses[k].T_board_camera[:2, 3]
+        ) / 0.1
+        steep = 1.0 / np.cos(frame.rendering.incidence.ravel()[seen].astype(np.float64))
+        x, y = on_board.T
+        table |= {"bow xx": x * x * steep, "bow xy": x * y * steep, "bow yy": y * y * steep}
+        table |= {
+            "black": frame.rendering.part.ravel()[seen].astype(np.float64),
+            "time": np.full(len(seen), 1e-10 * (view.stamp_ns - session.views[0].stamp_ns)),
+        }
         table |= {"across/range": table["across"] / r, "down/range": table["down"] / r}
         wave = 4e6 * np.pi * 80.0 / LIGHT_M_PER_S
         measured = np.nan_to_num(np.where(np.isfinite(view.depth), view.depth, np.nanmedian(view.depth)) * frame.length)

@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.camera import radial_to_z
 from tof_core.flat.wide_plane import wide_bend
 from tof_gap.seen.finding import Finding
-from tof_gap.solve.start import start
+from tof_gap.solve.start import Start, observe, start
 from tof_sensor.effects.radial_depth import RadialDepth
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from tof_core.capture import View
     from tof_gap.config import GapConfig
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.solve.start import Start
     from tof_scene.raycast import Raycaster
 
 
@@ -46,9 +45,11 @@ def gate(
     if as_z < config.solve.gate.least_mm * 1e-3:
         return begun, None
     converted = [replace(v, depth=radial_to_z(v.camera, v.depth)) for v in views]
+    begun.hand_over()  # The images of one reading go before those of the other are made; where it is believed, they are made again.
     other = start(converted, caster, config, align)
     if median_miss(other.evidence) > config.solve.gate.better * as_z and not all(_bends(v) for v in views):
-        return begun, None
+        other.hand_over()
+        return Start(views, begun.chain, observe(views, caster, begun.chain, config, footprints=False)), None
     share = np.stack([(v.depth - c.depth).astype(np.float64) for v, c in zip(views, converted, strict=True)])
     note = "the depth image holds distance along the ray"
     return other, Finding(RadialDepth(share=1.0), 1.0, share=share, corrects=True, note=note)

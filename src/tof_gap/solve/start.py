@@ -63,6 +63,7 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
             break  # Edges, which these poses are found by, are given up from here on.
         design = build(ColumnStore(evidence, chain.station), [], chain, config.hand_sd, config.lens_sd)
         before, chain = chain, design.system.fit(design.always, inflate=config.solve.start.inflate).moved(chain)
+        del evidence
         evidence = observe(views, caster, chain, config, footprints=False)
         if farthest(before, chain, config.solve.joint) <= 1.0:
             break

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.capture import View
+    from tof_gap.seen.residual import ViewEvidence
 
 CONFIG, ALIGN = GapConfig(), AlignConfig()
 
@@ -37,11 +38,11 @@ def recorded(*, along_ray: bool) -> list[View]:
 def poses_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """First poses are the true ones, so that the gate alone is tested."""
 
-    def start(seen: Sequence[View], *_: Any) -> Start:
-        evidence = gather(list(seen), [rendering(0.05 * k) for k in range(len(seen))], None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
-        return Start(list(seen), chain(), evidence)
+    def observe(seen: Sequence[View], *_: Any, **__: Any) -> tuple[ViewEvidence, ...]:
+        return gather(list(seen), [rendering(0.05 * k) for k in range(len(seen))], None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
 
-    monkeypatch.setattr(radial, "start", start)
+    monkeypatch.setattr(radial, "observe", observe)
+    monkeypatch.setattr(radial, "start", lambda seen, *_: Start(list(seen), chain(), observe(seen)))
 
 
 def test_depth_is_left_as_it_is() -> None:
