@@ -54,7 +54,8 @@ WAVES_M = (1.0, 0.33)
 """Periods of range: the longest that a diagnosis tries, and the one that fits best beside it (c0 / 8f at 114 MHz; a Kinect v2 has 120 MHz)."""
 FUNDAMENTAL_M, ALIAS_M = 1.249, 0.312
 """c0 / 2f and c0 / 8f at 120 MHz, the highest frequency of a Kinect v2: its own period, and the harmonic that four taps alias."""
-LONG_WAVE, SHORT_WAVE, FUNDAMENTAL, ALIAS = ((f"sine {m}", f"cosine {m}") for m in (*WAVES_M, FUNDAMENTAL_M, ALIAS_M))
+PERIODS_M = (*WAVES_M, FUNDAMENTAL_M, ALIAS_M)
+LONG_WAVE, SHORT_WAVE, FUNDAMENTAL, ALIAS = ((f"sine {m}", f"cosine {m}") for m in PERIODS_M)
 BOW = ("bow xx", "bow xy", "bow yy")
 MODELS: dict[str, Callable[[Table], Float]] = {
     "nothing": lambda t: np.zeros((len(t["error"]), 1)),
@@ -105,7 +106,7 @@ def tables() -> list[Table]:
         r, A = frame.radial.ravel()[seen], np.maximum(frame.amplitude.ravel()[seen], 1.0)
         table: Table = {"error": ((view.depth - frame.depth) * frame.length).ravel()[seen], "length": frame.length.ravel()[seen]}
         table |= {"one": np.ones(len(seen)), "range": r, "range2": r**2, "log": np.log(A / 5e3), "log2": np.log(A / 5e3) ** 2}
-        for period in (*WAVES_M, FUNDAMENTAL_M, ALIAS_M):
+        for period in PERIODS_M:
             table |= {f"sine {period}": np.sin(2 * np.pi * r / period), f"cosine {period}": np.cos(2 * np.pi * r / period)}
         table |= {"across": 2 * column / w - 1, "down": 2 * row / h - 1}
         moved = plane_depth(longer.poses[k].T_board_camera, camera) - plane_depth(session.poses[k].T_board_camera, session.camera)

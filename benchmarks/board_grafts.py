@@ -90,9 +90,8 @@ def judged(captures: Sequence[Capture], board: Board) -> tuple[int, int, str]:
     print(f"as they are: {', '.join(sorted(plain))}", flush=True)
     right, answers = int(not plain & NEVER), [f"as they are {'+'.join(sorted(plain))}"]
     for what, (graft, effect) in GRAFTS.items():
-        found = names(grafted(captures, graft), board)
-        new, asked = found - plain, {effect} if effect else set()
-        right += asked <= found and new <= asked
+        new = names(grafted(captures, graft), board) - plain
+        right += new == ({effect} if effect else set())
         answers.append(f"{what}: {'+'.join(sorted(new)) or 'nothing new'}")
         print(answers[-1], flush=True)
     return right, len(GRAFTS) + 1, "; ".join(answers)

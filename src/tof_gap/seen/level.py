@@ -63,7 +63,9 @@ def depth_step(depth: Float, limits: LevelLimits, captures: int = 1) -> float:
     if len(gaps) < limits.code_gaps or len(codes) > limits.code_share * len(z):
         return 0.0
     between = float(np.median(gaps))
+    if captures == 1:
+        return between
     step = captures * between
     off = np.abs(z / step - np.rint(z / step)) * step
     alike = float(np.mean(off < 0.5 * between))
-    return step if captures > 1 and 1.0 > alike > limits.code_whole / captures else between
+    return step if 1.0 > alike > limits.code_whole / captures else between

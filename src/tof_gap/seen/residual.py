@@ -31,9 +31,9 @@ class ViewEvidence:
     """One view at its reference pose.
 
     residual (H, W) metres of z, NaN where measurement or CAD is missing; sigma (H, W) metres, standard deviation of the view's
-    noise, both in single precision as depth is (60 nm of a metre); smooth, edge, gross (H, W) masks; pixels (n,) flat indices for fits; concavity (H, W) share of the hemisphere over a
-    pixel that the scene fills, NaN where it was not computed; step_m metres between depth codes, 0 where depth is continuous;
-    limits: which pixels count, as this view was judged.
+    noise, both in single precision as depth is (60 nm of a metre); smooth, edge, gross (H, W) masks; pixels (n,) flat indices for
+    fits; concavity (H, W) share of the hemisphere over a pixel that the scene fills, NaN where it was not computed; step_m metres
+    between depth codes, 0 where depth is continuous; limits: which pixels count, as this view was judged.
     """
 
     view: View
@@ -77,9 +77,7 @@ def gather(
     """
 
     def one(view: View, frame: Frame, source: View) -> ViewEvidence:
-        shape = frame.depth.shape
-        unknown = np.broadcast_to(np.float32(np.nan), shape)
-        filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else unknown
+        filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else _unknown(frame)
         return _of_view(view, frame, limits, filled, wider_px, depth_step(source.depth.astype(np.float64), limits.level, source.captures))
 
     rng = np.random.default_rng(limits.seed)  # One draw after the other: the same pixels whichever view is ready first.
@@ -126,8 +124,12 @@ def without_geometry(view: ViewEvidence) -> ViewEvidence:
     """A view whose columns are computed: residual, noise and masks stay; of the frame, depth, amplitude and what surrounded it."""
     frame = view.frame
     rendering = replace(depth_only(frame.camera, frame.rendering.depth), T_cell_camera=frame.rendering.T_cell_camera)
-    unknown = np.broadcast_to(np.float32(np.nan), frame.depth.shape)
-    return replace(view, frame=replace(frame, rendering=rendering), concavity=unknown)
+    return replace(view, frame=replace(frame, rendering=rendering), concavity=_unknown(frame))
+
+
+def _unknown(frame: Frame) -> Image:
+    """An image without a value, which takes no memory."""
+    return np.broadcast_to(np.float32(np.nan), frame.depth.shape)
 
 
 def drawn(smooth: Mask, pixels: int, rng: np.random.Generator) -> Ints:

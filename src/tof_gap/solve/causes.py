@@ -12,6 +12,7 @@ import numpy as np
 from tof_core import se3
 from tof_core.cores import in_threads
 from tof_gap.seen.pattern import line_means, single_pixels
+from tof_gap.seen.residual import single
 from tof_gap.solve.solution import calibrated_lens
 from tof_gap.solved import Named
 from tof_scene.render import render
@@ -88,7 +89,7 @@ def _in_units(
 def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Sequence[int]) -> FixedPattern:
     views = [joint.views[i] for i in fit_views]
     by_column, by_row = line_means(views)
-    single = single_pixels(views)
+    pixels = single_pixels(views)
     field, line = values[: effect.order**2 - 1], values[-1]
     blocks = np.split(values[len(field) : -1], 2)
     lines = [
@@ -99,7 +100,7 @@ def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Seque
         effect,
         values=tuple(float(v) for v in (*lines[0], *lines[1], *field)),
         lines=0,
-        pixels=packed(single.image) if single.size_m > 0 else "",
+        pixels=packed(pixels.image) if pixels.size_m > 0 else "",
     )
 
 
@@ -127,7 +128,7 @@ def shares(
 
     def of_view(cause: Named, v: int, view: ViewEvidence) -> Float:
         total = np.sum([_bias(e, view, v, chain, caster, other_surface_m) for e in cause.effects], axis=0)
-        return np.where(view.frame.valid, total, np.nan).astype(np.float32)
+        return single(np.where(view.frame.valid, total, np.nan))
 
     return {c.name: in_threads(partial(of_view, c), range(len(views)), views) for c in causes}
 

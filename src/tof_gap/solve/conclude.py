@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_gap.seen.residual import single
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.causes import free_shares, named, shares, smooth_ones
 from tof_gap.solve.judge import Selector
@@ -18,6 +19,7 @@ from tof_gap.solve.tolerance import calibrated, sizes_m
 from tof_gap.solved import Solved
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.time_sync import TimeSync
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,7 +49,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     """
     judge = Selector(joint.design, config.select)
     after, late_s = solution(joint)
-    found = late_apart(named(joint, split.fit, judge, rng), config.solve.joint.frame_taps)
+    found = late_apart(named(joint, split.fit, judge, rng), config.solve.joint.frame_taps, asked=joint.design.asks(TimeSync.NAME))
     camera, other_m = joint.views[0].view.camera, config.solve.joint.other_surface_mm * 1e-3
     rest = tuple(n for n in found if not calibrated(n, config.calibration, camera))
     # Hand-eye, lens and lateness are effects: figures are stated without them, unless they are within the stated calibration.
@@ -114,6 +116,4 @@ def moves_camera(effect: Effect, stated: Camera) -> bool:
 
 def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> tuple[ViewEvidence, ...]:
     """The views with residuals less some maps, (H, W) metres per map and view."""
-    return tuple(
-        replace(e, residual=(e.residual - sum(np.nan_to_num(m[v]) for m in maps)).astype(np.float32)) for v, e in enumerate(evidence)
-    )
+    return tuple(replace(e, residual=single(e.residual - sum(np.nan_to_num(m[v]) for m in maps))) for v, e in enumerate(evidence))

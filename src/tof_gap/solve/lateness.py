@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-def late_apart(found: Sequence[Named], frame_taps: float) -> tuple[Named, ...]:
+def late_apart(found: Sequence[Named], frame_taps: float, *, asked: bool = True) -> tuple[Named, ...]:
     """The named effects with `time_sync` apart from `motion`, where motion's mean time lies outside of the frame that its taps make.
 
     Depth of taps that look one after another is that of their mean time, and the stamp is any time within the frame: motion has a
     lateness of its own, of up to half of `frame_taps` taps. Stamps that are later than that have another cause, and where taps do not
-    err at all, what is left of motion is below every tolerance.
+    err at all, what is left of motion is below every tolerance. Unless `time_sync` is `asked` for, it is not named.
     """
     at = next((k for k, one in enumerate(found) if one.name == Motion.NAME), None)
-    if at is None:
+    if at is None or not asked:
         return tuple(found)
     motion, std = found[at].effects[0], found[at].std[0]
     if not isinstance(motion, Motion) or abs(motion.axial_s) <= 0.5 * frame_taps * motion.apart_s:

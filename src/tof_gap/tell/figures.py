@@ -35,8 +35,10 @@ class Figures:
 
     residual: metres before any effect, NaN where a pixel does not count; floors: m^2; maps: metres per effect; common: metres of
     noise that neighbours share (part of the floors); noise2: m^2, the pixels' own noise (part of the floors); edge: pixels that count
-    only where `flying_pixels` is named; mixed: those of them that measured a depth between their two surfaces; held: held-out views; unsure2: m^2 along the ray, variance of the error of a fixed pattern's map; step_m: metres between depth codes, where
-    `quantization` is named; posed_m: metres of noise that neighbours share and that the poses took; rng: for resampling; limits: how the figures are computed.
+    only where `flying_pixels` is named; mixed: those of them that measured a depth between their two surfaces; held: held-out views;
+    unsure2: m^2 along the ray, variance of the error of a fixed pattern's map; step_m: metres between depth codes, where
+    `quantization` is named; posed_m: metres of noise that neighbours share and that the poses took; rng: for resampling; limits: how
+    the figures are computed.
     """
 
     residual: Sequence[Float]
@@ -60,8 +62,10 @@ class Figures:
 
     def left(self) -> list[Float]:
         """(H, W) metres per view that no named effect explains."""
-        every = list(self.maps)
-        return [(r - self.total(every, v) - c).astype(np.float32) for v, (r, c) in enumerate(zip(self.residual, self.common, strict=True))]
+        return [self._left(v) for v in range(len(self.residual))]
+
+    def _left(self, view: int) -> Float:
+        return single(self.residual[view] - self.total(list(self.maps), view) - self.common[view])
 
     @property
     def alike_m(self) -> float:
@@ -84,8 +88,7 @@ class Figures:
     @cached_property
     def floors_shown(self) -> list[Float]:
         """(H, W) m^2 of each held-out view: the floor with the noise that its own pixels show."""
-        left = self.left()
-        steady = [np.where(self.edge[v], np.nan, left[v]) for v in self.held]
+        steady = [np.where(self.edge[v], np.nan, self._left(v)) for v in self.held]
         shown = shown2(steady, [self.noise2[v] for v in self.held], 2.0 * self.limits.shrink.noise_known)
         return [self.floors[v] - self.noise2[v] + s for v, s in zip(self.held, shown, strict=True)]
 

@@ -29,9 +29,9 @@ def floor2(views: Sequence[ViewEvidence], covs: Float) -> list[Float]:
 def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float) -> list[Float]:
     """(H, W) m^2 per view: the noise that pixels show beside their neighbours in what no effect explains.
 
-    The energy of noise in some thousand pixels differs from its variance by chance and by what bins of amplitude interpolate. A gap of
-    half of the noise is a fifth of the energy: as much as an error of 5 % of the noise is a quarter of. Second differences see the very
-    noise of these pixels, and no smooth gap. A rough gap shows there too: so their sum is that of `noise2`, to within `known`.
+    The energy of noise in some thousand pixels differs from its variance, by chance and by what bins of amplitude interpolate; beside a
+    gap smaller than the noise, a few percent of that variance are much of the gap's energy. Second differences hold the noise of these
+    pixels, and no smooth gap. A rough gap shows in them too: so their sum may differ from that of `noise2` by the share `known` at most.
 
     Args:
         left: (H, W) metres of each view, NaN where a pixel does not count.

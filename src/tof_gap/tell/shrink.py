@@ -104,13 +104,14 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
         n = draws @ held_out.n
         b2, a2, f2 = draws @ held_out.before[2] / n, draws @ held_out.after[2] / n, draws @ held_out.floor2 / n
         above = (before.rmse * 1e-3) ** 2 - floor2
+        whole = above + healthy2
         # A draw of blocks without a gap says nothing of a ratio.
         ratios = ((b2 - a2) / (b2 - f2 + healthy2))[b2 - f2 > limits.drawn_share * above]
         low, high = np.quantile(ratios, [0.025, 0.975]) if len(ratios) else (value, value)
-        floor = abs(value) * limits.noise_known * floor2 / (above + healthy2)
+        floor = abs(value) * limits.noise_known * floor2 / whole
         half = [float(np.hypot(max(side, limits.resolution), floor)) for side in (value - low, high - value)]
-        hidden = healthy2 / (above + healthy2)
-        ci = (value - half[0] - hidden, max(value + half[1] + unsure2 / (above + healthy2), 1.0))
+        hidden = healthy2 / whole
+        ci = (value - half[0] - hidden, max(value + half[1] + unsure2 / whole, 1.0))
     return Shrink(before, after, 1e3 * float(np.sqrt(floor2)), value, ci)
 
 

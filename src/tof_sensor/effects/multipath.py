@@ -41,7 +41,6 @@ class Multipath(Effect):
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("strength",)
     ROUGH: ClassVar[float] = 0.06  # Patches are coarse beside the niches of a part: twice as many win a few hundredths more.
-
     LACKS: ClassVar[float] = 1.0  # Later bounces add up to albedo / (1 - albedo) of the first, more evenly: at 0.5, as much again.
 
     strength: float = param(0.0, "against one bounce at the scene's albedos", low=0.0, high=5.0)

@@ -43,5 +43,10 @@ def test_a_stamp_outside_of_the_frame_is_late_besides(axial_s: float) -> None:
     assert late.confidence == motion.confidence
 
 
+def test_a_lateness_that_is_left_out_is_not_named() -> None:
+    found = (named(0.2), OFFSET)
+    assert late_apart(found, FRAME_TAPS, asked=False) == found
+
+
 def test_a_session_without_motion_is_left_as_it_is() -> None:
     assert late_apart((OFFSET,), FRAME_TAPS) == (OFFSET,)
