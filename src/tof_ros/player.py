@@ -132,8 +132,8 @@ class Player(Node):
             if not alive():
                 raise ReplayError("the graph stopped while it started", todo="its messages are above")
             if time.monotonic() > deadline:
-                missing = f"not enough listen to {deaf[0]}" if deaf else f"nobody publishes {mute[0]}"
-                raise ReplayError(f"{missing} after {timeout_s:.0f} s", todo="is the graph running in this ROS_DOMAIN_ID?")
+                lacks = [f"not enough listen to {topic}" for topic in deaf[:1]] + [f"nobody publishes {topic}" for topic in mute[:1]]
+                raise ReplayError(f"{' and '.join(lacks)} after {timeout_s:.0f} s", todo="is the graph running in this ROS_DOMAIN_ID?")
             time.sleep(0.05)
 
     def play(self, bag: Iterable[RawMessage], transforms: Iterable[RawMessage], alive: Callable[[], bool]) -> Iterator[int]:
