@@ -19,6 +19,9 @@ from tof_virtual.emerging.strength import calibrate
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tof_core.arrays import Float
+    from tof_virtual.emerging.session import EmergingSession
+
 KINDS = ("none", "foreign", "missing", "displaced", "arm", "foreign", "missing", "arm and foreign")
 """Kinds of eight sessions."""
 USUAL = ("slow_driver", "charge_traps", "flood_light", "cold_start", "long_pulse")
@@ -31,6 +34,8 @@ DISPLACED_MM = (20.0, 60.0)
 """Bounds of the displacement of parts."""
 ARM_SHARE = 0.5
 """Share of the views into which a person's arm reaches."""
+AS_CAD = {"world.foreign_m": 0.0, "world.missing": False, "world.moved_mm": 0.0, "world.arm_share": 0.0}
+"""The world without any surprise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,4 +89,15 @@ def record_case(case: Case, folder: Path, size: tuple[int, int]) -> None:
     session.healthy = updated(session.healthy, case.world)
     reached = calibrate(session, case.session.causes)
     record(session, folder / "bag", folder / "truth", case.session.causes, reached)
+    np.savez_compressed(folder / "cad.npz", depth=as_cad(session))
     (folder / "case.json").write_text(json.dumps({"kind": case.kind, "world": case.world, **case.session.to_dict()}, indent=1))
+
+
+def as_cad(session: EmergingSession) -> Float:
+    """(V, H, W) true depth, metres, that the same camera would see from the same poses if the world were as its CAD; a view is a stop.
+
+    With the camera's true lens, which differs from the published one: what differs from the truth is the world's doing alone.
+    """
+    device = updated(session.device(), AS_CAD)
+    first = {shutter.stop: shutter for shutter in reversed(session.shutters)}
+    return np.stack([session.view(first[stop], device).z.reshape(session.camera.shape) for stop in sorted(first)])

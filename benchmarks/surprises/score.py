@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from tof_core.arrays import Float
     from tof_core.capture import View
     from tof_scene.world.surprises import Surprises
 
@@ -35,7 +36,7 @@ WRONG_M = 0.015
 SHOWS_PX = 20
 """Pixels from which a view shows a thing."""
 NEAR_M = 0.1
-"""Distance of a named object from the middle of the true one's visible points up to which it is that one."""
+"""Distance of a named object's middle from that of the true one up to which it is that one; both are of boxes around what views see."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,32 +80,34 @@ def score(folder: Path) -> Row:
     except RefusedError as error:
         return Row(case["name"], case["kind"], refused=str(error))
     world = session_surprises(views, solution.posed, caster, config.label)
-    truth, counts = np.load(folder / "truth.npz"), dict[str, int]()
+    truth, as_cad, counts = np.load(folder / "truth.npz"), np.load(folder / "cad.npz")["depth"], dict[str, int]()
     for number, (view, posed) in enumerate(zip(views, solution.posed, strict=True)):
         label, alone = (label_view(view, posed, caster, config.label, codes) for codes in (world.pixels[number], None))
-        true = truth["depth"][number]
-        cad = render(caster, view.camera, truth["T_cell_camera"][number], footprints=False).depth
+        true, cad = truth["depth"][number], as_cad[number]
         for name, count in _counted(label.depth, label.reason, alone.reason, true, cad, np.isfinite(view.depth)).items():
             counts[name] = counts.get(name, 0) + count
-    counts |= _named(world, true_things(views, truth, caster, case), caster.scene.names)
+    counts |= _named(world, true_things(views, truth, as_cad, caster, case), caster.scene.names, arm="arm" in case["kind"])
     return replace(Row(case["name"], case["kind"], world=json.dumps(described(world, caster.scene))), **counts)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, slots=True)
 class Things:
-    """What the views truly show: names of parts that are gone, the middle (3,) of a foreign object or None."""
+    """What the views truly show: names of parts that are gone, the middle (3,) of the box around what is seen of a foreign object, or None."""
 
     gone: tuple[str, ...]
-    middle: Any
+    middle: Float | None
 
 
-def true_things(views: Sequence[View], truth: Mapping[str, Any], caster: Raycaster, case: Mapping[str, Any]) -> Things:
-    """From the truth: a part is gone that no pixel is of, where what is behind it is more than 15 mm away in some; a foreign object shows where no body of the CAD is, and no arm."""
+def true_things(views: Sequence[View], truth: Mapping[str, Any], as_cad: Float, caster: Raycaster, case: Mapping[str, Any]) -> Things:
+    """From the truth: a part is gone that no pixel is of, where what is behind it is more than 15 mm away in some; a foreign object shows where no body of the CAD is, and no arm.
+
+    as_cad: (V, H, W) true depth, metres, of a world without surprises (`cases.as_cad`).
+    """
     shown, points, covered = np.zeros((2, len(caster.scene.parts)), int), list[Any](), np.zeros(len(caster.scene.parts), int)
     for number, view in enumerate(views):
         T, part, depth = truth["T_cell_camera"][number], truth["part"][number], truth["depth"][number]
-        cad = render(caster, view.camera, T, footprints=False)
-        drawn, off = cad.part, np.abs(cad.depth - depth) > WRONG_M
+        drawn = render(caster, view.camera, T, footprints=False).part
+        off = np.abs(as_cad[number] - depth) > WRONG_M
         shown[0] += np.bincount(drawn[(drawn >= 0) & off], minlength=len(covered))
         shown[1] += np.bincount(part[part >= 0], minlength=len(covered))
         foreign = (part < 0) & np.isfinite(depth)
@@ -112,24 +115,29 @@ def true_things(views: Sequence[View], truth: Mapping[str, Any], caster: Raycast
         if not reaches(int(truth["stop"][number]), case["world"]["world.arm_share"], case["seed"]) and foreign.sum() >= SHOWS_PX:
             points.append(se3.apply(T, view.camera.rays()[foreign] * depth[foreign][:, None]))
     gone = (shown[0] - covered >= 2 * SHOWS_PX) & (shown[1] == 0) & case["world"]["world.missing"]
-    middle = np.median(np.concatenate(points), axis=0) if len(points) > 1 and "foreign" in case["kind"] else None
+    middle = _box_middle(np.concatenate(points)) if len(points) > 1 and "foreign" in case["kind"] else None
     return Things(tuple(caster.scene.names[k] for k in np.flatnonzero(gone)), middle)
 
 
-def _named(world: Surprises, true: Things, names: Sequence[str]) -> dict[str, int]:
-    """How many things there are, how many are named at their place, how many are named and not there."""
+def _box_middle(points: Float) -> Float:
+    """Middle (3,) of the box around points (n, 3); the median would lie on the side that most of them are of."""
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
+
+
+def _named(world: Surprises, true: Things, names: Sequence[str], *, arm: bool) -> dict[str, int]:
+    """How many things there are, how many are named at their place, how many are named and not there; with an arm, what moves or one view alone shows is the arm's."""
     parts = {names[m.part] for m in world.missing}
     standing = [f for f in world.foreign if not f.moves and len(f.views) > 1]
     right = [f for f in standing if true.middle is not None and np.linalg.norm(f.centre_m - true.middle) < NEAR_M]
     return {
         "things": len(true.gone) + (true.middle is not None),
         "named": len(parts & set(true.gone)) + bool(right),
-        "false": len(parts - set(true.gone)) + len(standing) - len(right),
+        "false": len(parts - set(true.gone)) + len(standing if arm else world.foreign) - len(right),
     }
 
 
 def _counted(label: Any, reason: Any, alone: Any, true: Any, cad: Any, measured: Any) -> dict[str, int]:
-    """The counts of one view, images (H, W)."""
+    """The counts of one view, images (H, W); cad: true depth of a world without surprises."""
     judged = np.isin(reason, [LabelReason.USABLE, *WORLD])
     off = judged & (np.abs(label - true) > WRONG_M)
     by_world = off & (np.abs(cad - true) > WRONG_M)

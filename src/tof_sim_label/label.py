@@ -81,6 +81,7 @@ def _reasons(view: View, rendering: Rendering, sigma: Image, world: Bytes, confi
         LabelReason.NO_CAD: ~np.isfinite(sigma),
         LabelReason.ROBOT: view.reason == Reason.SELF,
         LabelReason.GRAZING: rendering.incidence > np.radians(config.max_incidence_deg),
+        LabelReason.ABSENT: world == LabelReason.ABSENT,  # what the solution finds an absent part to stand off makes it uncertain, too
         LabelReason.UNCERTAIN: sigma > config.max_sigma_mm * 1e-3,
     }
     return np.select(list(applies.values()), [np.uint8(code) for code in applies], world)

@@ -7,7 +7,7 @@ from enum import IntEnum
 
 
 class LabelReason(IntEnum):
-    """Codes of `views/reason`; 0 is a pixel with mask 1. Of several reasons the first that applies, in the order of the codes."""
+    """Codes of `views/reason`; 0 is a pixel with mask 1. Of several reasons the first that applies, in the order of the codes, but `ABSENT` goes before `UNCERTAIN`."""
 
     USABLE = 0
     POSE = 1

@@ -16,6 +16,7 @@ from tof_core.capture import Posed, View
 from tof_core.reasons import Reason
 from tof_scene.raycast import Raycaster
 from tof_scene.scene import Part, Scene
+from tof_scene.world.surprises import ABSENT, NONE
 from tof_sim_label.config import LabelConfig
 from tof_sim_label.label import Label, label_view
 from tof_sim_label.reasons import LabelReason
@@ -157,3 +158,15 @@ def test_a_part_that_stands_elsewhere_does_not_excuse_itself(caster: Raycaster) 
     inner = cv2.erode(on.astype(np.uint8), np.ones((3, 3), np.uint8)) == 1
     assert (label_view(view, posed, caster).reason[inner] == LabelReason.USABLE).all()
     assert (label_view(moved, posed, caster).reason[inner] == LabelReason.FOREIGN).all()
+
+
+def test_a_part_that_is_not_there_is_absent_and_not_uncertain(caster: Raycaster) -> None:
+    """The solution takes an absent clip to stand 30 mm off: its label is uncertain by that, and yet the reason is its absence."""
+    view, _ = seen(caster)
+    posed = Posed(POSED.T_cell_camera, POSED.cov_right, parts=np.array([0.0, 0.03]))
+    world = np.where(seen(caster)[1].part == 1, np.uint8(ABSENT), np.uint8(NONE))
+    reason = label_view(view, posed, caster, world=world).reason
+    clip = label_view(view, posed, caster, world=np.zeros_like(world)).reason[world == ABSENT]
+    assert (clip == LabelReason.UNCERTAIN).all()
+    assert (reason[world == ABSENT] == LabelReason.ABSENT).all()
+    assert not (reason[world == NONE] == LabelReason.ABSENT).any()

@@ -29,6 +29,8 @@ TRIM = 0.02
 """Share of an object's points that its box leaves out at each side."""
 SEEN_THROUGH = 0.1
 """Share of the points that other views see through from which what one view measured is not a side of a standing object."""
+AMONG = 0.5
+"""Share of the pixels of one view that lie at the rim of a standing object's, or among them, from which they are its noise; a hand has an inside."""
 
 LEAST_WRAP_M = 0.3
 """Unambiguous range at 500 MHz, beyond any camera's: no shorter jump is a wrapped phase."""
@@ -58,12 +60,13 @@ class Foreign:
 class _Cloud:
     """Points (n, 3) measured before the CAD.
 
-    view (n,): of each; jump (n,): metres of z before the CAD; static (n,): other views measured them too; through (n,): other views
-    see through their place; step (views,): every so manieth pixel is a point.
+    view (n,): of each; pixel (n, 2): its row and column there; jump (n,): metres of z before the CAD; static (n,): other views measured
+    them too; through (n,): other views see through their place; step (views,): every so manieth pixel is a point.
     """
 
     points: Float
     view: Ints
+    pixel: Ints
     jump: Float
     static: Mask
     through: Mask
@@ -97,7 +100,7 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
         least = max(limits.object_px, limits.moving_share * seen.depth.size)
         large = (mine for mine in _clusters(cloud.points, alone, voxel) if len(mine) * cloud.step[number] >= least)
         single.extend(mine for mine in large if _stands_out(clearance[mine], limits) and not _wrapped(cloud.jump[mine]))
-    joined, single = _joined(cloud, standing, single, 2 * voxel)
+    joined, single = _joined(cloud, standing, single, 2 * voxel, limits.rim_px)
     objects = [_object(cloud, mine, clearance, _views(cloud, mine, limits.object_view_px), moves=False) for mine in joined]
     for mine in single:
         moves = bool(cloud.through[mine].mean() > 0.5)
@@ -105,9 +108,12 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
     return tuple(objects)
 
 
-def _joined(cloud: _Cloud, standing: Sequence[Ints], single: Sequence[Ints], reach: float) -> tuple[list[Ints], list[Ints]]:
+def _joined(cloud: _Cloud, standing: Sequence[Ints], single: Sequence[Ints], reach: float, rim_px: int) -> tuple[list[Ints], list[Ints]]:
     """Clusters of several views joined with each other over those of one view that touch them, and what of the latter is left."""
-    still = [k for k, mine in enumerate(single) if cloud.through[mine].mean() < SEEN_THROUGH]
+    of_several = np.concatenate(standing) if standing else np.zeros(0, np.int64)
+    still = [
+        k for k, mine in enumerate(single) if cloud.through[mine].mean() < SEEN_THROUGH or _among(cloud, mine, of_several, rim_px) > AMONG
+    ]
     every = [*standing, *(single[k] for k in still)]
     trees = [cKDTree(cloud.points[mine]) for mine in every]
     touch = np.array([[bool(a.count_neighbors(b, reach)) for b in trees] for a in trees], bool).reshape(len(every), len(every))
@@ -117,15 +123,27 @@ def _joined(cloud: _Cloud, standing: Sequence[Ints], single: Sequence[Ints], rea
     return [np.concatenate([every[k] for k in m]) for m in mine_of], [mine for k, mine in enumerate(single) if k not in taken]
 
 
+def _among(cloud: _Cloud, mine: Ints, others: Ints, rim_px: int) -> float:
+    """Share of the points `mine`, all of one view, with a point of `others` of the same view at most `rim_px` beside them."""
+    number = cloud.view[mine[0]]
+    beside = others[cloud.view[others] == number]
+    if not len(beside):
+        return 0.0
+    reach = rim_px * float(np.sqrt(cloud.step[number])) + 0.5  # points are as much farther apart as pixels are left out
+    distance, _ = cKDTree(cloud.pixel[beside]).query(cloud.pixel[mine], distance_upper_bound=reach)
+    return float(np.isfinite(distance).mean())
+
+
 def _cloud(views: Sequence[Seen], before: Sequence[Mask], measured: Sequence[Float], limits: WorldLimits) -> _Cloud:
     """All points before the CAD, each compared with what the other views measure in its direction."""
-    points, view, jump, step = [], [], [], []
+    points, view, pixel, jump, step = [], [], [], [], []
     for number, (seen, near, z) in enumerate(zip(views, before, measured, strict=True)):
         at = near & np.isfinite(z)
         found = seen.points(at, z)
         every = max(1, len(found) // POINTS)
         points.append(found[::every])
         view.append(np.full(len(found[::every]), number))
+        pixel.append(np.argwhere(at)[::every])
         jump.append((seen.cad - z)[at][::every])
         step.append(every)
     every_point, of_view = np.concatenate(points), np.concatenate(view)
@@ -137,7 +155,9 @@ def _cloud(views: Sequence[Seen], before: Sequence[Mask], measured: Sequence[Flo
         other = inside & (of_view != number)
         agree += other & near[row, column] & (np.abs(ahead) < margin)
         through += other & (ahead > margin)
-    return _Cloud(every_point, of_view, np.concatenate(jump), (agree > 0) & (agree >= through), through > agree, np.array(step))
+    return _Cloud(
+        every_point, of_view, np.concatenate(pixel), np.concatenate(jump), (agree > 0) & (agree >= through), through > agree, np.array(step)
+    )
 
 
 def _clusters(points: Float, where: Mask, voxel: float) -> list[Ints]:
