@@ -12,8 +12,8 @@ from tof_align import verdict as verdicts
 from tof_align.approach import approach
 from tof_align.carry import Carry
 from tof_align.chain import Chain, chain_of
-from tof_align.discrepancy import basis_of
-from tof_align.known import removed_at
+from tof_align.discrepancy import basis_of, least_sizes
+from tof_align.known import removed_at, through_known
 from tof_align.linearise import Linearised, linearise
 from tof_align.mixed import Mixed, Normal, estimate, solve
 from tof_align.observability import Observability, most_disputed, observe_block, pinned
@@ -110,10 +110,12 @@ class SessionAligner:
             view = removed_at([view], [predicted.pose(-1)], self.caster, self.bias, self._start_ns)[0]
             taken = sample(view, self.config.weights)
         self.samples.append(taken)
-        if not session:
-            return solve_samples([taken], self.caster, self.config).posed[0]
-        live = take_pixels(view, self.config.weights, pixels=self.config.weights.live_pixels)
-        return self._place(taken, live, predicted)
+        if session:
+            live = take_pixels(view, self.config.weights, pixels=self.config.weights.live_pixels)
+            posed = self._place(taken, live, predicted)
+        else:
+            posed = solve_samples([taken], self.caster, self.config).posed[0]
+        return posed if self.bias is None else through_known([posed], [view], self.bias)[0]
 
     def finish(self) -> SessionSolution:
         """The final solution over all views pushed so far.
@@ -152,7 +154,9 @@ class SessionAligner:
     def _fit(self, live: Pixels, chain: Chain, lin: Linearised) -> _Fit:
         """Gauss-Newton on the new view and the window; the answer's step is not taken yet."""
         last = len(self._kept)
-        basis = self._basis or basis_of([lin], replace(self.config.discrepancy, centres=0, parts=False, bounces=False), widen=1.6)
+        basis = self._basis or basis_of(
+            [lin], replace(self.config.discrepancy, centres=0, parts=False, bounces=False, lens=False), widen=1.6
+        )
         weights = weigh(lin, first_look(lin, self.config.weights.shared), self.config.weights)
         fit = self._solved(chain, basis, lin, columns_of(lin, basis), weights)
         for _ in range(STEPS - 1):
@@ -201,7 +205,7 @@ class SessionAligner:
         pull = None if self._carry is None else self._carry.at(chain)
         sizes = {kind: self._sizes.get(kind, d.start_mm * 1e-3) for kind in (*normal.kinds, *normal.own_kinds)}
         rounds = 3 if self._sizes else d.rounds
-        answer = estimate(normal, sizes, rounds=rounds, low=d.floor_mm * 1e-3, high=d.ceiling_mm * 1e-3, pull=pull)
+        answer = estimate(normal, sizes, rounds=rounds, low=least_sizes(sizes, basis, d), high=d.ceiling_mm * 1e-3, pull=pull)
         return _Fit(chain, basis, lin, columns, weights, gram, normal, answer, pull)
 
     def _observe(self, chain: Chain, answer: Mixed) -> Observability:

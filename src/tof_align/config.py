@@ -112,6 +112,23 @@ class DiscrepancyConfig:
         why="a smaller part hardly holds a pose, but must not pull as if it stood right",
     )
     bounces: bool = param(True, "allow for light that comes by way of other parts")
+    lens: bool = param(True, "allow for a lens that is not the one of CameraInfo")
+    lens_least: float = param(
+        0.1,
+        "least size of its differences, in those of usual calibrations (0.2 %, 1 px, k1 0.01)",
+        low=0.0,
+        why="corners of a good calibration fit to 0.1 px",
+    )
+    lens_px: float = param(
+        0.1,
+        "difference of that lens, anywhere in the image, from which labels are seen through it",
+        unit="px",
+        low=0.0,
+        why="a tenth of a footprint",
+    )
+    lens_again_px: float = param(
+        1.0, "difference from which poses are solved once more through it", unit="px", low=0.0, why="below, its effect on depth is linear"
+    )
     image_order: int = param(5, "highest order of errors that are smooth in the image", low=0, high=12, why="20 cosines")
     rounds: int = param(15, "rounds that estimate the sizes", low=1, why="more change little")
     amplitude: float = param(

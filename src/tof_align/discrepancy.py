@@ -2,7 +2,7 @@
 """Unmodelled errors: smooth, shared by neighbours and by views, as columns with a prior.
 
 A depth camera's systematic errors are functions of few things: range (wiggling), amplitude,
-the place on the part (multipath, deviation), the pixel (fixed pattern), the view (drift), and
+the place on the part (multipath, deviation), the pixel (fixed pattern, lens), the view (drift), and
 the rest is smooth in the image. Each is a Gaussian process with an exponential (Ornstein
 Uhlenbeck) covariance, written as a few columns with unit-variance coefficients times one size
 in metres per kind. The sizes are estimated from the data (`mixed`); near zero where there is
@@ -19,11 +19,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.bounced import Emitters, emitters_of, no_emitters
+from tof_align.lens import lens_scale
 from tof_align.parts import MOTIONS, PartFrames, no_parts, parts_of
+from tof_core.lens import LENS
 from tof_core.stats import grouped
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
     from tof_align.linearise import Linearised
     from tof_core.arrays import Float
 
-SHARED = ("range", "amplitude", "object", "image", "bounce", "part")
+SHARED = ("range", "amplitude", "object", "image", "bounce", "lens", "part")
 """Kinds whose coefficients all views share, in the order of their columns."""
 SPAN = (0.002, 0.998)
 """Quantiles of an observable between which knots stand: a few gross pixels must not stretch them."""
@@ -52,7 +54,7 @@ class Basis:
 
     knots_range (metres), knots_amplitude (ln amplitude): where cubic B-splines stand;
     centres (m, 6): place and scaled normal of points of the surface; root_*: Cholesky-like
-    factors that turn them into unit-variance coefficients.
+    factors that turn them into unit-variance coefficients; lens_m: RMS in metres of the raw columns of the lens, 0 for none.
     """
 
     knots_range: Float
@@ -65,13 +67,14 @@ class Basis:
     order: int
     parts: PartFrames = field(default_factory=no_parts)
     emitters: Emitters = field(default_factory=no_emitters)
+    lens_m: float = 0.0
 
     @property
     def shared(self) -> tuple[int, ...]:
         """Columns per kind of `SHARED`."""
         image, part = image_count(self.order), MOTIONS * len(self.parts.index)
         line = self.root_range.shape[1], self.root_amplitude.shape[1], self.root_object.shape[1]
-        return *line, image, self.emitters.count, part
+        return *line, image, self.emitters.count, 2 * len(LENS) * (self.lens_m > 0), part
 
     @property
     def local(self) -> tuple[int, ...]:
@@ -103,7 +106,25 @@ def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: f
     centres = farthest_points(surface, config.centres)
     inverse_root = _inverse_root(_surface_covariance(centres, centres))
     parts = parts_of(views, config.part_share) if config.parts else no_parts()
-    return Basis(knots, root, knots_a, root_a, centres, inverse_root, config.object_m, config.image_order, parts, emitters_of(views))
+    return Basis(
+        knots,
+        root,
+        knots_a,
+        root_a,
+        centres,
+        inverse_root,
+        config.object_m,
+        config.image_order,
+        parts,
+        emitters_of(views),
+        lens_scale(views),
+    )
+
+
+def least_sizes(kinds: Iterable[str], basis: Basis, config: DiscrepancyConfig) -> dict[str, float]:
+    """Metres: the least size of each kind; no lens is known better than the best calibrations."""
+    floor = config.floor_mm * 1e-3
+    return {kind: max(floor, config.lens_least * basis.lens_m) if kind == "lens" else floor for kind in kinds}
 
 
 def _line(values: Float, length: float, config: DiscrepancyConfig) -> tuple[Float, Float]:

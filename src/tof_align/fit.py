@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.bounced import Light, light_in
-from tof_align.discrepancy import basis_of
+from tof_align.discrepancy import basis_of, least_sizes
+from tof_align.lens import lens_columns
 from tof_align.linearise import linearise
 from tof_align.mixed import estimate
 from tof_align.parts import PART, counts
@@ -67,7 +68,7 @@ class Fitter:
             rig = rig.moved(answer.x, answer.own)
             if float(np.abs(system.camera_steps(answer)).max()) < STILL:
                 break
-        smooth = [size for kind, size in (self.sizes or {}).items() if not kind.startswith(PART)]
+        smooth = [size for kind, size in (self.sizes or {}).items() if kind != "lens" and not kind.startswith(PART)]
         if self.last and max(smooth, default=0.0) < self.config.weights.last_mm * 1e-3:
             self.pixels = self.last
         self._light.clear()  # computed at the first pose and at the last: the steps between move it by less than its rays are wrong
@@ -83,12 +84,14 @@ class Fitter:
         system = SessionSystem(rig, views, tuple(np.zeros(0) for _ in views), self.basis, {}, self.theta_std)
         weighed = in_threads(lambda v: self._weighed(system, before, columns, v), range(len(views)))
         theta_info = system.theta_info(0 if columns is None else columns[0].shape[1])
-        answer = self._solve(assemble([gram for _, gram in weighed], rig, self.basis, theta_info))
+        answer = self._solve(assemble([gram for _, gram in weighed], rig, self.basis, theta_info), self.basis)
         return replace(system, weights=tuple(w for w, _ in weighed), sizes=answer.sizes), answer, columns
 
     def _linearised(self, rig: Rig, v: int) -> Linearised:
-        view = linearise(self.pixels[v], rig.pose(v), self.caster, self.config.weights)
-        if not (self.config.discrepancy.enabled and self.config.discrepancy.bounces):
+        view, of = linearise(self.pixels[v], rig.pose(v), self.caster, self.config.weights), self.config.discrepancy
+        if of.enabled and of.lens:
+            view = replace(view, lens=lens_columns(view, self.pixels[v].camera))
+        if not (of.enabled and of.bounces):
             return view
         if v not in self._light:
             self._light[v] = light_in(view, self.pixels[v], self.caster)
@@ -106,11 +109,11 @@ class Fitter:
         weight = weight * counts(system.basis.parts, view)
         return weight, of.gram(weight)
 
-    def _solve(self, normal: Normal) -> Mixed:
+    def _solve(self, normal: Normal, basis: Basis) -> Mixed:
         d = self.config.discrepancy
         warm = self.sizes or {}
         begin = {kind: (d.part_start_mm if kind.startswith(PART) else d.start_mm) * 1e-3 for kind in (*normal.kinds, *normal.own_kinds)}
         sizes = begin | {kind: size for kind, size in warm.items() if kind in begin}
-        answer = estimate(normal, sizes, rounds=d.rounds, low=d.floor_mm * 1e-3, high=d.ceiling_mm * 1e-3)
+        answer = estimate(normal, sizes, rounds=d.rounds, low=least_sizes(begin, basis, d), high=d.ceiling_mm * 1e-3)
         self.sizes = dict(answer.sizes)
         return answer

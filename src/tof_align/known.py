@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
     from tof_align.config import AlignConfig
     from tof_core.arrays import Float
-    from tof_core.capture import View
+    from tof_core.camera import Camera
+    from tof_core.capture import Posed, View
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
 
@@ -35,6 +36,15 @@ class Bias(Protocol):
         self, views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster, start_ns: int | None = None
     ) -> list[Float]:
         """(H, W) metres of z per view; `start_ns`: stamp of the session's first view, where it is not among them."""
+
+    def camera(self, stated: Camera) -> Camera:
+        """The camera as it is where CameraInfo says `stated`."""
+
+
+def through_known(posed: Sequence[Posed], views: Sequence[View], bias: Bias) -> tuple[Posed, ...]:
+    """The poses, of which each without a lens of its own has the one that is known."""
+    cameras = [p.camera or bias.camera(v.camera) for p, v in zip(posed, views, strict=True)]
+    return tuple(replace(p, camera=None if c == v.camera else c) for p, v, c in zip(posed, views, cameras, strict=True))
 
 
 def known_removed(views: Sequence[View], caster: Raycaster, bias: Bias, align: AlignConfig) -> list[View]:

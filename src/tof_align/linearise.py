@@ -23,7 +23,8 @@ class Linearised:
     rotX, rotY, rotZ); residual (n,): measured minus rendered z, metres; sigma (n,): its noise,
     metres; index (n,): flat indices into (H, W); cell: flat indices into the raster (h, w);
     point (n, 3), normal (n, 3): where the rays hit, cell frame; part (n,): of which part of the scene; ray_length (n,).
-    bounced (n, P): metres of z that the light of each part adds (`bounced.Light`), where it was computed.
+    bounced (n, P): metres of z that the light of each part adds (`bounced.Light`), where it was computed; lens (n, 16): what a
+    lens off the stated one adds (`lens.lens_columns`), the same.
     `on_cad` counts raster pixels with a depth where the CAD has a surface too (before the cuts
     for edges and grazing): the denominator of support.
     """
@@ -43,6 +44,7 @@ class Linearised:
     part: Ints
     on_cad: int
     bounced: Float | None = None
+    lens: Float | None = None
 
     @property
     def ray_length(self) -> Float:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from tof_core.arrays import Float, Ints
 
 
@@ -202,15 +204,15 @@ def estimate(
     sizes: dict[str, float],
     *,
     rounds: int,
-    low: float,
+    low: Mapping[str, float],
     high: float,
     pull: tuple[Float, Float] | None = None,
 ) -> Mixed:
-    """Solve, and find the sizes (metres, between `low` and `high`) that make the data most probable."""
+    """Solve, and find the sizes (metres, between `low` of each kind and `high`) that make the data most probable."""
     answer = solve(normal, sizes, pull)
     for _ in range(rounds if sizes else 0):
         own = _own_variance(answer)
-        new = {kind: float(np.clip(_size(normal, answer, kind, own), low, high)) for kind in answer.sizes}
+        new = {kind: float(np.clip(_size(normal, answer, kind, own), low[kind], high)) for kind in answer.sizes}
         still = all(abs(np.log(new[k] / answer.sizes[k])) < SETTLED for k in new)
         answer = solve(normal, new, pull)
         if still:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -39,6 +39,10 @@ class Pixels:
     def shape(self) -> tuple[int, int]:
         """(h, w) of the raster."""
         return self.depth.shape[0], self.depth.shape[1]
+
+    def through(self, camera: Camera) -> Pixels:
+        """The same pixels seen through another lens."""
+        return replace(self, camera=camera, rays=camera.rays().reshape(-1, 3)[self.index], angle=camera.pixel_angle)
 
     def thinned(self, pixels: int) -> Pixels:
         """Every k-th row and column, so that about `pixels` are left (all, where there are no more)."""

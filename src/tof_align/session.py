@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,36 +12,27 @@ from tof_align import verdict as verdicts
 from tof_align.approach import approach
 from tof_align.chain import Chain, chain_of
 from tof_align.fit import Columns, Fitter
-from tof_align.linearise import Linearised, linearise
+from tof_align.lens import Lens, estimated_lens
+from tof_align.linearise import linearise
 from tof_align.mixed import Mixed, solve
 from tof_align.observability import Observability, most_disputed, observe_block, pinned
 from tof_align.pixels import Sample, sample
 from tof_align.single import align_sample
+from tof_align.terms import Terms, columns_of_terms
 from tof_core import se3
-from tof_core.arrays import Float
 from tof_core.capture import Posed, View
 from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
+from tof_core.lens import apart_px
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_align.config import AlignConfig
     from tof_align.system import SessionSystem
+    from tof_core.arrays import Float
+    from tof_core.camera import Camera
     from tof_scene.raycast import Raycaster
-    from tof_scene.render import Rendering
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PosedView:
-    """A view with the CAD rendered (pixel centres) where its camera is believed to be."""
-
-    view: View
-    rendering: Rendering
-
-
-Terms = Callable[[PosedView], Float]
-"""Extra columns (H*W, k): metres of z per unit of each of k coefficients."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +44,7 @@ class SessionSolution:
     right perturbation; theta (k,), theta_cov (k, k): coefficients of the extra columns;
     sizes: how large the unmodelled errors are per kind, metres (what `discrepancy` lists; `part I` for part I of the scene);
     observability (S,): what the data leave open; system: the linear system at the solution, to
-    refit with; fitted: its answer.
+    refit with; fitted: its answer; lens: what the session shows, None where the stated one will do.
     """
 
     posed: tuple[Posed, ...]
@@ -70,6 +60,7 @@ class SessionSolution:
     observability: tuple[Observability, ...]
     system: SessionSystem[Chain]
     fitted: Mixed
+    lens: Lens | None = None
 
     @property
     def chain(self) -> Chain:
@@ -101,7 +92,7 @@ def solve_session(
         TransformError: a view has no robot pose.
     """
     samples = [sample(v, config.weights) for v in views]
-    columns = None if terms is None else _columns(terms, views, caster)
+    columns = None if terms is None else columns_of_terms(terms, views, caster)
     return solve_samples(samples, caster, config, columns=columns, theta_std=theta_std, start=start)
 
 
@@ -125,7 +116,24 @@ def solve_samples(
     last = [s.full.thinned(max(share, config.weights.pixels)) for s in samples]
     fitter = Fitter([s.fine for s in samples], caster, config, columns, theta_std, last=last)
     system, answer, given = fitter.fit(chain, config.iterations)
-    return _conclude(fitter, system, answer, given, seed)
+    lens, stated = _lens(system, answer, samples[0].full.camera, config.discrepancy.lens_px), samples[0].full.camera
+    if lens is None or columns is not None or apart_px(stated, lens.camera) < config.discrepancy.lens_again_px:
+        return _through(_conclude(fitter, system, answer, given, seed), lens)
+    through = [replace(s, full=s.full.through(lens.camera)) for s in samples]
+    again = solve_samples(through, caster, config, start=system.rig.moved(answer.x, answer.own))
+    return _through(again, again.lens or lens)
+
+
+def _lens(system: SessionSystem[Chain], answer: Mixed, stated: Camera, least_px: float) -> Lens | None:
+    """The lens that the answer means; None within `least_px` of the stated one."""
+    at = system.kinds.get("lens", np.zeros(0, np.int64))
+    return estimated_lens(stated, answer.x[at], system.basis.lens_m, least_px)
+
+
+def _through(solution: SessionSolution, lens: Lens | None) -> SessionSolution:
+    """The solution with the lens that it was found with."""
+    camera = None if lens is None else lens.camera
+    return replace(solution, lens=lens, posed=tuple(replace(p, camera=camera) for p in solution.posed))
 
 
 def _without_session(samples: Sequence[Sample], seed: Chain, caster: Raycaster, config: AlignConfig) -> SessionSolution:
@@ -160,17 +168,6 @@ def near(samples: Sequence[Sample], chain: Chain, caster: Raycaster, config: Ali
         poses = np.array([chain.pose(v) for v in mine])
         base[s] = base[s] @ approach([samples[v].coarse for v in mine], poses, chain.frame(s), config.priors.base, caster, config)
     return replace(chain, base=base)
-
-
-def _columns(terms: Terms, views: Sequence[View], caster: Raycaster) -> Columns:
-    """Ask for a view's columns where its camera is believed to be, and keep the raster's pixels."""
-    from tof_scene.render import render
-
-    def at(v: int, lin: Linearised) -> Float:
-        picture = render(caster, views[v].camera, lin.T_cell_camera, footprints=False)
-        return np.asarray(terms(PosedView(views[v], picture)), float)[lin.index]
-
-    return at
 
 
 def _conclude(

@@ -57,6 +57,11 @@ class SessionSystem(Generic[R]):
         ]
         return assemble(grams, self.rig, basis, self.theta_info(columns[0].shape[1] if columns else 0))
 
+    @property
+    def kinds(self) -> dict[str, Ints]:
+        """Where the columns of each kind that all views share stand among the session's unknowns."""
+        return _kinds(self.basis, self.rig.globals_)
+
     def theta_info(self, k: int) -> Float:
         """(k,) inverse prior variances of the coefficients of k extra columns."""
         return np.zeros(k) if self.theta_std is None or not k else np.asarray(self.theta_std, float) ** -2

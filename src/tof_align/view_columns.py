@@ -117,6 +117,7 @@ def columns_of(view: Linearised, basis: Basis | None = None, extra: Float | None
         "image": image_columns(view, basis.order) if basis.order > 0 else np.zeros((n, 0)),
         "object": surface_columns(basis, view) if basis.root_object.size else np.zeros((n, 0)),
         "bounce": bounced_columns(basis.emitters, view),
+        "lens": view.lens / basis.lens_m if basis.lens_m > 0 and view.lens is not None else np.zeros((n, 0)),
         "extra": np.zeros((n, 0)) if extra is None else extra,
     }
     counts = {kind: block.shape[1] for kind, block in dense.items()}

@@ -131,6 +131,12 @@ class Posed:
     verdict: str = "ok"
     parts: Float = field(default_factory=lambda: np.zeros(0))
     """(P,) metres along the surface's normal by which each part of the scene seems to stand off its CAD, RMS; empty: none does."""
+    camera: Camera | None = None
+    """The camera with the lens that the session shows, where it is not the stated one."""
+
+    def seen_by(self, stated: Camera) -> Camera:
+        """The camera that the view was really taken with, where CameraInfo states `stated`."""
+        return stated if self.camera is None else self.camera
 
     @property
     def cov_right(self) -> Float:

@@ -144,12 +144,13 @@ class Inspector:
         return ReferenceSession(parts)
 
     def _solved(self, views: Sequence[View], progress: Callable[[str], None]) -> tuple[Sequence[View], SessionSolution]:
-        """The views less what is known of the camera, and their poses."""
+        """The views less what is known of the camera, seen through the lens that they show, and their poses."""
         if not views:
             raise RefusedError("there is no view to judge", where="inspection", todo="toftwin doctor lists what the input lacks")
         progress("poses of all views")
         clean = views if self._bias is None else known_removed(views, self.caster, self._bias, self.align)
-        return clean, solve_session(clean, self.caster, self.align)
+        solution = solve_session(clean, self.caster, self.align)
+        return clean if solution.lens is None else [solution.lens.over(v) for v in clean], solution
 
     def _seen(self, views: Sequence[View], posed: Sequence[Posed]) -> list[Seen]:
         """The views whose pose is accepted and that agree with the CAD; raises RefusedError where none is left."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_core.arrays import Float
+    from tof_core.camera import Camera
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
@@ -43,6 +45,10 @@ class KnownBias:
         for camera in {v.camera for v in views}:
             check_camera(self.model.camera, camera)
         return in_threads(self.model.bias, ideal_frames(views, renderings, caster, start_ns))
+
+    def camera(self, stated: Camera) -> Camera:
+        """The camera as it is where CameraInfo says `stated`."""
+        return reduce(lambda camera, effect: effect.camera(camera), self.model.effects, stated)
 
 
 def known_bias(path: Path | str | None) -> KnownBias | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,16 +52,16 @@ def export_bop(
         msg = "was labelled with another scene"
         raise DatasetError(msg, where=dataset.path, todo="give the scene.yaml the dataset was made with")
     root = Path(folder)
-    raster = Raster.of(dataset.camera)
+    camera = pinhole_of(dataset.camera)
     models = write_models(scene, root / "models")
-    _write_json(root / "camera.json", _camera_file(raster.camera))
+    _write_json(root / "camera.json", _camera_file(camera))
     stations = dataset.column("views/station")
     first_capture = _first_captures(dataset)
     chosen = np.arange(dataset.views) if views is None else np.asarray(list(views), int)
-    silhouettes = Silhouettes(scene, raster.camera)
+    silhouettes = Silhouettes(scene, camera)
     for station in np.unique(stations[chosen]):
         scene_folder = root / split / f"{station:06d}"
-        writer = _SceneWriter(dataset, raster, models, silhouettes, scene_folder)
+        writer = _SceneWriter(dataset, camera, models, silhouettes, scene_folder)
         for view in chosen[stations[chosen] == station]:
             writer.add(int(view), first_capture.get(int(view)))
         writer.finish()
@@ -76,10 +77,10 @@ class Raster:
     """(H, W) flat index into the camera's raster, -1 outside it; None where both are one."""
 
     @classmethod
-    def of(cls, camera: Camera) -> Raster:
-        """The pinhole with the same size and matrix."""
-        pinhole = replace(camera, distortion_model="", distortion=())
-        if not camera.distorted:
+    @lru_cache(maxsize=4)
+    def of(cls, pinhole: Camera, camera: Camera) -> Raster:
+        """Pixels of `camera`, whose lens may be another than the stated one, for those of the pinhole."""
+        if pinhole == pinhole_of(camera) and not camera.distorted:
             return cls(pinhole, None)
         uv = np.rint(camera.project(pinhole.rays()))
         inside = ((uv >= 0) & (uv < [camera.width, camera.height])).all(axis=-1)
@@ -93,11 +94,16 @@ class Raster:
         return np.where(self.source >= 0, image.ravel()[self.source], np.asarray(outside, image.dtype))
 
 
+def pinhole_of(camera: Camera) -> Camera:
+    """The pinhole with the same size and matrix."""
+    return replace(camera, distortion_model="", distortion=())
+
+
 class _SceneWriter:
     """Collects one station's images and its three annotation files."""
 
-    def __init__(self, dataset: Dataset, raster: Raster, models: list[Model], silhouettes: Silhouettes, folder: Path) -> None:
-        self._dataset, self._raster, self._models = dataset, raster, models
+    def __init__(self, dataset: Dataset, camera: Camera, models: list[Model], silhouettes: Silhouettes, folder: Path) -> None:
+        self._dataset, self._camera, self._models = dataset, camera, models
         self._silhouettes, self._folder = silhouettes, folder
         self._files: dict[str, dict[str, Any]] = {"scene_camera": {}, "scene_gt": {}, "scene_gt_info": {}}
         for name in ("depth", "depth_label", "gray", "mask", "mask_visib"):
@@ -106,15 +112,16 @@ class _SceneWriter:
     def add(self, view: int, capture: int | None) -> None:
         """One image: its number in the scene is the view's number in the dataset."""
         T_camera_cell = se3.inverse(self._dataset.frame("views/T_cell_camera", view))
-        depth = self._raster.take(self._dataset.frame("views/depth", view), np.nan)
-        part = self._raster.take(self._dataset.frame("views/part", view), -1)
+        raster = Raster.of(self._camera, self._dataset.lens(view))
+        depth = raster.take(self._dataset.frame("views/depth", view), np.nan)
+        part = raster.take(self._dataset.frame("views/part", view), -1)
         image = f"{view:06d}.png"
         _write_png(self._folder / "depth" / image, _to_units(depth))
-        _write_png(self._folder / "depth_label" / image, _to_units(self._raster.take(self._dataset.frame("views/label", view), np.nan)))
+        _write_png(self._folder / "depth_label" / image, _to_units(raster.take(self._dataset.frame("views/label", view), np.nan)))
         if capture is not None:
-            amplitude = self._raster.take(self._dataset.frame("captures/amplitude", capture), np.nan)
+            amplitude = raster.take(self._dataset.frame("captures/amplitude", capture), np.nan)
             _write_png(self._folder / "gray" / image, _to_grey(amplitude))
-        self._files["scene_camera"][str(view)] = _image_camera(self._raster.camera, T_camera_cell)
+        self._files["scene_camera"][str(view)] = _image_camera(self._camera, T_camera_cell)
         poses: list[dict[str, Any]] = []
         infos: list[dict[str, Any]] = []
         for model in self._models:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -77,7 +78,9 @@ class DatasetWriter:
 
     def append_view(self, view: View, label: Label) -> int:
         """Append a view with its label. Returns its number in the dataset."""
-        verdicts = [*self._store.attributes["verdicts"], label.posed.verdict]
+        before, camera = self._store.attributes, label.posed.camera
+        verdicts = [*before["verdicts"], label.posed.verdict]
+        lenses = [*before.get("lenses", [None] * self.views), None if camera is None else asdict(camera)]
         return self._store.append(
             "views",
             {
@@ -97,6 +100,7 @@ class DatasetWriter:
                 "stamp_ns": view.stamp_ns,
             },
             verdicts=verdicts,
+            lenses=lenses,
         )
 
     def close(self) -> None:
@@ -131,7 +135,13 @@ class Dataset:
         self.captures = int(attributes["committed"]["captures"])
         self.views = int(attributes["committed"]["views"])
         self.verdicts: tuple[str, ...] = tuple(attributes["verdicts"])
+        self._lenses = attributes.get("lenses", [])
         self._arrays: dict[str, Any] = {}
+
+    def lens(self, view: int) -> Camera:
+        """The camera through which a view's label was rendered: `camera`, or what its session shows the lens to be."""
+        values = self._lenses[view] if view < len(self._lenses) else None
+        return self.camera if values is None else schema.camera_of(values)
 
     def frame(self, name: str, index: int) -> NDArray[Any]:
         """One frame of an array named as in the schema, such as "views/label"."""

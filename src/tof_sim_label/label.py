@@ -56,7 +56,7 @@ def label_view(view: View, posed: Posed, caster: Raycaster, config: LabelConfig 
     from tof_scene.world.surprises import view_surprises
 
     config = config or LabelConfig()
-    rendering = render(caster, view.camera, posed.T_cell_camera)
+    rendering = render(caster, posed.seen_by(view.camera), posed.T_cell_camera)
     sigma = label_sigma(rendering, posed.cov_right, config, posed.parts)
     if world is None:
         world = view_surprises(seen_of(view, rendering, posed, config), config.world)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tof_align.config import AlignConfig
@@ -46,7 +46,7 @@ def label_session(
         RefusedError: the session fits the CAD nowhere, there is none, or its depth is radial, not z.
         TransformError: a view has no robot pose.
     """
-    from tof_align.known import known_removed
+    from tof_align.known import known_removed, through_known
     from tof_align.session import solve_session
 
     config = config or LabellerConfig()
@@ -55,6 +55,8 @@ def label_session(
         gate.check(view)
     clean = views if bias is None else known_removed(views, caster, bias, config.align)
     solution = solve_session(clean, caster, config.align)
+    if bias is not None:
+        solution = replace(solution, posed=through_known(solution.posed, views, bias))
     return solution, _labels(views, solution, caster, config)
 
 

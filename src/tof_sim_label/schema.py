@@ -101,6 +101,7 @@ def to_json(camera: Camera, attributes: Attributes) -> dict[str, Any]:
         "columns": {f"{g}/{n}": c.text for g, columns in COLUMNS.items() for n, c in columns.items()},
         "committed": dict.fromkeys(COLUMNS, 0),
         "verdicts": [],
+        "lenses": [],
     }
 
 
@@ -111,9 +112,7 @@ def from_json(values: Mapping[str, Any], where: object) -> tuple[Camera, Attribu
         msg = f"has schema {schema!r}, not '{SCHEMA}'"
         raise DatasetError(msg, where=where, todo="make it again with this version of toftwin")
     try:
-        camera = dict(values["camera"])
-        camera["distortion"] = tuple(camera["distortion"])
-        return Camera(**camera), Attributes(
+        return camera_of(values["camera"]), Attributes(
             cad_hash=values["hashes"]["cad"],
             config_hash=values["hashes"]["config"],
             pose_source=values["pose_source"],
@@ -123,6 +122,11 @@ def from_json(values: Mapping[str, Any], where: object) -> tuple[Camera, Attribu
     except (KeyError, TypeError) as error:
         msg = f"its attributes are damaged ({error})"
         raise DatasetError(msg, where=where) from error
+
+
+def camera_of(values: Mapping[str, Any]) -> Camera:
+    """A camera from its plain values."""
+    return Camera(**(dict(values) | {"distortion": tuple(values["distortion"])}))
 
 
 def _short(value: object) -> str:

@@ -28,7 +28,7 @@ def session_surprises(views: Sequence[View], posed: Sequence[Posed], caster: Ray
     from tof_scene.world.surprises import Surprises, find_surprises
 
     def seen(view: View, pose: Posed) -> Seen:
-        rendering = render(caster, view.camera, pose.T_cell_camera, footprints=False)
+        rendering = render(caster, pose.seen_by(view.camera), pose.T_cell_camera, footprints=False)
         return seen_of(view, rendering, pose, config)
 
     accepted = [k for k, p in enumerate(posed) if p.accepted]
@@ -50,7 +50,7 @@ def seen_of(view: View, rendering: Rendering, posed: Posed, config: LabelConfig)
 
     sigma = label_sigma(rendering, posed.cov_right, config)
     return Seen(
-        camera=view.camera,
+        camera=rendering.camera,
         T_cell_camera=rendering.T_cell_camera,
         depth=view.depth,
         noise=view.sigma,

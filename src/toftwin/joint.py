@@ -11,7 +11,6 @@ import numpy as np
 from tof_align.session import solve_session
 from tof_core.config import flatten, from_mapping
 from tof_sensor.effects.cad_deviation import CadDeviation
-from tof_sensor.effects.intrinsics import Intrinsics
 from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ def joint_poses(
     """The cameras of the views of a bag: `known` is removed first, then the session is diagnosed.
 
     The camera's bias by the joint solution is removed and the poses are solved once more: by the pixels that the filters kept, with a
-    verdict of each view, and with the covariance of what the diagnosis leaves unexplained.
+    verdict of each view, through the lens that the diagnosis finds, and with the covariance of what it leaves unexplained.
 
     Raises:
         RefusedError: the session cannot be diagnosed, or fits the scene nowhere.
@@ -43,17 +42,17 @@ def joint_poses(
     stamps = np.array([e.view.stamp_ns for e in solved.evidence])
     at = [int(np.argmin(np.abs(stamps - v.stamp_ns))) for v in views]
     bias = [_bias(solved, k) for k in at]
-    clean = [replace(v, depth=(v.depth - np.nan_to_num(b)).astype(np.float32)) for v, b in zip(views, bias, strict=True)]
-    return solve_session(clean, caster, config.align).posed
+    clean = [
+        replace(v, camera=solved.bare[k].view.camera, depth=(v.depth - np.nan_to_num(b)).astype(np.float32))
+        for v, k, b in zip(views, at, bias, strict=True)
+    ]
+    posed = solve_session(clean, caster, config.align).posed
+    cameras = [p.seen_by(c.camera) for p, c in zip(posed, clean, strict=True)]
+    return [replace(p, camera=None if c == v.camera else c) for p, c, v in zip(posed, cameras, views, strict=True)]
 
 
 def _bias(solved: Solved, k: int) -> Float:
-    """(H, W) metres of z of view k that the diagnosis explains by the camera: neither by parts off their CAD nor by another lens."""
-    measured, bare = solved.evidence[k], solved.bare[k]
-    off = solved.maps.get(CadDeviation.NAME)
-    if bare.view.camera == measured.view.camera:
-        whole = measured.view.depth - (bare.frame.depth + bare.residual)
-        return np.asarray(whole if off is None else whole - np.nan_to_num(off[k]))
-    # Seen through another lens a pixel shows another place; what the lens does stays in the view, as it does in the label.
-    others = [np.nan_to_num(m[k]) for name, m in solved.maps.items() if name not in (Intrinsics.NAME, CadDeviation.NAME)]
-    return np.asarray(np.sum([np.zeros(measured.residual.shape), *others], axis=0))
+    """(H, W) metres of z of view k, seen through the lens found, that the diagnosis explains by the camera and not by parts off their CAD."""
+    bare, off = solved.bare[k], solved.maps.get(CadDeviation.NAME)
+    whole = bare.view.depth - (bare.frame.depth + bare.residual)
+    return np.asarray(whole if off is None else whole - np.nan_to_num(off[k]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import asdict
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from tof_core.capture import Posed
 from tof_core.errors import RefusedError
 from tof_core.hashing import digest_arrays
-from tof_sim_label.schema import from_json
+from tof_sim_label.schema import camera_of, from_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -167,6 +168,7 @@ def _to_json(posed: Posed) -> dict[str, Any]:
         "accepted": bool(posed.accepted),
         "verdict": posed.verdict,
         "parts": posed.parts.tolist(),
+        "camera": None if posed.camera is None else asdict(posed.camera),
     }
 
 
@@ -178,4 +180,5 @@ def _from_json(values: dict[str, Any]) -> Posed:
         values["accepted"],
         values["verdict"],
         np.array(values["parts"]),
+        None if values.get("camera") is None else camera_of(values["camera"]),
     )

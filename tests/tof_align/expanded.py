@@ -49,7 +49,10 @@ def shared_columns(basis: Basis, view: Linearised) -> Float:
         blocks.append(surface_columns(basis, view) @ basis.root_object)
     if basis.order > 0:
         blocks.append(image_columns(view, basis.order))
-    return np.concatenate([*blocks, bounced_columns(basis.emitters, view), part_columns(basis.parts, view)], axis=1)
+    blocks.append(bounced_columns(basis.emitters, view))
+    if basis.lens_m > 0 and view.lens is not None:
+        blocks.append(view.lens / basis.lens_m)
+    return np.concatenate([*blocks, part_columns(basis.parts, view)], axis=1)
 
 
 def local_columns(basis: Basis, view: Linearised) -> Float:

@@ -163,6 +163,7 @@ def session(
     X: Float | None = None,
     effect: Callable[[Seen], Float] | None = None,
     noise_mm: float = 1.0,
+    camera: Camera = CAMERA,
 ) -> tuple[list[View], list[Truth]]:
     """A robot that stands off by `base` (mm, degrees per axis) and whose arm errs by `arm`."""
     rng = np.random.default_rng([seed, 99])
@@ -176,7 +177,9 @@ def session(
             nominal = _aim(rng, 0.9 if k == 0 else rng.uniform(0.55, 1.25))
             robot = RobotPose(body, se3.inverse(body) @ nominal)
             T = body_true @ robot.T_body_camera @ se3.exp(_draw(rng, *arm)) @ hand_eye
-            out.append(measured(caster, T, robot, number=number, station=station, noise_mm=noise_mm, effect=effect, seed=seed))
+            out.append(
+                measured(caster, T, robot, number=number, station=station, noise_mm=noise_mm, effect=effect, seed=seed, camera=camera)
+            )
     return [view for view, _ in out], [truth for _, truth in out]
 
 

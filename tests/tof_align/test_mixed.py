@@ -58,7 +58,7 @@ def test_the_state_so_far_pulls_back_to_the_priors_mean() -> None:
 @pytest.mark.parametrize("size", [0.05, 1.0, 3.0])
 def test_sizes_are_found_from_the_data(size: float) -> None:
     normal, _, _ = model(np.random.default_rng(2), views=30, size=size)
-    answer = estimate(normal, {"shared": 0.3, "own": 0.3}, rounds=50, low=1e-4, high=100.0)
+    answer = estimate(normal, {"shared": 0.3, "own": 0.3}, rounds=50, low=dict.fromkeys(("shared", "own"), 1e-4), high=100.0)
     rms = float(np.sqrt((answer.x[3:] ** 2).mean()))
     assert answer.sizes["shared"] == pytest.approx(rms * np.sqrt(4 / (4 + DOUBT)), rel=0.05)
     assert answer.sizes["own"] == pytest.approx(0.5, rel=0.15)
@@ -66,5 +66,5 @@ def test_sizes_are_found_from_the_data(size: float) -> None:
 
 def test_a_size_nobody_needs_shrinks_to_the_noise() -> None:
     normal, _, _ = model(np.random.default_rng(3), views=30, size=0.0)
-    answer = estimate(normal, {"shared": 1.0, "own": 1.0}, rounds=50, low=1e-4, high=100.0)
+    answer = estimate(normal, {"shared": 1.0, "own": 1.0}, rounds=50, low=dict.fromkeys(("shared", "own"), 1e-4), high=100.0)
     assert answer.sizes["shared"] < 2e-3

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -23,9 +24,12 @@ from tests.tof_align.made import (
     true_depth,
     wiggling,
 )  # fmt: skip
-from tof_align.session import PosedView, SessionSolution, solve_session
+from tof_align.session import SessionSolution, solve_session
 from tof_core import se3
 from tof_core.errors import RefusedError
+
+if TYPE_CHECKING:
+    from tof_align.terms import PosedView
 
 X_SIGMA = CONFIG.priors.hand_eye
 EFFECTS = {"wiggling": wiggling, "amplitude_bias": amplitude_bias, "drift": drift}
@@ -44,6 +48,11 @@ def honest(solution: SessionSolution, truth: list[Truth]) -> float:
     return float(np.mean(inside))
 
 
+def unmodelled(solution: SessionSolution) -> float:
+    """Metres: the largest size but that of the lens, which no calibration knows better than its least one."""
+    return max(size for kind, size in solution.sizes.items() if kind != "lens")
+
+
 def test_with_noise_alone_every_link_is_found() -> None:
     X = se3.exp([2e-3, -1e-3, 1.5e-3, 2e-3, -3e-3, 1e-3])
     views, truth = session(section(), views=10, X=X)
@@ -56,7 +65,7 @@ def test_with_noise_alone_every_link_is_found() -> None:
     xi = se3.log(se3.inverse(found.X) @ X)
     low, high = chi2.ppf([0.005, 0.995], 6)
     assert low < xi @ np.linalg.solve(found.X_cov, xi) < high, "neither too sure nor too cautious"
-    assert max(found.sizes.values()) < 0.15e-3
+    assert unmodelled(found) < 0.15e-3
     assert all(p.accepted and p.verdict == "ok" for p in found.posed)
     for v, posed in enumerate(found.posed):
         robot = views[v].robot
@@ -94,7 +103,7 @@ def test_extra_columns_are_fitted_beside_the_poses() -> None:
     expected = 3e-3 * np.sqrt(2) * np.array([np.cos(0.7), np.sin(0.7)])
     np.testing.assert_allclose(found.theta, expected, atol=0.15e-3)
     assert np.sqrt(np.diag(found.theta_cov)).max() < 0.2e-3
-    assert max(found.sizes.values()) < 0.3e-3
+    assert unmodelled(found) < 0.3e-3
     tight = solve_session(views, section(), CONFIG, terms=wave, theta_std=np.full(2, 1e-6))
     assert np.abs(tight.theta).max() < 5e-6
     assert len(truth) == 10

@@ -14,6 +14,7 @@ from tests.tof_align.made import CONFIG, one_view, section
 from tof_align.bounced import light_in
 from tof_align.config import DiscrepancyConfig
 from tof_align.discrepancy import LOCAL, SHARED, Basis, basis_of
+from tof_align.lens import lens_columns
 from tof_align.limits import SharedLimits
 from tof_align.linearise import Linearised, linearise
 from tof_align.pixels import take_pixels
@@ -27,7 +28,7 @@ def lin() -> Linearised:
     view, truth = one_view(section(), np.zeros(6))
     pixels = take_pixels(view, CONFIG.weights)
     bare = linearise(pixels, truth.T_cell_camera, section(), CONFIG.weights)
-    return replace(bare, bounced=light_in(bare, pixels, section()).over(bare, pixels))
+    return replace(bare, bounced=light_in(bare, pixels, section()).over(bare, pixels), lens=lens_columns(bare, view.camera))
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ import zarr
 
 from tests.tof_sim_label.made import ATTRIBUTES, CAMERA, capture, label, view
 from tof_core.errors import DatasetError
+from tof_core.lens import with_lens
 from tof_sim_label.dataset import DatasetWriter, open_dataset
 from tof_sim_label.schema import COLUMNS
 
@@ -89,6 +90,17 @@ def test_every_value_comes_back_as_it_went_in(tmp_path: Path) -> None:
     }.items():
         np.testing.assert_array_equal(data.frame(f"views/{name}", 1), value)
     np.testing.assert_array_equal(data.column("views/station"), [0, 1])
+
+
+def test_the_lens_that_a_label_was_seen_through_is_kept_with_its_view(tmp_path: Path) -> None:
+    fill(tmp_path / "d")
+    other = with_lens(CAMERA, np.array([0.01, 0.0, 0.5, 0.0, -0.02, 0.0, 0.0, 0.0]))
+    with DatasetWriter(tmp_path / "d", CAMERA, ATTRIBUTES) as writer:
+        through = label(2)
+        writer.append_view(view(2), replace(through, posed=replace(through.posed, camera=other)))
+    data = open_dataset(tmp_path / "d")
+    assert [data.lens(k) for k in range(data.views)] == [CAMERA, CAMERA, other]
+    assert data.camera == CAMERA
 
 
 def test_a_camera_without_amplitude_or_temperature_gives_nan(tmp_path: Path) -> None:

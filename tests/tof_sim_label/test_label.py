@@ -13,6 +13,7 @@ import pytest
 from tof_core import se3
 from tof_core.camera import Camera
 from tof_core.capture import Posed, View
+from tof_core.lens import with_lens
 from tof_core.reasons import Reason
 from tof_scene.raycast import Raycaster
 from tof_scene.scene import Part, Scene
@@ -73,6 +74,14 @@ def test_the_label_is_the_plane_the_ray_meets_first(caster: Raycaster) -> None:
         assert pure.sum() > 25
         np.testing.assert_allclose(label.depth[pure], plane_depth(z)[pure], atol=2e-5)
     assert np.isnan(label.depth[label.part == -1]).all()
+
+
+def test_a_label_is_seen_through_the_lens_of_its_pose(caster: Raycaster) -> None:
+    view, label = seen(caster)
+    other = with_lens(CAMERA, np.array([0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    through = label_view(view, replace(POSED, camera=other), caster)
+    # A principal point three pixels to the right moves the picture by as much.
+    np.testing.assert_array_equal(through.part[:, 3:], label.part[:, :-3])
 
 
 def test_incidence_is_the_angle_to_the_normal(caster: Raycaster) -> None:

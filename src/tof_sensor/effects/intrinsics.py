@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from tof_core.camera import MODELS
 from tof_core.config import param
+from tof_core.lens import LENS, ray_shift, with_lens
 from tof_sensor.action import ASIDE, FARTHER, NEARER
 from tof_sensor.effect import Effect, Form
 from tof_sensor.geometry import ray_columns
@@ -39,7 +39,7 @@ class Intrinsics(Effect):
     REMEDY: ClassVar[str] = "calibrate the lens (`toftwin gap --board ... --calibrate`) and publish the new camera_info"
     SEPARATED_BY: ClassVar[str] = "a calibration of the lens"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
-    LINEAR: ClassVar[tuple[str, ...]] = ("fx_rel", "fy_rel", "cx_px", "cy_px", "k1", "k2", "p1", "p2")
+    LINEAR: ClassVar[tuple[str, ...]] = LENS
 
     fx_rel: float = param(0.0, "relative focal length in x", low=-0.1, high=0.1)
     fy_rel: float = param(0.0, "relative focal length in y", low=-0.1, high=0.1)
@@ -67,18 +67,7 @@ class Intrinsics(Effect):
 
     def camera(self, stated: Camera) -> Camera:
         """The camera as it is where `stated` is what CameraInfo says."""
-        d = np.zeros(max(len(stated.distortion), 5))
-        d[: len(stated.distortion)] = stated.distortion
-        d[:4] += (self.k1, self.k2, self.p1, self.p2)
-        return replace(
-            stated,
-            fx=stated.fx * (1 + self.fx_rel),
-            fy=stated.fy * (1 + self.fy_rel),
-            cx=stated.cx + self.cx_px,
-            cy=stated.cy + self.cy_px,
-            distortion_model=stated.distortion_model if MODELS.get(stated.distortion_model) else "plumb_bob",
-            distortion=tuple(d.tolist()),
-        )
+        return with_lens(stated, self.coefficients)
 
     def columns(self, frame: Frame) -> Float:
         """z by each parameter: the ray turns against the change of the projection; its length converts distance to z."""
@@ -98,7 +87,7 @@ class Intrinsics(Effect):
 
     def _shift(self, frame: Frame) -> Float:
         """(H, W, 2, 8) true minus stated ray, normalised x and y, by each parameter."""
-        return _ray_shift(frame.camera) if frame.rays is frame.camera.rays() else _shift_of(frame.rays, frame.camera)
+        return _ray_shift(frame.camera) if frame.rays is frame.camera.rays() else ray_shift(frame.rays, frame.camera)
 
     def prior_sd(self, scale: Float) -> Float:
         """(k,) prior deviations of what lenses have, times `scale`: hand-eye, principal point and tangential terms could trade without end."""
@@ -122,12 +111,4 @@ within 1e-3. A rotation of the camera is a shift of the principal point together
 
 @lru_cache(maxsize=8)
 def _ray_shift(camera: Camera) -> Float:
-    return _shift_of(camera.rays(), camera)
-
-
-def _shift_of(rays: Float, camera: Camera) -> Float:
-    x, y = np.moveaxis(rays[..., :2], -1, 0)
-    r2, zero = x * x + y * y, np.zeros_like(x)
-    shift_x = [-x, zero, zero - 1 / camera.fx, zero, -x * r2, -x * r2 * r2, -2 * x * y, -(r2 + 2 * x * x)]
-    shift_y = [zero, -y, zero, zero - 1 / camera.fy, -y * r2, -y * r2 * r2, -(r2 + 2 * y * y), -2 * x * y]
-    return np.asarray(np.nan_to_num(np.stack([np.stack(shift_x, -1), np.stack(shift_y, -1)], axis=-2)))
+    return ray_shift(camera.rays(), camera)
