@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arm_correction.bias import bias_covariance, sights
 from arm_correction.kernels import associate, misfits
 from arm_correction.starts import spread_starts
-from arm_correction.unknown import SCALE, Unknown, smallest_motion, unknown_directions
+from arm_correction.unknown import SCALE, Unknown, inflation_of, smallest_motion, unknown_directions
 from tof_align.robust import tukey
 from tof_core import se3
 from tof_core.stats import robust_std
@@ -115,6 +116,17 @@ class Matcher:
         pixel = at[:, 1]
         sigma = np.hypot(self.sigma[::stride][at[:, 0]], ref.sigma.ravel()[pixel]) * cosine
         return e, J, sigma, ref.tilt.ravel()[pixel], points[at[:, 0]]
+
+    def by_bias(self, T: Float) -> Float:
+        """(k, m) derivative of the residuals of `linearise` by the camera's bias at the knots of `bias.sights`."""
+        ref = self.reference
+        at, *_ = associate(T, self.points, ref.depth, ref.normal, ref.usable, ref.camera.rays(), self.K)
+        points, normal = self.points[at[:, 0]], ref.normal.reshape(-1, 3)[at[:, 1]]
+        radial, rays = np.linalg.norm(points, axis=1), ref.camera.rays().reshape(-1, 3)[at[:, 1]]
+        length = np.linalg.norm(rays, axis=1)
+        now = sights(points / radial[:, None] @ T[:3, :3].T, normal, radial)
+        then = sights(rays / length[:, None], normal, ref.depth.ravel()[at[:, 1]] * length)
+        return now - then
 
     def refine(self, T: Float, kernel: float, *, stride: int = 1, rounds: int = 20) -> Float:
         """Gauss-Newton from T with a kernel that narrows."""
@@ -230,6 +242,7 @@ def judge(matcher: Matcher, T: Float, misfit: float, *, far: bool, rivalry: floa
     weight = tukey(e, width) / sigma**2
     if int((weight > 0).sum()) >= 30:
         unknown, cov = unknown_directions(e, J, weight, tilt, points, trust)
+        cov = cov + bias_covariance(e, J, weight, matcher.by_bias(T), unknown, inflation_of(e, weight))
     agree = np.abs(e) < np.minimum(trust.agree_mm * 1e-3, np.maximum(4.0 * sigma, 3e-3))
     shown = e > -HIDDEN_M
     overlap, support = int(shown.sum()) / max(len(matcher.points), 1), float(agree[shown].mean()) if shown.any() else 0.0

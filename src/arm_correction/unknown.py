@@ -63,7 +63,7 @@ def unknown_directions(e: Float, J: Float, weight: Float, tilt: Float, points: F
     chance = share > trust.chance
     real = H - pretended
     values, axes = np.linalg.eigh(0.5 * (real + real.T))
-    inflation = _inflation(e, weight)
+    inflation = inflation_of(e, weight)
     std = np.sqrt(inflation / np.maximum(values, 1e-6 * size**2))
     wanted = np.where(
         np.linalg.norm(axes[:3], axis=0) > np.linalg.norm(axes[3:], axis=0), trust.known_mm * 1e-3, np.radians(trust.known_deg) * LEVER_M
@@ -88,7 +88,7 @@ def _pretended(normal: Float, points: Float, weight: Float) -> Float:
     return out
 
 
-def _inflation(e: Float, weight: Float, run: int = 12) -> float:
+def inflation_of(e: Float, weight: Float, run: int = 12) -> float:
     """Factor by which the correlation of neighbouring residuals inflates the variance; points are in raster order."""
     white = np.sqrt(weight) * e
     whole = len(white) // run * run
