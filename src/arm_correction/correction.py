@@ -133,7 +133,7 @@ def _refusal(
     if earlier is not None and (apart := _disagreement(found, earlier, limits)):
         return apart
     if not (1e3 * metres <= limits.step_mm and degrees <= limits.step_deg):
-        return f"step limit: {1e3 * metres:.0f} mm and {degrees:.1f} deg (at most {limits.step_mm:g} mm, {limits.step_deg:g} deg)"
+        return f"step limit: the hand would move by {1e3 * metres:.0f} mm and {degrees:.1f} deg (at most {limits.step_mm:g} mm and {limits.step_deg:g} deg)"
     reach = float(np.linalg.norm(T_body_hand[:3, 3]))
     if not (reach <= limits.reach_m and T_body_hand[2, 3] >= limits.low_m):
         return f"workspace limit: the hand would be {reach:.2f} m from the body, {T_body_hand[2, 3]:.2f} m high"

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 SPAN_MM = 10.0
 """Ends of the colour scale: differences after a good move are noise, a few millimetres."""
+OPEN_MM, OPEN_DEG = 100.0, 10.0
+"""Standard deviations beyond any determined direction's: an undetermined one has a metre or a radian."""
 COMPARED = {"reference": "the reference view", "cad": "the CAD"}
 THEN = {"reference": "the camera then sees the reference view again", "cad": "by the CAD, the camera is then where it is wanted"}
 
@@ -61,8 +63,8 @@ def write(
         sentence=sentence(first),
         todo=todo(first),
         first=first,
-        sigma=sigma(first),
-        rows=[c.to_dict() | {"compared": COMPARED[by], "sigma": sigma(c)} for by, c in made.items()],
+        known=known(first),
+        rows=[c.to_dict() | {"compared": COMPARED[by], "known": known(c)} for by, c in made.items()],
         frame=first.frame,
         hand=frames.hand,
         other=COMPARED["cad" if reference is None else "reference"],
@@ -77,7 +79,7 @@ def sentence(c: Correction) -> str:
     """The verdict in words."""
     mm, deg = c.step
     if not c.accepted:
-        return f"No move is proposed: {c.reason}."
+        return f"No move is proposed. {c.reason[:1].upper()}{c.reason[1:]}."
     free = (
         f" Nothing moves along {len(c.unknown)} direction{'s' if len(c.unknown) > 1 else ''} that the surfaces do not determine."
         if c.unknown
@@ -93,13 +95,19 @@ def todo(c: Correction) -> list[str]:
     xyz = ", ".join(f"{v:.4f}" for v in c.T_frame_hand[:3, 3])
     xyzw = ", ".join(f"{v:.5f}" for v in se3.quat_from_matrix(c.T_frame_hand[:3, :3]))
     lines = [f"Command the hand to ({xyz}) m, quaternion ({xyzw}) in {c.frame}, and capture again: the next proposal says what is left."]
-    return lines + [f"To determine {name}: look at a surface that faces another way." for name in c.unknown]
+    return lines + [f"Not determined: {name}. Look at a surface that faces another way." for name in c.unknown]
 
 
 def sigma(c: Correction) -> tuple[float, float]:
     """Standard deviation of the target: millimetres and degrees, root of the summed variances of its axes."""
     cov = np.diag(c.cov)
     return 1e3 * float(np.sqrt(cov[:3].sum())), float(np.degrees(np.sqrt(cov[3:].sum())))
+
+
+def known(c: Correction) -> tuple[str, str]:
+    """`sigma` in words; along directions that the surfaces do not determine nothing is known."""
+    mm, deg = sigma(c)
+    return (f"± {mm:.1f} mm" if mm < OPEN_MM else "partly unknown", f"± {deg:.2f}°" if deg < OPEN_DEG else "partly unknown")
 
 
 def _picture(c: Correction, view: View, frames: Frames, reference: Reference | None, caster: Raycaster | None) -> str:

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tof_core.page import PALETTE, axes, figure_uri
+from tof_core.page import axes, figure_uri
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
+
+NO_DEPTH = "#ced4da"
+"""Grey of pixels without a value: white is no error."""
 
 
 def panels(images: Sequence[tuple[str, NDArray[Any], str]], *, columns: int, span_mm: float = 10.0, width: float = 11.0) -> str:
@@ -42,7 +45,7 @@ def panels(images: Sequence[tuple[str, NDArray[Any], str]], *, columns: int, spa
 
 
 def _show(ax: Any, array: NDArray[Any], kind: str, depth: tuple[float, float], span_mm: float) -> Any:
-    ax.set_facecolor(PALETTE["wash"])
+    ax.set_facecolor(NO_DEPTH)
     ax.axis("on")
     ax.set_xticks([])
     ax.set_yticks([])

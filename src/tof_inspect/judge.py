@@ -249,7 +249,7 @@ def decide(
     if p <= 1.0 - config.decide:
         return _verdict(part, "absent", evidence, ratios, None, f"{by}: the background is visible in its place", config)
     if fit.mm > part.tolerance_mm and fit.mm - part.tolerance_mm > config.displaced_sigma * fit.std_mm:
-        why = f"{fit.mm:.1f} ± {fit.std_mm:.1f} mm from the CAD, tolerance {part.tolerance_mm:g}"
+        why = f"{fit.mm:.1f} ± {fit.std_mm:.1f} mm from the CAD, tolerance {part.tolerance_mm:g} mm"
         return _verdict(part, "displaced", evidence, ratios, fit, why, config)
     why = f"{by}: in its place" if place.judged else f"{by}: present, {place.words}"
     return _verdict(part, "present", evidence, ratios, fit, why, config, place)

@@ -93,7 +93,7 @@ def test_a_turn_is_released_up_to_its_limit_and_not_beyond() -> None:
 def test_the_step_is_that_of_the_hand_not_of_the_camera() -> None:
     """A turn of 10 degrees of a camera 0.5 m before the hand moves the hand by 87 mm."""
     out = propose(found(turn(10.0)), AT_ORIGIN, limited(step_mm=80.0), T_hand_camera=slide(z=0.5))
-    assert "step limit: 87 mm and 10.0 deg" in refusal(out)
+    assert "step limit: the hand would move by 87 mm and 10.0 deg" in refusal(out)
     assert refusal(propose(found(turn(10.0)), AT_ORIGIN, limited(step_mm=88.0), T_hand_camera=slide(z=0.5))) == ""
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from arm_correction.corrector import Corrector
 from arm_correction.frames import Frames
-from arm_correction.report import seen_from, sentence, sigma, todo, write
+from arm_correction.report import known, seen_from, sentence, sigma, todo, write
 from tests.arm_correction.made import CAMERA, CONFIG, FIRST, reference, seen
 from tests.tof_align.made import section
 from tof_core import se3
@@ -56,7 +56,7 @@ def test_the_page_names_the_move_and_the_target(tmp_path: Path) -> None:
 def test_a_refusal_says_why_and_moves_nothing(tmp_path: Path) -> None:
     made, view = proposed()
     refused = replace(made["reference"], accepted=False, delta=np.eye(4), reason="step limit: 900 mm and 0.1 deg")
-    assert sentence(refused) == "No move is proposed: step limit: 900 mm and 0.1 deg."
+    assert sentence(refused) == "No move is proposed. Step limit: 900 mm and 0.1 deg."
     assert todo(refused)[0] == "Leave the hand where it is."
     text = write({"reference": refused}, view, Frames(), tmp_path, "today", reference=reference(section())).read_text()
     assert "Command the hand" not in text
@@ -73,3 +73,16 @@ def test_sigma_is_the_length_of_the_axes() -> None:
     made, _ = proposed()
     c = replace(made["reference"], cov=np.diag([1e-6, 4e-6, 4e-6, 0, 0, np.radians(0.5) ** 2]))
     np.testing.assert_allclose(sigma(c), (3.0, 0.5))
+
+
+def test_what_is_not_determined_is_called_unknown_and_a_refusal_has_no_move(tmp_path: Path) -> None:
+    made, view = proposed()
+    mm, deg = known(made["reference"])
+    assert (mm, deg) == (f"± {sigma(made['reference'])[0]:.1f} mm", f"± {sigma(made['reference'])[1]:.2f}°")
+    open_ = replace(made["reference"], cov=made["reference"].cov + np.diag([1.0, 0, 0, 0, 0, 0]))
+    assert known(open_) == ("partly unknown", deg)
+    refused = replace(made["reference"], accepted=False, delta=np.eye(4), reason="step limit: 900 mm and 0.1 deg")
+    text = write({"reference": refused}, view, Frames(), tmp_path, "today", reference=reference(section())).read_text()
+    assert "no move" in text
+    assert "proposed translation" not in text
+    assert "last picture" not in text

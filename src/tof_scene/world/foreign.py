@@ -31,6 +31,8 @@ SEEN_THROUGH = 0.1
 """Share of the points that other views see through from which what one view measured is not a side of a standing object."""
 AMONG = 0.5
 """Share of the pixels of one view that lie at the rim of a standing object's, or among them, from which they are its noise; a hand has an inside."""
+SIDE = 0.5
+"""A side that one view alone faces lies at most this share of the object's diagonal from what several views measure of the object."""
 
 LEAST_WRAP_M = 0.3
 """Unambiguous range at 500 MHz, beyond any camera's: no shorter jump is a wrapped phase."""
@@ -116,7 +118,14 @@ def _joined(cloud: _Cloud, standing: Sequence[Ints], single: Sequence[Ints], rea
     ]
     every = [*standing, *(single[k] for k in still)]
     trees = [cKDTree(cloud.points[mine]) for mine in every]
-    touch = np.array([[bool(a.count_neighbors(b, reach)) for b in trees] for a in trees], bool).reshape(len(every), len(every))
+    far = [
+        max(reach, SIDE * float(np.linalg.norm(_box(cloud.points[mine])[1]))) if k < len(standing) else reach
+        for k, mine in enumerate(every)
+    ]
+    touch = np.array(
+        [[bool(a.count_neighbors(b, far[i] if j >= len(standing) else reach)) for j, b in enumerate(trees)] for i, a in enumerate(trees)],
+        bool,
+    ).reshape(len(every), len(every))
     _, group = connected_components(csr_array(touch), directed=False)
     mine_of = [np.flatnonzero(group == g) for g in dict.fromkeys(group[: len(standing)].tolist())]
     taken = {still[k - len(standing)] for members in mine_of for k in members.tolist() if k >= len(standing)}
@@ -201,5 +210,10 @@ def _views(cloud: _Cloud, mine: Ints, least: int) -> tuple[int, ...]:
 
 def _object(cloud: _Cloud, mine: Ints, clearance: Float, views: tuple[int, ...], *, moves: bool) -> Foreign:
     points = cloud.points[mine]
+    return Foreign(*_box(points), views, int(cloud.step[cloud.view[mine]].sum()), moves, points, clearance[mine])
+
+
+def _box(points: Float) -> tuple[Float, Float]:
+    """Middle and size (3,) of the box around points (n, 3), along the axes of the cell."""
     low, high = np.quantile(points, [TRIM, 1 - TRIM], axis=0)
-    return Foreign(0.5 * (low + high), high - low, views, int(cloud.step[cloud.view[mine]].sum()), moves, points, clearance[mine])
+    return 0.5 * (low + high), high - low

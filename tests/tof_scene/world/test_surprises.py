@@ -15,6 +15,7 @@ from tof_scene.builtin.shapes import box
 from tof_scene.raycast import Raycaster
 from tof_scene.render import render
 from tof_scene.scene import Part, Scene
+from tof_scene.world.foreign import _Cloud, _joined
 from tof_scene.world.limits import WorldLimits
 from tof_scene.world.seen import Seen
 from tof_scene.world.surprises import ABSENT, BEFORE, BEHIND, DISPLACED, NONE, OBJECT, find_surprises, view_surprises
@@ -199,3 +200,17 @@ def test_a_hand_beside_an_object_moves_and_is_not_the_object() -> None:
     assert [f.moves for f in found] == [False, True]
     np.testing.assert_allclose(found[0].centre_m, [-0.15, 0.05, 0.06], atol=0.015)
     assert found[1].centre_m[2] > 0.15
+
+
+@pytest.mark.parametrize(("away_m", "through", "joined"), [(0.09, 0.0, True), (0.2, 0.0, False), (0.09, 0.5, False)])
+def test_a_far_side_that_one_view_alone_faces_is_at_most_half_the_objects_size_away(away_m: float, through: float, joined: bool) -> None:  # noqa: FBT001
+    """The front of a box, 20 x 10 cm, seen by two views, and a piece of its side behind: nearer than half of the 22 cm diagonal."""
+    front = np.stack(np.meshgrid([0.0], np.linspace(-0.1, 0.1, 21), np.linspace(0, 0.1, 11), indexing="ij"), -1).reshape(-1, 3)
+    side = np.array([-away_m, 0.0, 0.05]) + np.stack(np.meshgrid(*[np.linspace(-0.005, 0.005, 4)] * 3), -1).reshape(-1, 3)
+    points, of_side = np.concatenate([front, side]), np.arange(len(front) + len(side)) >= len(front)
+    view, pixel = np.where(of_side, 2, np.arange(len(points)) % 2), np.stack([np.arange(len(points)), 9 * of_side], 1)
+    seen_through = of_side & (np.arange(len(points)) % 2 < 2 * through)
+    cloud = _Cloud(points, view, pixel, np.full(len(points), 0.1), ~of_side, seen_through, np.ones(3, int))
+    whole, left = _joined(cloud, [np.flatnonzero(~of_side)], [np.flatnonzero(of_side)], 0.05, LIMITS.rim_px)
+    assert (len(whole), len(left)) == ((1, 0) if joined else (1, 1))
+    assert len(whole[0]) == (len(points) if joined else len(front))
