@@ -29,8 +29,8 @@ def main() -> int:
     parser.add_argument("--scenes", default="", help="built-in scenes, joined by commas; all if empty")
     parser.add_argument(
         "--step",
-        choices=("record", "examine", "baselines", "score", "second"),
-        help="one step alone; second (foreign form): promises on second sessions",
+        choices=("record", "examine", "baselines", "score", "second", "labels"),
+        help="one step alone; of the foreign form, second: promises on second sessions, labels: labels without any sensor model",
     )
     parser.add_argument("--baselines", action="store_true", help="run least squares after ICP, and boosted trees, on the same bags")
     parser.add_argument("--write", action="store_true", help="write docs/gap_check.md")
@@ -41,7 +41,9 @@ def main() -> int:
             if code := subprocess.call([sys.executable, "-m", "benchmarks.gap_check", "--step", step, *sys.argv[1:]]):
                 return code
         return 0
-    return {"record": _record, "examine": _examine, "baselines": _baselines, "score": _score, "second": _second}[args.step](args)
+    return {"record": _record, "examine": _examine, "baselines": _baselines, "score": _score, "second": _second, "labels": _labels}[
+        args.step
+    ](args)
 
 
 def _record(args: argparse.Namespace) -> int:
@@ -79,6 +81,13 @@ def _second(args: argparse.Namespace) -> int:
     from benchmarks.gap_check.foreign.second import keep_promises, table
 
     print(table(keep_promises(args.out)))
+    return 0
+
+
+def _labels(args: argparse.Namespace) -> int:
+    from benchmarks.gap_check.foreign.labels import label_rows, table
+
+    print(table(list(label_rows(args.out))))
     return 0
 
 

@@ -87,6 +87,8 @@ class Effect(ABC):
     """Share of its own energy by which its map may be wrong, where only a coarse model of it can be computed."""
     LACKS: ClassVar[float] = 0.0
     """Share of its own energy along any other effect by which its map may be short: another effect is believed beside it for more."""
+    LACKS_ON_A_PART: ClassVar[float] = 0.0
+    """The same along an effect of one part alone."""
     MODULATED: ClassVar[bool] = False
     """Whether a camera has it only if it times modulated light."""
     REPEATS: ClassVar[bool] = False

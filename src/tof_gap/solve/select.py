@@ -127,18 +127,24 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
 def _lacking(judge: Selector, current: Hypothesis, place: int) -> float:
     """Chi-square that the member at `place` may win by what the maps of other members lack (`Effect.LACKS`)."""
     effects = [judge.design.candidates[m].effect for m in current.members]
-    short = [(i, e.LACKS) for i, e in enumerate(effects) if e is not None and e.LACKS and i != place]
-    return max((lacks * _absorbable(judge, current, place, [i]) for i, lacks in short), default=0.0)
+    of_part = getattr(effects[place], "part", -1) >= 0
+    short = [(i, e.LACKS_ON_A_PART if of_part else e.LACKS) for i, e in enumerate(effects) if e is not None and e.LACKS and i != place]
+    return max((lacks * _along(judge, current, place, [i]) for i, lacks in short), default=0.0)
 
 
-def _absorbable(judge: Selector, current: Hypothesis, place: int, of: Sequence[int] | None = None) -> float:
-    """Chi-square of the maps of the members at `of` (all others) that the member at `place` could absorb.
+def _absorbable(judge: Selector, current: Hypothesis, place: int) -> float:
+    """Chi-square of the maps of all other members that the member at `place` could absorb.
 
     Maps are never exact: a member that gains only a small part of that corrects the others' maps and is no effect of its own.
     """
+    others = [i for i in range(len(current.members)) if i != place]
+    return 0.0 if judge.is_free(current.members[place]) else _along(judge, current, place, others)
+
+
+def _along(judge: Selector, current: Hypothesis, place: int, others_at: Sequence[int]) -> float:
+    """Chi-square of the maps of the members at `others_at` that columns of the member at `place` could explain."""
     member, members = current.members[place], current.members
-    others_at = [i for i in range(len(members)) if i != place] if of is None else of
-    if not others_at or judge.frees_hand([member]) or judge.is_free(member):
+    if not others_at or judge.frees_hand([member]):
         return 0.0
     solution = judge.fit(current)
     others = np.concatenate([coefficients(judge, current, solution, i) for i in others_at])

@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.foreign_light import foreign_light
 from tof_gap.tell.figures import figures
@@ -19,8 +21,6 @@ from tof_sensor.effects.phase_wrap import PhaseWrap
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from collections.abc import Set as AbstractSet
-
-    import numpy as np
 
     from tof_gap.config import GapConfig
     from tof_gap.limits.missing import MissingLimits
@@ -133,11 +133,18 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     # Arm errors say nothing while motion shifts edges, and where there is no arm: then hand-eye is not considered either.
     silent = blurred or {Interference.NAME, HandEye.NAME} & left_out
     foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light)
+    if foreign is not None and foreign.posed_m < _rough_m(solved):
+        foreign = None
     taken = left_out if foreign is None else left_out | {Interference.NAME}
     gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
     unmerged = any(_removed_wraps(f) for f in gone)
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
     return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone], config.missing)))
+
+
+def _rough_m(solved: Solved) -> float:
+    """Metres: what inexact maps of named effects leave (`Effect.ROUGH`), by view its own amount."""
+    return float(np.sqrt(sum(n.effects[0].ROUGH * solved.sizes[n.name] ** 2 for n in solved.named if n.effects)))
 
 
 def filtered(loss: Finding, beside: Sequence[Finding], limits: MissingLimits) -> bool:

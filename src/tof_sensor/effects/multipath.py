@@ -42,6 +42,9 @@ class Multipath(Effect):
     LINEAR: ClassVar[tuple[str, ...]] = ("strength",)
     ROUGH: ClassVar[float] = 0.06  # Patches are coarse beside the niches of a part: twice as many win a few hundredths more.
     LACKS: ClassVar[float] = 1.0  # Later bounces add up to albedo / (1 - albedo) of the first, more evenly: at 0.5, as much again.
+    LACKS_ON_A_PART: ClassVar[float] = (
+        5.4  # Even over a part, they look like a motion of the part: at 0.7, white paint, 2.3 times the first.
+    )
 
     strength: float = param(0.0, "against one bounce at the scene's albedos", low=0.0, high=5.0)
     modulation_mhz: float = param(60.0, "modulation frequency (weak influence)", unit="MHz", low=5.0, high=400.0)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -28,6 +29,9 @@ from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.subsurface import Subsurface
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 from tof_sensor.effects.wiggling import Wiggling
+
+if TYPE_CHECKING:
+    from tof_sensor.effect import Effect
 
 VIEWS, PIXELS = 12, 400
 FREE = FreeFunction("range_m", (0.0, 1.0, 2.0), (0.0, 0.0, 0.0))
@@ -145,10 +149,16 @@ def test_what_a_rough_map_leaves_is_nobodys() -> None:
     assert names(d, exact.chosen.members) == ["depth_scale", "temperature_drift"]
 
 
-@pytest.mark.parametrize(("first", "lacks"), [(Multipath(), 1.0), (Wiggling(), 0.0)])
-def test_beside_multipath_an_effect_must_win_more_than_later_bounces_may_make(first: Multipath | Wiggling, lacks: float) -> None:
-    """A map of size 3 on 4800 pixels, of which an effect nearly along it could absorb 98 %: the map of one bounce may be short by all of that."""
-    d = design(plain(first, AmplitudeBias()), [3.0, 1.2], copies=(0, 1))
+@pytest.mark.parametrize(
+    ("first", "second", "lacks"),
+    [(Multipath(), AmplitudeBias(), 1.0), (Multipath(), CadDeviation(part=0), 5.4), (Wiggling(), AmplitudeBias(), 0.0)],
+)
+def test_beside_multipath_an_effect_must_win_more_than_later_bounces_may_make(first: Effect, second: Effect, lacks: float) -> None:
+    """A map of size 3 on 4800 pixels, of which an effect nearly along it could absorb 98 %: the map of one bounce may be short by all of that.
+
+    An effect of one part must win more: later bounces are even over a part.
+    """
+    d = design(plain(first, second), [3.0, 1.2], copies=(0, 1))
     judge = Selector(d, SelectLimits())
     assert _lacking(judge, judge.score([0, 1], 1.0), 1) == pytest.approx(lacks * 0.98 * 4800 * 3.0**2, rel=0.1)
 
