@@ -33,7 +33,7 @@ def case(name: str, scene: str, robot: str, causes: dict[str, float], seed: int)
 
 
 def session_folder(one: ForeignCase) -> Path:
-    """Folder of a recorded session: `bag`, `scene/scene.yaml`, `truth.npz`, `z_by_camera_info.npy` (H, W), `case.json`; recorded where it is missing."""
+    """Folder of a recorded session: `bag`, `scene/scene.yaml`, `truth.npz`, `case.json`; recorded where it is missing."""
     from benchmarks.gap_check.foreign.record import planned
     from tof_virtual.emerging.record import record
     from tof_virtual.emerging.strength import calibrate
@@ -44,9 +44,6 @@ def session_folder(one: ForeignCase) -> Path:
         folder.mkdir(parents=True)
         session = planned(one, folder / "scene", SIZE)
         record(session, folder / "bag", folder / "truth", one.causes, calibrate(session, one.causes))
-        # Firmware turns the distance along a ray into z by the lens of CameraInfo, whichever lens the camera has.
-        true, stated = session.true_lens(session.device()).ray_length(), session.camera.ray_length()
-        np.save(folder / "z_by_camera_info.npy", true / stated)
         (folder / "case.json").write_text(json.dumps(one.to_dict(), indent=1))
     return folder
 
@@ -89,11 +86,11 @@ class LabelScore:
 def score(folder: Path, labelled: Iterable[tuple[View, Label]]) -> LabelScore:
     """Labels of a session against the truth of its views.
 
-    The true label is the distance along the pixel's ray as z by CameraInfo's lens. A pixel that sees an object which the CAD lacks has
-    none, and is left out.
+    The true label is z, in the camera's frame, of the surface that the pixel sees through the lens that the camera has. A pixel that sees an
+    object which the CAD lacks has none, and is left out.
     """
     truth = dict(np.load(folder / "truth.npz"))
-    stamps, depth = truth["stamp_ns"], truth["depth"] * np.load(folder / "z_by_camera_info.npy")
+    stamps, depth = truth["stamp_ns"], truth["depth"]
     errors, sigmas, lengths, off, usable = [], [], [], [], []
     verdicts: dict[str, int] = {}
     for view, label in labelled:
