@@ -89,6 +89,8 @@ class View:
     temperature: float = float("nan")
     noise: Image | None = None
     """(H, W) standard deviation of one capture in metres over the dwell, where known."""
+    code_m: float | None = None
+    """Metres between the codes that the camera wrote, where `depth` is converted from them and shows them no longer; 0: it wrote none."""
 
     @property
     def valid(self) -> Mask:

@@ -59,7 +59,8 @@ class Session:
 
     parts: names of the scene's parts, in the scene's order; has_amplitude: whether any view has an amplitude image; modulated: whether
     the noise follows light, as a camera's that times modulated light, and not range squared, as a stereo camera's; law: the camera's
-    photon law as `--sensor` states it; noise: temporal noise by amplitude.
+    photon law as `--sensor` states it; noise: temporal noise by amplitude; posed_apart: whether every pose has a covariance of its own, as
+    those of a board's corners: depth has no say in it.
     """
 
     views: tuple[SessionView, ...]
@@ -68,6 +69,7 @@ class Session:
     modulated: bool = True
     law: PhotonLaw | None = None
     noise: NoiseBins | None = None
+    posed_apart: bool = False
 
     @property
     def moving(self) -> bool:

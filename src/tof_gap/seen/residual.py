@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Image, Ints, Mask
     from tof_core.capture import View
-    from tof_gap.limits.seen import EvidenceLimits
+    from tof_gap.limits.seen import EvidenceLimits, LevelLimits
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
     from tof_sensor.frame import Frame
@@ -78,13 +78,18 @@ def gather(
 
     def one(view: View, frame: Frame, source: View) -> ViewEvidence:
         filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else _unknown(frame)
-        return _of_view(view, frame, limits, filled, wider_px, depth_step(source.depth.astype(np.float64), limits.level, source.captures))
+        return _of_view(view, frame, limits, filled, wider_px, code_of(source, limits.level))
 
     rng = np.random.default_rng(limits.seed)  # One draw after the other: the same pixels whichever view is ready first.
     return tuple(
         replace(v, pixels=drawn(v.smooth, limits.pixels, rng))
         for v in in_threads(one, views, ideal_frames(views, renderings, caster), recorded or views)
     )
+
+
+def code_of(view: View, limits: LevelLimits) -> float:
+    """Metres between the codes that the camera wrote: stated of a view that was converted, else as its depth shows them; 0 without any."""
+    return view.code_m if view.code_m is not None else depth_step(view.depth.astype(np.float64), limits, view.captures)
 
 
 def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image, wider_px: int, step_m: float) -> ViewEvidence:

@@ -89,8 +89,8 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         depends_on=tuple(quantity for quantity in joint.selection.unknown if quantity in free),
         small=tuple(sorted(small | {n.name for n in found if n not in rest})),
         small_together=joint.selection.small_together,
-        # Motion shifts what poses are known by: then arms that err alike say nothing of the mount.
-        arms_alike=0.0 if Motion.NAME in maps else judge.arms_alike(joint.selection.chosen),
+        # Motion shifts what poses are known by, and poses of corners share the errors of the lens: then arms that err alike say nothing of a mount.
+        arms_alike=0.0 if Motion.NAME in maps or joint.chain.root is not None else judge.arms_alike(joint.selection.chosen),
         arms=judge.arms(joint.selection.chosen),
         arms_sd=judge.arms_sd,
         split=split,

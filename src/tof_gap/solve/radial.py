@@ -11,6 +11,7 @@ import numpy as np
 from tof_core.camera import radial_to_z
 from tof_core.flat.wide_plane import wide_bend
 from tof_gap.seen.finding import Finding
+from tof_gap.seen.residual import code_of
 from tof_gap.solve.start import Start, observe, start
 from tof_sensor.effects.radial_depth import RadialDepth
 
@@ -44,7 +45,8 @@ def gate(
     as_z = median_miss(begun.evidence)
     if as_z < config.solve.gate.least_mm * 1e-3:
         return begun, None
-    converted = [replace(v, depth=radial_to_z(v.camera, v.depth)) for v in views]
+    # Between codes wider than the noise nothing is known of the noise, whichever way the codes are read.
+    converted = [replace(v, depth=radial_to_z(v.camera, v.depth), code_m=code_of(v, config.evidence.level)) for v in views]
     begun.hand_over()  # The images of one reading go before those of the other are made; where it is believed, they are made again.
     other = start(converted, caster, config, align)
     if median_miss(other.evidence) > config.solve.gate.better * as_z and not all(_bends(v) for v in views):

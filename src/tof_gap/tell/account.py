@@ -86,8 +86,8 @@ def account(
         solved: poses and effects.
         config: when noise and loss are effects.
         rng: for resampling.
-        along_ray: distance along the ray taken for depth, where the first poses showed it; its share belongs to the residual.
-        given: what was found before depth was looked at.
+        along_ray: distance along the ray taken for depth, where the first poses showed it.
+        given: what was found before depth was fitted. The shares of both were taken off the views and belong to the residual.
         alone: `along_ray` and `given` are all that may be named (too few views).
         left_out: effects that may not be named.
         law: the camera's photon law, where it is known.
@@ -95,8 +95,8 @@ def account(
     gated = tuple(given) if along_ray is None else (*given, along_ray)
     findings = gated if alone else (*gated, *_findings(solved, config, law, left_out))
     counted = figures(solved, findings, rng, config.report)
-    if along_ray is not None and along_ray.share is not None:
-        counted = replace(counted, residual=[r + share for r, share in zip(counted.residual, along_ray.share, strict=True)])
+    for share in (f.share for f in gated if f.share is not None):
+        counted = replace(counted, residual=[r + added for r, added in zip(counted.residual, share, strict=True)])
     gap = _gap(counted, findings, list(counted.maps))
     causes = tuple(
         Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink, solved.sizes[n.name])

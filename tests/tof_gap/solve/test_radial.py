@@ -81,3 +81,14 @@ def test_the_miss_is_the_median_residual_away_from_edges() -> None:
     residual = np.where(edge, 1.0, -0.003)
     assert radial.median_miss([replace(seen, residual=residual, edge=edge)]) == pytest.approx(0.003)
     assert radial.median_miss([replace(seen, residual=np.full(SHAPE, np.nan))]) == 0.0
+
+
+@pytest.mark.parametrize("step_m", [0.001, 0.0])
+def test_a_converted_view_keeps_the_camera_s_codes(step_m: float) -> None:
+    """Millimetres along the ray are no millimetres of depth, yet the noise lies between them."""
+    coded = [
+        replace(v, depth=(step_m * np.rint(v.depth / step_m)).astype(np.float32) if step_m else v.depth) for v in recorded(along_ray=True)
+    ]
+    begun, found = radial.gate(coded, None, CONFIG, ALIGN)  # type: ignore[arg-type]
+    assert found is not None
+    np.testing.assert_allclose([e.step_m for e in begun.evidence], step_m, atol=1e-6)
