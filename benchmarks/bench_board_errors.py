@@ -36,6 +36,8 @@ def run() -> list[Figure]:
     apart = [1e3 * float(np.mean(np.abs(t["error"] - np.median(t["error"])) / t["length"])) for t in frames]
     what = "Kinect v2 before a board, regression on one half: plane error of the other half, MAE, "
     rows = [Figure(what + name, _judged(frames, columns), "mm") for name, columns in MODELS.items()]
+    righted = [{**t, "error": t["error"] - t["table"]} for t in frames]
+    rows += [Figure(f"{what}the table of ray lengths put right, {name}", _judged(righted, MODELS[name]), "mm") for name in RIGHTED]
     between, within = (slope(frames, within=within) for within in (False, True))
     return [
         *rows,
@@ -62,6 +64,7 @@ MODELS: dict[str, Callable[[Table], Float]] = {
     "offset and range": _columns("one", "range"),
     "ln amplitude and its square": _columns(*LIGHT),
     "the same and range": _columns(*LIGHT, "range"),
+    "ln amplitude, its square, and a wave of 1 m of range": _columns(*LIGHT, *LONG_WAVE),
     "ln amplitude, its square, and a tilt over the image": _columns(*LIGHT, *PLACE),
     "the same and range as well": _columns(*LIGHT, *PLACE, "range"),
     "the same and range squared as well": _columns(*LIGHT, *PLACE, "range", "range2"),
@@ -79,6 +82,15 @@ MODELS: dict[str, Callable[[Table], Float]] = {
     "ln amplitude, its square, and a tilt by the inverse of range": _columns(*LIGHT, "across/range", "down/range"),
     "ln amplitude, its square, and light that spreads in the lens": _columns(*LIGHT, "range", "veil 4", "veil 30", "veil 100", "veil 400"),
 }
+RIGHTED = (
+    "nothing",
+    "offset and range",
+    "ln amplitude and its square",
+    "ln amplitude, its square, and a tilt over the image",
+    "the same and range",
+    "ln amplitude, its square, and a wave of 1 m of range",
+)
+"""Models that are judged again with the table of ray lengths put right (`z_conversion`), which has no coefficient to be fitted."""
 
 
 def tables() -> list[Table]:
@@ -88,6 +100,7 @@ def tables() -> list[Table]:
     from tof_scene.raycast import Raycaster
     from tof_scene.render import render
     from tof_sensor.effects.lens_scatter import blurred
+    from tof_sensor.effects.z_conversion import ZConversion
     from tof_sensor.frame import LIGHT_M_PER_S
     from tof_sensor.known import ideal_frames
     from toftwin.boarded import board_session, read_captures
@@ -108,6 +121,7 @@ def tables() -> list[Table]:
         table |= {"one": np.ones(len(seen)), "range": r, "range2": r**2, "log": np.log(A / 5e3), "log2": np.log(A / 5e3) ** 2}
         for period in PERIODS_M:
             table |= {f"sine {period}": np.sin(2 * np.pi * r / period), f"cosine {period}": np.cos(2 * np.pi * r / period)}
+        table |= {"table": (ZConversion(table="rows").bias(frame) * frame.length).ravel()[seen]}
         table |= {"across": 2 * column / w - 1, "down": 2 * row / h - 1}
         moved = plane_depth(longer.poses[k].T_board_camera, camera) - plane_depth(session.poses[k].T_board_camera, session.camera)
         table |= {"focal": (moved / FOCAL * frame.length).ravel()[seen]}

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 TURN_DEG = 0.9
-"""Deviation of a board's seeming turn per view: before a Kinect v2 1.0 degrees about either axis (RMS of 23 views, white squares), where corners are known to 0.2."""
+"""Deviation of a board's seeming turn in one view: before a Kinect v2 0.8 and 0.9 degrees about its axes (RMS of 21 views), where corners are known to 0.2."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from toftwin.boarded import BoardSource
     from toftwin.pipeline import PipelineConfig
 
-BY_FRAME = frozenset({"range_offset", "depth_scale", "wiggling", "amplitude_bias", "temperature_drift", "fixed_pattern", "emitter_offset"})
+BY_FRAME = frozenset(
+    {"range_offset", "depth_scale", "wiggling", "amplitude_bias", "temperature_drift", "fixed_pattern", "emitter_offset", "z_conversion"}
+)
 """Effects whose bias follows from a measured frame alone, without CAD."""
 
 

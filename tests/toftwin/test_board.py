@@ -28,10 +28,11 @@ from tof_scene.board import BLACK, WHITE
 from tof_scene.raycast import Raycaster
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.intrinsics import Intrinsics
+from tof_sensor.effects.z_conversion import ZConversion
 from tof_sim_label.dataset import open_dataset
 from toftwin.boarded import HELD_MM, PRINT_SCALE_PCT, BoardSource, board_session, save_lens
 from toftwin.cli import main
-from toftwin.diagnosis import GapPipelineConfig, diagnose_before_board, lens_finding
+from toftwin.diagnosis import TURN_DEG, GapPipelineConfig, diagnose_before_board, lens_finding, turning
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -209,3 +210,37 @@ def test_first_poses_are_those_of_the_corners_whatever_depth_says() -> None:
     evidence = begun.hand_over()
     assert len(evidence) == 5
     assert begun.evidence == ()
+
+
+def test_a_view_s_pose_may_be_off_by_a_turn_about_the_board_s_middle() -> None:
+    """Depth at the middle is as well known as by the corners; 0.1 m beside it, less well by that times the tangent of the turn."""
+    session = board_session(captures(3), BOARD)
+    (view, *_), caster = session.views, Raycaster(session.scene)
+    assert view.robot is not None
+    known = turning(view, caster.scene).robot
+    assert known is not None
+    assert known.cov is not None
+    T, added = view.robot.T_cell_camera, known.cov - np.asarray(view.robot.cov)
+    for aside, metres in ((np.zeros(3), 0.0), (np.array([0.1, 0.0, 0.0]), 0.1), (np.array([0.0, -0.1, 0.0]), 0.1)):
+        p = T[:3, :3].T @ (np.array([0.06, 0.09, 0.0]) + aside - T[:3, 3])
+        # A point of the board at p moves by -(v + w x p) in the camera frame; along the board's normal that is depth.
+        lever = np.concatenate([T[2, :3], np.cross(p, T[2, :3])])
+        assert np.sqrt(lever @ added @ lever) == pytest.approx(metres * np.radians(TURN_DEG), abs=1e-9)
+
+
+def test_a_table_of_ray_lengths_that_is_mirrored_is_named_and_nothing_else() -> None:
+    session = board_session([cut(c) for c in captures(10, walk_m=0.0)[2:]], BOARD)
+    ratio = ZConversion(table="columns").published(session.camera)
+    wrong = [replace(v, depth=(v.depth * ratio).astype(np.float32)) for v in session.views]
+    found = diagnose_before_board(session, wrong, Raycaster(session.scene), GapPipelineConfig())
+    assert found.verdict == ("z_conversion",)
+    assert found.gap.shrink is not None
+    assert found.gap.shrink > 0.9
+
+
+def cut(capture: Capture) -> Capture:
+    """The capture without its last 40 columns: the principal point is then 20 columns off the middle."""
+    assert capture.amplitude is not None
+    camera = replace(capture.camera, width=capture.camera.width - 40)
+    depth, amplitude, reason = (image[:, :-40] for image in (capture.depth, capture.amplitude, capture.reason))
+    return replace(capture, camera=camera, depth=depth, amplitude=amplitude, reason=reason)
