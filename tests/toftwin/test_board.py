@@ -242,5 +242,6 @@ def cut(capture: Capture) -> Capture:
     """The capture without its last 40 columns: the principal point is then 20 columns off the middle."""
     assert capture.amplitude is not None
     camera = replace(capture.camera, width=capture.camera.width - 40)
-    depth, amplitude, reason = (image[:, :-40] for image in (capture.depth, capture.amplitude, capture.reason))
-    return replace(capture, camera=camera, depth=depth, amplitude=amplitude, reason=reason)
+    return replace(
+        capture, camera=camera, depth=capture.depth[:, :-40], amplitude=capture.amplitude[:, :-40], reason=capture.reason[:, :-40]
+    )
