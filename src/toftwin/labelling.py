@@ -13,6 +13,7 @@ import numpy as np
 from tof_core.capture import View
 from tof_core.config import to_mapping
 from tof_core.errors import RefusedError, UsageError
+from tof_core.lens import apart_px
 from tof_core.progress import progress
 from tof_core.yamlio import save_yaml
 from tof_eval.pooled import PooledError
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_core.bag import BagReader
+    from tof_core.camera import Camera
     from tof_core.capture import Capture, Posed
     from tof_core.metrics import DepthError
     from tof_scene.raycast import Raycaster
@@ -163,6 +165,7 @@ class _Job:
             from toftwin.mistakes.refusal import explained
 
             raise explained(error, views, self.caster, self.config.input, self.config.align) from error
+        result.note = "; ".join(filter(None, [result.note, _lens_note(views[0].camera, posed)]))
         for name in self.also:
             other = replace(self.config.align, mode=MODES[name])
             found = dataset.solved(views, name, lambda align=other: solve_session(views, self.caster, align).posed)  # type: ignore[misc]
@@ -209,6 +212,14 @@ class _Job:
         result.skipped = Counter(reader.skipped)
         if not result.views:
             raise RefusedError(_why_nothing(reader), where="label", todo="toftwin doctor lists what the bag lacks")
+
+
+def _lens_note(stated: Camera, posed: Sequence[Posed]) -> str:
+    """A note where the session shows another lens than CameraInfo states."""
+    lens = next((p.camera for p in posed if p.camera is not None), None)
+    if lens is None:
+        return ""
+    return f"the session shows a lens up to {apart_px(stated, lens):.1f} px off camera_info: labels are rendered through the lens found"
 
 
 def _itself(label: Label) -> Label:

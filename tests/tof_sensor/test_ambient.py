@@ -81,7 +81,10 @@ def test_other_noise_is_no_foreign_light(beyond: Float | float) -> None:
 
 def test_without_a_law_or_an_amplitude_image_the_reason_is_given() -> None:
     assert Ambient.not_testable(session(0.0)) is None
-    assert Ambient.not_testable(session(0.0, law=None)) == "no photon law to compare with: pass --sensor with one of this camera"
+    assert (
+        Ambient.not_testable(session(0.0, law=None))
+        == "no noise to compare with: pass --sensor with the sensor.yaml of a session of this camera without ambient light"
+    )
     assert Ambient.not_testable(replace(session(0.0), has_amplitude=False)) == "no amplitude image"
 
 

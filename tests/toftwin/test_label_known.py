@@ -4,14 +4,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from tof_core import se3
+from tof_core.camera import Camera
+from tof_core.capture import Posed
 from tof_core.config import from_mapping
 from tof_core.errors import UsageError
+from tof_core.lens import with_lens
 from tof_scene.builtin import write_builtin
 from tof_scene.scene_file import load_scene
 from tof_sensor.effects.range_offset import RangeOffset
@@ -24,6 +28,7 @@ from toftwin.cli import main
 from toftwin.commands.label import in_common
 from toftwin.commands.simulate import bodies_of
 from toftwin.known import Known
+from toftwin.labelling import _lens_note
 from toftwin.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
@@ -90,3 +95,11 @@ def test_a_bias_common_to_all_depth_beyond_what_sigma_holds_is_a_warning(bias_mm
     said = in_common(bias_mm, offset_mm=2.0)
     assert line in said
     assert bool(said) == bool(line)
+
+
+def test_a_lens_off_camera_info_is_said() -> None:
+    stated = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
+    pose = Posed(np.eye(4), np.eye(6))
+    assert _lens_note(stated, [pose, pose]) == ""
+    other = with_lens(stated, np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assert "2.0 px off camera_info" in _lens_note(stated, [pose, replace(pose, camera=other)])

@@ -44,6 +44,14 @@ class MissingLimits:
     lost_share: float = param(
         0.01, "share of CAD pixels missing, away from edges", low=1e-6, high=1.0, why="single dead or dark pixels are usual"
     )
+    lost_on_part: float = param(
+        0.05,
+        "the same, of one part's pixels",
+        low=1e-6,
+        high=1.0,
+        why="parts of healthy cameras lose 0.1 % at most; a small dark part is little of the CAD",
+    )
+    part_pixels: int = param(500, "pixels of the session, of a part whose loss is judged by itself", low=1, why="5 % are known to 1 %")
     filter_px: int = param(
         18, "largest hole that a filter leaves around an outlier", unit="px", low=1, why="two outliers, each with its 3 x 3"
     )

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, label, uniform_filter
 
 from tof_core.reasons import Reason
+from tof_core.stats import grouped
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.frame import lambert_amplitude
@@ -16,7 +17,7 @@ from tof_sensor.frame import lambert_amplitude
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Mask
+    from tof_core.arrays import Float, Ints, Mask
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
 
@@ -67,19 +68,27 @@ def outliers_removed(valid: Mask, limits: MissingLimits) -> Mask:
 
 
 def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask]) -> Finding | None:
-    """`dropout` where more is lost than `lost_share`: by amplitude below a threshold, and at random.
+    """`dropout` where more is lost than `lost_share` of all, or `lost_on_part` of one part: by amplitude below a threshold, and at random.
 
     filtered: (H, W) per view, pixels that a filter in the camera removed.
     """
     inside = [expected(v, limits) & ~f for v, f in zip(views, filtered, strict=True)]
     gone = np.concatenate([lost(v, limits)[i] for v, i in zip(views, inside, strict=True)])
-    if gone.mean() < limits.lost_share:
+    part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])
+    if gone.mean() < limits.lost_share and _worst_part(gone, part, limits) < limits.lost_on_part:
         return None
     light = np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
     random = float(gone[light > np.median(light)].mean())
     share = np.stack([np.where(v.frame.valid, _rate(v, light, gone, limits), np.nan) for v in views])
     effect = Dropout(threshold=_half_lost(light, gone, limits), random=min(random, 1.0))
     return Finding(effect, LOSS_CONFIDENT, share=share)
+
+
+def _worst_part(gone: Float, part: Ints, limits: MissingLimits) -> float:
+    """Largest share that any part loses of its pixels; parts that are hardly seen do not count."""
+    groups = grouped(part)
+    seen = groups.count >= limits.part_pixels
+    return float((groups.sum(gone)[seen] / groups.count[seen]).max(initial=0.0))
 
 
 def _rate(view: ViewEvidence, light: Float, gone: Float, limits: MissingLimits) -> Float:

@@ -76,7 +76,11 @@ class Ambient(Effect):
         """An amplitude image, and a photon law to compare with."""
         if not session.has_amplitude:
             return "no amplitude image"
-        return "" if session.law is not None else "no photon law to compare with: pass --sensor with one of this camera"
+        return (
+            ""
+            if session.law is not None
+            else "no noise to compare with: pass --sensor with the sensor.yaml of a session of this camera without ambient light"
+        )
 
     @classmethod
     def detect(cls, session: Session) -> Detection | None:

@@ -24,7 +24,7 @@ class DepthScale(Effect):
 
     NAME: ClassVar[str] = "depth_scale"
     ORDER: ClassVar[int] = 82
-    MEANING: ClassVar[str] = "a wrong unit stretches depth"
+    MEANING: ClassVar[str] = "the camera stretches distance: its modulation frequency, or the unit of its depth, is not the stated one"
     REMEDY: ClassVar[str] = (
         "check the unit of the depth image and the modulation frequency that the driver states, then calibrate the camera's range"
     )

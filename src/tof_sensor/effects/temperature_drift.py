@@ -32,7 +32,7 @@ class TemperatureDrift(Effect):
     NAME: ClassVar[str] = "temperature_drift"
     ORDER: ClassVar[int] = 56
     MEANING: ClassVar[str] = "range drifts while the camera warms up"
-    REMEDY: ClassVar[str] = "let the camera warm up until its temperature is steady, twenty minutes as a rule"
+    REMEDY: ClassVar[str] = "let the camera warm up, twenty minutes as a rule; its thermometer may be steady minutes before its depth is"
     SEPARATED_BY: ClassVar[str] = "the same pose recorded over half an hour"
     ACTIONS: ClassVar = (LATER,)
     FINER: ClassVar[tuple[Finer, ...]] = (Finer("tau_s", 1.0, 7),)

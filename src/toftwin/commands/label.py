@@ -90,7 +90,8 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(result.to_dict(), indent=1))
     else:
         _print(result)
-        print(in_common(1e3 * result.filtered.error.bias, config.label.unseen_offset_mm), end="")
+        if not args.joint:
+            print(in_common(1e3 * result.filtered.error.bias, config.label.unseen_offset_mm), end="")
     return 0
 
 

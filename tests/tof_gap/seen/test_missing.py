@@ -44,6 +44,21 @@ def test_a_dwell_that_lost_nothing_says_nothing() -> None:
     assert missing_effects(dwelled(0.0), MissingLimits()) == []
 
 
+@pytest.mark.parametrize(("share", "names"), [(0.15, ["dropout"]), (0.02, [])])
+def test_what_one_dark_part_loses_is_lost_though_it_is_little_of_all(share: float, names: list[str]) -> None:
+    """A part of 30 x 8 pixels in every view loses a share of them; of all pixels that is less than one in a hundred."""
+    out = []
+    for whole, half in zip(dwelled(0.0), dwelled(share), strict=True):
+        part = np.zeros(SHAPE, np.int16)
+        part[40:70, 50:58] = 1
+        count = np.where(part == 1, half.view.count, whole.view.count)
+        rendering = replace(whole.rendering, part=part)
+        out.append(replace(whole, frame=replace(whole.frame, rendering=rendering), view=replace(whole.view, count=count)))
+    counted = np.mean([1.0 - v.view.count.mean() / CAPTURES for v in out])
+    assert counted < MissingLimits().lost_share
+    assert [f.name for f in missing_effects(out, MissingLimits())] == names
+
+
 @pytest.mark.parametrize(("turn_m", "names"), [(0.25, []), (0.6, ["phase_wrap"])])
 def test_a_jump_shorter_than_any_turn_is_no_lost_turn(turn_m: float, names: list[str]) -> None:
     jump = np.zeros((VIEWS, *SHAPE))
