@@ -24,6 +24,8 @@ CARRIED = 0.8
 """Share of an effect's squared error that the named parts carry together."""
 WORST = 0.95
 """Quantile of the pixels that the cost is stated at: one pixel in twenty is worse."""
+MATTERS_M = 1e-3
+"""Metres: what healthy cameras are off by; an effect of few pixels is stated by how many are off by more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +85,12 @@ def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
 
 
 def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
-    """By how much the worst pixels that count are measured wrongly by maps (H, W) of metres."""
+    """By how much the worst pixels that count are measured wrongly by maps (H, W) of metres; how many, where they are fewer than that."""
     seen = [np.abs(m)[np.isfinite(r) & np.isfinite(m)] for m, r in zip(maps, d.residual, strict=True)]
     error = np.concatenate(seen) if seen else np.zeros(0)
     if not error.size:
         return ""
-    return f"one pixel in twenty is measured {1e3 * float(np.quantile(error, WORST)):.1f} mm off or more"
+    worst = float(np.quantile(error, WORST))
+    if worst >= MATTERS_M:
+        return f"one pixel in twenty is measured {1e3 * worst:.1f} mm off or more"
+    return f"{100 * float((error >= MATTERS_M).mean()):.1g} % of the pixels are measured {1e3 * MATTERS_M:.0f} mm off or more"

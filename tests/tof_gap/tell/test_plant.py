@@ -44,6 +44,13 @@ def test_each_effect_is_said_with_its_size_place_remedy_and_cost() -> None:
     )
 
 
+def test_an_effect_of_few_pixels_costs_by_how_many_they_are() -> None:
+    few = np.zeros((VIEWS, *SHAPE))
+    few[:, :2, :] = 0.005
+    share = 100.0 * 2 / SHAPE[0]
+    assert cost(diagnosis(), few) == f"{share:.1g} % of the pixels are measured 1 mm off or more"
+
+
 def test_what_is_not_known_is_not_said() -> None:
     assert Words("noise", "more noise", "", "", "", "").sentence() == "Noise: more noise."
 
