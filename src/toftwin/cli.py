@@ -68,7 +68,7 @@ def build_parser(chosen: str = "") -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         sub.add_argument("--debug", action="store_true", help="show the traceback of an error")
-        sub.add_argument("--quiet", action="store_true", help="no progress bars")
+        sub.add_argument("--quiet", action="store_true", help="show no progress")
         if chosen:
             module.add_arguments(sub)
     return parser

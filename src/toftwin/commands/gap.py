@@ -49,7 +49,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SIMULATED",
         help="bag of a simulator, of the same scene from any poses; diagnosed too, and compared effect by effect (writes against.json)",
     )
-    parser.add_argument("--leave-out", action="append", default=[], metavar="EFFECT", help="do not consider this effect; may be repeated")
+    parser.add_argument(
+        "--leave-out",
+        action="append",
+        default=[],
+        metavar="EFFECT",
+        help="do not consider this effect (names: docs/effects.md); may be repeated",
+    )
     parser.add_argument(
         "--retrain",
         action="store_true",
@@ -100,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
     config = load_config(GapPipelineConfig, args)
     left_out = _effects(args.leave_out)
     known = load_model(args.sensor) if args.sensor else None
-    say = _Progress(args.json)
+    say = _Progress(args.json or args.quiet)
     opened = source(args.bag, config, scene=args.scene, board=args.board, calibrate=args.calibrate, initial_pose=args.initial_pose)
     with opened as (reader, scene):
         diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=left_out, progress=say)
