@@ -186,18 +186,20 @@ def summary(d: Diagnosis) -> str:
     from tof_scene.world.words import lines as world_lines
 
     g = d.gap
+    agrees = d.verdict == ("none",)
     lines = [
-        f"verdict: {', '.join(d.verdict)}",
-        f"gap on held-out views: {g.above_mm(g.before):.2f} mm RMS above the noise of {g.floor_mm:.2f} mm",
-        f"with the named effects added: {g.above_mm(g.after):.2f} mm",
+        f"verdict: {', '.join(d.verdict)}" + (" (camera and simulation agree to within the noise)" if agrees else ""),
+        f"gap on held-out views: {g.above_mm(g.before):.2f} mm RMS beside the noise of {g.floor_mm:.2f} mm (root of the difference of squares)",
     ]
-    if g.shrink is not None and g.ci95 is not None:
-        lines.append(f"shrink: {g.shrink:.0%} (95 %: {g.ci95[0]:.0%} to {g.ci95[1]:.0%})")
+    if not agrees:
+        lines.append(f"with the named effects added to the simulation: {g.above_mm(g.after):.2f} mm")
+    if not agrees and g.shrink is not None and g.ci95 is not None:
+        lines.append(f"the gap shrinks by {g.shrink:.0%} (95 % interval: {g.ci95[0]:.0%} to {g.ci95[1]:.0%})")
     for c in d.causes:
         alone = "" if c.alone.shrink is None else f", alone {c.alone.shrink:.0%} of the gap"
         suspected = " (suspected)" if d.doubted else ""
         lines.append(f"  {c.named.verdict}{suspected}: confidence {d.confidence(c):.2f}{alone}")
-    lines += [f"  {f.name}: confidence {f.confidence:.2f} {f.note}".rstrip() for f in d.findings]
+    lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note else "") for f in d.findings]
     if d.unexplained.structured:
         lines.append(unexplained_line(d.unexplained))
     lines += world_lines(d.world)

@@ -48,7 +48,7 @@ def test_an_effect_of_few_pixels_costs_by_how_many_they_are() -> None:
     few = np.zeros((VIEWS, *SHAPE))
     few[:, :2, :] = 0.005
     share = 100.0 * 2 / SHAPE[0]
-    assert cost(diagnosis(), few) == f"{share:.1g} % of the pixels are measured 1 mm off or more"
+    assert cost(diagnosis(), list(few)) == f"{share:.1g} % of the pixels are measured 1 mm off or more"
 
 
 def test_what_is_not_known_is_not_said() -> None:
