@@ -120,7 +120,8 @@ def solve_samples(
     if lens is None or columns is not None or apart_px(stated, lens.camera) < config.discrepancy.lens_again_px:
         return _through(_conclude(fitter, system, answer, given, seed), lens)
     through = [replace(s, full=s.full.through(lens.camera)) for s in samples]
-    again = solve_samples(through, caster, config, start=system.rig.moved(answer.x, answer.own))
+    once = replace(config, discrepancy=replace(config.discrepancy, lens_again_px=np.inf))
+    again = solve_samples(through, caster, once, start=system.rig.moved(answer.x, answer.own))
     return _through(again, again.lens or lens)
 
 

@@ -63,4 +63,4 @@ def by_label(
             continue
         label = label_view(view, pose, caster, config)
         reference = np.where(label.mask > 0, label.depth, np.float32(np.nan))
-        yield Judged(captures, reference, render(caster, view.camera, pose.T_cell_camera), view.station)
+        yield Judged(captures, reference, render(caster, pose.seen_by(view.camera), pose.T_cell_camera), view.station)

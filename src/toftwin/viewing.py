@@ -146,9 +146,10 @@ def draw_dataset(scribe: Scribe, data: Dataset, every: int = 1) -> dict[str, flo
         if view % every:
             continue
         scribe.at(int(stamps[view]))
-        scribe.camera(data.camera, poses[view])
-        scribe.cloud("measured", data.camera, depth, poses[view], np.array(MEASURED_RGB))
-        scribe.cloud("labelled", data.camera, label, poses[view], np.array(LABELLED_RGB))
+        camera = data.lens(view)
+        scribe.camera(camera, poses[view])
+        scribe.cloud("measured", camera, depth, poses[view], np.array(MEASURED_RGB))
+        scribe.cloud("labelled", camera, label, poses[view], np.array(LABELLED_RGB))
         scribe.depth("measured", depth)
         scribe.depth("label", label)
         scribe.picture("residual", signed(gap))
