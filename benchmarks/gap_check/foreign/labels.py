@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.gap_check.separable import OTHER_SURFACE_M, Truth
+from benchmarks.gap_check.separable import Truth
+from benchmarks.strong_sessions import score
 from tof_core.errors import RefusedError
 from tof_scene.raycast import Raycaster
-from tof_sim_label.labeller import LabellerConfig, label_session
+from tof_sim_label.labeller import label_session
 from toftwin.inputs import opened
 from toftwin.pipeline import PipelineConfig, ViewStream
 
@@ -19,14 +20,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from tof_core.capture import View
-
 
 @dataclass(frozen=True, slots=True)
 class LabelRow:
-    """One session: mean |label - true depth| in mm of usable pixels, with the lens of CameraInfo believed and with a lens that is estimated.
+    """One session: label MAE in mm of all usable pixels, less the common range offset, with the lens of CameraInfo believed and with a lens that is estimated.
 
-    within: share of usable pixels whose label is within twice its deviation, with the lens estimated; refused: why there are no labels.
+    within: per cent of usable pixels whose label is within twice its deviation, offset included, with the lens estimated; refused: why
+    there are no labels.
     """
 
     name: str
@@ -55,38 +55,19 @@ def _row(name: str, effects: tuple[str, ...], truth: Truth) -> LabelRow:
         views = [replace(v, colour=None) for v in ViewStream(reader, config)]
         caster = Raycaster(scene)
     stated = replace(config.align, discrepancy=replace(config.align.discrepancy, lens=False))
-    believed, _ = _errors(views, caster, replace(config.labeller, align=stated), truth)
-    errors, inside = _errors(views, caster, config.labeller, truth)
-    return LabelRow(name, effects, 1e3 * _mean(believed), 1e3 * _mean(errors), _mean(inside))
-
-
-def _errors(views: Sequence[View], caster: Raycaster, config: LabellerConfig, truth: Truth) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) metres |label - true depth| of all usable pixels on the same surface, and whether each is within twice its deviation."""
-    errors, inside = list[np.ndarray](), list[np.ndarray]()
-    true = dict(zip(truth.arrays["stamp_ns"].tolist(), truth.arrays["depth"], strict=True))
-    for view, label in label_session(views, caster, config)[1]:
-        if view.stamp_ns not in true:
-            continue
-        error = np.abs(label.depth - true[view.stamp_ns])
-        usable = (label.mask > 0) & (error < OTHER_SURFACE_M)
-        errors.append(error[usable])
-        inside.append(error[usable] < 2.0 * label.sigma[usable])
-    return np.concatenate(errors), np.concatenate(inside)
-
-
-def _mean(values: np.ndarray) -> float:
-    """NaN where there are none."""
-    return float(values.mean()) if len(values) else float("nan")
+    believed = score(truth.sealed, label_session(views, caster, replace(config.labeller, align=stated))[1])
+    estimated = score(truth.sealed, label_session(views, caster, config.labeller)[1])
+    return LabelRow(name, effects, believed.mae_mm, estimated.mae_mm, estimated.within(2))
 
 
 def table(rows: Sequence[LabelRow]) -> str:
     """Every session, then median and 90 % quantile over sessions."""
     lines = [f"{'session':10} {'stated lens, mm':>16} {'lens estimated, mm':>19} {'within 2 sigma':>15}  causes"]
     for r in rows:
-        figures = r.refused or f"{r.believed_mm:16.2f} {r.mae_mm:19.2f} {100 * r.within:13.1f} %"
+        figures = r.refused or f"{r.believed_mm:16.2f} {r.mae_mm:19.2f} {r.within:13.1f} %"
         lines.append(f"{r.name:10} {figures}  {', '.join(r.effects) or 'healthy'}")
     known = [r for r in rows if not r.refused]
     for what, q in (("median", 0.5), ("90 % quantile", 0.9)):
         believed, mae = (float(np.nanquantile([getattr(r, f) for r in known], q)) for f in ("believed_mm", "mae_mm"))
         lines.append(f"{what:14} {believed:12.2f} {mae:19.2f}")
-    return "\n".join([*lines, f"mean within 2 sigma {100 * float(np.nanmean([r.within for r in known])):.1f} % of {len(known)} sessions"])
+    return "\n".join([*lines, f"mean within 2 sigma {float(np.nanmean([r.within for r in known])):.1f} % of {len(known)} sessions"])
