@@ -25,10 +25,10 @@ class GapConfig:
 
     hand_mm: float = param(
         0.05,
-        "prior deviation of hand-eye where it is not under test",
+        "deviation of hand-eye in hypotheses that do not test it, beside that of the stated calibration",
         unit="mm",
         low=1e-4,
-        why="calibrated; errors show when it is under test",
+        why="keeps the equations solvable; larger errors show when it is under test",
     )
     hand_deg: float = param(0.005, "the same, rotation", unit="deg", low=1e-5, why="the same")
     calibration: Calibration = section(Calibration, "largest errors of the stated calibration (calibration.yaml beside scene.yaml)")

@@ -99,6 +99,14 @@ def test_what_is_left_is_said_as_far_as_it_is_known(where: tuple[str, ...], depe
     assert unexplained_line(Unexplained(0.324, structured=True, depends_on=depends_on, where=where)) == line
 
 
+def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
+    left = Unexplained(0.324, structured=True, depends_on=(), where=("door",))
+    assert (
+        unexplained_line(left, suspected=True)
+        == "unexplained: 0.32 mm are left, even with the suspected effects simulated, above all on door"
+    )
+
+
 def test_mixed_cameras_are_refused() -> None:
     posed = [replace(v.view, robot=RobotPose(np.eye(4), np.eye(4))) for v in views(np.random.default_rng(1))]
     check(posed, 4)

@@ -89,7 +89,9 @@ def test_the_digest_follows_the_content_of_the_model(folder: Path, tmp_path: Pat
     assert len({Known(path).digest(config) for path in (None, other, folder / "sensor.yaml")}) == 3
 
 
-@pytest.mark.parametrize(("bias_mm", "line"), [(7.32, "+7.3 mm"), (-4.1, "-4.1 mm"), (3.9, ""), (float("nan"), "")])
+@pytest.mark.parametrize(
+    ("bias_mm", "line"), [(7.32, "7.3 mm farther than the labels"), (-4.1, "4.1 mm nearer than the labels"), (3.9, ""), (float("nan"), "")]
+)
 def test_a_bias_common_to_all_depth_beyond_what_sigma_holds_is_a_warning(bias_mm: float, line: str) -> None:
     """A wrong lens moved depth by 7 mm and the labels by 9 mm, with a sigma of 2 mm."""
     said = in_common(bias_mm, offset_mm=2.0)

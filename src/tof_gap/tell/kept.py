@@ -37,10 +37,10 @@ class Kept:
     def line(self) -> str:
         """Promised and kept shrink in a line."""
         p, g = self.promised, self.here
-        promised = "nothing" if p is None else percent(p.shrink) + interval((p.low, p.high))
-        kept = "nothing to shrink here" if g.shrink is None else percent(g.shrink) + interval(g.ci95)
+        promised = "nothing" if p is None else f"{percent(p.shrink)}, {interval((p.low, p.high))}"
+        kept = "nothing to shrink here" if g.shrink is None else ", ".join(filter(None, [percent(g.shrink), interval(g.ci95)]))
         return (
-            f"shrink by --sensor: promised {promised}, kept {kept}: "
+            f"shrink by --sensor: promised {promised}; kept {kept}; "
             f"{g.above_mm(g.before):.2f} mm without the model, {g.above_mm(g.after):.2f} mm with it"
         )
 

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tof_core.stats import touched
 from tof_gap.tell.unexplained import by_part
+from tof_gap.tell.words import listed, spaced
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,11 +28,18 @@ WORST = 0.95
 """Quantile of the pixels that the cost is stated at: one pixel in twenty is worse."""
 MATTERS_M = 1e-3
 """Metres: what healthy cameras are off by; an effect of few pixels is stated by how many are off by more."""
+EVERYWHERE = 0.95
+"""Share of the pixels from which an effect acts on all of them."""
+LEAST_SHARE = 1e-3
+"""Share of the pixels below which no figure is stated for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """One effect: its name; what it is; where; how large; what to do; what it costs to leave it. Empty where nothing is known."""
+    """One effect: its name; what it is; where; how large; what to do; what it costs to leave it. Empty where nothing is known.
+
+    rivals: effects that the session cannot separate from it; suspected: whether too much stays unexplained to assert it.
+    """
 
     effect: str
     what: str
@@ -38,22 +47,32 @@ class Words:
     size: str
     remedy: str
     cost: str
+    rivals: tuple[str, ...] = ()
+    suspected: bool = False
 
     def sentence(self) -> str:
         """All of it in a few sentences."""
-        head = f"{self.effect.replace('_', ' ').capitalize()}: {self.what}"
+        head = f"{'perhaps ' * self.suspected}{spaced(self.effect)}: {self.what}"
         details = "; ".join(x for x in (self.size, self.where) if x)
-        todo = f" To do: {self.remedy}." if self.remedy else ""
-        cost = f" Left as it is: {self.cost}." if self.cost else ""
-        return f"{head}{f' ({details})' if details else ''}.{todo}{cost}"
+        tied = f" Or {listed([spaced(r) for r in self.rivals], 'or')}, which this session cannot separate from it." if self.rivals else ""
+        sure = "Too much stays unexplained to be sure of it; if it is confirmed" if self.suspected else "To do"
+        todo = f" {sure}: {self.remedy}." if self.remedy else ""
+        cost = f" Left as it is: {self.cost}." if self.cost and not self.suspected else ""
+        return f"{head[0].upper()}{head[1:]}{f' ({details})' if details else ''}.{tied}{todo}{cost}"
 
 
 def plant_words(d: Diagnosis, scene: Scene) -> list[Words]:
     """The effects of the verdict, causes first."""
     maps = dict(d.shares)
-    causes = [(c.named.name, c.named.effects, f"{1e3 * c.size_m:.1f} mm RMS where it acts") for c in d.causes]
-    found = [(f.name, (f.effect,), "") for f in d.findings]
-    return [_words(name, effects, size, maps.get(name), d, scene) for name, effects, size in (*causes, *found)]
+    causes = [
+        replace(
+            _words(c.named.name, c.named.effects, acts(c.size_m, maps[c.named.name]), maps[c.named.name], d, scene),
+            rivals=tuple(c.named.ties),
+            suspected=d.doubted,
+        )
+        for c in d.causes
+    ]
+    return [*causes, *(_words(f.name, (f.effect,), "", maps.get(f.name), d, scene) for f in d.findings)]
 
 
 def to_dicts(words: Sequence[Words]) -> list[dict[str, Any]]:
@@ -84,6 +103,18 @@ def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
     return f"on {' and '.join(scene.parts[i].name for i in order[:count])}"
 
 
+def acts(size_m: float, maps: Sequence[Float]) -> str:
+    """RMS of maps (H, W) of metres over the pixels that they touch, and how many pixels these are."""
+    share = float(touched(np.concatenate([m[np.isfinite(m)] for m in maps])).mean())
+    on = "" if share > EVERYWHERE else f" over {_share(share)} of the pixels"
+    return f"{1e3 * size_m:.1f} mm RMS{on}"
+
+
+def _share(share: float) -> str:
+    """A share of pixels in per cent, of one digit where it is small."""
+    return f"under {100 * LEAST_SHARE:.1g} %" if share < LEAST_SHARE else f"{100 * share:.{0 if share >= 0.01 else 1}f} %"
+
+
 def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
     """By how much the worst pixels that count are measured wrongly by maps (H, W) of metres; how many, where they are fewer than that."""
     seen = [np.abs(m)[np.isfinite(r) & np.isfinite(m)] for m, r in zip(maps, d.residual, strict=True)]
@@ -92,5 +123,5 @@ def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
         return ""
     worst = float(np.quantile(error, WORST))
     if worst >= MATTERS_M:
-        return f"one pixel in twenty is measured {1e3 * worst:.1f} mm off or more"
-    return f"{100 * float((error >= MATTERS_M).mean()):.1g} % of the pixels are measured {1e3 * MATTERS_M:.0f} mm off or more"
+        return f"of all pixels one in twenty is measured {1e3 * worst:.1f} mm off or more"
+    return f"{_share(float((error >= MATTERS_M).mean()))} of the pixels are measured {1e3 * MATTERS_M:.0f} mm off or more"

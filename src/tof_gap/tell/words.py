@@ -17,12 +17,12 @@ GOES_WITH = {"x_m": PLACE, "y_m": PLACE, "z_m": PLACE, "temperature_c": "tempera
 
 def sentence(content: dict[str, Any]) -> str:
     """The verdict in words."""
-    names = [v.replace("_", " ").replace("|", " or ") for v in content["verdict"] if v not in ("none", "unknown")]
+    names = [spaced(v).replace("|", " or ") for v in content["verdict"] if v not in ("none", "unknown")]
     gap = content["gap"]
     if content["verdict"] == ["none"]:
         return "Camera and simulation agree to within the noise: nothing needs to be added."
     if not names:
-        suspects = [c["effect"].replace("_", " ") for c in content["causes"] if not c["asserted"]]
+        suspects = [spaced(c["effect"]) for c in content["causes"] if not c["asserted"]]
         also = f" Part of it looks like {listed(suspects)}, but too much is left to be sure." if suspects else ""
         return f"Camera and simulation differ, and no effect known here explains how.{_clue(content['unexplained'])}{also}"
     verb = "explain" if len(names) > 1 else "explains"
@@ -91,9 +91,14 @@ def _clue(unexplained: dict[str, Any]) -> str:
     return f" It {clues}." if clues else ""
 
 
-def listed(names: Sequence[str]) -> str:
+def spaced(name: str) -> str:
+    """The name of an effect in a sentence."""
+    return name.replace("_", " ")
+
+
+def listed(names: Sequence[str], last: str = "and") -> str:
     """Names in a sentence."""
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+    return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def percent(share: float | None) -> str:
@@ -102,5 +107,5 @@ def percent(share: float | None) -> str:
 
 
 def interval(ci: Sequence[float] | None) -> str:
-    """A confidence interval in brackets, "" where it is not known."""
-    return "" if ci is None else f" (95 %: {percent(ci[0])} to {percent(ci[1])})"
+    """The 95 % interval of a share, "" where it is not known; no more than all of it is shown."""
+    return "" if ci is None else f"{percent(min(ci[0], 1.0))} to {percent(min(ci[1], 1.0))} (95 % interval)"

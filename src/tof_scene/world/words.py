@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from tof_scene.world.surprises import Surprises
 
 
+MAY_BE = "; other views see through its place: a person, a view taken in motion, or the halo of a bright surface"
+"""What a moving object may be besides."""
+
+
 def described(world: Surprises, scene: Scene) -> dict[str, list[dict[str, Any]]]:
     """`missing` and `foreign` for JSON: views count from 0, metres along the axes of the cell."""
     return {
@@ -36,8 +40,8 @@ def lines(world: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[str]:
     for f in sorted(world["foreign"], key=lambda f: -f["pixels"]):
         size = " x ".join(f"{100 * s:.0f}" for s in f["size_m"])
         at = ", ".join(f"{x:.2f}" for x in f["centre_m"])
-        what = "moving object" if f["moves"] else "foreign object"
-        out.append(f"{what}: {size} cm at ({at}), seen in {of_views(f['views'])}")
+        what, may_be = ("moving object", MAY_BE) if f["moves"] else ("foreign object", "")
+        out.append(f"{what}: {size} cm at ({at}), seen in {of_views(f['views'])}{may_be}")
     return out
 
 

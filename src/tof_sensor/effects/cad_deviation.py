@@ -36,7 +36,9 @@ class CadDeviation(FieldEffect):
     NAME: ClassVar[str] = "cad_deviation"
     ORDER: ClassVar[int] = 0
     MEANING: ClassVar[str] = "a part stands or bends otherwise than drawn"
-    REMEDY: ClassVar[str] = "measure the part, then put it back or correct its pose and shape in the CAD"
+    REMEDY: ClassVar[str] = (
+        "measure the part by other means (light from its neighbours can look alike); if it is off, put it back or correct the CAD"
+    )
     SEPARATED_BY: ClassVar[str] = "a measurement of the part by other means"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     REPEATS: ClassVar[bool] = True

@@ -24,9 +24,9 @@ class DepthScale(Effect):
 
     NAME: ClassVar[str] = "depth_scale"
     ORDER: ClassVar[int] = 82
-    MEANING: ClassVar[str] = "the camera stretches distance: its modulation frequency, or the unit of its depth, is not the stated one"
+    MEANING: ClassVar[str] = "the camera stretches distance, as where its modulation frequency is not the stated one"
     REMEDY: ClassVar[str] = (
-        "check the unit of the depth image and the modulation frequency that the driver states, then calibrate the camera's range"
+        "check the modulation frequency that the driver states, then calibrate the camera's range at two distances or more"
     )
     ACTIONS: ClassVar = (NEARER, FARTHER)
     LINEAR: ClassVar[tuple[str, ...]] = ("scale",)

@@ -23,7 +23,9 @@ class Interference(Effect):
     NAME: ClassVar[str] = "interference"
     ORDER: ClassVar[int] = 74
     MEANING: ClassVar[str] = "another light source beats with this camera"
-    REMEDY: ClassVar[str] = "switch the other camera off, or give the two other modulation frequencies or turns"
+    REMEDY: ClassVar[str] = (
+        "look for another depth camera, laser scanner or flickering lamp in the cell and switch it off; two cameras need different modulation frequencies, or take turns"
+    )
     SEPARATED_BY: ClassVar[str] = "the other light source switched off"
     MODULATED: ClassVar[bool] = True
     EVIDENCE: ClassVar[Evidence] = Evidence.NOISE

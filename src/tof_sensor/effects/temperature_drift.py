@@ -45,6 +45,14 @@ class TemperatureDrift(Effect):
     tau_s: float = param(0.0, "time constant of the warm-up; 0: none beside the thermometer", unit="s", low=0.0, high=1e5)
     housing_s: float = param(0.0, "time constant of the second warm-up; 0: none", unit="s", low=0.0, high=1e5)
 
+    @property
+    def stated(self) -> str:
+        """What goes with the thermometer, and what warms up beside it."""
+        shown = [f"{1e3 * self.drift_m:+.1f} mm a kelvin of the thermometer"] if self.drift_m else []
+        for start_m, tau in ((self.warmup_m, self.tau_s), (self.housing_m, self.housing_s)):
+            shown += [f"{1e3 * start_m:+.1f} mm at the start, fading with a time constant of {tau / 60:.1f} min"] if start_m and tau else []
+        return " and ".join(shown)
+
     def columns(self, frame: Frame) -> Float:
         """Three constants per view, along z; 0 for what is unknown."""
         context = frame.context

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Sequence
 
+    from tof_gap.tell.account import Cause
     from tof_gap.tell.against import Against
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.unexplained import Unexplained
@@ -19,12 +20,13 @@ if TYPE_CHECKING:
     from toftwin.retraining import Retrained
 
 NAME = "gap"
-HELP = "find why measured and simulated depth differ, and how far that difference shrinks"
+HELP = "find why measured and simulated depth differ, and how far they agree once the causes are simulated"
 ABOUT = (
     "Estimates the camera poses, renders the CAD from there, and compares the measured depth with it. The report says where "
     "the two differ, which effects of the camera explain the difference, and how much of it disappears once these effects "
     "are simulated, on views that took no part in the fit. sensor.yaml holds the fitted effects, for simulation and "
-    "training."
+    "training. calibration.yaml beside scene.yaml states how good the calibration of hand-eye and lens is (docs/calibration.md): "
+    "without it both are taken to be exact."
 )
 EXAMPLE = "toftwin gap session/bag --scene cell/scene.yaml --out out/gap"
 
@@ -183,6 +185,7 @@ def worth(r: Retrained) -> str:
 
 def summary(d: Diagnosis) -> str:
     """A few lines for a terminal."""
+    from tof_gap.tell.words import interval, percent
     from tof_scene.world.words import lines as world_lines
 
     g = d.gap
@@ -191,24 +194,33 @@ def summary(d: Diagnosis) -> str:
         f"verdict: {', '.join(d.verdict)}" + (" (camera and simulation agree to within the noise)" if agrees else ""),
         f"gap on held-out views: {g.above_mm(g.before):.2f} mm RMS beside the noise of {g.floor_mm:.2f} mm (root of the difference of squares)",
     ]
-    if not agrees:
-        lines.append(f"with the named effects added to the simulation: {g.above_mm(g.after):.2f} mm")
-    if not agrees and g.shrink is not None and g.ci95 is not None:
-        lines.append(f"the gap shrinks by {g.shrink:.0%} (95 % interval: {g.ci95[0]:.0%} to {g.ci95[1]:.0%})")
-    for c in d.causes:
-        alone = "" if c.alone.shrink is None else f", alone {c.alone.shrink:.0%} of the gap"
-        suspected = " (suspected)" if d.doubted else ""
-        lines.append(f"  {c.named.verdict}{suspected}: confidence {d.confidence(c):.2f}{alone}")
+    if not agrees and d.verdict != ("unknown",):
+        rest = "" if d.unexplained.structured else ", in which no structure shows"
+        lines.append(f"with the named effects added to the simulation: {g.above_mm(g.after):.2f} mm remain{rest}")
+        if g.shrink is not None and g.ci95 is not None:
+            lines.append(f"the gap shrinks by {percent(g.shrink)}; the true effects would shrink it by {interval(g.ci95)}")
+    elif not agrees:
+        lines.append("no effect is sure enough to be added to the simulation: the gap stays as it is")
+    lines += [cause_line(c, d) for c in d.causes]
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note else "") for f in d.findings]
     if d.unexplained.structured:
-        lines.append(unexplained_line(d.unexplained))
+        lines.append(unexplained_line(d.unexplained, suspected=d.doubted and bool(d.causes)))
     lines += world_lines(d.world)
     lines += [f"not testable: {name} ({why})" for name, why in d.not_testable.items()]
     return "\n".join(lines)
 
 
-def unexplained_line(u: Unexplained) -> str:
-    """What is left, where, and with what it varies, as far as that is known; in the report's words."""
+def cause_line(c: Cause, d: Diagnosis) -> str:
+    """One effect of the solution: its confidence, and the gap that goes when it alone is simulated."""
+    shrink = c.alone.shrink
+    alone = "" if shrink is None else f"; alone it explains {f'{shrink:.0%} of the gap' if shrink > 0 else 'none of the gap'}"
+    of = " that it is one of these" if "|" in c.named.verdict else ""
+    return f"  {c.named.verdict}{' (suspected)' if d.doubted else ''}: confidence {d.confidence(c):.2f}{of}{alone}"
+
+
+def unexplained_line(u: Unexplained, *, suspected: bool = False) -> str:
+    """What is left, where, and with what it varies, as far as that is known; `suspected`: beside effects that are not asserted."""
     where = ", ".join(u.where) or "no part in particular"
     varies = f"; what is left varies with {', '.join(u.depends_on)}" if u.depends_on else ""
-    return f"unexplained: {u.rmse_mm:.2f} mm are left, above all on {where}{varies}"
+    beside = ", even with the suspected effects simulated" if suspected else ""
+    return f"unexplained: {u.rmse_mm:.2f} mm are left{beside}, above all on {where}{varies}"

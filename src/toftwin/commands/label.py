@@ -22,9 +22,18 @@ HELP = "write a dataset with the true depth of each pixel, from a bag and its CA
 ABOUT = (
     "Averages and filters the captures, estimates where the camera was, and renders the CAD from there. The rendered depth "
     "is the label: what each pixel should have measured. The dataset holds captures, labels and their standard deviations. "
-    "Several bags make a batch. A run that was interrupted continues where it stopped."
+    "Several bags make a batch. A run that was interrupted continues where it stopped. "
+    "How far hand-eye may be off: align.priors.hand_eye_mm (docs/calibration.md)."
 )
 EXAMPLE = "toftwin label session/bag --scene cell/scene.yaml --out out/session\n  toftwin label 'bags/*.mcap' --scene cell/scene.yaml --out out/bags"
+
+
+APART_MARK = "parts disagree"
+APART = (
+    "  (parts disagree: a part stands off its CAD, or the camera errs there, as where light comes back over its neighbours; "
+    "toftwin gap says which, and no part should be moved before it is measured)"
+)
+TABLE = "  (raw: single captures with their noise; filtered: means of dwells. alignment: mean of 100 % less the relative error)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -90,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(result.to_dict(), indent=1))
     else:
         _print(result)
-        if not args.joint:
+        if args.sensor is None and not args.joint:
             print(in_common(1e3 * result.filtered.error.bias, config.label.unseen_offset_mm), end="")
     return 0
 
@@ -138,7 +147,10 @@ def _print(result: LabelResult) -> None:
     skipped = "; skipped: " + ", ".join(f"{reason} {count}" for reason, count in result.skipped.items()) if result.skipped else ""
     print(f"{result.captures} captures, {result.views} views in {result.dataset}{skipped}")
     print("verdicts: " + ", ".join(f"{verdict} {count}" for verdict, count in result.verdicts.most_common()))
+    if any(APART_MARK in verdict for verdict in result.verdicts):
+        print(APART)
     print(depth_table(result.rows))
+    print(TABLE)
     print(_usable(result))
     print("\n".join(lines(result.world)), end="\n" if any(result.world.values()) else "")
 
@@ -152,10 +164,11 @@ def in_common(bias_mm: float, offset_mm: float) -> str:
     """
     if not abs(bias_mm) > 2.0 * offset_mm:
         return ""
+    way = "farther" if bias_mm > 0 else "nearer"
     return (
-        f"depth and label differ by {bias_mm:+.1f} mm in common, where the labels' sigma allows for {2.0 * offset_mm:.1f} mm: the camera's range, its lens or "
-        "multipath. The labels may be off as far. Diagnose the session (toftwin gap BAG --scene FILE --out DIR), then label it with "
-        "--sensor DIR/sensor.yaml, or with --joint\n"
+        f"the camera measures {abs(bias_mm):.1f} mm {way} than the labels in the mean of all pixels. Up to {2.0 * offset_mm:.1f} mm is usual (the labels' sigma holds it); more "
+        "comes from the camera's range, its lens or multipath, and may have moved the labels, too. Diagnose the session (toftwin gap BAG --scene FILE --out DIR), then label "
+        "it with --sensor DIR/sensor.yaml, or with --joint\n"
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tof_gap.tell.words import size_in_words, todo
+from tof_gap.tell.words import interval, size_in_words, todo
 
 
 def cause(effect: str, **params: Any) -> dict[str, Any]:
@@ -19,6 +19,10 @@ def cause(effect: str, **params: Any) -> dict[str, Any]:
     [
         (cause("wiggling", sine_m=3e-3, cosine_m=-4e-3, modulation_mhz=100.0, harmonic=4), "±5.0 mm every 0.37 m of range"),
         (cause("range_offset", offset_m=-0.0042), "-4.2 mm"),
+        (
+            cause("temperature_drift", drift_m=4e-4, warmup_m=-0.0031, housing_m=0.0, tau_s=210.0, housing_s=0.0),
+            "+0.4 mm a kelvin of the thermometer and -3.1 mm at the start, fading with a time constant of 3.5 min",
+        ),
         (cause("depth_scale", scale=0.004), "+0.40 %"),
         (cause("quantization", step_m=0.005), "steps of 5.0 mm"),
         (cause("multipath", strength=0.8), "strength 0.8"),
@@ -31,6 +35,11 @@ def test_a_size_is_in_words_where_there_are_some(found: dict[str, Any], words: s
 
 def content(*verdict: str, where: tuple[str, ...] = (), advice: tuple[str, ...] = ()) -> dict[str, Any]:
     return {"verdict": list(verdict), "unexplained": {"where": list(where)}, "advice": list(advice)}
+
+
+def test_an_interval_shows_no_more_than_all_of_the_gap() -> None:
+    assert interval((0.8, 1.05)) == "80% to 100% (95 % interval)"
+    assert interval(None) == ""
 
 
 def test_a_healthy_session_asks_for_nothing() -> None:

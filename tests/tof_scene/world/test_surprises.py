@@ -100,8 +100,12 @@ def test_a_foreign_object_is_found_where_it_stands_with_its_size() -> None:
 def test_what_one_view_alone_sees_moves() -> None:
     real, cad = scene(PLATE, BLOCK, CRATE), scene(PLATE, BLOCK)
     seen = [views(real, cad)[0], *views(cad, cad)[1:]]
-    (crate,) = find_surprises(seen, cad, LIMITS).foreign
+    found = find_surprises(seen, cad, LIMITS)
+    (crate,) = found.foreign
     assert (crate.moves, crate.views) == (True, (0,))
+    (line,) = lines(described(found, cad.scene))
+    assert line.startswith("moving object: ")
+    assert line.endswith("a person, a view taken in motion, or the halo of a bright surface")
 
 
 def test_a_wrapped_phase_is_no_object() -> None:
