@@ -12,10 +12,10 @@ import numpy as np
 from tof_core import se3
 from tof_core.cores import in_threads
 from tof_gap.seen.pattern import line_means, single_pixels
+from tof_gap.seen.rendered import rendered_bias
 from tof_gap.seen.residual import single
 from tof_gap.solve.solution import calibrated_lens
 from tof_gap.solved import Named
-from tof_scene.render import render
 from tof_sensor.effects.fixed_pattern import FixedPattern, line_cosines, packed
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.intrinsics import Intrinsics
@@ -127,7 +127,7 @@ def shares(
     """Per named effect its (H, W) metres of z in every view; `chain` is where the views are seen from."""
 
     def of_view(cause: Named, v: int, view: ViewEvidence) -> Float:
-        total = np.sum([_bias(e, view, v, chain, caster, other_surface_m) for e in cause.effects], axis=0)
+        total = np.sum([rendered_bias(e, view, v, chain, caster, other_surface_m) for e in cause.effects], axis=0)
         return single(np.where(view.frame.valid, total, np.nan))
 
     return {c.name: in_threads(partial(of_view, c), range(len(views)), views) for c in causes}
@@ -137,19 +137,3 @@ def smooth_ones(causes: Sequence[Named]) -> list[Named]:
     """The causes less what single pixels err by: removed, that would leave the views that it was fitted to quieter than the others."""
     smooth = [replace(c, effects=tuple(e.smooth for e in c.effects)) for c in causes]
     return [c if s.effects == c.effects else s for s, c in zip(smooth, causes, strict=True)]
-
-
-def _bias(effect: Effect, view: ViewEvidence, v: int, chain: Chain, caster: Raycaster, other_surface_m: float) -> Float:
-    """(H, W) metres that an effect adds to a view; where the camera is off its mount, or its lens another, rendered.
-
-    Where another surface comes into view by that, to first order only.
-    """
-    linear, stated, mount = effect.bias(view.frame), view.view.camera, effect.mount
-    camera = effect.camera(stated)
-    if mount is not None:
-        chain = replace(chain, hand_eye=mount)
-    elif camera == stated:
-        return linear
-    there = render(caster, camera, chain.pose(v), footprints=False)
-    exact = there.depth * effect.published(stated) - view.frame.depth
-    return np.where((there.part == view.rendering.part) & (np.abs(exact - linear) < other_surface_m), exact, linear)

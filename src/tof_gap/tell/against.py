@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.config import param
+from tof_gap.seen.rendered import rendered_bias
 from tof_gap.tell.lost_and_noise import loss_apart, noise_apart
 from tof_gap.tell.report import sensor_model
 from tof_gap.tell.shrink import blocks, measure
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.shrink import Shrink
+    from tof_sensor.effect import Effect
     from tof_sensor.frame import Frame
     from tof_sensor.model import SensorModel
 
@@ -161,11 +163,21 @@ class _Pair:
         self.simulated_maps: dict[str, list[Float]] = {}
         for effect in simulator.effects:
             if effect.EVIDENCE is Evidence.BIAS:
-                maps = [np.nan_to_num(effect.bias(f)) for f in self.frames]
+                maps = [np.nan_to_num(self._map(effect, i)) for i in range(len(self.held))]
                 before = self.simulated_maps.get(effect.NAME)
                 self.simulated_maps[effect.NAME] = maps if before is None else [a + b for a, b in zip(before, maps, strict=True)]
         self.real_maps = {name: [np.nan_to_num(share[v]) for v in self.held] for name, share in figures.maps.items()}
         self._same_names()
+
+    def _map(self, effect: Effect, place: int) -> Float:
+        """(H, W) metres that an effect of the simulator adds to a held-out view; rendered as the camera's own effects are."""
+        v, frame, real = self.held[place], self.frames[place], self.real
+        view = replace(real.evidence[v], frame=frame)
+        if effect.mount is None and effect.camera(frame.camera) == frame.camera:
+            return effect.bias(frame)
+        caster, other_m = frame.context.caster, 1e-3 * real.config.solve.joint.other_surface_mm
+        assert caster is not None, "evidence is seen in a scene"
+        return rendered_bias(effect, view, v, real.account.solved.chain, caster, other_m)
 
     def _in_simulators_unit(self, frame: Frame) -> Frame:
         """A real frame with the amplitude that the simulator's camera would have."""

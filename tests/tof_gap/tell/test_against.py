@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -10,12 +11,14 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, views
+from tof_gap.config import GapConfig
 from tof_gap.limits.report import ReportLimits
 from tof_gap.tell.against import LACKS, OTHER, STRONG, SUPERFLUOUS, WEAK, Against, against
 from tof_gap.tell.figures import Figures, used
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.wiggling import Wiggling
 
@@ -61,8 +64,18 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
     causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
     findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, Dropout)]
     gap = SimpleNamespace(shrink=None, ci95=None)
-    made = {"evidence": evidence, "causes": causes, "findings": findings, "law": law, "floor2": floors, "gap": gap, "camera": CAMERA}
-    return cast("Diagnosis", SimpleNamespace(account=SimpleNamespace(figures=figures), doubted=False, **made))
+    account = SimpleNamespace(figures=figures, solved=SimpleNamespace(chain=None))
+    made = {
+        "config": GapConfig(),
+        "evidence": evidence,
+        "causes": causes,
+        "findings": findings,
+        "law": law,
+        "floor2": floors,
+        "gap": gap,
+        "camera": CAMERA,
+    }
+    return cast("Diagnosis", SimpleNamespace(account=account, doubted=False, **made))
 
 
 def compared(real: Diagnosis, simulated: Diagnosis) -> Against:
@@ -107,6 +120,16 @@ def test_each_effect_takes_its_share_of_the_distance(evidence: tuple[ViewEvidenc
     assert found.verdict == ("amplitude_bias", "wiggling")
     assert sum(d.shrink or 0.0 for d in found.differences) == pytest.approx(1.0, abs=0.25)
     assert found.distance.shrink == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_camera_off_its_mount_is_compared_as_it_is_rendered(evidence: tuple[ViewEvidence, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The camera's own map is rendered; to first order the simulator's would differ from it by a fifth."""
+    seen = tuple(replace(v, frame=replace(v.frame, context=replace(v.frame.context, caster=cast("Any", "the scene")))) for v in evidence)
+    moved = HandEye(z_m=0.020)
+    monkeypatch.setattr("tof_gap.tell.against.rendered_bias", lambda effect, view, *_: 1.2 * effect.bias(view.frame))
+    real = diagnosis(seen, HandEye(z_m=0.024))
+    assert compared(real, diagnosis(seen, moved)).verdict == ("none",)
+    assert compared(real, diagnosis(seen, HandEye(z_m=0.010))).verdict == ("hand_eye",)
 
 
 def test_a_tie_is_the_effect_of_the_other_session(evidence: tuple[ViewEvidence, ...]) -> None:
