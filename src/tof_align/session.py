@@ -192,7 +192,8 @@ def _conclude(
     judged = tuple(
         in_threads(lambda v: _judge_view(fitter, system, explained[v], chain, seed, seen, disputed, words, v), range(len(system.views)))
     )
-    if not any(j.accepted for j in judged):
+    given = config.mode == "robot" and seed.root is not None  # poses of a board's corners: depth has no say in them
+    if not given and not any(j.accepted for j in judged):
         raise RefusedError(judged[0].reason, where="alignment", todo="check the scene, its placement and the robot's pose")
     k = 0 if columns is None else columns[0].shape[1]
     end = g + sum(system.basis.shared)

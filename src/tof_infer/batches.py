@@ -22,6 +22,11 @@ if TYPE_CHECKING:
     from tof_infer.samples import Sample, Samples
 
 
+Window = tuple[slice, slice]
+"""Rows and columns of an image."""
+WHOLE: Window = (slice(None), slice(None))
+
+
 def pad(image: Float | Image, size: tuple[int, int], fill: float) -> Image:
     """(..., H, W) grown to `size` below and to the right."""
     grow = [(0, 0)] * (image.ndim - 2) + [(0, size[0] - image.shape[-2]), (0, size[1] - image.shape[-1])]
@@ -29,7 +34,10 @@ def pad(image: Float | Image, size: tuple[int, int], fill: float) -> Image:
 
 
 class Batcher:
-    """Makes the tensors of some samples: `images` as the network takes them, and the target."""
+    """Makes the tensors of some samples: `images` as the network takes them, and the target.
+
+    With `TrainConfig.margin_px` training batches hold the surroundings of the labels alone: a board covers some hundredths of an image.
+    """
 
     def __init__(self, samples: Samples, config: TrainConfig, redraw: Redraw | None = None) -> None:
         self.samples, self.config, self.redraw = samples, config, redraw
@@ -56,14 +64,21 @@ class Batcher:
         return sample
 
     def _batch(self, samples: list[Sample], rng: np.random.Generator | None) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+        cut = rng is not None and self.config.margin_px > 0
+        windows = [self._labelled(s) if cut else WHOLE for s in samples]
+        size = self._size(windows) if cut else self.size
+        ray = np.stack([pad(self.ray[:, *w], size, 0.0) for w in windows])
+        ray[:, 2][ray[:, 2] == 0] = 1.0
+
         def stacked(name: str, fill: float) -> Tensor:
-            return torch.from_numpy(np.stack([pad(getattr(s, name), self.size, fill) for s in samples])[:, None])
+            cut = [pad(getattr(s, name)[w], size, fill) for s, w in zip(samples, windows, strict=True)]
+            return torch.from_numpy(np.stack(cut)[:, None])
 
         nan = float("nan")
         images: dict[str, Any] = {
             "depth": stacked("depth", nan),
             "amplitude": stacked("amplitude", nan),
-            "ray": torch.from_numpy(np.stack([self.ray] * len(samples))),
+            "ray": torch.from_numpy(ray),
             "temperature": torch.tensor([s.temperature for s in samples], dtype=torch.float32),
             "incidence": stacked("incidence", nan),
             "material": stacked("material", nan),
@@ -75,6 +90,18 @@ class Batcher:
             if self.config.flip:
                 _mirror(images, target, rng)
         return images, target
+
+    def _labelled(self, sample: Sample) -> Window:
+        """The rows and columns that hold every pixel with a label, and a margin."""
+        (top, bottom), (left, right) = ((int(at[0]), int(at[-1])) for at in map(np.flatnonzero, (sample.mask.any(1), sample.mask.any(0))))
+        (height, width), margin = sample.mask.shape, self.config.margin_px
+        rows = slice(max(top - margin, 0), min(bottom + 1 + margin, height))
+        return rows, slice(max(left - margin, 0), min(right + 1 + margin, width))
+
+    def _size(self, windows: list[Window]) -> tuple[int, int]:
+        """The padded size that holds every window of a batch."""
+        height, width = (max(w[axis].stop - w[axis].start for w in windows) for axis in (0, 1))
+        return padded_size((height, width), self.config.net.multiple)
 
     def _hide(self, images: dict[str, Tensor], count: int, rng: np.random.Generator) -> None:
         for name in images.keys() - {"depth", "ray"}:

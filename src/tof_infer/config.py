@@ -82,6 +82,9 @@ class TrainConfig:
     )
     val: float = param(0.2, "share of the views kept for validation, whole stations", low=0.01, high=0.5)
     test: float = param(0.0, "share of the views held out from training and validation, whole stations", low=0.0, high=0.5)
+    margin_px: int = param(
+        0, "training captures are cut to the pixels with a label and so many around them; 0: whole captures", unit="px", low=0, high=4096
+    )
     limit: int = param(0, "train on this many views only, spread evenly; 0 is all", low=0)
     max_sigma_mm: float = param(0.0, "sigma above which the raw depth is kept; 0: chosen by validation", unit="mm", low=0.0, high=1000.0)
     threads: int = param(0, "threads of the CPU; 0: as many cores as other processes leave free, at each epoch", low=0, high=256)

@@ -30,9 +30,11 @@ from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.z_conversion import ZConversion
 from tof_sim_label.dataset import open_dataset
-from toftwin.boarded import HELD_MM, PRINT_SCALE_PCT, BoardSource, board_session, save_lens
+from toftwin.boarded import HELD_MM, PRINT_SCALE_PCT, BoardSource, board_session, posed_by_board, save_lens
 from toftwin.cli import main
 from toftwin.diagnosis import TURN_DEG, GapPipelineConfig, diagnose_before_board, lens_finding, turning
+from toftwin.labelling import label_bag
+from toftwin.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -162,6 +164,15 @@ def test_labels_owe_nothing_to_the_range_error_and_a_method_is_judged_by_them(
     judged = json.loads(capsys.readouterr().out)
     assert judged["views"] == 10
     assert "corners" in judged["reference"]
+
+
+def test_boards_that_depth_misses_everywhere_are_labelled_all_the_same(tmp_path: Path) -> None:
+    """Depth is off by a metre: no view fits the board's plane, and the poses are those of the corners."""
+    far = [replace(c, depth=c.depth + np.float32(1.0)) for c in captures(3)]
+    source, config = BoardSource(far, BOARD, apart=True), PipelineConfig()
+    config = replace(config, align=posed_by_board(source, config.align))
+    result = label_bag(source, Raycaster(source.session.scene), config, tmp_path, mode="robot")
+    assert result.verdicts == {"robot": 3}
 
 
 def test_boards_are_labelled_one_bag_at_a_time(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

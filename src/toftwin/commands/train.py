@@ -20,7 +20,10 @@ ABOUT = (
     "Learns from the datasets of one camera how far each pixel is off, and how uncertain that is. Some stations take no "
     "part in training and judge the result. A run that was interrupted continues where it stopped. Needs the extra 'train'."
 )
-EXAMPLE = "toftwin train out/monday/dataset.zarr out/tuesday/dataset.zarr --out model.onnx --epochs 60"
+EXAMPLE = (
+    "toftwin train out/monday/dataset.zarr out/tuesday/dataset.zarr --out model.onnx --epochs 60\n"
+    "  toftwin train board/bag --board 5x7x0.030 --out model.onnx"
+)
 FLAGS = ("recipe", "epochs", "batch", "rate", "seed", "limit", "threads", "device")
 """Settings that have a flag of their own; --set reaches all of them."""
 
@@ -31,7 +34,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from tof_infer.config import TrainConfig
     from toftwin.options import add_config_arguments
 
-    parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="dataset.zarr, or the folder that `toftwin label` wrote")
+    parser.add_argument(
+        "datasets",
+        nargs="+",
+        type=Path,
+        metavar="DATASET",
+        help="dataset.zarr, or the folder that `toftwin label` wrote; with --board bags, or folders of PNG pairs",
+    )
+    parser.add_argument(
+        "--board",
+        metavar="BOARD",
+        help="label bags of this calibration board first, as `toftwin label --board` does, into folders beside --out; 5x7x0.030 for instance",
+    )
     parser.add_argument(
         "--out",
         type=Path,
@@ -74,6 +88,10 @@ def run(args: argparse.Namespace) -> int:
     if args.out.suffix != ".onnx":
         raise UsageError("must end in .onnx", where=f"--out {args.out}")
     train = _trainer()
+    if args.board is not None:
+        from toftwin.board_training import labelled, near_labels
+
+        args.datasets, config = labelled(args.datasets, args.board, args.out), near_labels(config)
     redraw = _redraw(args)
     card = train(
         [dataset_at(p) for p in args.datasets],
