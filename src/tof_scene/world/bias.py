@@ -14,7 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Ints
+    from tof_core.arrays import Float, Ints, Mask
     from tof_scene.world.limits import WorldLimits
     from tof_scene.world.seen import Seen
 
@@ -27,23 +27,24 @@ PIXELS = 200_000
 """Pixels of a session that are used."""
 
 
-def session_bias(views: Sequence[Seen], limits: WorldLimits) -> list[Float]:
+def session_bias(views: Sequence[Seen], limits: WorldLimits, doubtful: Sequence[Mask] | None = None) -> list[Float]:
     """(H, W) metres of z per view: what sensor effects add to the measured depth, 0 where nothing is measured.
 
-    A single view has too few surfaces for a function of range or amplitude: a constant alone.
+    A single view has too few surfaces for a function of range or amplitude: a constant alone. A part that the session's solution finds to
+    stand off its CAD states no bias: a large one fills most of its bins of range. Nor do the pixels that are `doubtful` (H, W).
     """
-    residual = [v.residual for v in views]
-    known = [np.isfinite(r) & (np.abs(r) < limits.bias_most_mm * 1e-3) for r in residual]
+    known = [v.in_place(limits) & (np.abs(np.nan_to_num(v.residual, nan=np.inf)) < limits.bias_most_mm * 1e-3) for v in views]
+    known = known if doubtful is None else [k & ~d for k, d in zip(known, doubtful, strict=True)]
     step = max(1, sum(int(k.sum()) for k in known) // PIXELS)
-    r = np.concatenate([x[k][::step] for x, k in zip(residual, known, strict=True)])
+    r = np.concatenate([v.residual[k][::step] for v, k in zip(views, known, strict=True)])
     if not len(r):
         return [np.zeros(v.depth.shape) for v in views]
     keys = [_KINDS[k] for k in range(len(_KINDS) if len(views) > 1 else 1)]
     samples = [np.concatenate([key(n, v)[k][::step] for n, (v, k) in enumerate(zip(views, known, strict=True))]) for key in keys]
     fits = _backfit(r, samples, len(views))
     return [
-        np.where(np.isfinite(x), sum(fit(key(n, v)) for key, fit in zip(keys, fits, strict=True)), 0.0)
-        for n, (v, x) in enumerate(zip(views, residual, strict=True))
+        np.where(np.isfinite(v.residual), sum(fit(key(n, v)) for key, fit in zip(keys, fits, strict=True)), 0.0).astype(np.float32)
+        for n, v in enumerate(views)
     ]
 
 

@@ -36,7 +36,7 @@ def contradictions(seen: Seen, bias: Float, spread: float, limits: WorldLimits) 
         spread: standard deviation, metres, of what is smooth in the session's residuals beside (`smooth_spread`).
         limits: what is allowed.
     """
-    measured = seen.depth - bias
+    measured = seen.depth.astype(np.float64) - bias
     noise = seen.noise_or_own
     allowed = allowance(seen, spread, limits)
     error = measured - seen.cad
@@ -78,8 +78,8 @@ def smooth_spread(views: Sequence[Seen], bias: Sequence[Float], limits: WorldLim
     middle = []
     for seen, known in zip(views, bias, strict=True):
         error = seen.residual - known
-        near = np.isfinite(error) & (np.abs(error) < 1e-3 * limits.bias_most_mm)
-        middle.append(_median_of(np.where(near, error, np.nan))[near])
+        near = seen.in_place(limits) & np.isfinite(error) & (np.abs(error) < 1e-3 * limits.bias_most_mm)
+        middle.append(_median_of(np.where(near, error, np.nan))[near].astype(np.float32))
     return robust_std(np.concatenate(middle), 0.0) if middle else 0.0
 
 

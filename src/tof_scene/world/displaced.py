@@ -28,6 +28,10 @@ INSIDE = 0.7
 """Share of an object's points that must lie within that reach of the part's box."""
 LARGER = 1.3
 """Diagonal of the object over that of the part, up to which it may be the part."""
+AS_LARGE = 0.7
+"""Diagonal of the object over that of the part, from which it is all of the part: of a large part, what is measured before the CAD is most of it."""
+TURNED = 2.0
+"""Ratio of what all of a part stands off the CAD in the median to what the solution finds: a part that is turned stands off by more here than there."""
 OFF = 0.3
 """Share of a part's stand-off by which an object's distance to the CAD may differ from it: the solution knows it to a tenth or two."""
 LEAST_PX = 30
@@ -45,15 +49,17 @@ class Elsewhere:
     top: Float
     off_m: float = 0.0
 
-    def may_be(self, found: Foreign, least_m: float) -> bool:
+    def may_be(self, found: Foreign, limits: WorldLimits) -> bool:
         """Whether an object may be this part, moved by less than `REACH_M`; where it is known how far, the object stands off the CAD by that."""
         low, high = np.quantile(found.points, [0.02, 0.98], axis=0)
-        if np.linalg.norm(high - low) >= LARGER * np.linalg.norm(self.top - self.bottom):
-            return False
+        size = float(np.linalg.norm(high - low) / np.linalg.norm(self.top - self.bottom))
         near = ((found.points > self.bottom - REACH_M) & (found.points < self.top + REACH_M)).all(axis=1)
-        if self.off_m:
-            near &= np.abs(found.clearance - self.off_m) < OFF * self.off_m + least_m
-        return float(near.mean()) > INSIDE
+        if size >= LARGER or near.mean() <= INSIDE:
+            return False
+        if not self.off_m or (size > AS_LARGE and 1.0 / TURNED < float(np.median(found.clearance)) / self.off_m < TURNED):
+            return True
+        alike = near & (np.abs(found.clearance - self.off_m) < OFF * self.off_m + 1e-3 * limits.least_mm)
+        return bool(self.off_m > 1e-3 * limits.stands_out_mm and alike.mean() > INSIDE)
 
 
 def parts_elsewhere(views: Sequence[Seen], behind: Sequence[Mask], scene: Scene, limits: WorldLimits) -> list[Elsewhere]:
@@ -66,7 +72,7 @@ def parts_elsewhere(views: Sequence[Seen], behind: Sequence[Mask], scene: Scene,
         if seen.apart is not None:
             np.maximum.at(off, seen.part[on], seen.apart[on])
     seen_through = (every >= LEAST_PX) & (empty > LOOKED_THROUGH * every)
-    stands_off = (every >= LEAST_PX) & (off > 1e-3 * limits.stands_out_mm)
+    stands_off = (every >= LEAST_PX) & (off > 1e-3 * limits.least_mm)
     boxes = [(p.vertices.min(axis=0), p.vertices.max(axis=0)) for p in scene.parts]
     return [
         *(Elsewhere(*boxes[k]) for k in np.flatnonzero(seen_through)),

@@ -15,6 +15,7 @@ from tof_core.stats import second_differences, trimmed_std
 if TYPE_CHECKING:
     from tof_core.arrays import Bytes, Float, Image, Ints, Mask
     from tof_core.camera import Camera
+    from tof_scene.world.limits import WorldLimits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +42,10 @@ class Seen:
     def saturated(self) -> Mask:
         """(H, W) pixels with too much light: something bright is close."""
         return np.asarray(self.reason == Reason.SATURATED)
+
+    def in_place(self, limits: WorldLimits) -> Mask:
+        """(H, W) pixels of parts that stand in their place, as far as the session's solution knows."""
+        return np.ones(self.depth.shape, bool) if self.apart is None else np.asarray(self.apart < 1e-3 * limits.stray_mm)
 
     @property
     def residual(self) -> Float:

@@ -48,7 +48,7 @@ class Surprises:
 
 def find_surprises(views: Sequence[Seen], caster: Raycaster, limits: WorldLimits) -> Surprises:
     """Judge every view by itself, then make the views agree: a part that is absent is absent in all of them, an object is where several see it."""
-    bias = session_bias(views, limits)
+    bias = _bias(views, limits)
     spread = smooth_spread(views, bias, limits)
     sides = [contradictions(v, b, spread, limits) for v, b in zip(views, bias, strict=True)]
     before, behind = [s[0] for s in sides], [s[1] for s in sides]
@@ -56,7 +56,7 @@ def find_surprises(views: Sequence[Seen], caster: Raycaster, limits: WorldLimits
     missing = missing_parts(views, behind, measured, spread, caster, limits)
     moved = parts_elsewhere(views, behind, caster.scene, limits)
     objects = foreign_objects(views, before, measured, limits)
-    elsewhere = [o for o in objects if any(part.may_be(o, 1e-3 * limits.least_mm) for part in moved)]
+    elsewhere = [o for o in objects if any(part.may_be(o, limits) for part in moved)]
     foreign = tuple(o for o in objects if o not in elsewhere)
     gone = [m.part for m in missing]
     pixels = []
@@ -69,6 +69,21 @@ def find_surprises(views: Sequence[Seen], caster: Raycaster, limits: WorldLimits
         code[np.isin(seen.part, gone)] = ABSENT
         pixels.append(_with_strays(seen, bias[number], code, limits))
     return Surprises(tuple(pixels), missing, foreign)
+
+
+def _bias(views: Sequence[Seen], limits: WorldLimits) -> list[Float]:
+    """(H, W) metres of z per view that sensor effects add.
+
+    Where a part stands off its CAD, it hides others at its range: there only pixels that contradict the CAD in no view by itself count.
+    """
+    if all(v.in_place(limits).all() for v in views):
+        return session_bias(views, limits)
+    doubtful = []
+    for seen in views:
+        own = session_bias([seen], limits)
+        before, behind = contradictions(seen, own[0], smooth_spread([seen], own, limits), limits)
+        doubtful.append(before | behind)
+    return session_bias(views, limits, doubtful)
 
 
 def view_surprises(seen: Seen, limits: WorldLimits) -> Bytes:
