@@ -92,8 +92,10 @@ def diagnose(
     found = read(conclude(joint, begun.views, caster, config, split, rng))
     while (worse := found.worsens) is not None:
         joint = without(joint, worse, config)
+        del found  # Images of all views are most of what a session needs in memory.
         found = read(conclude(joint, begun.views, caster, config, split, rng))
 
+    del joint, begun
     progress("what no named effect explains")
     unexplained = look(found, caster.scene, config.report, config.missing)
     return Diagnosis(

@@ -73,4 +73,4 @@ def _noted(captures: Iterable[Capture], taken: list[Capture]) -> Iterator[Captur
 def raw_views(reader: BagReader | BoardSource, config: StreamConfig) -> list[View]:
     """All views of a bag averaged but unfiltered, as a diagnosis of the sensor needs them."""
     unfiltered = replace(config, preproc=replace(config.preproc, order="accumulate"))
-    return list(ViewStream(reader, unfiltered))
+    return [replace(view, colour=None, noise=None) for view in ViewStream(reader, unfiltered)]

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.ndimage import binary_dilation, label, uniform_filter
 
 from tof_core.reasons import Reason
-from tof_core.stats import grouped
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.frame import lambert_amplitude
@@ -86,9 +85,9 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
 
 def _worst_part(gone: Float, part: Ints, limits: MissingLimits) -> float:
     """Largest share that any part loses of its pixels; parts that are hardly seen do not count."""
-    groups = grouped(part)
-    seen = groups.count >= limits.part_pixels
-    return float((groups.sum(gone)[seen] / groups.count[seen]).max(initial=0.0))
+    count, lost_of = np.bincount(part), np.bincount(part, gone)
+    seen = count >= limits.part_pixels
+    return float((lost_of[seen] / count[seen]).max(initial=0.0))
 
 
 def _rate(view: ViewEvidence, light: Float, gone: Float, limits: MissingLimits) -> Float:

@@ -16,9 +16,12 @@ from tof_gap.seen.pattern import in_common
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Mask
+    from tof_core.arrays import Float, Ints, Mask
     from tof_gap.limits.seen import PixelLimits
     from tof_gap.seen.residual import ViewEvidence
+
+BANDS = 16
+"""Bands of rows that are judged one after the other: the images of all views of a long session at once are gigabytes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,18 +40,8 @@ class NoisyPixels:
 
 def noisy_pixels(views: Sequence[ViewEvidence], pattern_m: float, limits: PixelLimits) -> NoisyPixels:
     """Pixels whose variance over the views stands out; a constant offset (`pattern_m` RMS over the pixels) does not count."""
-    high, level = (np.stack(a) for a in zip(*(_against_neighbours(v) for v in views), strict=True))
-    # Noise estimated from neighbours contains the pattern.
-    sigma = np.sqrt(np.maximum(level**2 - pattern_m**2, limits.pattern_share * level**2))
-    seen = np.isfinite(high)
-    known = seen.sum(axis=0) >= limits.views
-    weight = np.where(seen, sigma**-2, 0.0)
-    constant = (weight * np.where(seen, high, 0.0)).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
-    centred = np.where(seen, (high - constant) / sigma, 0.0)
-    # The median over the views: an edge that crosses a pixel in one view does not make it noisy.
-    square = np.where(seen, centred**2, np.nan).reshape(len(views), -1)
-    variance = np.zeros(known.shape)
-    variance[known] = np.nanmedian(square[:, known.ravel()], axis=0) / CHI2_MEDIAN
+    bands = np.array_split(np.arange(views[0].residual.shape[0]), BANDS)
+    known, variance = (np.concatenate(a) for a in zip(*(_over_views(views, rows, pattern_m, limits) for rows in bands), strict=True))
     quiet = float(np.median(variance[known])) if known.any() else 1.0
     where = known & (variance > limits.ratio * max(quiet, 1e-12))
     share = float(where.sum() / max(known.sum(), 1))
@@ -60,20 +53,39 @@ def noisy_pixels(views: Sequence[ViewEvidence], pattern_m: float, limits: PixelL
     return NoisyPixels(where, share, float(np.sqrt(max(size2, 0.0))), chance)
 
 
+def _over_views(views: Sequence[ViewEvidence], rows: Ints, pattern_m: float, limits: PixelLimits) -> tuple[Mask, Float]:
+    """(rows, W) which pixels enough views see, and the variance of each over the views, 1 where it is as its neighbours have it."""
+    high, level = (np.stack(a) for a in zip(*(_against_neighbours(v, rows) for v in views), strict=True))
+    # Noise estimated from neighbours contains the pattern.
+    sigma = np.sqrt(np.maximum(level**2 - pattern_m**2, limits.pattern_share * level**2))
+    seen = np.isfinite(high)
+    known = seen.sum(axis=0) >= limits.views
+    weight = np.where(seen, sigma**-2, 0.0)
+    constant = (weight * np.where(seen, high, 0.0)).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
+    centred = np.where(seen, (high - constant) / sigma, 0.0)
+    # The median over the views: an edge that crosses a pixel in one view does not make it noisy.
+    square = np.where(seen, centred**2, np.nan).reshape(len(views), -1)
+    variance = np.zeros(known.shape)
+    variance[known] = np.nanmedian(square[:, known.ravel()], axis=0) / CHI2_MEDIAN
+    return known, variance
+
+
 def pixel_pattern(views: Sequence[ViewEvidence]) -> float:
     """Metres along the ray: RMS offset of single pixels that all views share, from second differences along rows."""
-    d2 = np.stack([second_differences(np.where(v.smooth, v.residual * v.frame.length, np.nan), axis=1) for v in views])
-    halves, known = [], np.ones(d2.shape[1:], bool)
-    for half in (d2[::2], d2[1::2]):
-        n = np.isfinite(half).sum(axis=0)
-        known &= n >= 2
-        halves.append(np.where(np.isfinite(half), half, 0.0).sum(axis=0) / np.maximum(n, 1))
+    height, width = views[0].residual.shape
+    total, number = np.zeros((2, 2, height, width - 2))
+    for v, view in enumerate(views):
+        d2 = second_differences(np.where(view.smooth, view.residual * view.frame.length, np.nan), axis=1)
+        total[v % 2] += np.where(np.isfinite(d2), d2, 0.0)
+        number[v % 2] += np.isfinite(d2)
+    halves, known = total / np.maximum(number, 1), (number >= 2).all(axis=0)
     return float(np.sqrt(max(in_common(halves[0][known], halves[1][known], views[0].limits.pattern)[0], 0.0)))
 
 
-def _against_neighbours(view: ViewEvidence) -> tuple[Float, Float]:
-    """(H, W) metres along the ray: each pixel less the mean of its two neighbours in the row, scaled to its own noise; and that noise."""
-    r = np.where(view.smooth, view.residual * view.frame.length, np.nan)
+def _against_neighbours(view: ViewEvidence, rows: Ints) -> tuple[Float, Float]:
+    """(rows, W) metres along the ray: each pixel less the mean of its two neighbours in the row, scaled to its own noise; and that noise."""
+    length = view.frame.length[rows]
+    r = np.where(view.smooth[rows], view.residual[rows] * length, np.nan)
     out = np.full(r.shape, np.nan)
     out[:, 1:-1] = -second_differences(r, axis=1)
-    return out, np.asarray(view.sigma * view.frame.length)
+    return out, np.asarray(view.sigma[rows] * length)

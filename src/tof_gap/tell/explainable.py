@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -39,23 +39,18 @@ def explainable(views: Sequence[ViewEvidence], left: Sequence[Float], split: Spl
     if gap.shrink is None or not fit_views:
         return gap.shrink
     cells = [_cells(v, e, limits.cell_px) for v, e in zip(views, left, strict=True)]
-    X, y, n = (np.concatenate([cells[i][k] for i in fit_views]) for k in range(3))
-    half = np.concatenate([np.full(len(cells[i][1]), place % 2 == 0) for place, i in enumerate(fit_views)])
-    if half.all() or not half.any():
+    halves = [[cells[i] for i in fit_views[start::2]] for start in (0, 1)]
+    if not all(any(len(c.mean) for c in half) for half in halves):
         return gap.shrink  # Views that see nothing of the CAD judge nothing.
-    features = _Features(X, limits)
-    F = features(X)
-    halves = [(_normal(F[~test], y[~test], n[~test]), F[test], y[test], n[test]) for test in (half, ~half)]
-    best, ridge = 0.0, None
-    for trial in RIDGES:
-        removed = sum(_removed(f @ _ridge(*normal, trial), its_y, its_n) for normal, f, its_y, its_n in halves)
-        if removed > best:
-            best, ridge = removed, trial
-    more = 0.0
-    if ridge is not None:
-        c = _ridge(*_normal(F, y, n), ridge)
+    features = _Features(np.concatenate([cells[i].inputs for i in fit_views]), limits)
+    normals = [_normal(features, half) for half in halves]
+    trials = [np.stack([_ridge(normal, strength) for strength in RIDGES]) for normal in normals]
+    removed = _removed(features, halves[0], trials[1]) + _removed(features, halves[1], trials[0])
+    best, more = int(np.argmax(removed)), 0.0
+    if removed[best] > 0.0:
+        whole = _Normal(*(a + b for a, b in zip(*normals, strict=True)))
         pixels = sum(int(np.isfinite(left[i]).sum()) for i in held)
-        more = sum(_removed(features(cells[i][0]) @ c, cells[i][1], cells[i][2]) for i in held) / max(pixels, 1)
+        more = float(_removed(features, [cells[i] for i in held], _ridge(whole, RIDGES[best])[None])[0]) / max(pixels, 1)
     above = (gap.before.rmse**2 - gap.floor_mm**2) * 1e-6
     return float(np.clip(gap.shrink + max(more, 0.0) / above, 0.0, 1.0))
 
@@ -69,28 +64,55 @@ class _Features:
         few = rng.random((X.shape[1], limits.features)) < limits.inputs
         self._W = rng.standard_normal((X.shape[1], limits.features)) * rng.choice(WIDTHS, limits.features) * few
         self._b = rng.uniform(0, 2 * np.pi, limits.features)
+        self.count = limits.features + X.shape[1] + 1
 
     def __call__(self, X: Float) -> Float:
         Z = (X - self._mean) / self._scale
         return np.concatenate([np.cos(Z @ self._W + self._b), Z, np.ones((len(Z), 1))], axis=1)
 
 
-def _normal(F: Float, y: Float, n: Float) -> tuple[Float, Float, float]:
-    """Normal equations A, b of a weighted fit, and the mean weight of a feature."""
-    return (F * n[:, None]).T @ F, F.T @ (n * y), n.sum() / F.shape[1]
+class _Normal(NamedTuple):
+    """Normal equations of a weighted fit: A (f, f), b (f,), and the mean weight of a feature."""
+
+    A: Float
+    b: Float
+    weight: float
 
 
-def _ridge(A: Float, b: Float, weight: float, strength: float) -> Float:
-    return np.asarray(np.linalg.solve(A + strength * weight * np.eye(len(A)), b))
+class _Cells(NamedTuple):
+    """Cells of a view: inputs (c, 9), their mean gap (c,) in metres, and their pixels (c,)."""
+
+    inputs: Float
+    mean: Float
+    pixels: Float
 
 
-def _removed(p: Float, y: Float, n: Float) -> float:
-    """m^2 summed over pixels: squared error that a prediction removes."""
-    return float((n * (2 * y * p - p * p)).sum())
+def _normal(features: _Features, cells: Sequence[_Cells]) -> _Normal:
+    """The normal equations of all cells, one view after the other: the features of a long session take gigabytes."""
+    A, b, weight = np.zeros((features.count, features.count)), np.zeros(features.count), 0.0
+    for view in cells:
+        F = features(view.inputs)
+        A += (F * view.pixels[:, None]).T @ F
+        b += F.T @ (view.pixels * view.mean)
+        weight += view.pixels.sum() / features.count
+    return _Normal(A, b, weight)
 
 
-def _cells(view: ViewEvidence, left: Float, cell_px: int) -> tuple[Float, Float, Float]:
-    """Inputs (c, 9), mean gap (c,) and pixels (c,) of the view's cells: range, incidence, log amplitude, row, column, time, cell position."""
+def _ridge(normal: _Normal, strength: float) -> Float:
+    return np.asarray(np.linalg.solve(normal.A + strength * normal.weight * np.eye(len(normal.A)), normal.b))
+
+
+def _removed(features: _Features, cells: Sequence[_Cells], trials: Float) -> Float:
+    """(k,) m^2 summed over pixels: squared error that the predictions of coefficients (k, f) remove."""
+    out = np.zeros(len(trials))
+    for view in cells:
+        p = features(view.inputs) @ trials.T
+        out += view.pixels @ (2 * view.mean[:, None] * p - p * p)
+    return out
+
+
+def _cells(view: ViewEvidence, left: Float, cell_px: int) -> _Cells:
+    """The view's cells with range, incidence, log amplitude, row, column, cell position and time."""
     seen = np.isfinite(left) & view.smooth
     row, column = np.nonzero(seen)
     cells = blocks(seen, cell_px)
@@ -100,4 +122,4 @@ def _cells(view: ViewEvidence, left: Float, cell_px: int) -> tuple[Float, Float,
     columns = [view.frame.radial[row, column], view.rendering.incidence[row, column], light, row, column, *points.T, left[row, column]]
     means = [cells.mean(c) for c in columns]
     time = np.full(len(n), view.frame.context.time_s)
-    return np.stack([*means[:-1], time], axis=1), means[-1], n
+    return _Cells(np.stack([*means[:-1], time], axis=1), means[-1], n)

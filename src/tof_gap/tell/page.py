@@ -9,7 +9,7 @@ import numpy as np
 
 from tof_core.page import render_page
 from tof_gap.tell import pictures
-from tof_gap.tell.where import by_quantity
+from tof_gap.tell.where import Bin
 from tof_gap.tell.words import interval, percent, sentence, size_in_words, todo
 from tof_scene.world.words import lines
 from tof_sensor.registry import EFFECTS
@@ -25,7 +25,8 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
     """Write `report.html` beside `gap.json`, whose `content` it shows; `names` of the scene's parts stand on the map."""
     left = _left(d)
     gap, world = content["gap"], lines(content["world"])
-    main, others = pictures.by_quantity(by_quantity(d.evidence, d.residual, d.floor2, d.config.report.where.bins))
+    by = {name: [Bin(**b) for b in bins] for name, bins in content["where"]["by"].items()}
+    main, others = pictures.by_quantity(by)
     text = render_page(
         "tof_gap.tell",
         "report.html.j2",

@@ -208,7 +208,9 @@ def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str], kept
     content = report(d, caster, maps, advice, kept)
     (folder / "gap.json").write_text(json.dumps(content, indent=1, allow_nan=False))
     shares = {
-        name: np.stack([np.where(np.isfinite(r), m, np.nan) for r, m in zip(d.residual, share, strict=True)]).astype(np.float32)
+        name: np.stack(
+            [np.where(np.isfinite(r), m, np.nan) for r, m in zip(d.residual, share, strict=True)], dtype=np.float32, casting="same_kind"
+        )
         for name, share in d.shares.items()
     }
     shares |= {f.name: np.asarray(f.share, np.float32) for f in d.findings if f.share is not None and f.name not in shares}
@@ -216,7 +218,7 @@ def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str], kept
         folder / "gap_maps.npz",
         view_stamp_ns=np.array([v.view.stamp_ns for v in d.evidence], np.int64),
         station=np.array([v.view.station for v in d.evidence], np.int32),
-        residual_m=np.stack(d.residual).astype(np.float32),
+        residual_m=np.stack(d.residual, dtype=np.float32, casting="same_kind"),
         region=np.stack(maps),
         T_cell_camera=d.cameras,
         **shares,  # type: ignore[arg-type]

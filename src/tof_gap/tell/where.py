@@ -10,12 +10,12 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.special import ndtr
 
-from tof_core.stats import grouped
+from tof_core.stats import blocks
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from tof_core.arrays import Float, Ints
+    from tof_core.arrays import Float, Ints, Mask
     from tof_gap.limits.report import ReportLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_scene.scene import Scene
@@ -81,28 +81,24 @@ def _region_sums(
     block_px: int,
 ) -> tuple[float, float, float, float, float, int]:
     """(pixels, sum e^2, sum floor^2, mean e, p-value, part) of one region."""
-    e, f2, view, row, column, part = [], [], [], [], [], 0
-    for k, (v, g, f, r) in enumerate(zip(views, gap, floor2, region, strict=True)):
+    sums, z, part = np.zeros(4), [], 0
+    for v, g, f, r in zip(views, gap, floor2, region, strict=True):
         here = (r == i) & np.isfinite(g)
         if not here.any():
             continue
-        rows, columns = np.nonzero(here)
-        e.append(g[here])
-        f2.append(f[here])
-        view.append(np.full(len(rows), k))
-        row.append(rows // block_px)
-        column.append(columns // block_px)
+        squares, e, f2 = blocks(here, block_px), g[here], f[here]
+        z.append(squares.mean(e) ** 2 / (squares.sum(f2) / squares.count**2))
+        sums += [len(e), (e**2).sum(), f2.sum(), e.sum()]
         part = int(np.bincount(v.rendering.part[here].astype(np.int64)).argmax())
-    if not e:
+    if not z:
         return 1.0, 0.0, 0.0, 0.0, 1.0, part
-    all_e, all_f2 = np.concatenate(e), np.concatenate(f2)
-    blocks = grouped(np.concatenate(view), np.concatenate(row), np.concatenate(column))
-    z = blocks.mean(all_e) ** 2 / (blocks.sum(all_f2) / blocks.count**2)
+    chi2 = np.concatenate(z)
     # Sum of chi-squares by Wilson and Hilferty's cube root.
-    m = len(blocks.count)
-    cube = (z.sum() / m) ** (1 / 3)
+    m = len(chi2)
+    cube = (chi2.sum() / m) ** (1 / 3)
     p = float(ndtr((1 - 2 / (9 * m) - cube) / np.sqrt(2 / (9 * m))))
-    return float(len(all_e)), float((all_e**2).sum()), float(all_f2.sum()), float(all_e.mean()), p, part
+    pixels, e2, floor, total = (float(s) for s in sums)
+    return pixels, e2, floor, total / pixels, p, part
 
 
 def _discoveries(p: Float, rate: float) -> Float:
@@ -122,13 +118,7 @@ def by_quantity(
     bins: int,
 ) -> dict[str, list[Bin]]:
     """The gap against each quantity that may cause it, in bins of equal pixel numbers."""
-    seen = [np.isfinite(g) for g in gap]
-    e, f = (np.concatenate([image[s] for image, s in zip(images, seen, strict=True)]) for images in (gap, floor2))
-    # One quantity after the other: all of them, for all pixels of a long session, are gigabytes.
-    return {
-        name: _bins(np.concatenate([value(v)[s] for v, s in zip(views, seen, strict=True)]), e, f, bins)
-        for name, value in QUANTITIES.items()
-    }
+    return {name: _bins(value, views, gap, floor2, bins) for name, value in QUANTITIES.items()}
 
 
 def _constant(view: ViewEvidence, value: float) -> Float:
@@ -150,16 +140,30 @@ QUANTITIES: dict[str, Callable[[ViewEvidence], Float]] = {
 """Per view (H, W): what the gap may vary with."""
 
 
-def _bins(quantity: Float, e: Float, floor2: Float, bins: int) -> list[Bin]:
-    seen = np.isfinite(quantity) & np.isfinite(e)
-    q, x, f = quantity[seen], e[seen], floor2[seen]
+def _bins(
+    value: Callable[[ViewEvidence], Float], views: Sequence[ViewEvidence], gap: Sequence[Float], floor2: Sequence[Float], bins: int
+) -> list[Bin]:
+    """The gap by one quantity, computed twice of each view: kept for all views with what is made of it, it takes gigabytes."""
+    q = np.concatenate([_known(value(v), g)[0] for v, g in zip(views, gap, strict=True)])
     if len(q) == 0 or np.ptp(q) == 0:
         return []
-    edges = np.unique(np.quantile(q, np.linspace(0, 1, bins + 1)))
-    which = np.clip(np.searchsorted(edges, q, side="right") - 1, 0, len(edges) - 2)
-    n = np.maximum(np.bincount(which, minlength=len(edges) - 1), 1)
-    mean, square, floor = (np.bincount(which, w, len(edges) - 1) / n for w in (x, x * x, f))
+    edges = np.unique(np.quantile(q, np.linspace(0, 1, bins + 1), overwrite_input=True))
+    del q
+    n, sums = np.zeros(len(edges) - 1, np.int64), np.zeros((3, len(edges) - 1))
+    for v, g, f in zip(views, gap, floor2, strict=True):
+        here, seen = _known(value(v), g)
+        which = np.clip(np.searchsorted(edges, here, side="right") - 1, 0, len(n) - 1)
+        n += np.bincount(which, minlength=len(n))
+        e = g[seen]
+        sums += [np.bincount(which, w, len(n)) for w in (e, e * e, f[seen])]
+    mean, square, floor = sums / np.maximum(n, 1)
     return [
         Bin(float(a), float(b), 1e3 * float(m), 1e3 * float(np.sqrt(s)), 1e3 * float(np.sqrt(fl)), int(k))
-        for a, b, m, s, fl, k in zip(edges[:-1], edges[1:], mean, square, floor, n, strict=True)
+        for a, b, m, s, fl, k in zip(edges[:-1], edges[1:], mean, square, floor, np.maximum(n, 1), strict=True)
     ]
+
+
+def _known(quantity: Float, gap: Float) -> tuple[Float, Mask]:
+    """(n,) the quantity of the pixels that have it and a gap, and where these are (H, W)."""
+    seen = np.isfinite(quantity) & np.isfinite(gap)
+    return quantity[seen], seen
