@@ -76,7 +76,6 @@ def _network(captures: Sequence[Capture], board: Board, folder: Path, sensor: Se
     from tof_infer.augment import Redraw
     from tof_infer.config import TrainConfig
     from tof_infer.train import train
-    from tof_scene.raycast import Raycaster
     from toftwin.board_training import near_labels
     from toftwin.boarded import BoardSource, posed_by_board
     from toftwin.labelling import label_bag
@@ -84,8 +83,7 @@ def _network(captures: Sequence[Capture], board: Board, folder: Path, sensor: Se
 
     shutil.rmtree(folder, ignore_errors=True)
     source, config = BoardSource(captures, board, apart=True), PipelineConfig()
-    caster = Raycaster(source.session.scene)
-    label_bag(source, caster, replace(config, align=posed_by_board(source, config.align)), folder, mode="robot")
+    label_bag(source, source.session.scene, replace(config, align=posed_by_board(source, config.align)), folder, mode="robot")
     redraw = None if sensor is None else Redraw(sensor, source.camera)
     train([folder / "dataset.zarr"], folder / "model.onnx", near_labels(TrainConfig(threads=THREADS, epochs=EPOCHS)), redraw=redraw)
     return folder / "model.onnx"

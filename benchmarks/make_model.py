@@ -17,6 +17,8 @@ HELD_OUT = "body_section"
 """The scene on which the sweep is judged. No built-in scene is ever trained or tuned on; random ones are."""
 HOLLOW = 0.45
 """Share of scenes with a cavity in the second half of those that sigma is learnt on: it must hold before what is unlike the training."""
+THREADS = 1
+"""Threads of the training: sums over several are added in another order, and by default as many train as other processes leave free."""
 DEFAULT = Path("src/tof_infer/models/default.onnx")
 EXAMPLE = "example: python -m benchmarks.make_model --work out/model --scenes 57 --epochs 40"
 
@@ -70,7 +72,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     from toftwin.cli import main as toftwin
 
-    return toftwin(["train", *map(str, datasets), "--unseen", *map(str, unseen), "--out", str(options.out), "--epochs", "40", *rest])
+    fixed = ["--epochs", "40", "--threads", str(THREADS)]
+    return toftwin(["train", *map(str, datasets), "--unseen", *map(str, unseen), "--out", str(options.out), *fixed, *rest])
 
 
 if __name__ == "__main__":

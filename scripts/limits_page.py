@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 MEASURED = Path(__file__).resolve().parent.parent / "benchmarks" / "limits.json"
 SECTIONS: dict[str, type[Any]] = {"gap": GapConfig, "align": AlignConfig}
+SEEDS = ("evidence.seed",)
+"""Numbers whose size means nothing."""
 TITLES = {"gap": "The diagnosis", "align": "The alignment"}
 INTRODUCTION = """# Every number that decides
 
@@ -54,7 +56,22 @@ def _state(measured: dict[str, Any]) -> str:
     rows = measured["rows"]
     total = sum(info.kind in (int, float) for cls in SECTIONS.values() for info in table(cls))
     commits = ", ".join(sorted({row["code"] for row in rows})) or "none"
-    return f"Measured so far: {len(rows)} of {total} numbers, at commit {commits} ({measured['measured']}), each in the number of sessions that its cells state."
+    so_far = f"Measured so far: {len(rows)} of {total} numbers, at commit {commits} ({measured['measured']}), each in the number of sessions that its cells state."
+    return f"{so_far} Not measured yet: {_missing({row['name'] for row in rows})}."
+
+
+def _missing(measured: set[str]) -> str:
+    """How many numbers of each section are not in the table."""
+    every = [
+        f"{prefix}.{info.name}"
+        for prefix, cls in SECTIONS.items()
+        for info in table(cls)
+        if info.kind in (int, float) and info.name not in SEEDS
+    ]
+    groups = dict.fromkeys(".".join(name.split(".")[: min(2, name.count("."))]) for name in every)
+    counts = {g: [name for name in every if name.startswith(f"{g}.") and (g.count(".") or name.count(".") == 1)] for g in groups}
+    left = {g: sum(name not in measured for name in names) for g, names in counts.items()}
+    return ", ".join(f"`{g}` {n} of {len(counts[g])}" for g, n in left.items() if n) or "none"
 
 
 def _group(info: ParamInfo) -> str:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from tof_align.config import AlignConfig
@@ -58,3 +58,12 @@ class Reads:
             return Reads(value, notes, stage, f"{prefix}{name}.")
         notes.setdefault(stage[0], set()).add(prefix + name)
         return value
+
+
+def replaced(one: Any, **changes: Any) -> Any:
+    """`dataclasses.replace`, also of a configuration that notes its reads: what it becomes notes them, too."""
+    if not isinstance(one, Reads):
+        return replace(one, **changes)
+    config, notes, stage, prefix = one._all  # noqa: SLF001
+    plain = {name: value._all[0] if isinstance(value, Reads) else value for name, value in changes.items()}  # noqa: SLF001
+    return Reads(replace(config, **plain), notes, stage, prefix)

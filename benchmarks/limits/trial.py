@@ -11,17 +11,20 @@ import numpy as np
 
 import tof_gap.diagnose as diagnosis
 import tof_gap.solve.start as first
-from benchmarks.limits.names import SECTIONS, Reads
+from benchmarks.limits.names import SECTIONS, Reads, replaced
 from tof_align.config import AlignConfig
 from tof_align.session import near, solve_session
 from tof_core import se3
 from tof_core.config import updated
 from tof_core.errors import ToftwinError
 from tof_gap.config import GapConfig
+from tof_gap.solve import brief, settle
+from tof_gap.solve.apart import set_apart
+from tof_gap.solve.brief import solve_moving
 from tof_gap.solve.conclude import conclude
-from tof_gap.solve.joint import solve
 from tof_gap.solve.radial import gate
-from tof_gap.solve.start import start
+from tof_gap.solve.solution import Joint
+from tof_gap.solve.start import Start
 from tof_scene.render import render
 
 if TYPE_CHECKING:
@@ -32,13 +35,12 @@ if TYPE_CHECKING:
     from tof_align.pixels import Sample
     from tof_core.arrays import Float
     from tof_core.camera import Camera
-    from tof_gap.solve.solution import Joint
     from tof_scene.raycast import Raycaster
 
 POSES, SOLUTION, CLOSED, REPORT = "poses", "solution", "closed", "report"
 STAGES = (POSES, SOLUTION, CLOSED)
 """Stages of a diagnosis; each uses what the one before it found."""
-GATE, START, SOLVE, CONCLUDE, RENDER, NEAR = gate, start, solve, conclude, render, near
+GATE, APART, SOLVE, CONCLUDE, RENDER, NEAR = gate, set_apart, solve_moving, conclude, render, near
 """What is computed, before any of it is replaced by what is kept."""
 
 
@@ -80,17 +82,22 @@ class Trials:
         keep = keep or []
 
         def staged(stage: str, after: str, function: Callable[..., Any]) -> Callable[..., Any]:
-            def run(*args: Any) -> Any:
-                self.stage[0] = stage
+            def run(*args: Any, **asked: Any) -> Any:
+                self.stage[0], key = stage, (stage, function.__name__)
                 if stage not in keep:
-                    found = function(*args)
-                    self.kept.setdefault(stage, found)
+                    self.kept.setdefault(key, copies(found := function(*args, **asked)))
                 else:
-                    found = self.kept[stage]
+                    found = self.kept[key]
                 self.stage[0] = after
-                return _with_limits(found, config.evidence)
+                return tuple(_with_limits(x, config.evidence) for x in found)
 
             return run
+
+        def solved(*args: Any) -> Any:
+            joint, used = staged(SOLUTION, CLOSED, SOLVE)(*args)
+            # Of the settings that the solution changed, those of blur alone differ from the ones that are tried.
+            short = used.evidence.blur.creases != config.evidence.blur.creases
+            return joint, replaced(config, evidence=replaced(config.evidence, blur=used.evidence.blur)) if short else config
 
         def closed(joint: Joint, *args: Any) -> Any:
             key = (CLOSED, id(joint.selection))
@@ -108,10 +115,12 @@ class Trials:
             return replace(found, evidence=views[0], linearised=views[1])
 
         with (
-            patch.object(diagnosis, "solve", staged(SOLUTION, CLOSED, SOLVE)),
+            patch.object(diagnosis, "solve_moving", solved),
             patch.object(diagnosis, "conclude", closed),
-            patch.object(diagnosis, "gate", staged(POSES, SOLUTION, GATE)),
-            patch.object(diagnosis, "start", staged(POSES, SOLUTION, START)),
+            patch.object(diagnosis, "gate", staged(POSES, POSES, GATE)),
+            patch.object(diagnosis, "set_apart", staged(POSES, SOLUTION, APART)),
+            patch.object(brief, "replace", replaced),
+            patch.object(settle, "replace", replaced),
             patch.object(first, "render", self._render),
             patch.object(first, "near", self._near),
         ):
@@ -163,10 +172,13 @@ def _points(one: list[float | None], other: list[float | None]) -> float | None:
     return max(both, default=None)
 
 
+def copies(found: tuple[Any, ...]) -> tuple[Any, ...]:
+    """A result with copies of what hands its views over to the next stage."""
+    return tuple(replace(x) if isinstance(x, Start) else x for x in found)
+
+
 def _with_limits(found: Any, evidence: Any) -> Any:
-    """A result of an earlier stage whose views are judged by other limits from here on."""
-    if isinstance(found, tuple):
-        return (_with_limits(found[0], evidence), *found[1:])
-    if hasattr(found, "evidence"):
+    """A result of an earlier stage whose views, where it has some, are judged by other limits from here on."""
+    if isinstance(found, Start):
         return replace(found, evidence=tuple(replace(v, limits=evidence) for v in found.evidence))
-    return replace(found, views=tuple(replace(v, limits=evidence) for v in found.views))
+    return replace(found, views=tuple(replace(v, limits=evidence) for v in found.views)) if isinstance(found, Joint) else found

@@ -41,7 +41,6 @@ class LabelCall:
 
     def run(self) -> LabelResult:
         """Label the bag in this process; `toftwin.labelling.label_bag` names the errors."""
-        from tof_scene.raycast import Raycaster
         from toftwin.inputs import source
         from toftwin.labelling import label_bag
 
@@ -54,7 +53,7 @@ class LabelCall:
                 from toftwin.boarded import posed_by_board
 
                 config = replace(config, align=posed_by_board(reader, config.align))
-            return label_bag(reader, Raycaster(scene), config, self.out, known=self.known, mode=self.mode)
+            return label_bag(reader, scene, config, self.out, known=self.known, mode=self.mode)
 
     def provenance(self) -> tuple[str, str, str]:
         """Digest of the scene, digest of the configuration and source of the poses, as the dataset records them."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from tof_core.capture import Capture, Posed
     from tof_core.metrics import DepthError
     from tof_scene.raycast import Raycaster
+    from tof_scene.scene import Scene
     from tof_sim_label.label import Label
     from tof_sim_label.schema import Attributes
     from toftwin.boarded import BoardSource
@@ -81,7 +82,7 @@ class LabelResult:
 
 def label_bag(
     reader: BagReader | BoardSource,
-    caster: Raycaster,
+    scene: Scene,
     config: PipelineConfig,
     out: Path,
     *,
@@ -107,8 +108,8 @@ def label_bag(
     known.check(mode)
     new = not out.exists()
     out.mkdir(parents=True, exist_ok=True)
-    attributes = Attributes(caster.scene.digest, known.digest(config), known.source(mode), caster.scene.names)
-    job = _Job(reader, caster, config, known, tuple(also), causal=mode == "causal")
+    attributes = Attributes(scene.digest, known.digest(config), known.source(mode), scene.names)
+    job = _Job(reader, scene, config, known, tuple(also), causal=mode == "causal")
     try:
         result, poses = job.run(out, attributes)
     except OtherBagError:  # the data of an earlier run belong to another bag, and are removed now
@@ -123,16 +124,23 @@ def label_bag(
     return result
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Job:
     """Bag, scene and settings of one labelling."""
 
     reader: BagReader | BoardSource
-    caster: Raycaster
+    scene: Scene
     config: PipelineConfig
     known: Known
     also: tuple[str, ...]
     causal: bool
+
+    @cached_property
+    def caster(self) -> Raycaster:
+        """Built where the first pose is asked for: reading a bag does not wait for it."""
+        from tof_scene.raycast import Raycaster
+
+        return Raycaster(self.scene)
 
     def run(self, out: Path, attributes: Attributes) -> tuple[LabelResult, list[dict[str, Any]]]:
         """Write or finish the dataset; returns the result and the entry of each view in `poses.json`."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = pytest.mark.train
-SMALL = ["--scenes", "3", "--unseen", "1", "--views", "2", "--epochs", "2", "--threads", "1", "--set", "net.base=4"]
+SMALL = ["--scenes", "3", "--unseen", "1", "--views", "2", "--epochs", "2", "--set", "net.base=4"]
 
 
 def made(work: Path) -> bytes:

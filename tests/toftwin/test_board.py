@@ -171,7 +171,7 @@ def test_boards_that_depth_misses_everywhere_are_labelled_all_the_same(tmp_path:
     far = [replace(c, depth=c.depth + np.float32(1.0)) for c in captures(3)]
     source, config = BoardSource(far, BOARD, apart=True), PipelineConfig()
     config = replace(config, align=posed_by_board(source, config.align))
-    result = label_bag(source, Raycaster(source.session.scene), config, tmp_path, mode="robot")
+    result = label_bag(source, source.session.scene, config, tmp_path, mode="robot")
     assert result.verdicts == {"robot": 3}
 
 

@@ -18,7 +18,6 @@ from tof_align.config import AlignConfig, VerdictConfig, WeightConfig
 from tof_core.bag import open_bag
 from tof_core.errors import RefusedError
 from tof_scene.builtin import make_builtin
-from tof_scene.raycast import Raycaster
 from tof_sim_label.dataset import DatasetWriter, open_dataset
 from toftwin.labelling import LabelResult, label_bag
 from toftwin.pipeline import PipelineConfig
@@ -26,27 +25,29 @@ from toftwin.pipeline import PipelineConfig
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from tof_scene.scene import Scene
+
 GOLDEN = Path(__file__).parents[1] / "data" / "golden" / "bag"
 FEW = AlignConfig(weights=WeightConfig(pixels=500, last_pixels=500, coarse_pixels=200, live_pixels=500))
 """Solved in a second: what is asked here is what becomes of poses, not how good they are."""
 
 
 @pytest.fixture(scope="module")
-def caster() -> Raycaster:
-    return Raycaster(make_builtin("body_section"))
+def scene() -> Scene:
+    return make_builtin("body_section")
 
 
 @pytest.fixture(scope="module")
-def whole(caster: Raycaster, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What a run that nothing stops leaves (at the robot's poses, which takes no solving)."""
     out = tmp_path_factory.mktemp("whole")
-    labelled(caster, out)
+    labelled(scene, out)
     return out
 
 
-def labelled(caster: Raycaster, out: Path, mode: str = "robot") -> LabelResult:
+def labelled(scene: Scene, out: Path, mode: str = "robot") -> LabelResult:
     with open_bag(GOLDEN) as reader:
-        return label_bag(reader, caster, PipelineConfig(align=FEW), out, mode=mode)
+        return label_bag(reader, scene, PipelineConfig(align=FEW), out, mode=mode)
 
 
 def stop_at(monkeypatch: pytest.MonkeyPatch, method: str, count: int) -> None:
@@ -79,11 +80,11 @@ def same(a: Path, b: Path) -> None:
     ("method", "count", "kept"), [("append_capture", 5, (5, 0)), ("append_view", 0, (12, 0)), ("append_view", 3, (12, 3))]
 )
 def test_what_is_kept_is_not_made_again(
-    monkeypatch: pytest.MonkeyPatch, caster: Raycaster, whole: Path, tmp_path: Path, method: str, count: int, kept: tuple[int, int]
+    monkeypatch: pytest.MonkeyPatch, scene: Scene, whole: Path, tmp_path: Path, method: str, count: int, kept: tuple[int, int]
 ) -> None:
     stop_at(monkeypatch, method, count)
     with pytest.raises(KeyboardInterrupt):
-        labelled(caster, tmp_path)
+        labelled(scene, tmp_path)
     monkeypatch.undo()
     left = open_dataset(tmp_path / "dataset.zarr.part")
     assert (left.captures, left.views) == kept
@@ -91,7 +92,7 @@ def test_what_is_kept_is_not_made_again(
     if method == "append_view":
         monkeypatch.setattr("tof_align.session.solve_session", lambda *_: pytest.fail("the session is solved again"))
     monkeypatch.setattr("tof_sim_label.label.label_view", counted := Counted(sys.modules["tof_sim_label.label"].label_view))
-    result = labelled(caster, tmp_path)
+    result = labelled(scene, tmp_path)
     assert counted.calls == 4 - kept[1]
     assert f"{kept[0]} captures and {kept[1]} labels" in result.note
     same(tmp_path, whole)
@@ -108,7 +109,7 @@ class Counted:
         return self.function(*args, **kwargs)
 
 
-def test_a_killed_process_leaves_a_readable_dataset_that_is_gone_on_with(caster: Raycaster, whole: Path, tmp_path: Path) -> None:
+def test_a_killed_process_leaves_a_readable_dataset_that_is_gone_on_with(scene: Scene, whole: Path, tmp_path: Path) -> None:
     code = (
         "import os, signal, sys; from tof_sim_label.dataset import DatasetWriter; append = DatasetWriter.append_view\n"
         "DatasetWriter.append_view = lambda s, *a: os.kill(os.getpid(), signal.SIGKILL) if s.views == 2 else append(s, *a)\n"
@@ -124,32 +125,30 @@ def test_a_killed_process_leaves_a_readable_dataset_that_is_gone_on_with(caster:
     left = open_dataset(tmp_path / "dataset.zarr.part")
     assert (left.captures, left.views) == (12, 2)
     assert np.isfinite(left.frame("views/label", 1)).any()
-    labelled(caster, tmp_path)
+    labelled(scene, tmp_path)
     same(tmp_path, whole)
 
 
-def test_live_labels_go_on_too(monkeypatch: pytest.MonkeyPatch, caster: Raycaster, tmp_path: Path) -> None:
-    labelled(caster, tmp_path / "a", "causal")
+def test_live_labels_go_on_too(monkeypatch: pytest.MonkeyPatch, scene: Scene, tmp_path: Path) -> None:
+    labelled(scene, tmp_path / "a", "causal")
     stop_at(monkeypatch, "append_view", 2)
     with pytest.raises(KeyboardInterrupt):
-        labelled(caster, tmp_path / "b", "causal")
+        labelled(scene, tmp_path / "b", "causal")
     monkeypatch.undo()
-    assert "continued an interrupted run" in labelled(caster, tmp_path / "b", "causal").note
+    assert "continued an interrupted run" in labelled(scene, tmp_path / "b", "causal").note
     same(tmp_path / "b", tmp_path / "a")
 
 
-def test_what_was_made_otherwise_is_begun_anew(monkeypatch: pytest.MonkeyPatch, caster: Raycaster, whole: Path, tmp_path: Path) -> None:
+def test_what_was_made_otherwise_is_begun_anew(monkeypatch: pytest.MonkeyPatch, scene: Scene, whole: Path, tmp_path: Path) -> None:
     stop_at(monkeypatch, "append_view", 1)
     with pytest.raises(KeyboardInterrupt):
-        labelled(caster, tmp_path, "causal")
+        labelled(scene, tmp_path, "causal")
     monkeypatch.undo()
-    assert labelled(caster, tmp_path).note == ""
+    assert labelled(scene, tmp_path).note == ""
     same(tmp_path, whole)
 
 
-def test_the_leavings_of_another_bag_are_begun_anew(
-    monkeypatch: pytest.MonkeyPatch, caster: Raycaster, whole: Path, tmp_path: Path
-) -> None:
+def test_the_leavings_of_another_bag_are_begun_anew(monkeypatch: pytest.MonkeyPatch, scene: Scene, whole: Path, tmp_path: Path) -> None:
     with monkeypatch.context() as patch:
         stop_at(patch, "append_view", 1)
         append = DatasetWriter.append_capture
@@ -157,13 +156,13 @@ def test_the_leavings_of_another_bag_are_begun_anew(
             DatasetWriter, "append_capture", lambda s, c, v: append(s, c.__class__(c.stamp_ns, c.camera, c.depth + 1, c.reason), v)
         )
         with pytest.raises(KeyboardInterrupt):
-            labelled(caster, tmp_path)
-    assert labelled(caster, tmp_path).note == ""
+            labelled(scene, tmp_path)
+    assert labelled(scene, tmp_path).note == ""
     same(tmp_path, whole)
 
 
-def test_a_refusal_leaves_nothing(caster: Raycaster, tmp_path: Path) -> None:
+def test_a_refusal_leaves_nothing(scene: Scene, tmp_path: Path) -> None:
     never = replace(FEW, verdict=VerdictConfig(min_pixels=10**6))
     with open_bag(GOLDEN) as reader, pytest.raises(RefusedError, match="pixels see the CAD"):
-        label_bag(reader, caster, PipelineConfig(align=never), tmp_path)
+        label_bag(reader, scene, PipelineConfig(align=never), tmp_path)
     assert list(tmp_path.iterdir()) == []

@@ -108,12 +108,10 @@ def _replay(folder: Path, scene: Path) -> ReplayResult:
 
 
 def _label(folder: Path, scene: Path) -> LabelResult:
-    from tof_scene.raycast import Raycaster
-
     config = PipelineConfig()
     with opened(folder / "bag", scene, config) as (reader, loaded):
         assert loaded is not None
-        return label_bag(reader, Raycaster(loaded), config, folder, also=("per_view",))
+        return label_bag(reader, loaded, config, folder, also=("per_view",))
 
 
 def live_poses(run: Path) -> dict[str, list[Any]]:
