@@ -18,6 +18,7 @@ from tof_gap.tell.lost_and_noise import loss_apart, noise_apart
 from tof_gap.tell.report import sensor_model
 from tof_gap.tell.shrink import blocks, measure
 from tof_sensor.effect import Evidence
+from tof_sensor.effects.fixed_pattern import FixedPattern
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -46,6 +47,12 @@ class AgainstLimits:
     )
     alike: float = param(
         0.9, "correlation of two maps of one effect from which they differ in size alone", low=0.0, high=1.0, why="forms are never exact"
+    )
+    pattern: float = param(
+        2.0,
+        "squared difference of two fixed patterns, over what the noise of both fits makes",
+        low=1.0,
+        why="two fits of one camera differ by once their noise",
     )
     noise: float = param(1.25, "ratio of the noise of both from which it differs", low=1.0, why="noise is known to a tenth in each session")
     loss: float = param(
@@ -144,7 +151,7 @@ def against(real: Diagnosis, simulated: Diagnosis, parts: Sequence[str], limits:
         limits: when they differ.
     """
     limits = limits or AgainstLimits()
-    pair = _Pair(real, sensor_model(real), sensor_model(simulated), tuple(parts), limits)
+    pair = _Pair(real, sensor_model(real), sensor_model(simulated), tuple(parts), limits, simulated.account.figures.unsure2)
     names = sorted({*pair.real_maps, *pair.simulated_maps})
     biases = [d for name in names if (d := pair.difference(name)) is not None]
     return Against(pair.distance(names), (*sorted(biases, key=lambda d: -(d.shrink or 0.0)), *pair.noise_and_loss()))
@@ -153,10 +160,18 @@ def against(real: Diagnosis, simulated: Diagnosis, parts: Sequence[str], limits:
 class _Pair:
     """The maps of both sessions' effects on the real session's held-out views."""
 
-    def __init__(self, real: Diagnosis, camera: SensorModel, simulator: SensorModel, parts: tuple[str, ...], limits: AgainstLimits) -> None:
+    def __init__(
+        self,
+        real: Diagnosis,
+        camera: SensorModel,
+        simulator: SensorModel,
+        parts: tuple[str, ...],
+        limits: AgainstLimits,
+        unsure2: Float,
+    ) -> None:
         self.real, self.camera, self.simulator, self.parts, self.limits = real, camera, simulator, parts, limits
         figures = real.account.figures
-        self.held, self.figures = figures.held, figures
+        self.held, self.figures, self.unsure2 = figures.held, figures, figures.unsure2 + unsure2
         self.frames = [self._in_simulators_unit(real.evidence[v].frame) for v in self.held]
         self.residual = [figures.residual[v] for v in self.held]
         self.seen = [np.isfinite(r) for r in self.residual]
@@ -166,7 +181,9 @@ class _Pair:
                 maps = [np.nan_to_num(self._map(effect, i)) for i in range(len(self.held))]
                 before = self.simulated_maps.get(effect.NAME)
                 self.simulated_maps[effect.NAME] = maps if before is None else [a + b for a, b in zip(before, maps, strict=True)]
-        self.real_maps = {name: [np.nan_to_num(share[v]) for v in self.held] for name, share in figures.maps.items()}
+        suspected = set(real.account.solved.maps) if real.doubted else set[str]()  # as in sensor.yaml: they are no effects of the camera
+        asserted = {name: share for name, share in figures.maps.items() if name not in suspected}
+        self.real_maps = {name: [np.nan_to_num(share[v]) for v in self.held] for name, share in asserted.items()}
         self._same_names()
 
     def _map(self, effect: Effect, place: int) -> Float:
@@ -214,9 +231,17 @@ class _Pair:
         found = self.distance([name])
         if found.shrink is None or found.ci95 is None or found.shrink < self.limits.shrink or found.ci95[0] <= 0:
             return None
+        if name == FixedPattern.NAME and not self._patterns_differ():
+            return None
         real, simulated = (self._pixels(m.get(name, self._zero())) for m in (self.real_maps, self.simulated_maps))
         size = [1e3 * float(np.sqrt(np.mean(x * x))) for x in (real, simulated)]
         return Difference(name, self._manner(name, real, simulated), size[0], size[1], self._by_part(name), found.shrink, found.ci95)
+
+    def _patterns_differ(self) -> bool:
+        """Whether two patterns differ by more than their fits: each pixel's offset has the noise of the views that it was averaged over."""
+        length = self.frames[0].length
+        chance = self._pixels([self.unsure2 / length**2 for _ in self.held])
+        return float(np.mean(self._pixels(self.apart(FixedPattern.NAME)) ** 2)) > self.limits.pattern * float(np.mean(chance))
 
     def _pixels(self, maps: Sequence[Float]) -> Float:
         return np.concatenate([m[s] for m, s in zip(maps, self.seen, strict=True)])

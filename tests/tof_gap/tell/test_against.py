@@ -18,6 +18,7 @@ from tof_gap.tell.figures import Figures, used
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.wiggling import Wiggling
@@ -64,7 +65,7 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
     causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
     findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, Dropout)]
     gap = SimpleNamespace(shrink=None, ci95=None)
-    account = SimpleNamespace(figures=figures, solved=SimpleNamespace(chain=None))
+    account = SimpleNamespace(figures=figures, solved=SimpleNamespace(chain=None, maps=maps))
     made = {
         "config": GapConfig(),
         "evidence": evidence,
@@ -130,6 +131,23 @@ def test_a_camera_off_its_mount_is_compared_as_it_is_rendered(evidence: tuple[Vi
     real = diagnosis(seen, HandEye(z_m=0.024))
     assert compared(real, diagnosis(seen, moved)).verdict == ("none",)
     assert compared(real, diagnosis(seen, HandEye(z_m=0.010))).verdict == ("hand_eye",)
+
+
+def test_what_is_only_suspected_is_no_effect_of_the_camera(evidence: tuple[ViewEvidence, ...]) -> None:
+    sure = diagnosis(evidence, WIGGLE)
+    assert compared(sure, diagnosis(evidence)).verdict == ("wiggling",)
+    sure.doubted = True  # type: ignore[misc]
+    assert compared(sure, diagnosis(evidence)).verdict == ("none",)
+
+
+@pytest.mark.parametrize(("noise_m", "verdict"), [(0.0, "fixed_pattern"), (0.0030, "none")])
+def test_two_patterns_differ_by_the_noise_of_their_fits(evidence: tuple[ViewEvidence, ...], noise_m: float, verdict: str) -> None:
+    """Two fits of one pattern, each with 3 mm of noise in every pixel: known to be so noisy they are one pattern."""
+    rng = np.random.default_rng(0)
+    one, other = (diagnosis(evidence, FixedPattern(pixels=packed(rng.normal(0.0, 0.0030, SHAPE)))) for _ in range(2))
+    for found in (one, other):
+        object.__setattr__(found.account.figures, "unsure2", np.full(SHAPE, noise_m**2))
+    assert compared(one, other).verdict == (verdict,)
 
 
 def test_a_tie_is_the_effect_of_the_other_session(evidence: tuple[ViewEvidence, ...]) -> None:
