@@ -27,13 +27,15 @@ class Context:
 
     temperature in degrees Celsius, NaN where unknown; time_s since the session's first capture;
     twist (6,) is the camera's velocity (m/s, rad/s) in its own axes; `caster` lets effects look
-    beyond the image (interreflection), None where only the raster is known.
+    beyond the image (interreflection), None where only the raster is known. albedo (P,) is that of the scene's parts at the camera's
+    wavelength, None for the one that the scene states.
     """
 
     temperature: float = float("nan")
     time_s: float = 0.0
     twist: Float = field(default_factory=lambda: np.zeros(6))
     caster: Raycaster | None = None
+    albedo: Float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)

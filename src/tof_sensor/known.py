@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.cores import in_threads
+from tof_scene.albedo import albedo_by_amplitude
 from tof_sensor.frame import Context, Frame, amplitude_gain, ideal_frame, lambert_amplitude
 from tof_sensor.origin import check_camera
 
@@ -17,13 +18,17 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Image
     from tof_core.camera import Camera
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
     from tof_sensor.model import SensorModel
 
+STEP = 3
+"""Of so many rows and columns one is asked for its albedo."""
+STEEPEST = 0.25
+"""Cosine of the incidence below which amplitude is not asked for albedo."""
 ROUNDING = 1e-4
 """Velocity (m/s, rad/s) that differences of rounded TF give a camera that stands still."""
 
@@ -62,12 +67,15 @@ def known_bias(path: Path | str | None) -> KnownBias | None:
     return KnownBias(load_model(Path(path)))
 
 
-def ideal_frames(views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster, start_ns: int | None = None) -> list[Frame]:
+def ideal_frames(
+    views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster | None, start_ns: int | None = None
+) -> list[Frame]:
     """What a perfect sensor would give for each view of a session, with the amplitude that was measured.
 
     `start_ns`: stamp of the session's first view, where it is not among them.
     """
     start, gain = min(v.stamp_ns for v in views) if start_ns is None else start_ns, _gain(views, renderings)
+    albedo = None if caster is None else seen_albedo([v.amplitude for v in views], renderings, caster.albedo.astype(float))
 
     def one(view: View, rendering: Rendering) -> Frame:
         context = Context(
@@ -75,11 +83,35 @@ def ideal_frames(views: Sequence[View], renderings: Sequence[Rendering], caster:
             time_s=(view.stamp_ns - start) * 1e-9,
             twist=_twist(view),
             caster=caster,
+            albedo=albedo,
         )
         amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
         return ideal_frame(rendering, context, amplitude, gain)
 
     return in_threads(one, views, renderings)
+
+
+def seen_albedo(amplitudes: Sequence[Image | None], renderings: Sequence[Rendering], stated: Float) -> Float:
+    """(P,) albedo of the scene's parts as measured amplitude (H, W) shows it; `stated` (P,) for parts or sessions without amplitude."""
+    parts, returned, off_axis = [], [], []
+    for amplitude, rendering in zip(amplitudes, renderings, strict=True):
+        if amplitude is None:
+            continue
+        at = np.s_[::STEP, ::STEP]
+        cosine = np.cos(rendering.incidence[at].astype(np.float64))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            law = cosine / (rendering.depth[at] * rendering.camera.ray_length()[at]) ** 2
+            light = np.log(amplitude[at] / law)
+        seen = np.isfinite(light) & (cosine > STEEPEST) & ~(rendering.mixed[at] > 0)
+        rays = rendering.camera.rays()[..., :2]
+        parts.append(rendering.part[at][seen])
+        returned.append(light[seen])
+        off_axis.append((np.linalg.norm(rays[at], axis=2) / np.linalg.norm(rays, axis=2).max())[seen])
+    if not parts:
+        return stated
+    return albedo_by_amplitude(
+        np.asarray(stated, float), np.concatenate(parts).astype(np.int64), np.concatenate(returned), np.concatenate(off_axis)
+    )
 
 
 def _gain(views: Sequence[View], renderings: Sequence[Rendering]) -> float:

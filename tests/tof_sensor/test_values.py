@@ -12,8 +12,10 @@ import pytest
 from tests.tof_align.made import box, scene_of
 from tests.tof_sensor.plane import CAMERA, NORMAL, OFFSET, plane_depth, plane_frame
 from tof_core import se3
+from tof_scene.builtin.shapes import moved, sphere
 from tof_scene.raycast import Raycaster
 from tof_scene.render import render
+from tof_scene.scene import Material, Part
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.flying_pixels import Edge, FlyingPixels
@@ -179,9 +181,10 @@ def corner() -> tuple[Raycaster, Float]:
 
 @pytest.mark.parametrize("mhz", [20.0, 60.0])
 def test_multipath_in_a_corner_is_the_sum_over_the_other_plate(mhz: float) -> None:
-    """One bounce by the rendering equation, summed over a fine raster of the wall for pixels of the floor."""
+    """One bounce by the rendering equation, summed over a fine raster of the wall for pixels of the floor; later ones vanish at albedo 0.02."""
     caster, T = corner()
-    frame = ideal_frame(render(caster, CAMERA, T), Context(caster=caster))
+    albedo = 0.02
+    frame = ideal_frame(render(caster, CAMERA, T), Context(caster=caster, albedo=np.full(2, albedo)))
     bias = Multipath(strength=1.0, modulation_mhz=mhz).bias(frame) * LENGTH
     points = frame.points @ T[:3, :3].T + T[:3, 3]
     n = 200
@@ -193,7 +196,6 @@ def test_multipath_in_a_corner_is_the_sum_over_the_other_plate(mhz: float) -> No
     to_lamp = T[:3, 3] - wall
     r_wall = np.linalg.norm(to_lamp, axis=1)
     lit = (to_lamp @ [0, -1, 0]) / r_wall**3
-    albedo = float(frame.rendering.albedo[frame.valid][0])
     checked = []
     for row, column in np.argwhere(np.abs(points[..., 2] - 0.01) < 1e-4):
         p = points[row, column]
@@ -209,9 +211,32 @@ def test_multipath_in_a_corner_is_the_sum_over_the_other_plate(mhz: float) -> No
         checked.append((bias[row, column], exact))
     ours, exact = np.array(checked).T
     assert len(ours) > 20
-    assert exact.min() > 1e-3, "light that bounces arrives late"
+    assert exact.min() > 4e-5, "light that bounces arrives late"
     assert np.median(ours / exact) == pytest.approx(1.0, abs=0.1)
     np.testing.assert_allclose(ours, exact, rtol=0.35)
+
+
+def test_white_plates_add_later_bounces() -> None:
+    """Ten times the albedo gives ten times the first bounce and a hundred times the second."""
+    caster, T = corner()
+
+    def bias(albedo: float) -> Float:
+        frame = ideal_frame(render(caster, CAMERA, T), Context(caster=caster, albedo=np.full(2, albedo)))
+        return Multipath(strength=1.0).bias(frame)[frame.valid]
+
+    more = np.median(bias(0.8)) / np.median(bias(0.08))
+    assert 11.0 < more < 25.0
+
+
+def test_a_round_part_is_lit_by_what_it_stands_on() -> None:
+    """Depth averaged over a pixel's footprint lies under the surface of a sphere: its own shadow there must not count."""
+    ball = Part("ball", *moved(sphere(0.1), (0.0, 0.0, 0.11)), Material(0.5))
+    caster, T = Raycaster(scene_of(box("floor", (1.0, 1.0, 0.02), np.eye(4)), ball)), corner()[1]
+    frame = ideal_frame(render(caster, CAMERA, T), Context(caster=caster))
+    bias = Multipath(strength=1.0).bias(frame)
+    flank = (frame.rendering.part == 1) & (np.abs((frame.rendering.normal @ T[:3, :3].T)[..., 2]) < 0.3)
+    assert flank.sum() > 5
+    assert np.median(bias[flank]) > 1e-3
 
 
 def test_a_mixture_is_the_phase_of_the_sum_of_both_returns() -> None:

@@ -98,17 +98,21 @@ def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image,
     blur_px = smear(frame, limits.blur)
     edge = excluded(frame, limits, wider_px, blur_px)
     grazing = frame.rendering.incidence > np.radians(limits.grazing_deg)
-    most = limits.gross_most_mm * 1e-3
     # Neighbours that are rounded to the same code of a coarse step show no noise: the step's own deviation is the least.
-    white = noise_level(residual, (np.abs(residual) < most) & ~edge & ~grazing, frame.amplitude, limits.level)
+    white = noise_level(residual, (np.abs(residual) < limits.gross_most_mm * 1e-3) & ~edge & ~grazing, frame.amplitude, limits.level)
     sigma = np.maximum(white, step_m / np.sqrt(12))
-    gross = np.abs(residual) > np.maximum(limits.gross_mm * 1e-3, np.minimum(limits.gross_sigma * sigma, most))
+    gross = np.abs(residual) > gross_bound(sigma, limits)
     if blur_px:
         edge |= streaks(residual, sigma, ~edge & ~gross, limits.blur)
     smooth = np.isfinite(residual) & ~edge & ~gross & ~grazing
     return ViewEvidence(
         view, compact(frame), single(residual), single(sigma), smooth, edge, gross, np.zeros(0, np.int64), concavity, step_m, limits
     )
+
+
+def gross_bound(sigma: Float, limits: EvidenceLimits) -> Float:
+    """(H, W) metres beyond which an error is no bias of the camera: another surface, or a wrapped phase."""
+    return np.asarray(np.maximum(limits.gross_mm * 1e-3, np.minimum(limits.gross_sigma * sigma, limits.gross_most_mm * 1e-3)))
 
 
 def compact(frame: Frame) -> Frame:

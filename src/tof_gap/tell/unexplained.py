@@ -11,6 +11,7 @@ from scipy.ndimage import binary_dilation
 
 from tof_core.stats import blocks
 from tof_gap.seen.lost import expected, lost
+from tof_gap.seen.residual import gross_bound
 from tof_gap.tell.where import by_quantity
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
@@ -67,7 +68,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     """Judge what the named effects leave, against the floor.
 
     It is structured where block means exceed what white noise gives them. Where a named noise is shared by neighbours (steps, rows,
-    stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias, away from edges, unless
+    stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias and than the named effects, away from edges, unless
     `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` or a noise was named; an error
     that only a free function of an observable describes; small effects that explain much only together; a joint fit that leaves a share
     of what it was to explain; arm errors that are alike in every view.
@@ -82,7 +83,8 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
     # What appears and vanishes beside edges while the hand moves is in no model of motion.
     reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
-    gross = 0.0 if gross_named else min(gross_share(v, reach) for v in (views, solved.linearised))
+    named = [figures.total(list(figures.maps), v) for v in range(len(views))]
+    gross = 0.0 if gross_named else min(gross_share(v, named, reach) for v in (views, solved.linearised))
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
     gone = _lost_pixels(found, len(scene.parts), missing)
     a_gap = gap.above_mm(gap.before) > limit.mm
@@ -152,10 +154,14 @@ def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
     return gone if gone.sum() > missing.lost_share * inside else np.zeros(parts)
 
 
-def gross_share(views: Sequence[ViewEvidence], reach_px: int = 0) -> float:
-    """Mean over the views of the share of gross pixels that are farther than `reach_px` from edges."""
-    away = [~(binary_dilation(v.edge, iterations=reach_px) if reach_px else v.edge) for v in views]
-    return float(np.mean([(v.gross & a).sum() / max((np.isfinite(v.residual) & a).sum(), 1) for v, a in zip(views, away, strict=True)]))
+def gross_share(views: Sequence[ViewEvidence], named: Sequence[Float], reach_px: int = 0) -> float:
+    """Mean over the views of the share of pixels, farther than `reach_px` from edges, that are gross with and without the named effects' metres (H, W)."""
+    shares = []
+    for v, explained in zip(views, named, strict=True):
+        away = ~(binary_dilation(v.edge, iterations=reach_px) if reach_px else v.edge)
+        gross = v.gross & (np.abs(v.residual - explained) > gross_bound(v.sigma, v.limits))
+        shares.append((gross & away).sum() / max((np.isfinite(v.residual) & away).sum(), 1))
+    return float(np.mean(shares))
 
 
 def block_means(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], block_px: int, least: int) -> BlockMeans:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Multipath: light that bounces twice arrives late and pulls concave corners away."""
+"""Multipath: light that comes by way of other surfaces arrives late and pulls concave corners away."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 class Multipath(Effect):
     """dr = c0 / (4 pi f) arg(1 + sum r_k e^{j dphi_k}), r_k from the CAD (docs/effects.md).
 
-    `strength` 1 takes the scene's albedos as they stand; the camera may correct a part (below 1)
-    or the parts may be brighter than stated (above 1).
+    `strength` 1 takes parts as matt surfaces of the albedo that the session's amplitude shows, or of the scene's where there is none; the
+    camera may correct a part (below 1), or the parts may be brighter (above 1).
     """
 
     NAME: ClassVar[str] = "multipath"
@@ -41,12 +41,12 @@ class Multipath(Effect):
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("strength",)
     ROUGH: ClassVar[float] = 0.06  # Patches are coarse beside the niches of a part: twice as many win a few hundredths more.
-    LACKS: ClassVar[float] = 1.0  # Later bounces add up to albedo / (1 - albedo) of the first, more evenly: at 0.5, as much again.
-    LACKS_ON_A_PART: ClassVar[float] = (
-        5.4  # Even over a part, they look like a motion of the part: at 0.7, white paint, 2.3 times the first.
-    )
+    # Beside a path tracer: what the map lacks of a part's mean light, squared; 90 % quantile of 24 parts of three scenes. The largest is 0.4,
+    # and poses absorb what parts have in common: a part moves where it wins more than all that the map could make of its motion.
+    LACKS: ClassVar[float] = 0.12
+    LACKS_ON_A_PART: ClassVar[float] = 1.0
 
-    strength: float = param(0.0, "against one bounce at the scene's albedos", low=0.0, high=5.0)
+    strength: float = param(0.0, "against Lambertian surfaces of the albedo that amplitude shows", low=0.0, high=5.0)
     modulation_mhz: float = param(60.0, "modulation frequency (weak influence)", unit="MHz", low=5.0, high=400.0)
 
     @property

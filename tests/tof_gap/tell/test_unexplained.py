@@ -51,7 +51,13 @@ def left_over(size_m: float) -> list[np.ndarray]:
 def account(seen: tuple[ViewEvidence, ...], left: list[np.ndarray], before_mm: float = 3.0, **changes: Any) -> Any:
     """What `look` reads of an account."""
     figures = SimpleNamespace(
-        left=lambda: left, floors=[np.full(SHAPE, NOISE_M**2)] * VIEWS, residual=left, alike_m=0.0, unsure2=np.zeros(SHAPE)
+        maps={},
+        total=lambda _names, _view: np.zeros(SHAPE),
+        left=lambda: left,
+        floors=[np.full(SHAPE, NOISE_M**2)] * VIEWS,
+        residual=left,
+        alike_m=0.0,
+        unsure2=np.zeros(SHAPE),
     )
     solved = SimpleNamespace(
         evidence=seen, linearised=seen, bare=seen, unnamed_m=0.0, depends_on=(), small_together=(), arms_alike=0.0, maps={}
@@ -128,9 +134,12 @@ def test_gross_pixels_count_unless_they_are_wrapped_phase() -> None:
     seen = session()
     gross = np.zeros(SHAPE, bool)
     gross[20:30, 20:30] = True
-    off = tuple(replace(v, gross=gross) for v in seen)
+    far = np.where(gross, 0.2, 0.0)
+    off = tuple(replace(v, gross=gross, residual=v.residual + far) for v in seen)
+    nothing = [np.zeros(SHAPE)] * len(off)
     share = float(np.mean([100 / (np.isfinite(v.residual) & ~v.edge).sum() for v in seen]))
-    assert gross_share(off) == pytest.approx(share)
+    assert gross_share(off, nothing) == pytest.approx(share)
+    assert gross_share(off, [far] * len(off)) == 0.0, "what a named effect explains is not gross"
     assert look(account(off, left_over(0.0)), parts(1), ReportLimits(), MissingLimits()).structured
     wrapped = Finding(PhaseWrap(), 1.0)
     assert not look(account(off, left_over(0.0), findings=(wrapped,)), parts(1), ReportLimits(), MissingLimits()).structured

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the camera's lamp lights: patches of the CAD, and the light that they exchange.
+
+The camera lights a patch of solid angle dOmega; it sends back albedo / pi of the light, by Lambert's law, to what the pixels see and to the
+other patches, which send it on (radiosity; Goral et al. 1984). Every way keeps its length, so that light has a phase. Patches are discs for
+near points (d^2 + area / pi), so that corners stay finite.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tof_core.arrays import Float, Ints, Mask
+    from tof_core.camera import Camera
+    from tof_scene.raycast import Raycaster
+
+    Complex = NDArray[np.complex128]
+
+WIDER = 1.3
+"""The lit field against the image's: light from just outside comes back too."""
+PATCHES = (34, 25)
+"""Raster (columns, rows) of lit patches."""
+BOUNCES = 4
+"""Patches on a way of light, at most: at albedo 0.7 in a corner later ones add less than a hundredth."""
+GRAZING = 0.05
+"""Least incidence cosine of a patch, so that none becomes endless."""
+CLEARANCE_M = 2e-4
+"""Metres off a surface at which a ray starts that asks what another surface sees of it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Patches:
+    """Lit patches in the camera frame: point (n, 3), normal (n, 3), part (n,) of the scene, solid angle, range, area in m^2."""
+
+    point: Float
+    normal: Float
+    part: Ints
+    solid_angle: Float
+    range_m: Float
+    area: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Exchange:
+    """Pairs (k,) of patches that see each other: light goes from `sender` to `receiver`; the receiver gets `factor` of the sender's radiosity, after `length` metres."""
+
+    sender: Ints
+    receiver: Ints
+    factor: Float
+    length: Float
+
+
+def lit_patches(camera: Camera, T_cell_camera: Float, caster: Raycaster) -> Patches:
+    """What the camera's own light falls on, in equal steps over a field wider than the image."""
+    x_max, y_max = WIDER * 0.5 * camera.width / camera.fx, WIDER * 0.5 * camera.height / camera.fy
+    nx, ny = PATCHES
+    dx, dy = 2 * x_max / nx, 2 * y_max / ny
+    x, y = np.meshgrid((np.arange(nx) + 0.5) * dx - x_max, (np.arange(ny) + 0.5) * dy - y_max)
+    rays = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=-1)
+    length = np.linalg.norm(rays, axis=-1)
+    R, t = T_cell_camera[:3, :3], T_cell_camera[:3, 3]
+    hits = caster.cast(np.broadcast_to(t, rays.shape), rays @ R.T)
+    met = np.isfinite(hits.t)
+    rays, length = rays[met], length[met]
+    normal, range_m, solid_angle = hits.normal[met] @ R, hits.t[met] * length, dx * dy / length**3
+    cosine = -np.einsum("ni,ni->n", rays, normal) / length
+    return Patches(
+        point=rays * hits.t[met, None],
+        normal=normal,
+        part=hits.part[met].astype(np.int64),
+        solid_angle=solid_angle,
+        range_m=range_m,
+        area=solid_angle * range_m**2 / np.maximum(cosine, GRAZING),
+    )
+
+
+def exchange_of(patches: Patches, T_cell_camera: Float, caster: Raycaster) -> Exchange:
+    """The patches that see each other; none gets more than all the light there is."""
+    one, other = _facing_pairs(patches.point, patches.normal)
+    R, t = T_cell_camera[:3, :3], T_cell_camera[:3, 3]
+    start = patches.point[one] + CLEARANCE_M * patches.normal[one]
+    way = patches.point[other] - start
+    free = ~caster.blocked(start @ R.T + t, way @ R.T, 0.99)
+    one, other = one[free], other[free]
+    way = patches.point[other] - patches.point[one]
+    length = np.linalg.norm(way, axis=1)
+    cosines = np.einsum("ki,ki->k", way, patches.normal[one]) * -np.einsum("ki,ki->k", way, patches.normal[other]) / length**2
+    sender, receiver = np.concatenate([one, other]), np.concatenate([other, one])
+    cosines, length = np.tile(cosines, 2), np.tile(length, 2)
+    factor = cosines * patches.area[sender] / (np.pi * length**2 + patches.area[sender])
+    whole = np.bincount(receiver, factor, len(patches.area))
+    return Exchange(sender, receiver, factor / np.maximum(whole, 1.0)[receiver], length)
+
+
+def emitted(patches: Patches, exchange: Exchange, albedo: Float, waves_per_m: float) -> Complex:
+    """(n,) light that each patch sends back per steradian head-on, over the lamp's intensity; its phase is that of the way from the lamp.
+
+    Args:
+        patches: what is lit.
+        exchange: what they exchange.
+        albedo: (P,) of the parts.
+        waves_per_m: radians per metre of way.
+    """
+    own = albedo[patches.part]
+    turned = exchange.factor * np.exp(1j * waves_per_m * exchange.length)
+    fresh = own * patches.solid_angle / patches.area * np.exp(1j * waves_per_m * patches.range_m)
+    total = fresh.copy()
+    for _ in range(BOUNCES - 1):
+        light = turned * fresh[exchange.sender]
+        real, imaginary = (np.bincount(exchange.receiver, part, len(own)) for part in (light.real, light.imag))
+        fresh = own * (real + 1j * imaginary)
+        total += fresh
+    return np.asarray(total * patches.area / np.pi)
+
+
+@njit(cache=True, nogil=True)
+def facing(points: Float, normals: Float, patch: Float, patch_normal: Float) -> Mask:
+    """(receivers, patches) whether both turn their faces to each other, at least a millimetre apart."""
+    out = np.empty((len(points), len(patch)), np.bool_)
+    for i in range(len(points)):
+        x, y, z = points[i]
+        nx, ny, nz = normals[i]
+        for p in range(len(patch)):
+            dx, dy, dz = patch[p, 0] - x, patch[p, 1] - y, patch[p, 2] - z
+            here = dx * nx + dy * ny + dz * nz
+            there = -(dx * patch_normal[p, 0] + dy * patch_normal[p, 1] + dz * patch_normal[p, 2])
+            out[i, p] = here > 0 and there > 0 and dx * dx + dy * dy + dz * dz > 1e-6
+    return out
+
+
+def _facing_pairs(points: Float, normals: Float) -> tuple[Ints, Ints]:
+    """(k,), (k,) each pair once."""
+    one, other = np.nonzero(np.triu(facing(points, normals, points, normals)))
+    return one, other
