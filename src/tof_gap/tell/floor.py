@@ -11,19 +11,17 @@ from tof_core.stats import second_differences
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from tof_core.arrays import Float
     from tof_gap.seen.residual import ViewEvidence
 
 
-def floor2(views: Sequence[ViewEvidence], covs: Float) -> list[Float]:
-    """(H, W) m^2 per view: noise, and the posterior of the pose with the covariances `covs` (V, 6, 6)."""
-    out = []
+def floor2(views: Sequence[ViewEvidence], covs: Float) -> Iterator[Float]:
+    """(H, W) m^2 of one view after the other: noise, and the posterior of the pose with the covariances `covs` (V, 6, 6)."""
     for view, cov in zip(views, covs, strict=True):
         J = pose_columns(view.frame)
-        out.append(view.sigma**2 + np.einsum("hwi,ij,hwj->hw", J, cov, J))
-    return out
+        yield view.sigma**2 + np.einsum("hwi,ij,hwj->hw", J, cov, J)
 
 
 def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float) -> list[Float]:
