@@ -154,9 +154,7 @@ class SessionAligner:
     def _fit(self, live: Pixels, chain: Chain, lin: Linearised) -> _Fit:
         """Gauss-Newton on the new view and the window; the answer's step is not taken yet."""
         last = len(self._kept)
-        basis = self._basis or basis_of(
-            [lin], replace(self.config.discrepancy, centres=0, parts=False, bounces=False, lens=False), widen=1.6
-        )
+        basis = self._basis or basis_of([lin], self.config.discrepancy.of_one_view, widen=1.6)
         weights = weigh(lin, first_look(lin, self.config.weights.shared), self.config.weights)
         fit = self._solved(chain, basis, lin, columns_of(lin, basis), weights)
         for _ in range(STEPS - 1):

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -136,6 +136,11 @@ class DiscrepancyConfig:
     )
     knots: float = param(0.4, "spacing of knots, in correlation lengths", low=0.05, high=2.0, why="the process changes little in between")
     most_knots: int = param(60, "knots of one observable", low=4, high=1000, why="24 correlation lengths")
+
+    @property
+    def of_one_view(self) -> DiscrepancyConfig:
+        """Without what one view cannot tell from what is smooth in its image: places of the surface, parts, their light, the lens."""
+        return replace(self, centres=0, parts=False, bounces=False, lens=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -116,7 +116,8 @@ def solve_samples(
     last = [s.full.thinned(max(share, config.weights.pixels)) for s in samples]
     fitter = Fitter([s.fine for s in samples], caster, config, columns, theta_std, last=last)
     system, answer, given = fitter.fit(chain, config.iterations)
-    lens, stated = _lens(system, answer, samples[0].full.camera, config.discrepancy.lens_px), samples[0].full.camera
+    stated = samples[0].full.camera
+    lens = _lens(system, answer, stated, config.discrepancy.lens_px)
     if lens is None or columns is not None or apart_px(stated, lens.camera) < config.discrepancy.lens_again_px:
         return _through(_conclude(fitter, system, answer, given, seed), lens)
     through = [replace(s, full=s.full.through(lens.camera)) for s in samples]

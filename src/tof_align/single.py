@@ -88,7 +88,7 @@ def align_sample(taken: Sample, caster: Raycaster, T_prior: Float, cov_prior: Fl
         config = replace(config, discrepancy=replace(config.discrepancy, enabled=False))
     else:
         # In one view what sticks to the object is what is smooth in the image: one kind is enough.
-        config = replace(config, discrepancy=replace(config.discrepancy, centres=0, parts=False, bounces=False, lens=False))
+        config = replace(config, discrepancy=config.discrepancy.of_one_view)
     std = np.sqrt(np.diag(prior))
     start = T_prior @ approach([taken.coarse], T_prior[None], T_prior, std, caster, config)
     fitter = Fitter([taken.fine], caster, config, last=[taken.full])
