@@ -15,7 +15,7 @@ from tof_sensor.frame import Context, Frame, amplitude_gain, ideal_frame, lamber
 from tof_sensor.origin import check_camera
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from tof_core.arrays import Float, Image
@@ -67,10 +67,10 @@ def known_bias(path: Path | str | None) -> KnownBias | None:
     return KnownBias(load_model(Path(path)))
 
 
-def ideal_frames(
+def as_ideal(
     views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster | None, start_ns: int | None = None
-) -> list[Frame]:
-    """What a perfect sensor would give for each view of a session, with the amplitude that was measured.
+) -> Callable[[View, Rendering], Frame]:
+    """What a perfect sensor would give for a view of this session, with the amplitude that was measured: a function of view and rendering.
 
     `start_ns`: stamp of the session's first view, where it is not among them.
     """
@@ -88,7 +88,14 @@ def ideal_frames(
         amplitude = None if view.amplitude is None else view.amplitude.astype(np.float64)
         return ideal_frame(rendering, context, amplitude, gain)
 
-    return in_threads(one, views, renderings)
+    return one
+
+
+def ideal_frames(
+    views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster | None, start_ns: int | None = None
+) -> list[Frame]:
+    """The same for each view of a session at once."""
+    return in_threads(as_ideal(views, renderings, caster, start_ns), views, renderings)
 
 
 def seen_albedo(amplitudes: Sequence[Image | None], renderings: Sequence[Rendering], stated: Float) -> Float:

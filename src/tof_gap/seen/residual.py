@@ -13,7 +13,7 @@ from tof_gap.seen.edges import excluded, smear, streaks
 from tof_gap.seen.level import depth_step, noise_level
 from tof_scene.maps import concavity_map
 from tof_scene.rendering import depth_only
-from tof_sensor.known import ideal_frames
+from tof_sensor.known import as_ideal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,16 +75,15 @@ def gather(
         wider_px: pixels added to the edge bands of still views.
         recorded: the views with the depth codes that the camera wrote, where `views` are those of another lens, whose z has none.
     """
+    ideal = as_ideal(views, renderings, caster)
 
-    def one(view: View, frame: Frame, source: View) -> ViewEvidence:
+    def one(view: View, rendering: Rendering, source: View) -> ViewEvidence:
+        frame = ideal(view, rendering)
         filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else _unknown(frame)
         return _of_view(view, frame, limits, filled, wider_px, code_of(source, limits.level))
 
     rng = np.random.default_rng(limits.seed)  # One draw after the other: the same pixels whichever view is ready first.
-    return tuple(
-        replace(v, pixels=drawn(v.smooth, limits.pixels, rng))
-        for v in in_threads(one, views, ideal_frames(views, renderings, caster), recorded or views)
-    )
+    return tuple(replace(v, pixels=drawn(v.smooth, limits.pixels, rng)) for v in in_threads(one, views, renderings, recorded or views))
 
 
 def code_of(view: View, limits: LevelLimits) -> float:

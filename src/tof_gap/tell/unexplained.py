@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 
 from tof_core.stats import blocks
 from tof_gap.seen.lost import expected, lost
-from tof_gap.seen.residual import gross_bound
+from tof_gap.seen.residual import gross_bound, single
 from tof_gap.tell.where import by_quantity
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
@@ -19,13 +19,14 @@ from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from tof_core.arrays import Float, Ints
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.limits.report import ReportLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
+    from tof_gap.tell.figures import Figures
     from tof_scene.scene import Scene
 
 LOST = "lost pixels"
@@ -83,8 +84,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
     # What appears and vanishes beside edges while the hand moves is in no model of motion.
     reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
-    named = [figures.total(list(figures.maps), v) for v in range(len(views))]
-    gross = 0.0 if gross_named else min(gross_share(v, named, reach) for v in (views, solved.linearised))
+    gross = 0.0 if gross_named else min(gross_share(v, _explained(figures), reach) for v in (views, solved.linearised))
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
     gone = _lost_pixels(found, len(scene.parts), missing)
     a_gap = gap.above_mm(gap.before) > limit.mm
@@ -114,9 +114,11 @@ def _share(left2: float, free2: float, before2: float) -> float:
 
 def _noise2(found: Account) -> list[Float]:
     """(H, W) m^2 per view that no bias need explain: the floor, the named noise, and the variance of the pattern's map."""
-    nothing = np.zeros((len(found.figures.floors), *found.figures.floors[0].shape))
-    named = [np.nan_to_num(f.share) ** 2 for f in found.findings if f.effect.EVIDENCE is Evidence.NOISE and f.share is not None]
-    return [f + s + found.figures.unsure2 for f, s in zip(found.figures.floors, np.sum([nothing, *named], axis=0), strict=True)]
+    named = [f.share for f in found.findings if f.effect.EVIDENCE is Evidence.NOISE and f.share is not None]
+    return [
+        single(sum((np.nan_to_num(s[v]) ** 2 for s in named), np.asarray(floor, float)) + found.figures.unsure2)
+        for v, floor in enumerate(found.figures.floors)
+    ]
 
 
 def misfit(
@@ -128,14 +130,17 @@ def misfit(
     """
 
     def excess(errors: Sequence[Float]) -> float:
-        each = [(e**2 / f)[~v.edge & np.isfinite(e)] for v, e, f in zip(views, errors, floor2, strict=True)]
-        return float(np.concatenate(each).mean()) - 1.0
+        total, pixels = 0.0, 0
+        for v, e, f in zip(views, errors, floor2, strict=True):
+            seen = ~v.edge & np.isfinite(e)
+            total, pixels = total + float((e[seen].astype(float) ** 2 / f[seen]).sum()), pixels + int(seen.sum())
+        return total / pixels - 1.0
 
     after = excess(left)
     return 0.0 if after < noise_known else after / max(excess(before), after)
 
 
-def by_part(views: Sequence[ViewEvidence], maps: Sequence[Float], parts: int) -> Float:
+def by_part(views: Sequence[ViewEvidence], maps: Iterable[Float], parts: int) -> Float:
     """(parts,) sums of maps (H, W), one per view, by the part that the CAD has there."""
     out = np.zeros(parts)
     for v, values in zip(views, maps, strict=True):
@@ -154,7 +159,12 @@ def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
     return gone if gone.sum() > missing.lost_share * inside else np.zeros(parts)
 
 
-def gross_share(views: Sequence[ViewEvidence], named: Sequence[Float], reach_px: int = 0) -> float:
+def _explained(figures: Figures) -> Iterator[Float]:
+    """(H, W) metres of each view that all named effects add, one view after the other: all at once would fill the memory."""
+    return (figures.total(list(figures.maps), v) for v in range(len(figures.residual)))
+
+
+def gross_share(views: Sequence[ViewEvidence], named: Iterable[Float], reach_px: int = 0) -> float:
     """Mean over the views of the share of pixels, farther than `reach_px` from edges, that are gross with and without the named effects' metres (H, W)."""
     shares = []
     for v, explained in zip(views, named, strict=True):
