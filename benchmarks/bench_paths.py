@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.figure import Figure, at_most
-from benchmarks.path_traced.tracer import Traced, traced
+from benchmarks.path_traced.tracer import Traced, runs, traced
 from tof_core.camera import Camera
 from tof_scene.builtin import NAMES, make_builtin
 from tof_scene.raycast import Raycaster
@@ -47,6 +47,8 @@ def run() -> list[Figure]:
     what = "energy of path traced multipath that the effect leaves at its best strength"
     if find_spec("mitransient") is None:
         return [Figure(what, float("nan"), "", f"at most {BAR:g}", remark="mitransient is not installed: pip install toftwin[rivals]")]
+    if why := runs():
+        return [Figure(what, float("nan"), "", f"at most {BAR:g}", remark=f"mitsuba does not run here (LLVM 16 or later?): {why}")]
     rng = np.random.default_rng(SEED)
     left = [scene_left(name, rng) for name in NAMES]
     remark = "; ".join(f"{name} {a:.3f} at strength {s:.2f}" for name, (a, s, _) in zip(NAMES, left, strict=True))

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -128,3 +130,23 @@ def _phasor(mi: Any, world: dict[str, Any], mhz: float, seed: int) -> Any:
     light = np.array(transient)[..., 0]
     length = (np.arange(light.shape[2]) + 0.5) * BIN_M
     return light @ np.exp(2e6j * np.pi * mhz / LIGHT_M_PER_S * length)
+
+
+def runs() -> str:
+    """Why Mitsuba renders nothing here, "" where it does: tried in a process of its own, since an LLVM library that is too old ends it."""
+    tried = subprocess.run([sys.executable, "-m", "benchmarks.path_traced.tracer"], capture_output=True, text=True, check=False)
+    return "" if tried.returncode == 0 else (tried.stderr.strip().splitlines() or ["it ended without a word"])[-1][:200]
+
+
+def _probe() -> None:
+    """Render one plate."""
+    from tof_core.camera import Camera
+    from tof_scene.builtin.shapes import box
+    from tof_scene.scene import Part, Scene
+
+    plate = Scene("cell", (Part("plate", *box((1.0, 1.0, 0.01), (0.0, 0.0, 1.0))),))
+    traced(plate, {"plate": 0.5}, Camera(4, 4, 8.0, 8.0, 1.5, 1.5), np.eye(4), 80.0, 0)
+
+
+if __name__ == "__main__":
+    _probe()
