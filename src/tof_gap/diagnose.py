@@ -77,16 +77,13 @@ def diagnose(
     check(views, config.solve.views)
     left_out = left_out | untestable.keys() | {f.name for f in given}
     few, rng = len(views) < config.solve.views, np.random.default_rng(config.evidence.seed)
-
     progress("first poses: depth or distance along the ray")
     begun, along_ray = gate(views, caster, config, align, asked=RadialDepth.NAME not in left_out)
     check_enough(views, along_ray, config.solve.views)
     world, begun = set_apart(begun, caster, config)
-
     progress("poses and effects together")
     joint, config = solve_moving(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
     split = dealt(joint.chain, config.solve)
-
     progress("noise, loss and edges; the gap on held-out views")
     read = partial(account, config=config, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, law=law)
     found = read(conclude(joint, begun.views, caster, config, split, rng))
@@ -94,7 +91,6 @@ def diagnose(
         joint = without(joint, worse, config)
         del found  # Images of all views are most of what a session needs in memory.
         found = read(conclude(joint, begun.views, caster, config, split, rng))
-
     del joint, begun
     progress("what no named effect explains")
     unexplained = look(found, caster.scene, config.report, config.missing)

@@ -32,6 +32,8 @@ EVERYWHERE = 0.95
 """Share of the pixels from which an effect acts on all of them."""
 LEAST_SHARE = 1e-3
 """Share of the pixels below which no figure is stated for it."""
+WHOLE_SHARE = 0.01
+"""Share of the pixels from which per cent are stated without a decimal: one of a hundred is a difference that a reader acts on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +114,7 @@ def acts(size_m: float, maps: Sequence[Float]) -> str:
 
 def _share(share: float) -> str:
     """A share of pixels in per cent, of one digit where it is small."""
-    return f"under {100 * LEAST_SHARE:.1g} %" if share < LEAST_SHARE else f"{100 * share:.{0 if share >= 0.01 else 1}f} %"
+    return f"under {100 * LEAST_SHARE:.1g} %" if share < LEAST_SHARE else f"{100 * share:.{0 if share >= WHOLE_SHARE else 1}f} %"
 
 
 def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
