@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,7 +31,6 @@ BEAM = 1.15
 """Half angle of the lamp's cone over that of the image's diagonal."""
 SAMPLES = 1024
 """Paths per pixel and pass."""
-LIGHT_M_PER_S = 299_792_458.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +55,7 @@ def traced(scene: Scene, albedo: Mapping[str, float], camera: Camera, T_cell_cam
     Args:
         scene: the parts, in the cell frame.
         albedo: diffuse albedo of each part by name.
-        camera: without distortion; square pixels.
+        camera: without distortion; square pixels, principal point in the middle.
         T_cell_camera: (4, 4), of the camera and its lamp.
         mhz: modulation frequency.
         seed: of the paths.
@@ -69,7 +69,7 @@ def traced(scene: Scene, albedo: Mapping[str, float], camera: Camera, T_cell_cam
 def _mitsuba() -> Any:
     import mitsuba as mi
 
-    mi.set_variant(os.environ.get("TOFTWIN_MITSUBA", "llvm_ad_mono"))
+    mi.set_variant("llvm_ad_mono")
     import mitransient  # noqa: F401  (registers its integrator and film)
 
     return mi
@@ -97,8 +97,6 @@ def _world(mi: Any, scene: Scene, albedo: Mapping[str, float], camera: Camera, T
         "type": "perspective",
         "fov": float(2.0 * np.degrees(np.arctan(0.5 * camera.width / camera.fx))),
         "fov_axis": "x",
-        "principal_point_offset_x": 0.0,
-        "principal_point_offset_y": 0.0,
         "near_clip": 0.01,
         "to_world": to_world,
         "sampler": {"type": "independent", "sample_count": SAMPLES},

@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numba import njit
 
-from tof_sensor.patches import CLEARANCE_M, Exchange, Patches, emitted, exchange_of, facing, lit_patches
+from tof_sensor.patches import Exchange, Patches, emitted, exchange_of, facing, lit_patches, unobstructed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -109,10 +109,8 @@ def _visibility(rendering: Rendering, patches: Patches, at: Ints, caster: Raycas
     points, normals = np.nan_to_num(rays * hits.t[:, None], posinf=0.0), np.nan_to_num(hits.normal @ T[:3, :3])
     toward = facing(points, normals, patches.point, patches.normal)
     receiver, patch = np.nonzero(toward & np.isfinite(hits.t)[:, None])
-    start = points[receiver] + CLEARANCE_M * normals[receiver]
-    direction = patches.point[patch] - start
     seen = np.zeros(toward.shape, np.bool_)
-    seen[receiver, patch] = ~caster.blocked(start @ T[:3, :3].T + T[:3, 3], direction @ T[:3, :3].T, 0.99)
+    seen[receiver, patch] = unobstructed(points[receiver], normals[receiver], patches.point[patch], T, caster)
     return seen
 
 

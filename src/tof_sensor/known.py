@@ -49,7 +49,8 @@ class KnownBias:
         """
         for camera in {v.camera for v in views}:
             check_camera(self.model.camera, camera)
-        return in_threads(self.model.bias, ideal_frames(views, renderings, caster, start_ns))
+        scene = caster if any(e.needs_scene for e in self.model.effects) else None  # Only these ask for it, and for its albedo.
+        return in_threads(self.model.bias, ideal_frames(views, renderings, scene, start_ns))
 
     def camera(self, stated: Camera) -> Camera:
         """The camera as it is where CameraInfo says `stated`."""
@@ -116,9 +117,7 @@ def seen_albedo(amplitudes: Sequence[Image | None], renderings: Sequence[Renderi
         off_axis.append((np.linalg.norm(rays[at], axis=2) / np.linalg.norm(rays, axis=2).max())[seen])
     if not parts:
         return stated
-    return albedo_by_amplitude(
-        np.asarray(stated, float), np.concatenate(parts).astype(np.int64), np.concatenate(returned), np.concatenate(off_axis)
-    )
+    return albedo_by_amplitude(stated, np.concatenate(parts).astype(np.int64), np.concatenate(returned), np.concatenate(off_axis))
 
 
 def _gain(views: Sequence[View], renderings: Sequence[Rendering]) -> float:

@@ -33,6 +33,8 @@ GRAZING = 0.05
 """Least incidence cosine of a patch, so that none becomes endless."""
 CLEARANCE_M = 2e-4
 """Metres off a surface at which a ray starts that asks what another surface sees of it."""
+REACH = 0.99
+"""Share of the way to a surface within which nothing may stand: its end is the surface itself."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,10 +86,7 @@ def lit_patches(camera: Camera, T_cell_camera: Float, caster: Raycaster) -> Patc
 def exchange_of(patches: Patches, T_cell_camera: Float, caster: Raycaster) -> Exchange:
     """The patches that see each other; none gets more than all the light there is."""
     one, other = _facing_pairs(patches.point, patches.normal)
-    R, t = T_cell_camera[:3, :3], T_cell_camera[:3, 3]
-    start = patches.point[one] + CLEARANCE_M * patches.normal[one]
-    way = patches.point[other] - start
-    free = ~caster.blocked(start @ R.T + t, way @ R.T, 0.99)
+    free = unobstructed(patches.point[one], patches.normal[one], patches.point[other], T_cell_camera, caster)
     one, other = one[free], other[free]
     way = patches.point[other] - patches.point[one]
     length = np.linalg.norm(way, axis=1)
@@ -118,6 +117,13 @@ def emitted(patches: Patches, exchange: Exchange, albedo: Float, waves_per_m: fl
         fresh = own * (real + 1j * imaginary)
         total += fresh
     return np.asarray(total * patches.area / np.pi)
+
+
+def unobstructed(points: Float, normals: Float, targets: Float, T_cell_camera: Float, caster: Raycaster) -> Mask:
+    """(k,) whether nothing of the scene stands between points, each on a surface with its normal, and targets; all (k, 3) in the camera frame."""
+    R, t = T_cell_camera[:3, :3], T_cell_camera[:3, 3]
+    start = points + CLEARANCE_M * normals
+    return np.asarray(~caster.blocked(start @ R.T + t, (targets - start) @ R.T, REACH))
 
 
 @njit(cache=True, nogil=True)
