@@ -16,7 +16,7 @@ from tof_gap.solve.apart import set_apart
 from tof_gap.solve.brief import solve_moving
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.candidates import not_testable
-from tof_gap.solve.conclude import conclude
+from tof_gap.solve.conclude import conclude, less
 from tof_gap.solve.joint import without
 from tof_gap.solve.radial import gate
 from tof_gap.solved import Split
@@ -25,6 +25,7 @@ from tof_gap.tell.diagnosis import Diagnosis, doubted
 from tof_gap.tell.explainable import explainable
 from tof_gap.tell.unexplained import look
 from tof_scene.world.words import described
+from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.radial_depth import RadialDepth
@@ -127,9 +128,16 @@ def untested(found: Account, config: GapConfig, law: PhotonLaw | None) -> dict[s
 
 
 def law_beside(found: Account, config: GapConfig) -> PhotonLaw | None:
-    """The photon law beside the named noise: the stated one where noise was compared with it, else that of the session."""
+    """The photon law beside the named noise and pattern: the stated one where noise was compared with it, else that of the session."""
     stated = next((f.beside for f in found.findings if f.beside is not None), None)
-    return stated or own_law(found.solved.evidence, [f.effect for f in found.findings], config.noise)
+    if stated is not None:
+        return stated
+    views, named, wrong2 = found.solved.evidence, [f.effect for f in found.findings], None
+    if FixedPattern.NAME in found.solved.maps:  # Offsets of pixels and lines are noise to their neighbours.
+        views = less(views, [found.solved.maps[FixedPattern.NAME]])
+        fitted = np.isin(np.arange(len(views)), found.solved.split.fit)
+        wrong2 = np.where(fitted, -1.0, 1.0) * float(found.figures.unsure2.mean())
+    return own_law(views, named, config.noise, wrong2)
 
 
 def check(views: Sequence[View], least: int) -> None:

@@ -116,11 +116,16 @@ def code_step(views: Sequence[ViewEvidence]) -> float:
     return float(np.median([v.step_m for v in views])) if views else 0.0
 
 
-def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], limits: NoiseLimits) -> PhotonLaw | None:
-    """The photon law of the session's noise beside the named effects, None where there are too few bins."""
+def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], limits: NoiseLimits, wrong2: Float | None = None) -> PhotonLaw | None:
+    """The photon law of the session's noise beside the named effects, None where there are too few bins.
+
+    `wrong2`: (V,) m^2 along the ray by which the variance between neighbours of each view is known to be too large.
+    """
     b, step = binned(views, limits.bins, limits), code_step(views)
     if len(b.view) < limits.least_bins:
         return None
+    if wrong2 is not None:
+        b = replace(b, variance=np.maximum(b.variance - wrong2[b.view.astype(int)], views[0].limits.pattern.level_share * b.variance))
     bursts = any(e.in_bursts for e in named)
     law = (quiet_law(b, step, len(views), limits) if bursts else fit_law(b, step, limits)).law
     apart2 = sum(e.constant_variance for e in named)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_gap.seen.level import noise_level
 from tof_gap.seen.residual import single
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.causes import free_shares, named, shares, smooth_ones
@@ -17,6 +18,7 @@ from tof_gap.solve.solution import delayed, lens_of, solution
 from tof_gap.solve.start import observe
 from tof_gap.solve.tolerance import calibrated, sizes_m
 from tof_gap.solved import Solved
+from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.time_sync import TimeSync
@@ -72,6 +74,8 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     else:
         smooth = maps | shares([n for n in smooth_ones(causes) if n not in causes], evidence, final, caster, other_m)
         bare = less(evidence, [*smooth.values(), *free.values()])
+    if any(n.name == FixedPattern.NAME for n in rest):
+        bare = noise_again(bare)
     return Solved(
         camera=views[0].camera,
         chain=final,
@@ -117,3 +121,9 @@ def moves_camera(effect: Effect, stated: Camera) -> bool:
 def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> tuple[ViewEvidence, ...]:
     """The views with residuals less some maps, (H, W) metres per map and view."""
     return tuple(replace(e, residual=single(e.residual - sum(np.nan_to_num(m[v]) for m in maps))) for v, e in enumerate(evidence))
+
+
+def noise_again(evidence: Sequence[ViewEvidence]) -> tuple[ViewEvidence, ...]:
+    """The views with the noise of their residuals as they are now: columns and rows of a pattern that was taken off had been noise to their neighbours."""
+    levels = [noise_level(e.residual, e.smooth, e.frame.amplitude, e.limits.level) for e in evidence]
+    return tuple(replace(e, sigma=single(np.maximum(s, e.step_m / np.sqrt(12)))) for e, s in zip(evidence, levels, strict=True))

@@ -110,6 +110,18 @@ def test_named_noise_and_the_law_beside_it_are_the_scatter_that_was_measured() -
     assert found.effect.duty == 1.0
 
 
+def test_what_is_known_to_be_wrong_in_the_variance_of_a_view_is_no_noise_of_the_law() -> None:
+    """Half of the views carry 3 mm more between neighbours than light makes, the other half nothing."""
+    wrong = 0.003 * (np.arange(VIEWS) % 2).astype(np.float64)
+    session = views(np.random.default_rng(3), wrong[:, None, None] * np.random.default_rng(5).normal(0, 1, (VIEWS, *SHAPE)))
+    as_seen, put_right = own_law(session, [], LIMITS), own_law(session, [], LIMITS, np.square(wrong))
+    assert as_seen is not None
+    assert put_right is not None
+    amplitude, range2 = np.array([2000.0]), np.array([1.0])
+    assert np.sqrt(as_seen.variance(amplitude, range2)) > 1.08 * SIGMA_M
+    assert np.sqrt(put_right.variance(amplitude, range2)) == pytest.approx(SIGMA_M, rel=0.02)
+
+
 def test_noise_in_bursts_has_its_share_of_frames_and_the_law_is_of_the_others() -> None:
     hit = np.isin(np.arange(VIEWS), (1, 4, 9))[:, None, None]
     session = views(np.random.default_rng(3), hit * RNG.normal(0, 0.006, (VIEWS, *SHAPE)))
