@@ -99,24 +99,35 @@ def unpacked(msg: Any, where: str = "") -> tuple[NDArray[Any], str]:
 
 QUANTIZATION, FARTHEST_M = 100.0, 10.0
 """Parameters of the inverse depth, as compressed_depth_image_transport has them: a step of z^2 / 10100 per count (0.1 mm at 1 m), up to 10 m."""
+DEPTH_CODES = ("png", "rvl")
+"""Codes of compressedDepth; both lose nothing of the counts."""
 QUICK = 1
 """Level of zlib: depth shrinks little more at higher ones, and they take several times as long."""
 
 
-def packed_depth(depth: NDArray[np.float32]) -> tuple[bytes, str]:
+def packed_depth(depth: NDArray[np.float32], code: str = "png") -> tuple[bytes, str]:
     """Depth in metres (H, W) as compressedDepth: data and format of a `sensor_msgs/CompressedImage`; NaN and what is out of range is 0.
 
-    count = a / metres + b with a = q (q + 1), b = 1 - a / farthest (compressed_depth_image_transport, 32FC1).
+    count = a / metres + b with a = q (q + 1), b = 1 - a / farthest (compressed_depth_image_transport, 32FC1). `code` is one of `DEPTH_CODES`.
     """
-    import cv2
-
     a = QUANTIZATION * (QUANTIZATION + 1.0)
     b = 1.0 - a / FARTHEST_M
     with np.errstate(divide="ignore", invalid="ignore"):
         counts = np.rint(a / np.asarray(depth, np.float64) + b)
     inside = np.isfinite(counts) & (depth > 0) & (counts >= 1) & (counts <= 65535)
-    _, png = cv2.imencode(".png", np.where(inside, counts, 0).astype(np.uint16), [cv2.IMWRITE_PNG_COMPRESSION, QUICK])
-    return _CONFIG.pack(0, a, b) + png.tobytes(), f"32FC1; {DEPTH_TRANSPORT} png"
+    raster = np.where(inside, counts, 0).astype(np.uint16)
+    return _CONFIG.pack(0, a, b) + _coded(raster, code), f"32FC1; {DEPTH_TRANSPORT} {code}"
+
+
+def _coded(raster: NDArray[np.uint16], code: str) -> bytes:
+    if code == "rvl":
+        from tof_core.rvl import encode_rvl
+
+        return encode_rvl(raster)
+    import cv2
+
+    _, png = cv2.imencode(".png", raster, [cv2.IMWRITE_PNG_COMPRESSION, QUICK])
+    return png.tobytes()
 
 
 def _encoding_of(raster: NDArray[Any], stated: str, where: str) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tof_core.capture import View
+from tof_core.compressed import DEPTH_CODES
 from tof_core.config import param
 from tof_core.decode import camera_from_info, pixels
 from tof_core.errors import RefusedError
@@ -21,6 +22,12 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_core.placement import Placement
+
+
+def depth_code() -> str:
+    """The parameter `live.depth_code` of every node that publishes depth."""
+    code: str = param("png", "code of the compressedDepth topic: png is smaller, rvl is faster", choices=DEPTH_CODES)
+    return code
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,3 +83,49 @@ def _unpack(words: NDArray[np.uint32], counts: NDArray[np.uint16]) -> bool:
                 left = value
                 phase = 2 if value else 0
     return True
+
+
+def encode_rvl(counts: NDArray[np.uint16]) -> bytes:
+    """Counts (H, W) uint16 as an RVL image with its size before it."""
+    height, width = counts.shape
+    words = np.zeros(counts.size + SLACK_WORDS, np.uint32)
+    used = _pack(np.ascontiguousarray(counts).reshape(-1), words)
+    return _SIZE.pack(width, height) + words[:used].astype("<u4").tobytes()
+
+
+SLACK_WORDS = 4
+"""Beside one word a pixel: a difference takes six nibbles at most and the runs around a lone pixel two; a long run has seven more."""
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def _put(words: NDArray[np.uint32], nibble: int, value: int) -> int:
+    """Append a value to the chain of nibbles; the place after it."""
+    while True:
+        bits = value & 7
+        value >>= 3
+        if value:
+            bits |= 8
+        words[nibble >> 3] |= np.uint32(bits << (28 - 4 * (nibble & 7)))
+        nibble += 1
+        if not value:
+            return nibble
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+def _pack(counts: NDArray[np.uint16], words: NDArray[np.uint32]) -> int:
+    """The inverse of `_unpack`, into words that are zero; how many of them are used."""
+    nibble, at, previous, total = 0, 0, 0, counts.size
+    while at < total:
+        begin = at
+        while at < total and counts[at] == 0:
+            at += 1
+        nibble = _put(words, nibble, at - begin)
+        begin = at
+        while at < total and counts[at] != 0:
+            at += 1
+        nibble = _put(words, nibble, at - begin)
+        for pixel in range(begin, at):
+            difference = int(counts[pixel]) - previous
+            previous = int(counts[pixel])
+            nibble = _put(words, nibble, (difference << 1) ^ (difference >> 63))
+    return (nibble + 7) // 8

@@ -11,7 +11,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
 from tof_core.builder import CaptureBuilder
 from tof_core.config import param, section
-from tof_core.live import ManagedOptions
+from tof_core.live import ManagedOptions, depth_code
 from tof_core.options import NOT_WANTED, BagOptions
 from tof_core.topics import Topics, base_topic
 from tof_infer.config import InferConfig
@@ -40,6 +40,7 @@ class LiveConfig(ManagedOptions):
         False, "subscribe to the sensors with reliable QoS: no loss from a reliable publisher, no connection to a best-effort one"
     )
     patience_s: float = param(0.5, "longest wait of a frame for its amplitude", unit="s", low=0.05, high=10.0)
+    depth_code: str = depth_code()
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._kept = 0.0
         self._refusal = ""
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
-        self._depth = DepthOutput(self, "depth", self._outputs["depth"])
+        self._depth = DepthOutput(self, "depth", self._outputs["depth"], lambda: self.config.live.depth_code)
         self.service("flush", self.flush)
 
     def load(self) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tof_core.config import param, section
+from tof_core.live import depth_code
 from tof_core.options import NOT_WANTED, BagOptions
 from tof_core.topics import Topics, base_topic
 from tof_preproc.stream_config import StreamConfig
@@ -22,6 +23,7 @@ class LiveConfig:
     patience_s: float = param(1.0, "longest wait of a frame for its transform and amplitude", unit="s", low=0.2, high=60.0)
     keep_tf_s: float = param(30.0, "length of the TF history that is kept", unit="s", low=1.0, high=3600.0)
     record: str = param("", "folder in which ~/start_recording writes a bag of the raw topics")
+    depth_code: str = depth_code()
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,7 +77,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         ahead_ns = round(self.config.still.window_s * 1e9)
         self._tf = TransformListener(self, self._stream.transforms, self._advance, lambda: self._patience.oldest + ahead_ns)
         self._outputs = {name: self.output(name, kind) for name, kind in (OUTPUTS | UNFILTERED).items()}
-        self._depth = DepthOutput(self, "depth", self._outputs["depth"])
+        self._depth = DepthOutput(self, "depth", self._outputs["depth"], lambda: self.config.live.depth_code)
         self._dwell_info = self.typed("dwell_info", TYPED["dwell_info"])
         warm_up()  # the first time this compiles for some 20 s: before frames arrive, not while they wait
         self._subscribe()

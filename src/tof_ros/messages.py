@@ -56,9 +56,9 @@ def image(values: NDArray[Any], encoding: str, head: Header) -> Image:
     return Image(header=head, **{**fields, "data": buffer(fields["data"])})
 
 
-def packed_depth(depth: NDArray[np.float32], head: Header) -> CompressedImage:
-    """Metres (H, W) as a `sensor_msgs/CompressedImage` of compressedDepth: 0.1 mm a count at 1 m, up to 10 m."""
-    data, kind = compressed.packed_depth(depth)
+def packed_depth(depth: NDArray[np.float32], head: Header, code: str = "png") -> CompressedImage:
+    """Metres (H, W) as a `sensor_msgs/CompressedImage` of compressedDepth (PNG or RVL): 0.1 mm a count at 1 m, up to 10 m."""
+    data, kind = compressed.packed_depth(depth, code)
     return CompressedImage(header=head, format=kind, data=buffer(data))
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tof_core.config import param, section
-from tof_core.live import ManagedOptions
+from tof_core.live import ManagedOptions, depth_code
 from tof_core.options import NOT_WANTED, BagOptions
 from tof_core.topics import Topics, base_topic
 from tof_sensor.simulator import SimulatorConfig
@@ -23,6 +23,7 @@ class LiveConfig(ManagedOptions):
     )
     patience_s: float = param(0.5, "longest wait of a frame for its albedo, normals or transform", unit="s", low=0.05, high=10.0)
     keep_tf_s: float = param(30.0, "length of the TF history that is kept", unit="s", low=1.0, high=3600.0)
+    depth_code: str = depth_code()
 
 
 @dataclass(frozen=True, slots=True)

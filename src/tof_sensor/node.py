@@ -40,7 +40,7 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
         super().__init__(NAME, NAME, SensorNodeConfig, fixed=("input.", "sensor.", "live."), **options)
         self._refusal = ""
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
-        self._depth = DepthOutput(self, "depth", self._outputs["depth"])
+        self._depth = DepthOutput(self, "depth", self._outputs["depth"], lambda: self.config.live.depth_code)
         self.service("flush", self.flush)
 
     def load(self) -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tof_core.config import param, section
-from tof_core.live import ViewOptions
+from tof_core.live import ViewOptions, depth_code
 from tof_sim_label.labeller import LabellerConfig
 
 
@@ -20,6 +20,7 @@ class LiveConfig(ViewOptions):
     publish_tf: bool = param(True, "publish the cell's frame (latched) if TF lacks it, and CAMERA_aligned of each view")
     sensor: str = param("", "sensor.yaml of the camera: its effects are removed before poses are solved; empty: nothing is known")
     record: str = param("", "folder in which ~/start_recording writes a bag of the labels")
+    depth_code: str = depth_code()
 
 
 @dataclass(frozen=True, slots=True)

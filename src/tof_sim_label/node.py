@@ -64,7 +64,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         super().__init__(NAME, "label", LabelNodeConfig, fixed=("live.",), **options)
         self._verdicts: Counter[str] = Counter()
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
-        self._depth = DepthOutput(self, "depth", self._outputs["depth"])
+        self._depth = DepthOutput(self, "depth", self._outputs["depth"], lambda: self.config.live.depth_code)
         self._latched = {name: self.shared(name, kind) for name, kind in SHARED.items()}
         self._placing = Placing(self)
         self.service("capture", self.flush)

@@ -17,12 +17,12 @@ from tests.tof_core import packing
 from tof_core.bag import open_bag
 from tof_core.bag_writer import BagWriter
 from tof_core.camera import Camera
-from tof_core.compressed import format_of, packed_depth
+from tof_core.compressed import DEPTH_CODES, format_of, packed_depth
 from tof_core.decode import decode_amplitude, decode_colour, decode_depth, image_size
 from tof_core.errors import DecodeError
 from tof_core.options import BagOptions
 from tof_core.reasons import Reason
-from tof_core.rvl import decode_rvl
+from tof_core.rvl import decode_rvl, encode_rvl
 from tof_core.topics import COMPRESSED, IMAGE, INFO, find_topics
 
 if TYPE_CHECKING:
@@ -52,9 +52,25 @@ def test_an_rvl_image_is_read_as_its_paper_says() -> None:
     assert decode_rvl(data).tolist() == [[0, 0, 5, 6]]
 
 
-@given(arrays(np.uint16, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([0, 0, 1, 2, 900, 901, 65535])))
+RUNS = arrays(np.uint16, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([0, 0, 1, 2, 900, 901, 65535]))
+
+
+@given(RUNS)
 def test_every_rvl_image_comes_back_as_it_was(counts: NDArray[np.uint16]) -> None:
     assert np.array_equal(decode_rvl(packing.rvl(counts)), counts)
+
+
+@given(RUNS)
+def test_an_rvl_image_is_written_as_its_paper_says(counts: NDArray[np.uint16]) -> None:
+    assert encode_rvl(counts) == packing.rvl(counts)
+
+
+def test_the_image_that_rvl_makes_longest_fits() -> None:
+    """Lone pixels at both ends of the range: six nibbles a difference, two for the runs beside it."""
+    counts = np.zeros((64, 64), np.uint16)
+    counts[:, ::4], counts[:, 2::4] = 65535, 1
+    assert encode_rvl(counts) == packing.rvl(counts)
+    assert np.array_equal(decode_rvl(encode_rvl(counts)), counts)
 
 
 @pytest.mark.parametrize("kind", ["png", "rvl"])
@@ -87,11 +103,14 @@ def test_metres_come_back_from_their_inverse(kind: str) -> None:
     assert reason[0, 3] == Reason.NO_RETURN
 
 
-def test_depth_that_a_node_packs_comes_back_to_half_a_count() -> None:
+@pytest.mark.parametrize("code", DEPTH_CODES)
+def test_depth_that_a_node_packs_comes_back_to_half_a_count(code: str) -> None:
     rows, columns = np.indices((40, 60))
     metres = (0.4 + 0.002 * rows * columns).astype(np.float32)
     metres[0, :4] = np.nan, 0.0, 0.05, 40.0
-    depth, reason = decode_depth(message(*packed_depth(metres)))
+    msg = message(*packed_depth(metres, code))
+    assert msg.format == f"32FC1; compressedDepth {code}"
+    depth, reason = decode_depth(msg)
     inside = np.isfinite(depth)
     assert np.array_equal(inside, (metres > 0.16) & (metres <= 10.0))
     assert (np.abs(depth - metres)[inside] <= 0.501 * metres[inside] ** 2 / 10100 + 1e-6).all()

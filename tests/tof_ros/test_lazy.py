@@ -59,7 +59,8 @@ def test_preproc_makes_the_images_that_are_asked_for_and_no_other(ros_domain: in
 
 
 @pytest.mark.dds
-def test_compressed_depth_is_made_for_its_subscriber_and_is_the_depth(ros_domain: int) -> None:
+@pytest.mark.parametrize("code", ["png", "rvl"])
+def test_compressed_depth_is_made_for_its_subscriber_and_is_the_depth(ros_domain: int, code: str) -> None:
     from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
     from tof_core.decode import decode_depth
@@ -69,7 +70,8 @@ def test_compressed_depth_is_made_for_its_subscriber_and_is_the_depth(ros_domain
     from tof_ros.spin import spinning
 
     with ros_context(domain=ros_domain) as context:
-        node = make_node(context=context, parameter_overrides=parameter_overrides({"live.need_tf": False, "live.reliable": True}))
+        values = {"live.need_tf": False, "live.reliable": True, "live.depth_code": code}
+        node = make_node(context=context, parameter_overrides=parameter_overrides(values))
         observer = Observer(context)
         packed: list[Any] = []
         unfiltered: list[Any] = []
@@ -86,6 +88,7 @@ def test_compressed_depth_is_made_for_its_subscriber_and_is_the_depth(ros_domain
             info.publish(messages.camera_info(CAMERA, head))
             depth.publish(messages.image(counts, "16UC1", head))
             wait_for(lambda: packed and unfiltered)
+    assert packed[0].format == f"32FC1; compressedDepth {code}"
     metres, _ = decode_depth(packed[0], "preproc/depth/compressedDepth")
     raw, _ = decode_depth(unfiltered[0], "preproc/unfiltered_depth")
     assert metres[5, 5] == pytest.approx(0.9, abs=1e-4)
