@@ -1,21 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ten minutes of the whole graph at the camera's rate; an hour, and the highest rate: `python -m benchmarks.soak`."""
+"""Ten minutes of the whole graph: one camera, five, a large one; an hour, and the highest rate: `python -m benchmarks.soak`."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from benchmarks.recorded import recorded
-from benchmarks.soak import SESSION, rows, stretch
+from benchmarks.load import STOCK_LOAD, Load
+from benchmarks.soak import rows, stretch
 
 if TYPE_CHECKING:
     from benchmarks.figure import Figure
 
 LONG = True
-MINUTES, HZ = 10.0, 15.0
+MINUTES = 10.0
+LOADS = (STOCK_LOAD, Load(cameras=5), Load(30.0, 640, 576))
 
 
 def run() -> list[Figure]:
     """Frames lost, growth of memory, latency."""
-    scene = "body_section"
-    return rows(stretch(scene, recorded(scene, SESSION).bag, HZ, 60 * MINUTES, say=True), MINUTES)
+    figures = []
+    for given in LOADS:
+        command = f"python -m benchmarks.soak --minutes {MINUTES:g}{given.flags}"
+        figures += [replace(figure, command=command) for figure in rows(stretch(given, 60 * MINUTES, say=True), MINUTES, given)]
+    return figures

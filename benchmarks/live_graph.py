@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.figure import Figure, at_most
+from benchmarks.load import NODES, SCENE, SESSION, specs
 from benchmarks.looped_camera import ROOMS, LoopedCamera
 from benchmarks.recorded import recorded
-from benchmarks.soak import SESSION, busy_s, specs
+from benchmarks.soak import busy_s
 from tof_core.bag import open_bag
 from tof_core.errors import ToftwinError
 from tof_core.options import BagOptions
@@ -24,14 +25,12 @@ from toftwin.graph import GraphProcess
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-SCENE = "body_section"
 HZ = 15.0
 RESPAWN_S = 0.1
 """Delay after which graph.launch.py starts a node again."""
 IDLE_S = 30.0
 SETTLED_S = 1.0
 """What preproc has answered for so long is on the disk: five flushes of its recording."""
-NODES = ("preproc", "sim_label", "infer")
 
 
 @dataclass

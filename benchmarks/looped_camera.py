@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded session played over DDS again and again, restamped, at any rate: the camera and the robot of a long run."""
+"""A recorded session played over DDS again and again, restamped, at any rate: the cameras and the robot of a long run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tof_ros.interfaces import message_class
 from tof_ros.views import DWELL
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from rclpy.node import Node
 
@@ -29,10 +29,11 @@ class LoopedCamera:
     """Publishes a bag's messages at `hz` frames a second on average, and hears what became of each frame.
 
     Stamps are this host's clock, rising through all loops; so that TF covers its frames, messages go out in the order of their stamps.
+    With `namespaces` there are several cameras of one robot, each with the same frames under a namespace of its own.
     """
 
-    def __init__(self, node: Node, reader: BagReader, hz: float) -> None:
-        """Read the bag into memory, find the graph's topics."""
+    def __init__(self, node: Node, reader: BagReader, hz: float, namespaces: Sequence[str] = ("",), rooms: Sequence[str] = ROOMS) -> None:
+        """Read the bag into memory, find the graph's topics; `rooms` are those that run."""
         from sensor_msgs.msg import Image, TimeReference
 
         self._node, self._frames_topic, self._hz = node, reader.topics.depth, hz
@@ -44,8 +45,11 @@ class LoopedCamera:
         step_ns = (frames[-1] - frames[0]) / (len(frames) - 1)
         self._speed = hz * step_ns * 1e-9
         self._first, self._loop_ns = raw[0].stamp_ns, round(raw[-1].stamp_ns - raw[0].stamp_ns + step_ns)
+        spaces = [f"/{name}" if name else "" for name in namespaces]
         self._out = {
-            topic: node.create_publisher(kind, topic, qos.TF if topic == "/tf" else qos.sensor(reliable=True, depth=64))
+            topic: [node.create_publisher(kind, topic, qos.TF)]
+            if topic == "/tf"
+            else [node.create_publisher(kind, space + topic, qos.sensor(reliable=True, depth=64)) for space in spaces]
             for topic, kind in kinds.items()
         }
         self._static = node.create_publisher(message_class("tf2_msgs/msg/TFMessage"), "/tf_static", qos.TF_STATIC)
@@ -56,9 +60,12 @@ class LoopedCamera:
         self.latencies: list[float] = []
         self.behind_s = 0.0
         self._stop = threading.Event()
-        for room in ROOMS:
-            node.create_subscription(TimeReference, f"{room}/done", lambda m, room=room: self._answered(room, m), qos.RECORD)
-        node.create_subscription(Image, "infer/depth", self._inferred, qos.RECORD)
+        self._spaces, self._each = spaces, rooms
+        self.rooms = tuple(f"{name}/{room}" if name else room for name in namespaces for room in rooms)
+        for room in self.rooms:
+            node.create_subscription(TimeReference, f"/{room}/done", lambda m, room=room: self._answered(room, m), qos.RECORD)
+        for space in spaces:
+            node.create_subscription(Image, f"{space}/infer/depth", self._inferred, qos.RECORD)
 
     def _answered(self, room: str, message: Any) -> None:
         self.fates[room][messages.to_ns(message.header.stamp)] = message.source
@@ -70,7 +77,9 @@ class LoopedCamera:
     @property
     def heard(self) -> bool:
         """Whether every node of the graph listens."""
-        return bool(self._out[self._frames_topic].get_subscription_count() >= 2) and bool(self._node.count_subscribers(f"preproc/{DWELL}"))
+        listeners = len({"preproc", "infer"} & set(self._each))
+        frames = all(publisher.get_subscription_count() >= listeners for publisher in self._out[self._frames_topic])
+        return frames and ("label" not in self._each or all(self._node.count_subscribers(f"{s}/preproc/{DWELL}") for s in self._spaces))
 
     def warm_up(self, alive: Callable[[], bool], seconds: float = 120.0) -> bool:
         """Play until every room has kept a second's frames, then forget them; whether that came to be.
@@ -93,7 +102,7 @@ class LoopedCamera:
     def _flowing(self) -> bool:
         """Whether every room has lately kept as many frames as are sent in a second."""
         most = max(round(self._hz), 1)
-        return all(sum(fate == "kept" for fate in tuple(self.fates[room].values())[-most:]) >= most for room in ROOMS)
+        return all(sum(fate == "kept" for fate in tuple(self.fates[room].values())[-most:]) >= most for room in self.rooms)
 
     def play(self, seconds: float) -> float:
         """Publish for so long (or until `stop`); gives the rate that was reached, in frames a second; `behind_s` the most it was late."""
@@ -118,7 +127,8 @@ class LoopedCamera:
             part.header.stamp = stamp
         if topic == self._frames_topic:
             self.sent[stamp_ns] = time.monotonic()
-        self._out[topic].publish(message)
+        for publisher in self._out[topic]:
+            publisher.publish(message)
 
     def stop(self) -> None:
         """End `play` early."""
@@ -132,7 +142,7 @@ class LoopedCamera:
     def settle(self, seconds: float = 15.0) -> None:
         """Wait until every room has answered, as long as answers come."""
         deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline and any(not self.sent.keys() <= self.fates[room].keys() for room in ROOMS):
+        while time.monotonic() < deadline and any(not self.sent.keys() <= self.fates[room].keys() for room in self.rooms):
             time.sleep(0.1)
 
     def latency_ms(self, percentile: float) -> float:

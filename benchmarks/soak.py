@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The graph for a long time at the camera's rate, then as fast as it goes: `make soak ARGS="--minutes 60 --write"`."""
+"""The graph for a long time at the cameras' rate, then as fast as it goes: `make soak ARGS="--minutes 60 --write"`."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from typing import TYPE_CHECKING, Any
 from benchmarks import table
 from benchmarks.__main__ import PAGE, where
 from benchmarks.figure import Figure, at_least, at_most
-from benchmarks.looped_camera import ROOMS, LoopedCamera
-from benchmarks.recorded import recorded
+from benchmarks.load import NODES, STOCK_LOAD, Load
+from benchmarks.looped_camera import LoopedCamera
 from tof_core.bag import open_bag
-from toftwin.graph import GraphSpec, graph_process
+from toftwin.graph import graph_process
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from toftwin.graph import GraphProcess
 
-SESSION = {"plan": {"views": 12, "stations": 3, "captures": 30, "move_s": 0.1}, "seed": 4}
-"""12 dwells of two seconds, a tenth of a second between them."""
-RATES = (15, 18, 20, 22, 25, 27, 30, 35, 40)
+RATES = (2, 4, 6, 8, 10, 12, 15, 18, 20, 22, 25, 27, 30, 35, 40)
 RATE_S = 30.0
+MOST_CAMERAS = 5
+"""As Spot has them on its body."""
 BEHIND_S = 0.25
 """How late the camera may be at most for a rate to count as one that was sent."""
 WARM_S = 60.0
@@ -53,11 +53,15 @@ class Run:
 
     def __str__(self) -> str:
         """One line."""
-        lost = ", ".join(f"{room} {count}" for room, count in self.lost.items() if count) or "none"
         return (
-            f"{self.hz:.1f} Hz, {self.sent} frames, lost: {lost}, raw to inferred p50 {self.p50_ms:.0f} p95 {self.p95_ms:.0f} ms, "
+            f"{self.hz:.1f} Hz, {self.sent} frames, {self.losses}, raw to inferred p50 {self.p50_ms:.0f} p95 {self.p95_ms:.0f} ms, "
             f"memory {self.grown_mb:+.1f} MB, {self.load}"
         )
+
+    @property
+    def losses(self) -> str:
+        """Frames lost by each node that lost any."""
+        return f"lost: {', '.join(f'{room} {count}' for room, count in self.lost.items() if count) or 'none'}"
 
     @property
     def load(self) -> str:
@@ -66,30 +70,23 @@ class Run:
         return f"ms of processor a frame: {each}; other processes {self.other_cores:.2f} cores"
 
 
-def specs(scene: str) -> list[GraphSpec]:
-    """Preprocessing, labels and the network, each frame heard reliably; one process a node, as `ros2 launch` starts them."""
-    patient = {"live.patience_s": 10.0}
-    parameters: dict[str, dict[str, Any]] = {
-        "preproc": {**patient, "live.reliable": True},
-        "sim_label": {**patient, "live.scene": scene},
-        "infer": {**patient, "live.reliable": True, "infer.threads": 1},
-    }
-    return [GraphSpec((name,), {name: values}, strict=True) for name, values in parameters.items()]
-
-
 @dataclass(frozen=True, slots=True)
 class Graph:
     """The processes of the graph."""
 
     parts: tuple[GraphProcess, ...]
+    rooms: tuple[str, ...]
 
     def alive(self) -> bool:
         """Whether all of them run."""
         return all(part.alive() for part in self.parts)
 
     def cpu_seconds(self) -> dict[str, float]:
-        """Processor time by node."""
-        return {room: part.cpu_seconds() for room, part in zip(ROOMS, self.parts, strict=True)}
+        """Processor time by node, that of all cameras together."""
+        used = dict.fromkeys(self.rooms, 0.0)
+        for number, part in enumerate(self.parts):
+            used[self.rooms[number % len(self.rooms)]] += part.cpu_seconds()
+        return used
 
     def resident_mb(self) -> float:
         """Their memory now."""
@@ -105,8 +102,8 @@ def busy_s() -> float:
 
 
 @contextmanager
-def running(scene: str, bag: Path, hz: float) -> Iterator[tuple[LoopedCamera, Graph]]:
-    """A graph of its own with a camera that it hears."""
+def running(given: Load) -> Iterator[tuple[LoopedCamera, Graph]]:
+    """A graph of its own with cameras that it hears."""
     import rclpy
 
     from tof_ros.environment import private_domain, ros_context
@@ -116,10 +113,10 @@ def running(scene: str, bag: Path, hz: float) -> Iterator[tuple[LoopedCamera, Gr
         domain = stack.enter_context(private_domain())
         context = stack.enter_context(ros_context(domain=domain))
         node = rclpy.create_node("soak", context=context)
-        with open_bag(bag, cell_frame="cell") as reader:
-            camera = LoopedCamera(node, reader, hz)
+        with open_bag(given.bag(), cell_frame="cell") as reader:
+            camera = LoopedCamera(node, reader, given.hz, given.namespaces, given.rooms)
         stack.enter_context(spinning([node]))
-        graph = Graph(tuple(stack.enter_context(graph_process(spec, domain)) for spec in specs(scene)))
+        graph = Graph(tuple(stack.enter_context(graph_process(spec, domain)) for spec in given.specs()), given.rooms)
         deadline = time.monotonic() + 120.0
         while not camera.heard:
             if not graph.alive() or time.monotonic() > deadline:
@@ -130,9 +127,9 @@ def running(scene: str, bag: Path, hz: float) -> Iterator[tuple[LoopedCamera, Gr
         yield camera, graph
 
 
-def stretch(scene: str, bag: Path, hz: float, seconds: float, *, say: bool) -> Run:
+def stretch(given: Load, seconds: float, *, say: bool) -> Run:
     """Play so long; memory is compared with that after `WARM_S`, or after a third of a short run."""
-    with running(scene, bag, hz) as (camera, graph):
+    with running(given) as (camera, graph):
         handler = signal.signal(signal.SIGINT, lambda *_: camera.stop())
         watch = Watch(camera, graph, min(WARM_S, seconds / 3), say=say)
         busy, mine, theirs, begin = busy_s(), time.process_time(), graph.cpu_seconds(), time.monotonic()
@@ -143,8 +140,8 @@ def stretch(scene: str, bag: Path, hz: float, seconds: float, *, say: bool) -> R
         others = max(busy_s() - busy - sum(used.values()), 0.0) / took
         grown = graph.resident_mb() - watch.warm_mb
         signal.signal(signal.SIGINT, handler)
-        lost = {room: camera.lost(room) for room in ROOMS}
-        cpu_ms = {name: 1e3 * seconds / len(camera.sent) for name, seconds in used.items()}
+        lost = {room: camera.lost(room) for room in camera.rooms}
+        cpu_ms = {name: 1e3 * seconds / (len(camera.sent) * given.cameras) for name, seconds in used.items()}
         return Run(reached, len(camera.sent), lost, camera.latency_ms(50), camera.latency_ms(95), grown, cpu_ms, others, camera.behind_s)
 
 
@@ -171,7 +168,7 @@ class Watch:
                 self.warm_mb = self._graph.resident_mb()
             if self._say and passed > 60 * minute:
                 minute += 1
-                lost = {room: self._camera.lost(room) for room in ROOMS}
+                lost = {room: self._camera.lost(room) for room in self._camera.rooms}
                 print(
                     f"  {passed / 60:.0f} min: {len(self._camera.sent)} sent, open or lost {lost}, p95 {self._camera.latency_ms(95):.0f} ms, "
                     f"{self._graph.resident_mb():.0f} MB",
@@ -181,27 +178,50 @@ class Watch:
         return reached[0]
 
 
-def highest_rate(scene: str, bag: Path, *, say: bool) -> tuple[float, str]:
-    """The highest of `RATES` that is held for `RATE_S` without a lost frame, and what happened at the next."""
-    held, why = 0.0, ""
-    for hz in RATES:
-        run = stretch(scene, bag, hz, RATE_S, say=False)
+def last_held(loads: Iterable[Load], *, say: bool) -> tuple[Load | None, str]:
+    """The last load that is held for `RATE_S` without a lost frame, and what happened at the next."""
+    held = None
+    for given in loads:
+        run = stretch(given, RATE_S, say=False)
         if say:
-            print(f"  {hz} Hz: {run}", file=sys.stderr, flush=True)
+            print(f"  {given}: {run}", file=sys.stderr, flush=True)
         if any(run.lost.values()) or run.behind_s > BEHIND_S:
-            why = f"at {hz} Hz: {run}"
-            break
-        held = float(hz)
-    return held, why
+            return held, f"{given}: {run}"
+        held = given
+    return held, ""
 
 
-def rows(run: Run, minutes: float) -> list[Figure]:
+def highest_rate(given: Load, *, say: bool) -> Figure:
+    """The highest of `RATES` that the graph holds with cameras of this kind."""
+    held, why = last_held((replace(given, hz=hz) for hz in RATES if hz >= given.lowest_hz), say=say)
+    bar = 30.0 if given.stock else 0.0
+    kind = "" if given.stock else f", {given.cameras} x {given.width}x{given.height}"
+    what = f"soak: highest rate that the whole graph holds without loss{kind}"
+    rate = held.hz if held else 0.0
+    return at_least(what, rate, bar, "Hz", remark=why) if bar else Figure(what, rate, "Hz", remark=why)
+
+
+def most_cameras(given: Load, *, say: bool) -> Figure:
+    """How many cameras of this kind the nodes hold."""
+    held, why = last_held((replace(given, cameras=number) for number in range(1, MOST_CAMERAS + 1)), say=say)
+    what = f"soak: cameras of {replace(given, cameras=1)} that {', '.join(given.nodes)} hold without loss"
+    return at_least(what, held.cameras if held else 0, MOST_CAMERAS, "", remark=why)
+
+
+def rows(run: Run, minutes: float, given: Load = STOCK_LOAD) -> list[Figure]:
     """The long stretch's figures beside their bars."""
-    remark = f"{run.sent} frames at {run.hz:.1f} Hz in {minutes:.0f} min, one process a node; {run.load}"
+    each = "" if given.cameras == 1 else f" of each of {given.cameras} cameras"
+    remark = f"{run.sent} frames{each} at {run.hz:.1f} Hz in {minutes:.0f} min, one process a node; {run.load}"
+    name = "" if given == STOCK_LOAD else f", {given}"
+    bar = 100.0 if given.hz <= STOCK_LOAD.hz else 2e3 / given.hz
+    nodes = "preproc, sim_label, infer, 224x171" if given == STOCK_LOAD else ", ".join(given.nodes)
     return [
-        at_most("soak: frames lost by any node of preproc, sim_label, infer, 224x171", max(run.lost.values()), 0, "", remark=remark),
-        at_most("soak: growth of the graph's memory after the first minute", run.grown_mb, 20, "MB", remark=remark),
-        at_most("soak: raw frame to repaired frame, p95", run.p95_ms, 100, "ms", remark=f"p50 {run.p50_ms:.0f} ms; {remark}"),
+        at_most(f"soak: frames lost by any node of {nodes}{name}", max(run.lost.values()), 0, "", remark=f"{run.losses}; {remark}"),
+        at_most(f"soak: growth of the graph's memory after the first minute{name}", run.grown_mb, 20 * given.cameras, "MB", remark=remark),
+    ] + [
+        at_most(f"soak: raw frame to repaired frame, p95{name}", run.p95_ms, bar, "ms", remark=f"p50 {run.p50_ms:.0f} ms; {remark}")
+        for node in given.nodes
+        if node == "infer"
     ]
 
 
@@ -210,8 +230,12 @@ def parse(arguments: list[str] | None) -> Any:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.soak", description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0, help="how long at --hz (default: 60); Ctrl-C ends it early and reports")
     parser.add_argument("--hz", type=float, default=15.0, help="frames a second (default: 15)")
+    parser.add_argument("--size", default="224x171", metavar="WxH", help="columns and rows of each camera (default: 224x171)")
+    parser.add_argument("--cameras", type=int, default=1, help="so many cameras of one robot, a graph for each (default: 1)")
+    parser.add_argument("--nodes", default=",".join(NODES), help="nodes that run for each camera (default: all three)")
     parser.add_argument("--no-rate", action="store_true", help="leave out the search for the highest rate")
     parser.add_argument("--rate-only", action="store_true", help="search for the highest rate alone")
+    parser.add_argument("--most-cameras", action="store_true", help="search for the number of cameras that is held, alone")
     parser.add_argument("--write", action="store_true", help="renew these rows of docs/figures.md")
     return parser.parse_args(arguments)
 
@@ -219,18 +243,21 @@ def parse(arguments: list[str] | None) -> Any:
 def main(arguments: list[str] | None = None) -> int:
     """Exit status 0 when every bar is met, 1 when one is missed."""
     options = parse(arguments)
-    session = recorded("body_section", SESSION)
+    width, height = (int(side) for side in options.size.split("x"))
+    given = Load(options.hz, width, height, options.cameras, tuple(options.nodes.split(",")))
     results: dict[str, list[Figure]] = {}
-    if not options.rate_only:
-        print(f"soak: {options.minutes:g} min at {options.hz:g} Hz", file=sys.stderr, flush=True)
-        run = stretch("body_section", session.bag, options.hz, 60 * options.minutes, say=True)
+    if options.most_cameras:
+        figure = most_cameras(given, say=True)
+        results[f"{given.section}_cameras"] = [replace(figure, command=f"python -m benchmarks.soak --most-cameras{given.flags}")]
+    elif not options.rate_only:
+        print(f"soak: {options.minutes:g} min, {given}", file=sys.stderr, flush=True)
+        run = stretch(given, 60 * options.minutes, say=True)
         print(f"  {run}", file=sys.stderr, flush=True)
-        command = f"python -m benchmarks.soak --minutes {options.minutes:g}"
-        results["soak"] = [replace(f, command=command) for f in rows(run, run.sent / max(run.hz, 1e-9) / 60)]
-    if not options.no_rate:
-        held, why = highest_rate("body_section", session.bag, say=True)
-        highest = at_least("soak: highest rate that the whole graph holds without loss", held, 30, "Hz", remark=why)
-        results["soak_rate"] = [replace(highest, command="python -m benchmarks.soak --rate-only")]
+        command = f"python -m benchmarks.soak --minutes {options.minutes:g}{given.flags}"
+        results[given.section] = [replace(f, command=command) for f in rows(run, run.sent / max(run.hz, 1e-9) / 60, given)]
+    if options.rate_only or (given == STOCK_LOAD and not options.no_rate and not options.most_cameras):
+        figure = highest_rate(given, say=True)
+        results[f"{given.section}_rate"] = [replace(figure, command=f"python -m benchmarks.soak --rate-only{given.flags}")]
     figures = [figure for room in results.values() for figure in room]
     print("\n".join(table.line(figure) for figure in figures))
     if options.write:

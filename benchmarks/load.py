@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a running graph is given in a long run: cameras, their size and rate, the nodes that run for each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.looped_camera import ROOMS
+from benchmarks.recorded import recorded
+from toftwin.graph import GraphSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+SCENE = "body_section"
+SESSION = {"plan": {"views": 12, "stations": 3, "captures": 30, "move_s": 0.1}, "seed": 4}
+"""12 dwells of two seconds, a tenth of a second between them."""
+NODES = ("preproc", "sim_label", "infer")
+STOCK = (224, 171)
+"""Columns and rows of Spot's hand camera, for which the network that is shipped was made."""
+
+
+def specs(scene: str, namespace: str = "", network: Mapping[str, Any] | None = None) -> list[GraphSpec]:
+    """Preprocessing, labels and the network, each frame heard reliably; one process a node, as `ros2 launch` starts them."""
+    patient = {"live.patience_s": 10.0}
+    parameters: dict[str, dict[str, Any]] = {
+        "preproc": {**patient, "live.reliable": True},
+        "sim_label": {**patient, "live.scene": scene},
+        "infer": {**patient, "live.reliable": True, "infer.threads": 1, **(network or {})},
+    }
+    return [GraphSpec((name,), {name: values}, namespace=namespace, strict=True) for name, values in parameters.items()]
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """What the graph is given: so many equal cameras, their size in pixels and their rate; and which nodes run for each."""
+
+    hz: float = 15.0
+    width: int = 224
+    height: int = 171
+    cameras: int = 1
+    nodes: tuple[str, ...] = NODES
+
+    def __str__(self) -> str:
+        """In a few words."""
+        one = f"{self.width}x{self.height} at {self.hz:g} Hz"
+        return one if self.cameras == 1 else f"{self.cameras} cameras of {one}"
+
+    @property
+    def rooms(self) -> tuple[str, ...]:
+        """Under which the nodes publish."""
+        return tuple(ROOMS[NODES.index(name)] for name in self.nodes)
+
+    @property
+    def stock(self) -> bool:
+        """One camera as Spot's hand has it, before the whole graph."""
+        return self == replace(Load(), hz=self.hz)
+
+    @property
+    def lowest_hz(self) -> float:
+        """Where the search for the highest rate begins."""
+        return Load().hz if self.stock else 0.0
+
+    @property
+    def section(self) -> str:
+        """Of docs/figures.md."""
+        nodes = "" if self.nodes == NODES else f"_{'_'.join(self.nodes)}"
+        return "soak" if self == Load() else f"soak_{self.cameras}_{self.width}x{self.height}{nodes}"
+
+    @property
+    def flags(self) -> str:
+        """Of the command that gives this load."""
+        nodes = "" if self.nodes == NODES else f" --nodes {','.join(self.nodes)}"
+        return "" if self == Load() else f" --cameras {self.cameras} --size {self.width}x{self.height} --hz {self.hz:g}{nodes}"
+
+    @property
+    def namespaces(self) -> tuple[str, ...]:
+        """One graph each; a single camera is in none."""
+        return ("",) if self.cameras == 1 else tuple(f"camera{number}" for number in range(self.cameras))
+
+    def bag(self) -> Path:
+        """The session that the cameras play."""
+        stock = (self.width, self.height) == STOCK
+        return recorded(SCENE, SESSION if stock else {**SESSION, "camera": {"width": self.width, "height": self.height}}).bag
+
+    def specs(self) -> list[GraphSpec]:
+        """The nodes of every camera. A network made for another camera is asked all the same: it takes the same time."""
+        forced = {"infer.force": True} if (self.width, self.height) != STOCK else {}
+        return [spec for name in self.namespaces for spec in specs(SCENE, name, forced) if spec.nodes[0] in self.nodes]
+
+
+STOCK_LOAD = Load()
