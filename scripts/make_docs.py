@@ -82,7 +82,7 @@ SHARED = {
     "gap/markers": "the parts by their gap: green none, red `live.red_mm` and more, grey not seen; latched, published where a colour changes",
 }
 PACKED = (
-    "`depth` as image_transport compresses it (PNG of the inverse depth, 0.1 mm a count at 1 m, up to 10 m); computed only while subscribed"
+    "`depth` as image_transport compresses it (PNG or RVL, `live.depth_code`, of the inverse depth, 0.1 mm a count at 1 m, up to 10 m); computed only while subscribed"
 )
 ACTIONS = {
     "judge": "as `~/judge`; feedback names each part as its turn comes; a cancelled goal ends before the next part",

@@ -198,8 +198,8 @@ class CaptureBuilder:
             return True
         camera, after = self._frame_id(frame), frame.stamp + self._ahead_ns
         try:
-            for stamp in (frame.stamp, after):
-                self.chain.pose(camera, stamp)
+            for stamp in (after, frame.stamp):  # the later one first: mostly it is what has not come yet
+                self.chain.check(camera, stamp)
         except TransformError:
             return self.chain.settled(camera, after)
         return True

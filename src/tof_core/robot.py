@@ -56,6 +56,11 @@ class RobotChain:
         T_cell_body, T_body_camera = (self.transforms.lookup(a, b, stamp_ns) for a, b in ((cell, body), (body, camera_frame)))
         return RobotPose(T_cell_body, T_body_camera, twist)
 
+    def check(self, camera_frame: str, stamp_ns: int) -> None:
+        """Raises what `pose` would raise at a stamp, for a fifth of its time."""
+        cell, _ = self.resolve(camera_frame)
+        self.transforms.lookup(cell, camera_frame, stamp_ns)
+
     def latest(self, camera_frame: str) -> RobotPose:
         """The newest pose that TF knows; errors as of `pose`."""
         cell, _ = self.resolve(camera_frame)

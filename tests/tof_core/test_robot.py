@@ -104,6 +104,24 @@ def test_tf_that_knows_the_cell_overrides_a_placement() -> None:
     np.testing.assert_allclose(chain.pose("spot/camera", 0).T_cell_camera, CELL_BODY @ BODY_CAMERA, atol=1e-12)
 
 
+@pytest.mark.parametrize("stamp_ns", [-1, 0, 30_000_000, 50_000_000, 90_000_000, 100_000_001])
+@pytest.mark.parametrize("late", ["spot/body", "spot/camera"])
+def test_the_check_fails_where_the_pose_does(late: str, stamp_ns: int) -> None:
+    """One of the two edges begins 50 ms after the other."""
+    tf = TransformBuffer()
+    for parent, child, T in (("cell", "spot/body", CELL_BODY), ("spot/body", "spot/camera", BODY_CAMERA)):
+        for ns in (50_000_000 if child == late else 0, 100_000_000):
+            tf.add(parent, child, ns, T)
+    chain = RobotChain(tf, "cell")
+    if 50_000_000 <= stamp_ns <= 100_000_000:
+        chain.check("spot/camera", stamp_ns)
+        chain.pose("spot/camera", stamp_ns)
+        return
+    for asked in (chain.check, chain.pose):
+        with pytest.raises(TransformError):
+            asked("spot/camera", stamp_ns)
+
+
 def test_an_unknown_cell_names_the_frames_and_the_flags() -> None:
     with pytest.raises(TransformError) as caught:
         RobotChain(buffer(root="odom"), "cell").pose("spot/camera", 0)
