@@ -81,9 +81,7 @@ SHARED = {
     "inspect/markers": "the inspected parts: green present, orange displaced, red absent, grey not observable; latched",
     "gap/markers": "the parts by their gap: green none, red `live.red_mm` and more, grey not seen; latched, published where a colour changes",
 }
-PACKED = (
-    "`depth` as image_transport compresses it (PNG or RVL, `live.depth_code`, of the inverse depth, 0.1 mm a count at 1 m, up to 10 m); computed only while subscribed"
-)
+PACKED = "`depth` as image_transport compresses it (PNG or RVL, `live.depth_code`, of the inverse depth, 0.1 mm a count at 1 m, up to 10 m); computed only while subscribed"
 ACTIONS = {
     "judge": "as `~/judge`; feedback names each part as its turn comes; a cancelled goal ends before the next part",
     "propose": "as `~/propose`, with the proposals as its result; a goal that is cancelled before the target is sent moves nothing",
