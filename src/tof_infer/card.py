@@ -43,6 +43,8 @@ class Card:
     split: dict[str, Any] = field(default_factory=dict)
     figures: dict[str, Any] = field(default_factory=dict)
     curves: list[dict[str, float]] = field(default_factory=list)
+    base: dict[str, Any] = field(default_factory=dict)
+    """Of an adapted network: name, digest and camera of the network from which it started."""
     notes: str = ""
     schema: str = SCHEMA
 

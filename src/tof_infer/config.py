@@ -58,6 +58,19 @@ class NetConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class AdaptConfig:
+    """Adapting a trained network to another camera; one capture is one step."""
+
+    steps: int = param(600, "steps of the network", low=10, high=1_000_000)
+    check_steps: int = param(
+        250,
+        "steps of each of two more networks, trained on one half of the data and judged on the other; sigma is calibrated on both",
+        low=10,
+    )
+    rate: float = param(1e-3, "largest learning rate", low=1e-6, high=1.0)
+
+
+@dataclass(frozen=True, slots=True)
 class TrainConfig:
     """Training."""
 
@@ -89,6 +102,7 @@ class TrainConfig:
     max_sigma_mm: float = param(0.0, "sigma above which the raw depth is kept; 0: chosen by validation", unit="mm", low=0.0, high=1000.0)
     threads: int = param(0, "threads of the CPU; 0: as many cores as other processes leave free, at each epoch", low=0, high=256)
     device: str = param("auto", "where to train", choices=("auto", "cpu", "cuda"))
+    adapt: AdaptConfig = section(AdaptConfig, "adapting a trained network, with --adapt; epochs, batch, rate and net are not used then")
 
     @property
     def resolved(self) -> TrainConfig:

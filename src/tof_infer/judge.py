@@ -13,6 +13,8 @@ from tof_infer.honesty import Calibration, calibrate, coverage, sigma_limit
 from tof_infer.loss import loss_of, usable
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tof_core.arrays import Float
     from tof_infer.batches import Batcher
     from tof_infer.network import RepairNet
@@ -35,6 +37,14 @@ class Verdict:
     raw_error: Float
     log_scale: Float
     own: Float
+
+    @classmethod
+    def of_all(cls, verdicts: Sequence[Verdict]) -> Verdict:
+        """Several validations as one; means are weighted by the number of pixels."""
+        pixels = [len(v.error) for v in verdicts]
+        loss, mae, raw = (float(np.average([getattr(v, n) for v in verdicts], weights=pixels)) for n in ("loss", "mae", "raw_mae"))
+        thin = (np.concatenate([getattr(v, n) for v in verdicts]) for n in ("error", "raw_error", "log_scale", "own"))
+        return cls(loss, mae, raw, *thin)
 
     def honest(self, max_sigma_m: float = 0.0) -> tuple[Calibration, float]:
         """The calibration of sigma for these errors, and the limit above which the raw depth is kept (0: chosen here)."""

@@ -34,17 +34,25 @@ def write(card: Card, out: Path) -> Path:
         figures=figures,
         unseen="unseen_mae_mm" in figures,
         split=card.split,
+        held=held_out(card),
+        base=card.base,
+        curve="Validation while training: all pixels, other stations" if _checked(card.curves) else "Loss of training by pass",
         data=card.data,
         camera=card.camera,
         config=card.config,
         range_m=card.range_m,
         max_sigma_mm=1e3 * card.max_sigma_m,
-        errors=_errors(figures),
+        errors=_errors(figures, held_out(card)),
         curves=_curves(card.curves, figures),
         name=out.name,
     )
     page.write_text(text, encoding="utf-8")
     return page
+
+
+def held_out(card: Card) -> str:
+    """What the views have in common that judged the network."""
+    return "the other half" if card.base else "other stations"
 
 
 def sentence(figures: Mapping[str, Any]) -> str:
@@ -83,16 +91,16 @@ def todo(card: Card) -> list[str]:
 
 def _still_falls(curves: list[dict[str, float]]) -> bool:
     """Whether the last quarter of the epochs won something."""
-    values = [c["val_mae_mm"] for c in curves if "val_mae_mm" in c]
+    values = [c["val_mae_mm"] for c in _checked(curves)]
     if len(values) < 8:
         return False
     before = min(values[: -len(values) // 4])
     return min(values) < (1 - FLAT) * before
 
 
-def _errors(figures: Mapping[str, Any]) -> str:
-    """Mean errors raw and repaired, on views of other stations and, where known, of unseen scenes; one axis."""
-    groups = [("other stations", "val"), *([("scenes never seen", "unseen")] if "unseen_mae_mm" in figures else [])]
+def _errors(figures: Mapping[str, Any], held: str) -> str:
+    """Mean errors raw and repaired, on held-out views and, where known, of unseen scenes; one axis."""
+    groups = [(held, "val"), *([("scenes never seen", "unseen")] if "unseen_mae_mm" in figures else [])]
     figure, ((ax,),) = axes(5.4, 2.9)
     names, values, colours = [], [], []
     for words, key in groups:
@@ -110,10 +118,20 @@ def _errors(figures: Mapping[str, Any]) -> str:
     return figure_uri(figure)
 
 
+def _checked(curves: list[dict[str, float]]) -> list[dict[str, float]]:
+    """The epochs after which the network was judged."""
+    return [c for c in curves if "val_mae_mm" in c]
+
+
 def _curves(curves: list[dict[str, float]], figures: Mapping[str, Any]) -> str:
-    """Validation error by epoch beside that of the raw depth."""
+    """Validation error by epoch beside that of the raw depth; of an adapted network, which is judged at the end alone, the loss."""
     figure, ((ax,),) = axes(5.4, 2.9)
-    checked = [c for c in curves if "val_mae_mm" in c]
+    checked = _checked(curves)
+    if not checked:
+        ax.plot([c["epoch"] for c in curves], [c["loss"] for c in curves], color=PALETTE["accent"])
+        ax.set_xlabel("pass")
+        ax.set_ylabel("loss")
+        return figure_uri(figure)
     ax.plot(
         [c["epoch"] for c in checked],
         [c["val_mae_mm"] for c in checked],

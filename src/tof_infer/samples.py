@@ -26,11 +26,16 @@ if TYPE_CHECKING:
 MIN_STATIONS = 3
 """Training and validation share no station; with two in all, either would know one base pose only."""
 CACHE_BYTES = 2_000_000_000
+COMMON = 0.05
+"""Quantile of the standard deviations of a view's labels that is taken for what they have in common; the least one may be an outlier."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """One capture with its label: images (H, W) float32, NaN where invalid; `mask` marks where the label may be used."""
+    """One capture with its label: images (H, W) float32, NaN where invalid; `mask` marks where the label may be used.
+
+    label_sigma: standard deviation of the label in metres without what the labels of the view have in common, see `own_sigma`.
+    """
 
     depth: Image
     amplitude: Image
@@ -62,21 +67,21 @@ class Pool:
 
     Raises:
         DatasetError: a dataset is damaged, or made by another camera.
-        RefusedError: fewer than three stations in all.
+        RefusedError: fewer than `least` stations in all.
     """
 
     path = "the datasets"
 
-    def __init__(self, paths: Sequence[Path]) -> None:
+    def __init__(self, paths: Sequence[Path], least: int = MIN_STATIONS) -> None:
         self.datasets: list[Dataset] = [open_dataset(p) for p in paths]
         self.camera: Camera = self.datasets[0].camera
         for d in self.datasets[1:]:
             _same_camera(self.camera, d, self.datasets[0])
         self.first = np.cumsum([0, *(d.views for d in self.datasets)])
         self._station, self._stamps = self._columns()
-        if self.stations < MIN_STATIONS:
+        if self.stations < least:
             msg = f"{self.stations} station(s) in {len(paths)} dataset(s) are too few to train and to check on others"
-            raise RefusedError(msg, where=self.datasets[0].path, todo=f"record at least {MIN_STATIONS}: move the base between views")
+            raise RefusedError(msg, where=self.datasets[0].path, todo=f"record at least {least}: move the base between views")
 
     @property
     def stations(self) -> int:
@@ -167,7 +172,7 @@ class Samples:
             amplitude=d.frame("captures/amplitude", place.capture),
             temperature=float(self._temperature[place.dataset][place.capture]),
             label=label,
-            label_sigma=np.where(np.isfinite(sigma), sigma, 0),
+            label_sigma=own_sigma(sigma, mask),
             mask=mask,
             incidence=d.frame("views/incidence", place.view),
             material=_material(d, place.view),
@@ -187,6 +192,18 @@ def _fault(sample: Sample) -> str:
     if not (np.isfinite(sample.depth) & sample.mask).any():
         return "no depth where the label is"
     return ""
+
+
+def own_sigma(sigma: Image, mask: Mask) -> Image:
+    """Standard deviation of each pixel's label (H, W) without what all labels of the view have in common; 0 where there is none.
+
+    A range offset that no session can see (2 mm by default) is in every label alike. Left in, it would hide all smaller errors of the
+    network from the scale that it learns.
+    """
+    known = np.isfinite(sigma)
+    used = sigma[known & mask]
+    common = float(np.quantile(used, COMMON)) if used.size else 0.0
+    return np.sqrt(np.clip(np.where(known, sigma, 0.0) ** 2 - common**2, 0.0, None)).astype(np.float32)
 
 
 def _material(dataset: Dataset, view: int) -> Image:

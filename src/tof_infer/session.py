@@ -46,6 +46,11 @@ class Repaired:
         return np.asarray(self.mark == Mark.REPAIRED)
 
 
+def model_path(model: str) -> Path:
+    """The file of a network; `default` is the one in the package."""
+    return DEFAULT_MODEL if model == "default" else Path(model)
+
+
 class Session:
     """Runs one network. Buffers are reused: one frame at a time.
 
@@ -55,7 +60,7 @@ class Session:
 
     def __init__(self, config: InferConfig | None = None) -> None:
         self.config = config or InferConfig()
-        self.path = DEFAULT_MODEL if self.config.model == "default" else Path(self.config.model)
+        self.path = model_path(self.config.model)
         self._session = _load(self.path, self.config)
         self.card = _checked_card(self._session, self.path)
         self._camera: Camera | None = None

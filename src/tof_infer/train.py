@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import math
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,14 +13,13 @@ from tof_core.config import to_mapping
 from tof_core.cores import FREE
 from tof_core.errors import ModelError, RefusedError
 from tof_core.hashing import digest_config
-from tof_core.progress import progress
 from tof_infer.batches import Batcher
 from tof_infer.card import Card
 from tof_infer.export import export
 from tof_infer.honesty import Calibration
 from tof_infer.judge import judge
-from tof_infer.loss import loss_of
 from tof_infer.network import RepairNet
+from tof_infer.passes import State, one_pass
 from tof_infer.samples import Pool, Samples
 from tof_infer.unseen import Unseen, make_sure
 
@@ -34,24 +31,6 @@ if TYPE_CHECKING:
     from tof_infer.augment import Redraw
     from tof_infer.config import TrainConfig
     from tof_sim_label.split import Split
-
-AVERAGED = 0.998
-"""Share of the old in the running average of the weights; the average is what is kept."""
-WARM = 0.02
-FALLS_FROM = 0.4
-"""Share of all steps after which the rate falls."""
-CLIP = 1.0
-
-
-@dataclass(slots=True, eq=False)
-class State:
-    """Content of a checkpoint, beside the digest of data and settings."""
-
-    net: RepairNet
-    average: RepairNet
-    optimiser: torch.optim.Optimizer
-    epoch: int
-    curves: list[dict[str, float]]
 
 
 def train(
@@ -83,7 +62,8 @@ def train(
         f"{len(training)} captures to train on, {len(validation)} to check on, {pool.stations} stations; "
         f"left out: {dict(training.skipped + validation.skipped) or 'none'}"
     )
-    device = _prepare(config)
+    torch.manual_seed(config.seed)
+    device = device_of(config)
     state = _new_state(config, training, device)
     digest = digest_config({"config": to_mapping(config), "data": pool.facts(), "redraw": repr(redraw)})
     checkpoint = out.with_name(out.name + ".ckpt")
@@ -108,7 +88,7 @@ def _one_epoch(state: State, batcher: Batcher, checker: Batcher, device: torch.d
     """Train over all samples once, validate at intervals; returns the progress line."""
     config, started = batcher.config, time.monotonic()
     every = -(-2 * len(checker.samples) // len(batcher.samples))  # validation must not take longer than training
-    point = {"epoch": state.epoch + 1, "loss": _epoch(state, batcher, config, device)}
+    point = {"epoch": state.epoch + 1, "loss": one_pass(state, batcher, config, device)}
     state.epoch += 1
     line = f"epoch {state.epoch}/{config.epochs}: loss {point['loss']:.4f}"
     if state.epoch % every == 0:
@@ -117,16 +97,6 @@ def _one_epoch(state: State, batcher: Batcher, checker: Batcher, device: torch.d
         line += f", validation {verdict.loss:.4f}, MAE {verdict.mae * 1e3:.2f} mm (raw {verdict.raw_mae * 1e3:.2f} mm)"
     state.curves.append(point)
     return f"{line}, {time.monotonic() - started:.1f} s"
-
-
-def learning_rate(step: int, steps: int, config: TrainConfig) -> float:
-    """Learning rate: linear warm-up, constant, then a cosine decay."""
-    share = step / max(steps, 1)
-    if share < WARM:
-        return config.rate * (step + 1) / (WARM * steps + 1)
-    if share < FALLS_FROM:
-        return config.rate
-    return config.rate * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * (share - FALLS_FROM) / (1 - FALLS_FROM))))
 
 
 def _samples(pool: Pool, split: Split, config: TrainConfig) -> tuple[Samples, Samples]:
@@ -150,8 +120,12 @@ def thinned(views: Ints, count: int) -> Ints:
     return np.asarray(views[np.unique(np.linspace(0, len(views) - 1, min(count, len(views))).astype(int))])
 
 
-def _prepare(config: TrainConfig) -> torch.device:
-    torch.manual_seed(config.seed)
+def device_of(config: TrainConfig) -> torch.device:
+    """The device to train on.
+
+    Raises:
+        RefusedError: CUDA is asked for and not there.
+    """
     if config.device == "cuda" and not torch.cuda.is_available():
         raise RefusedError("there is no CUDA device", where="train.device", todo="train with --device cpu")
     return torch.device("cuda" if config.device != "cpu" and torch.cuda.is_available() else "cpu")
@@ -159,9 +133,7 @@ def _prepare(config: TrainConfig) -> torch.device:
 
 def _new_state(config: TrainConfig, training: Samples, device: torch.device) -> State:
     net, average = RepairNet(config.net), RepairNet(config.net)
-    amplitude = np.concatenate([_logs(training[i].amplitude) for i in range(0, len(training), max(len(training) // 50, 1))])
-    if amplitude.size:
-        net.features.log_amplitude.copy_(torch.tensor([float(amplitude.mean()), float(amplitude.std()) + 1e-3]))
+    measure_amplitude(net, training)
     average.load_state_dict(net.state_dict())
     net.to(device)
     average.to(device)
@@ -169,37 +141,16 @@ def _new_state(config: TrainConfig, training: Samples, device: torch.device) -> 
     return State(net, average, optimiser, 0, [])
 
 
+def measure_amplitude(net: RepairNet, samples: Samples) -> None:
+    """Set the mean and the spread of log amplitude by which the network scales its input to those of some samples."""
+    amplitude = np.concatenate([_logs(samples[i].amplitude) for i in range(0, len(samples), max(len(samples) // 50, 1))])
+    if amplitude.size:
+        net.features.log_amplitude.copy_(torch.tensor([float(amplitude.mean()), float(amplitude.std()) + 1e-3]))
+
+
 def _logs(amplitude: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     seen = amplitude[np.isfinite(amplitude) & (amplitude > 0)]
     return np.asarray(np.log(seen[::17].astype(np.float64)))
-
-
-def _epoch(state: State, batcher: Batcher, config: TrainConfig, device: torch.device) -> float:
-    state.net.train()
-    per_epoch = -(-len(batcher.samples) // config.batch)
-    total, count = 0.0, 0
-    for number, (images, target) in enumerate(progress(batcher.epoch(state.epoch), f"epoch {state.epoch + 1}", per_epoch)):
-        for group in state.optimiser.param_groups:
-            group["lr"] = learning_rate(state.epoch * per_epoch + number, config.epochs * per_epoch, config)
-        images = {k: v.to(device) for k, v in images.items()}
-        depth, log_scale = state.net(images)
-        loss = loss_of(config.loss, depth, log_scale, images, {k: v.to(device) for k, v in target.items()})
-        state.optimiser.zero_grad(set_to_none=True)
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(state.net.parameters(), CLIP)
-        state.optimiser.step()
-        _average(state, state.epoch * per_epoch + number)
-        total, count = total + float(loss.detach()), count + 1
-    if not math.isfinite(total):
-        raise RefusedError("the loss is no number any more", where=f"epoch {state.epoch + 1}", todo="train with a smaller --rate")
-    return total / max(count, 1)
-
-
-@torch.no_grad()
-def _average(state: State, step: int) -> None:
-    keep = min(AVERAGED, (1 + step) / (10 + step))
-    for mine, new in zip(state.average.parameters(), state.net.parameters(), strict=True):
-        mine.lerp_(new, 1 - keep)
 
 
 def _save(path: Path, state: State, digest: str) -> None:
@@ -232,6 +183,12 @@ def _resume(path: Path, state: State, digest: str) -> None:
     state.epoch, state.curves = saved["epoch"], saved["curves"]
 
 
+def range_of(training: Samples) -> tuple[float, float]:
+    """Least and largest depth of the labels in metres, without the outermost 0.2 %."""
+    low, high = np.quantile(np.concatenate([training[i].label[training[i].mask][::101] for i in range(len(training))]), [0.002, 0.998])
+    return float(low), float(high)
+
+
 def _card(
     config: TrainConfig,
     pool: Pool,
@@ -242,12 +199,11 @@ def _card(
     limit: float,
     others: Unseen,
 ) -> Card:
-    low, high = np.quantile(np.concatenate([training[i].label[training[i].mask][::101] for i in range(len(training))]), [0.002, 0.998])
     return Card(
         inputs=config.net.names,
         multiple=config.net.multiple,
         camera=pool.camera,
-        range_m=(float(low), float(high)),
+        range_m=range_of(training),
         max_sigma_m=limit,
         config=to_mapping(config),
         data=pool.facts(),

@@ -32,11 +32,11 @@ def wall(number: int, camera: Camera = CAMERA) -> Image:
     return (1 / (c + a * rays[..., 0] * c + b * rays[..., 1] * c)).astype(np.float32)
 
 
-def measured(number: int, camera: Camera = CAMERA) -> Capture:
-    """The camera's measurement: 20 mm too far, 2 mm of noise, one pixel lost."""
+def measured(number: int, camera: Camera = CAMERA, offset_m: float = OFFSET_M) -> Capture:
+    """The camera's measurement: 20 mm too far (unless said otherwise), 2 mm of noise, one pixel lost."""
     rng = np.random.default_rng([number, 2])
     true = wall(number, camera)
-    depth = (true + OFFSET_M + rng.normal(0, 2e-3, true.shape)).astype(np.float32)
+    depth = (true + offset_m + rng.normal(0, 2e-3, true.shape)).astype(np.float32)
     depth[2, 3] = np.nan
     return Capture(
         1_000_000_000 + number, camera, depth, np.isnan(depth).astype(np.uint8), None, (100 / true**2).astype(np.float32), None, 30.0
@@ -59,12 +59,20 @@ def labelled(number: int, camera: Camera = CAMERA) -> Label:
 
 
 def write_dataset(
-    path: Path, views: int = 8, stations: int = 4, camera: Camera = CAMERA, *, damage: str = "", damaged: int = 1, first: int = 0
+    path: Path,
+    views: int = 8,
+    stations: int = 4,
+    camera: Camera = CAMERA,
+    *,
+    damage: str = "",
+    damaged: int = 1,
+    first: int = 0,
+    offset_m: float = OFFSET_M,
 ) -> Path:
     """A dataset of so many walls; `damage` destroys the first `damaged` views: `nan` its label, `mask` its mask, `raw` its frame."""
     with DatasetWriter(path, camera, Attributes("cad", "config", "robot", ("wall",))) as writer:
         for k in range(views):
-            capture, label = measured(first + k, camera), labelled(first + k, camera)
+            capture, label = measured(first + k, camera, offset_m), labelled(first + k, camera)
             if k < damaged and damage == "nan":
                 label.depth[:] = np.nan
             if k < damaged and damage == "mask":

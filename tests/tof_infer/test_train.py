@@ -19,7 +19,8 @@ from tof_sim_label.store import chunk_path
 
 torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 
-from tof_infer.train import learning_rate, thinned, train  # noqa: E402
+from tof_infer.passes import learning_rate  # noqa: E402
+from tof_infer.train import thinned, train  # noqa: E402
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -126,3 +126,11 @@ def test_train_says_what_is_wrong_with_the_call(tmp_path: Path, capsys: pytest.C
     assert "none.zarr" in capsys.readouterr().err
     assert cli.main(["train", str(tmp_path), "--out", str(tmp_path / "m.pt")]) == 2
     assert "must end in .onnx" in capsys.readouterr().err
+
+
+def test_adapt_refuses_flags_that_it_does_not_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    call = ["train", str(tmp_path), "--adapt", "default", "--out", str(tmp_path / "m.onnx")]
+    assert cli.main([*call, "--epochs", "3"]) == 2
+    assert "--epochs: is not used with --adapt; see train.adapt in --settings" in " ".join(capsys.readouterr().err.split())
+    assert cli.main([*call, "--unseen", str(tmp_path)]) == 2
+    assert "--unseen: is not used with --adapt" in " ".join(capsys.readouterr().err.split())

@@ -18,10 +18,12 @@ NAME = "train"
 HELP = "train the network that repairs depth, from labelled datasets"
 ABOUT = (
     "Learns from the datasets of one camera how far each pixel is off, and how uncertain that is. Some stations take no "
-    "part in training and judge the result. A run that was interrupted continues where it stopped. Needs the extra 'train'."
+    "part in training and judge the result. A run that was interrupted continues where it stopped. With --adapt a trained "
+    "network is adapted to another camera: five labelled views and a minute of one core. Needs the extra 'train'."
 )
 EXAMPLE = (
     "toftwin train out/monday/dataset.zarr out/tuesday/dataset.zarr --out model.onnx --epochs 60\n"
+    "  toftwin train out/five_views --adapt default --out model.onnx\n"
     "  toftwin train board/bag --board 5x7x0.030 --out model.onnx"
 )
 FLAGS = ("recipe", "epochs", "batch", "rate", "seed", "limit", "threads", "device")
@@ -52,6 +54,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         metavar="FILE",
         help="network to write (.onnx); its card, data and figures, is written beside it (.json), and a report (.html)",
+    )
+    parser.add_argument(
+        "--adapt",
+        metavar="MODEL",
+        help="adapt this network (.onnx of any camera; default: the one in the package) instead of training from the beginning",
     )
     parser.add_argument(
         "--unseen",
@@ -87,21 +94,24 @@ def run(args: argparse.Namespace) -> int:
     config = load(args)
     if args.out.suffix != ".onnx":
         raise UsageError("must end in .onnx", where=f"--out {args.out}")
+    _check_adapt(args)
     train = _trainer()
     if args.board is not None:
         from toftwin.board_training import labelled, near_labels
 
         args.datasets, config = labelled(args.datasets, args.board, args.out), near_labels(config)
-    redraw = _redraw(args)
-    card = train(
-        [dataset_at(p) for p in args.datasets],
-        args.out,
-        config,
-        redraw=redraw,
-        fresh=args.fresh,
-        unseen=[dataset_at(p) for p in args.unseen],
-        say=lambda line: print(line, file=sys.stderr, flush=True),
-    )
+    datasets, redraw = [dataset_at(p) for p in args.datasets], _redraw(args)
+
+    def say(line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+    if args.adapt is not None:
+        from tof_infer.adapt import adapt
+        from tof_infer.session import model_path
+
+        card = adapt(datasets, model_path(args.adapt), args.out, config, redraw=redraw, say=say)
+    else:
+        card = train(datasets, args.out, config, redraw=redraw, fresh=args.fresh, unseen=[dataset_at(p) for p in args.unseen], say=say)
     from tof_infer.report import write
 
     page = write(card, args.out)
@@ -113,6 +123,18 @@ def run(args: argparse.Namespace) -> int:
         _print(card, args.out)
         print(f"report: {page}")
     return 0
+
+
+NOT_ADAPTED = ("recipe", "epochs", "batch", "rate", "limit", "fresh", "unseen")
+"""Flags that say nothing to an adaptation."""
+
+
+def _check_adapt(args: argparse.Namespace) -> None:
+    """Refuse flags that an adaptation would not read."""
+    if args.adapt is None:
+        return
+    if given := [name for name in NOT_ADAPTED if getattr(args, name)]:
+        raise UsageError("is not used with --adapt", where=f"--{given[0]}", todo="see train.adapt in --settings, or leave out --adapt")
 
 
 def load(args: argparse.Namespace) -> TrainConfig:
@@ -160,7 +182,8 @@ def _redraw(args: argparse.Namespace) -> Any:
 def _print(card: Card, out: Path) -> None:
     f = card.figures
     print(f"{out}: {f['weights']:,} weights, {out.stat().st_size / 1e6:.2f} MB; card in {out.with_suffix('.json')}")
-    print(f"validation ({card.split['val_views']} views of other stations): MAE {f['val_mae_mm']:.2f} mm, raw {f['val_raw_mae_mm']:.2f} mm")
+    where = "other stations" if card.split["by"] == "station" else "the other half"
+    print(f"validation ({card.split['val_views']} views of {where}): MAE {f['val_mae_mm']:.2f} mm, raw {f['val_raw_mae_mm']:.2f} mm")
     if f["val_mae_known_mm"] is not None:
         print(f"pixels that it repairs ({f['val_known']:.1%}): MAE {f['val_mae_known_mm']:.2f} mm")
     print(f"errors within 1 sigma {f['val_within_1_sigma']:.1%}, within 2 sigma {f['val_within_2_sigma']:.1%}")
