@@ -61,9 +61,9 @@ class NetConfig:
 class AdaptConfig:
     """Adapting a trained network to another camera; one capture is one step."""
 
-    steps: int = param(600, "steps of the network", low=10, high=1_000_000)
+    steps: int = param(560, "steps of the network", low=10, high=1_000_000)
     check_steps: int = param(
-        250,
+        200,
         "steps of each of two more networks, trained on one half of the data and judged on the other; sigma is calibrated on both",
         low=10,
     )
