@@ -25,16 +25,25 @@ REACH_CHOICES = (REACH, "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY
 """A user who sets one of these has chosen the discovery range."""
 TRANSPORT_CHOICES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS")
 """A user who sets one of these has chosen the transports."""
+PROFILE = str(Path(__file__).with_name("this_host.xml"))
+PARTICIPANT = "TOFTWIN_PARTICIPANT"
+"""The number that `PROFILE` gives to the participant of a process. `ANY_PARTICIPANT` is the lowest that is free on this host, which after a
+kill -9 is that of the dead process, and its ports: the others write into the shared memory of the dead for up to 3 s."""
+ANY_PARTICIPANT = "-1"
+PARTICIPANTS = 100
+"""So many numbers are looked for on this host (`maxInitialPeersRange` of `PROFILE`)."""
 
 
 @contextmanager
-def ros_context(args: Sequence[str] = (), *, domain: int | None = None, safe: bool = True) -> Iterator[Context]:
+def ros_context(args: Sequence[str] = (), *, domain: int | None = None, safe: bool = True, alone: bool = False) -> Iterator[Context]:
     """An rclpy context of its own, shut down at the end; `args` as after `--ros-args`.
 
-    With `safe` discovery stays on this host unless the environment says otherwise; without, it reaches as far as any node's.
+    With `safe` discovery stays on this host unless the environment says otherwise; without, it reaches as far as any node's. With `alone`,
+    where this process makes no other context, others match it at once also if it follows one that was killed.
     """
     if safe:
         keep_to_this_host()
+    os.environ[PARTICIPANT] = str(os.getpid() % PARTICIPANTS) if alone else ANY_PARTICIPANT
     import rclpy
 
     context = rclpy.Context()
@@ -55,7 +64,7 @@ def keep_to_this_host() -> None:
         os.environ[REACH] = "LOCALHOST"
     others = any(os.environ.get(name) for name in ("ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER"))
     if os.environ.get(REACH) == "LOCALHOST" and not others and not any(name in os.environ for name in TRANSPORT_CHOICES):
-        os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(Path(__file__).with_name("this_host.xml"))
+        os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = PROFILE
 
 
 def reach(environment: Mapping[str, str]) -> str:

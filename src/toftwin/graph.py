@@ -103,7 +103,7 @@ def run_graph(spec: GraphSpec) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    with ros_context(spec.ros_args(), safe=spec.safe) as context:
+    with ros_context(spec.ros_args(), safe=spec.safe, alone=True) as context:
         nodes = []
         for name in spec.nodes:
             overrides = parameter_overrides(spec.parameters.get(name, {}))

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,7 @@ from tof_core.errors import UsageError
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 
-from tof_ros.environment import TRANSPORT_CHOICES, named_domain, private_domain, ros_context
+from tof_ros.environment import PARTICIPANTS, TRANSPORT_CHOICES, named_domain, private_domain, ros_context
 
 SHARED = Path("/dev/shm")  # noqa: S108 - where Linux has it
 
@@ -46,6 +48,32 @@ def test_what_a_process_shares_with_others_holds_several_images() -> None:
         largest = max(path.stat().st_size for path in set(SHARED.glob("fastrtps_*")) - before)
         node.destroy_node()
     assert largest >= 3 * 1280 * 960 * 2
+
+
+PORTS = """
+from tof_ros.environment import ros_context
+with ros_context(alone={alone}) as context:
+    import os, rclpy
+    node = rclpy.create_node("alone", context=context)
+    held = {{os.readlink(f"/proc/self/fd/{{fd}}") for fd in os.listdir("/proc/self/fd") if os.path.exists(f"/proc/self/fd/{{fd}}")}}
+    rows = [line.split() for line in open("/proc/self/net/udp").readlines()[1:]]
+    print(os.getpid(), *(int(row[1].rpartition(":")[2], 16) for row in rows if f"socket:[{{row[9]}}]" in held))
+"""
+
+
+@pytest.mark.skipif(
+    not Path("/proc/net/udp").exists() or any(name in os.environ for name in TRANSPORT_CHOICES), reason="another transport was chosen"
+)
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_node_s_successor_has_other_ports_than_the_one_that_was_killed(alone: bool) -> None:  # noqa: FBT001
+    """RTPS: the unicast port of discovery is 7410 + 250 domain + 2 participant."""
+    with private_domain(shared=False) as domain:
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+        done = subprocess.run(
+            [sys.executable, "-c", PORTS.format(alone=alone)], env=environment, capture_output=True, text=True, check=True
+        )
+    pid, *ports = (int(word) for word in done.stdout.split())
+    assert 7410 + 250 * domain + (2 * (pid % PARTICIPANTS) if alone else 0) in ports
 
 
 REACHES = {
