@@ -207,7 +207,9 @@ def killed(graph: Supervised, camera: LoopedCamera, node: Any, folder: Path) -> 
             if name == "preproc" and number == 0:
                 yield recording(folder, answered)
         others = (busy_s() - busy) / (time.monotonic() - began)
-        remark = f"the longest of {listed(back)} s; a node of rclpy with one subscription, killed likewise: {listed(plain)} s; {load(others)}"
+        remark = (
+            f"the longest of {listed(back)} s; a node of rclpy with one subscription, killed likewise: {listed(plain)} s; {load(others)}"
+        )
         what = f"kill -9 of {name}, started again after {RESPAWN_S:g} s: answers frames after"
         yield at_most(what, max(back), 3.0, "s", remark=remark)
 
