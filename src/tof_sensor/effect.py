@@ -38,11 +38,20 @@ class Form(NamedTuple):
 
 
 class Finer(NamedTuple):
-    """One pass of the search around an effect's best form: a parameter, how far (relative) to either side, in how many steps."""
+    """One pass of the search around an effect's best form: a parameter, how far to either side, in how many steps.
+
+    relative: whether `width` is a share of the parameter, or in its own unit.
+    """
 
     parameter: str
     width: float
     steps: int = 5
+    relative: bool = True
+
+    def near(self, own: float) -> Float:
+        """(steps,) values around the parameter's own one."""
+        sides = np.linspace(-1, 1, self.steps)
+        return np.asarray(own * (1 + self.width) ** sides if self.relative else own + self.width * sides)
 
 
 @dataclass(frozen=True, slots=True)

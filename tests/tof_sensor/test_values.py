@@ -270,6 +270,15 @@ def test_wiggling_has_sine_and_cosine_of_range() -> None:
         np.testing.assert_allclose(wiggle.bias(frame) * frame.length, 0.003 * wave(phase), atol=1e-7)
 
 
+def test_a_wiggle_runs_ahead_over_the_columns_and_rows() -> None:
+    frame, period = plane_frame(), C / (8 * 100e6)
+    u = (np.arange(CAMERA.width) - CAMERA.cx) / CAMERA.width
+    v = (np.arange(CAMERA.height) - CAMERA.cy) / CAMERA.height
+    skewed = Wiggling(sine_m=0.003, across_m=0.04, down_m=-0.02).bias(frame) * frame.length
+    ahead = 0.04 * u[None, :] - 0.02 * v[:, None]
+    np.testing.assert_allclose(skewed, 0.003 * np.sin(2 * np.pi * (frame.radial + ahead) / period), atol=1e-7)
+
+
 def test_gloss_shares_the_pixel_with_matt_light() -> None:
     """Peak as bright as an albedo of 0.5 before a matt 0.5: half of the bias straight on, 0.5 / e of 0.5 / e + 0.5 cos 8 degrees at the lobe."""
     frame = plane_frame()

@@ -177,8 +177,12 @@ class ForeignLightLimits:
         high=1.0,
         why="two signs, each rare without foreign light",
     )
-    field_chi2: float = param(
-        100.0, "chi-square that the field of a view takes", low=0.0, why="inexact maps of healthy cameras leave up to 50; chance 1 in 10^15"
+    field_chi2: float = param(100.0, "chi-square that the field of a view takes", low=0.0, why="chance gives thirteen terms 13")
+    field_mm: float = param(
+        0.2, "RMS of such a field", unit="mm", low=0.0, why="healthy emerging cameras leave 0.05, foreign light of 2 mm 0.3"
+    )
+    field_share: float = param(
+        0.1, "of the size of the named effects, the same", low=0.0, high=1.0, why="maps are never exact: wiggling of 4.3 mm leaves 0.26 mm"
     )
     field_views: float = param(0.75, "share of the views with such a field", low=0.0, high=1.0, why="foreign light is in every capture")
     cosine: float = param(0.1, "least cosine of incidence", low=1e-3, high=1.0, why="grazing surfaces would outweigh all")

@@ -23,7 +23,9 @@ ALONG, ACROSS = 2, (0, 1)
 """Axes of the camera's frame along the view and across it."""
 
 
-def foreign_light(views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, limits: ForeignLightLimits) -> Finding | None:
+def foreign_light(
+    views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, limits: ForeignLightLimits, named_m: float = 0.0
+) -> Finding | None:
     """`interference` where captures are off along the view, each by its own amount, and not across it.
 
     Another camera's modulated light adds a phasor with a phase of its own in every capture (docs/effects.md). Most of what the
@@ -36,6 +38,7 @@ def foreign_light(views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, li
         arms: (V, 6) arm errors in the camera's frame, metres and radians.
         arms_sd: (V, 6) their standard deviations by the robot's prior.
         limits: from which chance on the effect is believed.
+        named_m: metres, sizes of the named effects together (root of the sum of squares).
     """
     square = (arms / arms_sd) ** 2
     along, across = float(square[:, ALONG].sum()), float(square[:, ACROSS].sum())
@@ -46,7 +49,7 @@ def foreign_light(views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, li
     if not certain and by_arm > limits.chance_across_fields:
         return None
     fields = [field(v, limits) for v in views]
-    if not certain and _with_field(views, fields, limits) < limits.field_views:
+    if not certain and _with_field(views, fields, named_m, limits) < limits.field_views:
         return None
     size = float(np.sqrt(np.mean(arms[:, ALONG] ** 2)))
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
@@ -77,7 +80,12 @@ def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
     return np.asarray(columns @ (c / scale))
 
 
-def _with_field(views: Sequence[ViewEvidence], fields: Sequence[Float], limits: ForeignLightLimits) -> float:
-    """Share of the views whose field takes more chi-square than chance and inexact maps give it."""
-    gains = [np.sum((v.residual**2 - (v.residual - f) ** 2)[v.smooth] / v.sigma[v.smooth] ** 2) for v, f in zip(views, fields, strict=True)]
-    return float(np.mean(np.array(gains) > limits.field_chi2))
+def _with_field(views: Sequence[ViewEvidence], fields: Sequence[Float], named_m: float, limits: ForeignLightLimits) -> float:
+    """Share of the views whose field takes more than chance, a healthy camera's tolerance, and inexact maps give it."""
+    least_m = max(limits.field_mm * 1e-3, limits.field_share * named_m)
+    large = []
+    for v, f in zip(views, fields, strict=True):
+        weight = 1.0 / v.sigma[v.smooth] ** 2
+        taken = float(((v.residual**2 - (v.residual - f) ** 2)[v.smooth] * weight).sum())
+        large.append(taken > max(limits.field_chi2, least_m**2 * float(weight.sum())))
+    return float(np.mean(large))

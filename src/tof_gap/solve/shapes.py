@@ -47,8 +47,7 @@ def _best_shape(
     inflate: float,
 ) -> Any:
     """The effect whose parameter, within the pass's width of where it is, does best on held-out views."""
-    own, steps = getattr(effect, finer.parameter), np.linspace(-1, 1, finer.steps)
-    near_by = [replace(effect, **{finer.parameter: float(own * (1 + finer.width) ** s)}) for s in steps]
+    near_by = [replace(effect, **{finer.parameter: float(x)}) for x in finer.near(getattr(effect, finer.parameter))]
     trial = [Candidate(e.NAME, e) for e in near_by]
     judge = Selector(build(store, [*others, *trial], chain, config.hand_sd, config.lens_sd), config.select)
     base = list(range(len(others)))

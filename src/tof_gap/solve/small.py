@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tof_gap.solve.worth import rescored, worth
+from tof_gap.solve.worth import rescored, visible_m, worth
 
 if TYPE_CHECKING:
     from tof_gap.solve.judge import Hypothesis, Selector
@@ -35,7 +35,8 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
         return whole, ()  # A second part that deviates is the same effect.
     without = judge.score(current.members, whole.inflate).score - whole.score
     explained = judge.score((), whole.inflate).score - whole.score
-    return current, tuple(small) if without > judge.config.small_together * explained else ()
+    much = without > judge.config.small_together * explained
+    return current, tuple(small) if much and visible_m(judge, whole, without) > judge.config.least_mm * 1e-3 else ()
 
 
 def _names(judge: Selector, current: Hypothesis) -> list[str]:

@@ -10,6 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike
+
     from tof_align.columns import ColumnFit
     from tof_core.arrays import Float
     from tof_gap.solve.judge import Hypothesis, Selector
@@ -28,8 +30,13 @@ def worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:
             for place in range(len(current.members))
         ]
     )
+    return lost, visible_m(judge, current, lost)
+
+
+def visible_m(judge: Selector, current: Hypothesis, chi2: ArrayLike) -> Float:
+    """Held-out chi-square as metres RMS over all pixels."""
     system = judge.design.system
-    return lost, np.sqrt(np.maximum(lost * current.inflate, 0.0) / system.pixels.sum()) * system.sigma
+    return np.asarray(np.sqrt(np.maximum(np.asarray(chi2) * current.inflate, 0.0) / system.pixels.sum()) * system.sigma)
 
 
 def coefficients(judge: Selector, hypothesis: Hypothesis, solution: ColumnFit, place: int) -> Float:

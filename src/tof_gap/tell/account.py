@@ -132,7 +132,7 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     blurred = solved.names(Motion.NAME)
     # Arm errors say nothing while motion shifts edges, and where there is no arm: then hand-eye is not considered either.
     silent = blurred or {Interference.NAME, HandEye.NAME} & left_out
-    foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light)
+    foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light, _named_m(solved))
     if foreign is not None and foreign.posed_m < _rough_m(solved):
         foreign = None
     taken = left_out if foreign is None else left_out | {Interference.NAME}
@@ -140,6 +140,11 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     unmerged = any(_removed_wraps(f) for f in gone)
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
     return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone], config.missing)))
+
+
+def _named_m(solved: Solved) -> float:
+    """Metres: sizes of the named effects together."""
+    return float(np.sqrt(sum(size**2 for size in solved.sizes.values())))
 
 
 def _rough_m(solved: Solved) -> float:

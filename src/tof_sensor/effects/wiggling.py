@@ -23,9 +23,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Wiggling(Effect):
-    """dr = s sin(k phi) + c cos(k phi), phi = 4 pi f r / c0 (Lindner 2010; docs/effects.md).
+    """dr = s sin(k phi) + c cos(k phi), phi = 4 pi f (r + a u + d v) / c0 (Lindner 2010; docs/effects.md).
 
-    Four taps alias the 3rd and 5th harmonic into k = 4 (period c0 / 8 f), three taps into k = 3.
+    Four taps alias the 3rd and 5th harmonic into k = 4 (period c0 / 8 f), three taps into k = 3. The wave follows the phase that a pixel
+    measures: it runs ahead over the columns (u, shares of the image's width) and rows (v) by the skew of the demodulation clock and by the
+    place of the lamp. The factory takes both out of range, and not out of the wave.
     """
 
     NAME: ClassVar[str] = "wiggling"
@@ -36,13 +38,21 @@ class Wiggling(Effect):
     ACTIONS: ClassVar = (NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
     REPEATS: ClassVar[bool] = True  # Each frequency of a camera that merges two or three, and each harmonic, has a wave of its own.
-    FINER: ClassVar[tuple[Finer, ...]] = tuple(Finer("modulation_mhz", width, 13) for width in (0.2, 0.05, 0.012))
+    FINER: ClassVar[tuple[Finer, ...]] = (
+        *(Finer("modulation_mhz", width, 13) for width in (0.2, 0.05, 0.012)),
+        Finer("across_m", 0.06, 13, relative=False),
+        Finer("down_m", 0.03, 7, relative=False),
+        Finer("across_m", 0.01, 9, relative=False),
+        Finer("modulation_mhz", 0.012, 9),
+    )
     LINEAR: ClassVar[tuple[str, ...]] = ("sine_m", "cosine_m")
 
     sine_m: float = param(0.0, "amplitude of sin(k phi)", unit="m", low=-0.1, high=0.1)
     cosine_m: float = param(0.0, "amplitude of cos(k phi)", unit="m", low=-0.1, high=0.1)
     modulation_mhz: float = param(100.0, "modulation frequency", unit="MHz", low=1.0, high=1000.0)
 
+    across_m: float = param(0.0, "range by which the phase runs ahead from the left border to the right one", unit="m", low=-0.5, high=0.5)
+    down_m: float = param(0.0, "the same from the upper border to the lower one", unit="m", low=-0.5, high=0.5)
     harmonic: int = param(4, "aliased harmonic, = number of taps", low=1, high=16)
 
     @property
@@ -57,7 +67,9 @@ class Wiggling(Effect):
 
     def columns(self, frame: Frame) -> Float:
         """Sine and cosine of the aliased phase, along z."""
-        phase = 2 * np.pi * frame.radial / self.period_m
+        camera, rays = frame.camera, frame.rays
+        ahead = self.across_m * camera.fx / camera.width * rays[..., 0] + self.down_m * camera.fy / camera.height * rays[..., 1]
+        phase = 2 * np.pi * (frame.radial + ahead) / self.period_m
         length = frame.length
         return stack([np.sin(phase) / length, np.cos(phase) / length], frame)
 

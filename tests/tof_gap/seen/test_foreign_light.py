@@ -67,3 +67,10 @@ def test_the_field_of_a_view_is_what_varies_smoothly_over_it() -> None:
     error = (field(view, LIMITS) * view.frame.length - smooth)[view.smooth]
     # Thirteen terms of some 9600 pixels with 4 mm of noise: sqrt(13 / 9600) * 4 mm = 0.15 mm.
     assert np.sqrt(np.mean(error**2)) < 2.5e-4
+
+
+@pytest.mark.parametrize(("named_m", "found"), [(0.005, True), (0.02, False)])
+def test_fields_that_inexact_maps_of_named_effects_may_leave_are_no_sign(named_m: float, *, found: bool) -> None:
+    # Fields of 1.4 mm RMS beside 5 and 20 mm of named effects.
+    seen = views(np.random.default_rng(1), own_fields(0.002))
+    assert (foreign_light(seen, arms(0.0006, 0.0013), SD, LIMITS, named_m) is not None) is found

@@ -21,9 +21,9 @@ from tof_sensor.effects.wiggling import Wiggling
 TRUE_MHZ = 66.0
 
 
-def finer(*candidates: Candidate) -> list[Candidate]:
-    """The refined forms of chosen candidates, in a session with a wiggle of `TRUE_MHZ`."""
-    true = Wiggling(modulation_mhz=TRUE_MHZ, sine_m=0.006, cosine_m=0.003)
+def finer(*candidates: Candidate, across_m: float = 0.0) -> list[Candidate]:
+    """The refined forms of chosen candidates, in a session with a wiggle of `TRUE_MHZ` whose phase runs ahead over the columns."""
+    true = Wiggling(modulation_mhz=TRUE_MHZ, sine_m=0.006, cosine_m=0.003, across_m=across_m)
     extra = np.stack([true.bias(v.frame) * v.frame.length for v in views(np.random.default_rng(1))])
     seen = views(np.random.default_rng(1), extra)
     store = ColumnStore(seen, deal([0] * VIEWS, 6))
@@ -36,6 +36,13 @@ def test_a_frequency_between_candidates_is_found(start_mhz: float) -> None:
     (found,) = finer(Candidate("wiggling", Wiggling(modulation_mhz=start_mhz)), Candidate("range_offset", RangeOffset()))
     assert (found.name, found.note) == ("wiggling", "refined")
     assert cast("Wiggling", found.effect).modulation_mhz == pytest.approx(TRUE_MHZ, rel=0.02)
+
+
+@pytest.mark.parametrize("across_m", [-0.04, 0.0, 0.04])
+def test_a_skew_of_the_phase_over_the_columns_is_found(across_m: float) -> None:
+    (found,) = finer(Candidate("wiggling", Wiggling(modulation_mhz=TRUE_MHZ)), across_m=across_m)
+    # Of a wave of 0.57 m, 10 mm of skew are a hundredth of a turn at either border: 0.4 mm of its 6.7.
+    assert cast("Wiggling", found.effect).across_m == pytest.approx(across_m, abs=0.01)
 
 
 def test_an_effect_of_one_form_has_no_finer_one() -> None:
