@@ -30,7 +30,7 @@ def main() -> int:
     parser.add_argument(
         "--step",
         choices=("record", "examine", "baselines", "score", "second", "labels"),
-        help="one step alone; of the foreign form, second: promises on second sessions, labels: labels without any sensor model",
+        help="one step alone; of the foreign form, second: promises on second sessions, labels: labels without any sensor model, and with --joint",
     )
     parser.add_argument("--baselines", action="store_true", help="run least squares after ICP, and boosted trees, on the same bags")
     parser.add_argument("--write", action="store_true", help="write docs/gap_check.md")

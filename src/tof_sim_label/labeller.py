@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from tof_align.known import Bias
     from tof_align.session import SessionSolution
+    from tof_core.capture import Posed
     from tof_scene.raycast import Raycaster
 
 
@@ -57,10 +58,11 @@ def label_session(
     solution = solve_session(clean, caster, config.align)
     if bias is not None:
         solution = replace(solution, posed=through_known(solution.posed, views, bias))
-    return solution, _labels(views, solution, caster, config)
+    return solution, labels_at(views, solution.posed, caster, config)
 
 
-def _labels(views: Sequence[View], solution: SessionSolution, caster: Raycaster, config: LabellerConfig) -> Labels:
-    world = session_surprises(views, solution.posed, caster, config.label)
-    for view, posed, codes in zip(views, solution.posed, world.pixels, strict=True):
-        yield view, label_view(view, posed, caster, config.label, codes)
+def labels_at(views: Sequence[View], posed: Sequence[Posed], caster: Raycaster, config: LabellerConfig) -> Labels:
+    """The views with their labels from known cameras."""
+    world = session_surprises(views, posed, caster, config.label)
+    for view, pose, codes in zip(views, posed, world.pixels, strict=True):
+        yield view, label_view(view, pose, caster, config.label, codes)
