@@ -53,6 +53,9 @@ def _beyond_scaled(cloud: Neighbourhood, frame: Frame, ratio: float) -> Ints:
     """Flat indices of the pixels whose distance, in units of the spacing expected there, is beyond the limit."""
     unit = spacing(frame.depth, frame.camera)
     _, some = _some(cloud)
+    some = some[np.isfinite(unit.ravel()[some])]  # Beside pixels where the lens model folds over nothing is expected.
+    if some.size < 2:
+        return some[:0]
     limit = scaled_threshold(cloud.mean_distance(some) / unit.ravel()[some], ratio)
     doubtful = cloud.doubtful(np.float32(limit) * unit)
     return doubtful[~(cloud.mean_distance(doubtful) / unit.ravel()[doubtful] < limit)]

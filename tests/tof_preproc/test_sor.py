@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -91,3 +92,13 @@ def test_two_points_or_none_are_no_cloud_to_judge() -> None:
         depth[:1, :left] = 1.0
         frame = Frame(capture.camera, depth, capture.reason.copy(), np.ones_like(depth))
         assert remove_sor(frame, PreprocConfig()) == 0
+
+
+def test_beside_pixels_without_a_ray_the_others_are_judged() -> None:
+    """A lens model that folds over in the corners gives no ray there, and no spacing of the points beside."""
+    pinhole = captures(plane(incidence_deg=30.0), noise=0.2)[0]
+    capture = replace(pinhole, camera=replace(pinhole.camera, distortion_model="plumb_bob", distortion=(-0.6, 0.0, 0.0, 0.0, 0.0)))
+    rays = np.isfinite(capture.camera.rays()).all(axis=-1)
+    assert 0.0 < (~rays).mean() < 0.5
+    capture.depth[~rays] = np.nan
+    assert removed(capture, PreprocConfig())[rays].mean() < 0.05
