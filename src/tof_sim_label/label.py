@@ -41,7 +41,14 @@ class Label:
     posed: Posed
 
 
-def label_view(view: View, posed: Posed, caster: Raycaster, config: LabelConfig | None = None, world: Bytes | None = None) -> Label:
+def label_view(
+    view: View,
+    posed: Posed,
+    caster: Raycaster,
+    config: LabelConfig | None = None,
+    world: Bytes | None = None,
+    rendering: Rendering | None = None,
+) -> Label:
     """Render the label of `view` at a solved pose, with its uncertainty and its mask.
 
     Args:
@@ -51,12 +58,13 @@ def label_view(view: View, posed: Posed, caster: Raycaster, config: LabelConfig 
         config: uncertainty and mask.
         world: (H, W) where the world is not as the CAD has it, by all views of the session (`session_surprises`); None: this
             view is judged by itself.
+        rendering: of the scene at that pose, where the caller has it.
     """
     from tof_scene.render import render
     from tof_scene.world.surprises import view_surprises
 
     config = config or LabelConfig()
-    rendering = render(caster, posed.seen_by(view.camera), posed.T_cell_camera)
+    rendering = rendering or render(caster, posed.seen_by(view.camera), posed.T_cell_camera)
     sigma = label_sigma(rendering, posed.cov_right, config, posed.parts)
     if world is None:
         world = view_surprises(seen_of(view, rendering, posed, config), config.world)

@@ -16,6 +16,7 @@ from tof_core.capture import Posed, View
 from tof_core.lens import with_lens
 from tof_core.reasons import Reason
 from tof_scene.raycast import Raycaster
+from tof_scene.render import render
 from tof_scene.scene import Part, Scene
 from tof_scene.world.surprises import ABSENT, NONE
 from tof_sim_label.config import LabelConfig
@@ -74,6 +75,14 @@ def test_the_label_is_the_plane_the_ray_meets_first(caster: Raycaster) -> None:
         assert pure.sum() > 25
         np.testing.assert_allclose(label.depth[pure], plane_depth(z)[pure], atol=2e-5)
     assert np.isnan(label.depth[label.part == -1]).all()
+
+
+def test_a_rendering_that_the_caller_has_is_the_label(caster: Raycaster) -> None:
+    view, label = seen(caster)
+    nearer = render(caster, CAMERA, T_CELL_CAMERA @ se3.exp([0.0, 0.0, 0.1, 0.0, 0.0, 0.0]))
+    given = label_view(view, POSED, caster, rendering=nearer)
+    np.testing.assert_array_equal(given.depth, nearer.depth)
+    assert np.nanmedian(given.depth) == pytest.approx(np.nanmedian(label.depth) - 0.1, abs=0.01)
 
 
 def test_a_label_is_seen_through_the_lens_of_its_pose(caster: Raycaster) -> None:

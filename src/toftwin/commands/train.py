@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from tof_infer.card import Card
     from tof_infer.config import TrainConfig
+    from tof_scene.scene import Scene
 
 NAME = "train"
 HELP = "train the network that repairs depth, from labelled datasets"
@@ -24,7 +25,8 @@ ABOUT = (
 EXAMPLE = (
     "toftwin train out/monday/dataset.zarr out/tuesday/dataset.zarr --out model.onnx --epochs 60\n"
     "  toftwin train out/five_views --adapt default --out model.onnx\n"
-    "  toftwin train board/bag --board 5x7x0.030 --out model.onnx"
+    "  toftwin train board/bag --board 5x7x0.030 --out model.onnx\n"
+    "  toftwin train out/monday --sensor out/gap/sensor.yaml --rendered --scene cell/scene.yaml --out model.onnx"
 )
 FLAGS = ("recipe", "epochs", "batch", "rate", "seed", "limit", "threads", "device")
 """Settings that have a flag of their own; --set reaches all of them."""
@@ -71,6 +73,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensor", type=Path, metavar="FILE", help="sensor.yaml of `toftwin gap`; half of the training frames are simulated with it"
     )
+    parser.add_argument(
+        "--rendered",
+        action="store_true",
+        help="train on rendered views alone: the scene around the datasets' poses, as the camera of --sensor measures it; no measured image is seen",
+    )
+    parser.add_argument(
+        "--scene", type=Path, metavar="FILE", help="with --rendered: scene.yaml of the datasets; with --board it is the board"
+    )
+    parser.add_argument("--views", type=int, default=240, metavar="N", help="with --rendered: views that are rendered (default: 240)")
     parser.add_argument("--fresh", action="store_true", help="start from the beginning, even if a checkpoint exists")
     parser.add_argument("--json", action="store_true", help="print the card's figures as JSON")
     for info in table(TrainConfig):
@@ -95,12 +106,17 @@ def run(args: argparse.Namespace) -> int:
     if args.out.suffix != ".onnx":
         raise UsageError("must end in .onnx", where=f"--out {args.out}")
     _check_adapt(args)
-    train = _trainer()
+    _check_rendered(args)
+    train, bag = _trainer(), args.datasets[0]
     if args.board is not None:
         from toftwin.board_training import labelled, near_labels
 
         args.datasets, config = labelled(args.datasets, args.board, args.out), near_labels(config)
     datasets, redraw = [dataset_at(p) for p in args.datasets], _redraw(args)
+    if args.rendered:
+        from toftwin.rendered_training import rendered
+
+        redraw, datasets = None, [rendered(datasets, _scene(args, bag), args.sensor, args.out, args.views, fresh=args.fresh)]
 
     def say(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
@@ -167,6 +183,30 @@ def _trainer() -> Any:
 
         raise UsageError(f"needs {error.name}, which is not installed", where="train", todo=install_line("train")) from None
     return train
+
+
+def _check_rendered(args: argparse.Namespace) -> None:
+    if args.scene is not None and not args.rendered:
+        raise UsageError("is for --rendered alone", where=f"--scene {args.scene}", todo="labels hold what training needs of the scene")
+    if not args.rendered:
+        return
+    if args.sensor is None:
+        raise UsageError("needs the camera's model", where="--rendered", todo="say --sensor FILE: `toftwin gap` writes it")
+    if (args.scene is None) == (args.board is None):
+        raise UsageError("needs what the datasets show", where="--rendered", todo="say --scene FILE; with --board it is the board")
+
+
+def _scene(args: argparse.Namespace, bag: Path) -> Scene:
+    """What is rendered: the scene.yaml, or the board as its first bag shows it."""
+    from toftwin.inputs import source
+    from toftwin.pipeline import PipelineConfig
+
+    if args.scene is not None:
+        from tof_scene.builtin import open_scene
+
+        return open_scene(args.scene)
+    with source(bag, PipelineConfig(), board=args.board) as (_, scene):
+        return scene
 
 
 def _redraw(args: argparse.Namespace) -> Any:
