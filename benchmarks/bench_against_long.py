@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import shutil
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from tof_sensor.model import SensorModel
 
 LONG = True
-SESSIONS, SEED, VIEWS, SIZE = 12, 41, 12, (160, 122)
-OUT = Path("out/bench/against")
+SESSIONS, SEED, VIEWS, SIZE = 12, 43, 12, (160, 122)
+"""Nothing was tuned on these sessions; those of seed 41 showed what had to be mended."""
+OUT = Path(f"out/bench/against-{SEED}")
 SUPERFLUOUS_M = 0.02
 """Relative depth scale that a simulator has and the camera has not: 10 mm at 0.5 m."""
 
@@ -31,9 +32,9 @@ def run() -> list[Figure]:
     """Share of simulators whose difference is named, and of right simulators that differ in nothing."""
     named, nulls, missed = list[bool](), list[bool](), list[str]()
     for case in _recorded():
-        for what, expected, found in _compared(case):
+        for what, expected, found in _verdicts(case):
             print(f"{case.name}, {what}: {', '.join(found)}", flush=True)
-            right = found == ((expected,) if expected else ("none",))
+            right = found == [expected or "none"]
             (named if expected else nulls).append(right)
             if not right:
                 missed.append(f"{case.name} {what}: {'+'.join(found)}")
@@ -52,10 +53,16 @@ def _recorded() -> list[Path]:
     from benchmarks.gap_check.foreign.record import record_foreign
     from benchmarks.gap_check.record import BAGS
 
-    if not (OUT / BAGS).exists():
-        shutil.rmtree(OUT, ignore_errors=True)
-        record_foreign(draw_foreign(SESSIONS, SEED, VIEWS), OUT, SIZE)
-    return sorted((OUT / BAGS).iterdir())
+    record_foreign(draw_foreign(SESSIONS, SEED, VIEWS), OUT, SIZE)
+    return sorted((OUT / BAGS).iterdir())[:SESSIONS]
+
+
+def _verdicts(case: Path) -> list[tuple[str, str, list[str]]]:
+    """The comparisons of a session; those of an interrupted run are read."""
+    path = OUT / f"{case.name}.json"
+    if not path.exists():
+        path.write_text(json.dumps(_compared(case)))
+    return [(what, expected, list(found)) for what, expected, found in json.loads(path.read_text())]
 
 
 def _compared(case: Path) -> list[tuple[str, str, tuple[str, ...]]]:

@@ -79,21 +79,17 @@ def _judged(
 
 def _network(captures: Sequence[Capture], board: Board, folder: Path, sensor: SensorModel | None) -> Path:
     """A network of these captures, labelled by the board that they show."""
-    from dataclasses import replace
-
+    from benchmarks.reality_cameras import label_board
     from tof_infer.augment import Redraw
     from tof_infer.config import TrainConfig
     from tof_infer.train import train
+    from tof_sim_label.dataset import open_dataset
     from toftwin.board_training import near_labels
-    from toftwin.boarded import BoardSource, posed_by_board
-    from toftwin.labelling import label_bag
-    from toftwin.pipeline import PipelineConfig
 
     shutil.rmtree(folder, ignore_errors=True)
-    source, config = BoardSource(captures, board, apart=True), PipelineConfig()
-    label_bag(source, source.session.scene, replace(config, align=posed_by_board(source, config.align)), folder, mode="robot")
-    redraw = None if sensor is None else Redraw(sensor, source.camera)
-    train([folder / "dataset.zarr"], folder / "model.onnx", near_labels(TrainConfig(threads=THREADS, epochs=EPOCHS)), redraw=redraw)
+    data = label_board(captures, board, folder)
+    redraw = None if sensor is None else Redraw(sensor, open_dataset(data).camera)
+    train([data], folder / "model.onnx", near_labels(TrainConfig(threads=THREADS, epochs=EPOCHS)), redraw=redraw)
     return folder / "model.onnx"
 
 
