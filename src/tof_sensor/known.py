@@ -111,10 +111,10 @@ def seen_albedo(amplitudes: Sequence[Image | None], renderings: Sequence[Renderi
             law = cosine / (rendering.depth[at] * rendering.camera.ray_length()[at]) ** 2
             light = np.log(amplitude[at] / law)
         seen = np.isfinite(light) & (cosine > STEEPEST) & ~(rendering.mixed[at] > 0)
-        rays = rendering.camera.rays()[..., :2]
+        radius = np.linalg.norm(rendering.camera.rays()[..., :2], axis=2)  # NaN where the lens model folds over
         parts.append(rendering.part[at][seen])
         returned.append(light[seen])
-        off_axis.append((np.linalg.norm(rays[at], axis=2) / np.linalg.norm(rays, axis=2).max())[seen])
+        off_axis.append((radius[at] / np.nanmax(radius))[seen])
     if not parts:
         return stated
     return albedo_by_amplitude(stated, np.concatenate(parts).astype(np.int64), np.concatenate(returned), np.concatenate(off_axis))
