@@ -35,7 +35,7 @@ CAMERAS = (
 )  # fmt: skip
 """Emerging cameras; strength 1 is 3 mm RMS over the affected pixels."""
 BEFORE_BOARD = "Kinect v2 before a board"
-STEPS, BOARD_STEPS, BATCH, CHANNELS = 500, 250, 2, 12
+STEPS, BOARD_STEPS, BATCH, CHANNELS = 500, 150, 2, 12
 """Of each network: a small one, so that the whole takes less than half an hour of a core."""
 RENDERED = 120
 """Views that are rendered around those of a session."""

@@ -74,8 +74,6 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     else:
         smooth = maps | shares([n for n in smooth_ones(causes) if n not in causes], evidence, final, caster, other_m)
         bare = less(evidence, [*smooth.values(), *free.values()])
-    if any(n.name == FixedPattern.NAME for n in rest):
-        bare = noise_again(bare)
     return Solved(
         camera=views[0].camera,
         chain=final,
@@ -88,7 +86,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         maps=maps,
         sizes={n.name: sizes[n.name] for n in causes},
         tied=_tied(joint, {n.name for n in causes}),
-        bare=bare,
+        bare=noise_again(bare) if any(n.name == FixedPattern.NAME for n in rest) else bare,
         unnamed_m=float(np.sqrt(sum(sizes[quantity] ** 2 for quantity in free))),
         depends_on=tuple(quantity for quantity in joint.selection.unknown if quantity in free),
         small=tuple(sorted(small | {n.name for n in found if n not in rest})),
