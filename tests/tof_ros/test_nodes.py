@@ -131,6 +131,21 @@ def test_a_second_capture_joins_the_dwell_and_reset_ends_it(bench: Bench) -> Non
     assert stamp_of(bench.outputs(third)["dwell"].time_ref) == third
 
 
+def test_a_frame_that_waits_at_a_reset_has_its_end(bench: Bench) -> None:
+    """An image that overtakes the camera_info of its size waits for it."""
+    from std_srvs.srv import Trigger
+
+    from tof_ros import messages
+
+    reset = bench.peer.create_client(Trigger, "spot/preproc/reset")
+    assert reset.wait_for_service(5.0)
+    stamp = 1_000_000_000 + 50 * RATE_NS
+    bench._depth.publish(messages.image(np.full((8, 8), 700, np.uint16), "16UC1", messages.header(stamp, CAMERA.frame_id)))
+    wait_for(lambda: stamp in bench.node._arrivals)
+    assert reset.call(Trigger.Request(), timeout_sec=5.0).success
+    wait_for(lambda: [m.source for m in bench.heard["done"] if stamp_ns(m) == stamp] == ["reset"])
+
+
 def test_parameters_change_live_and_as_a_whole(bench: Bench) -> None:
     from rclpy.parameter import Parameter
 
