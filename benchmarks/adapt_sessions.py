@@ -7,6 +7,8 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from benchmarks.gap_check.foreign.cases import ROBOTS, ForeignCase, draw_foreign
 from benchmarks.gap_check.foreign.record import planned, record_foreign
 from benchmarks.gap_check.record import BAGS, SEALED
@@ -38,6 +40,20 @@ class CameraSessions:
     def dataset(self) -> Path:
         """What `toftwin label` makes of the five views."""
         return self.calibration / "label" / "dataset.zarr"
+
+    def label_error_mm(self) -> float:
+        """Mean absolute error of the five views' labels, where they may be used, against the truth."""
+        from tof_sim_label.dataset import open_dataset
+
+        data = open_dataset(self.dataset)
+        with np.load(self.calibration / "truth.npz") as truth:
+            number, depth = {int(stamp): k for k, stamp in enumerate(truth["stamp_ns"])}, truth["depth"]
+        off = [
+            (data.frame("views/label", v) - depth[number[int(stamp)]])[data.frame("views/mask", v) > 0]
+            for v, stamp in enumerate(data.column("views/stamp_ns"))
+            if int(stamp) in number
+        ]
+        return 1e3 * float(np.nanmean(np.abs(np.concatenate(off))))
 
 
 def camera_sessions(count: int, seed: int) -> list[CameraSessions]:

@@ -66,7 +66,7 @@ def run() -> list[Figure]:
     rows = []
     for one in cameras:
         rows += [Row(**r) for r in kept(f"adapt-{SEED}-{one.name}", partial(_row, one))]
-        print(rows[-1].line(), flush=True)
+        print(f"{rows[-1].line()}; labels {one.label_error_mm():.2f} mm off", flush=True)
     longer = [kept(f"adapt-long-{SEED}-{one.name}", partial(_longer, one))[0] for one in cameras[:LONGER]]
     return [*_errors(rows, CAMERAS - len(rows)), *_sigma(rows), _time(rows), _gain(longer)]
 
@@ -217,6 +217,9 @@ def _untrained(one: CameraSessions, path: Path) -> Path:
     torch.manual_seed(config.seed)
     net = RepairNet(config.net)
     measure_amplitude(net, Samples(pool, np.arange(pool.views)))
+    with torch.no_grad():  # the exporter stores equal weights once, and such a file cannot be read back
+        for weight in net.parameters():
+            weight.add_(1e-6 * torch.randn_like(weight))
     export(net, Calibration(), Card(config.net.names, config.net.multiple, pool.camera, (0.1, 10.0), 1.0, to_mapping(config)), path)
     return path
 
