@@ -141,7 +141,7 @@ FORMATS = (
 )
 
 
-def compressed(folder: Path) -> Callable[[bytes], None]:
+def packed(folder: Path) -> Callable[[bytes], None]:
     """Decode a compressed image as depth, amplitude or colour; the first byte chooses format and way."""
     del folder
     ways: tuple[Callable[..., Any], ...] = (decode_depth, decode_amplitude, decode_colour)
@@ -156,7 +156,7 @@ def compressed(folder: Path) -> Callable[[bytes], None]:
     return run
 
 
-def compressed_seeds(folder: Path) -> list[bytes]:
+def packed_seeds(folder: Path) -> list[bytes]:
     """One good image of each format."""
     del folder
     counts = np.arange(24, dtype=np.uint16).reshape(4, 6) * 300

@@ -37,22 +37,20 @@ class Target:
         return made
 
 
-TARGETS = {
-    t.name: t
-    for t in (
-        Target("image", "messages", 10_000_000, ("tof_core",)),
-        Target("compressed", "messages", 10_000_000, ("tof_core",)),
-        Target("cloud", "messages", 10_000_000, ("tof_core",)),
-        Target("config", "texts", 10_000_000, ("tof_core", "toftwin.options", "tof_sensor")),
-        Target("scene", "texts", 10_000_000, ("tof_core", "tof_scene")),
-        Target("mesh", "texts", 100_000, ("tof_scene",)),
-        Target("bag", "files", 100_000, ("tof_core",)),
-        Target("dataset", "files", 100_000, ("tof_core", "tof_sim_label")),
-        Target("compressed", "documents", 10_000_000, ("tof_core",)),
-        Target("parameters", "documents", 10_000_000, ("tof_core",)),
-        Target("tf", "documents", 10_000_000, ("tof_core.tf", "tof_core.edge")),
-        Target("reference", "documents", 100_000, ("tof_core.npz", "arm_correction.reference")),
-        Target("gap", "documents", 100_000, ("tof_core.npz", "toftwin.viewing")),
-        Target("onnx", "files", 100_000, ("tof_core", "tof_infer")),
-    )
-}
+DOORS = (
+    Target("image", "messages", 10_000_000, ("tof_core",)),
+    Target("packed", "messages", 10_000_000, ("tof_core",)),
+    Target("cloud", "messages", 10_000_000, ("tof_core",)),
+    Target("config", "texts", 10_000_000, ("tof_core", "toftwin.options", "tof_sensor")),
+    Target("scene", "texts", 10_000_000, ("tof_core", "tof_scene")),
+    Target("mesh", "texts", 100_000, ("tof_scene",)),
+    Target("bag", "files", 100_000, ("tof_core",)),
+    Target("dataset", "files", 100_000, ("tof_core", "tof_sim_label")),
+    Target("compressed", "documents", 10_000_000, ("tof_core",)),
+    Target("parameters", "documents", 10_000_000, ("tof_core",)),
+    Target("tf", "documents", 10_000_000, ("tof_core.tf", "tof_core.edge")),
+    Target("reference", "documents", 100_000, ("tof_core.npz", "arm_correction.reference")),
+    Target("gap", "documents", 100_000, ("tof_core.npz", "toftwin.viewing")),
+    Target("onnx", "files", 100_000, ("tof_core", "tof_infer")),
+)
+TARGETS = {t.name: t for t in DOORS}

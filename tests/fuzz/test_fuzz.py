@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.fuzz.targets import TARGETS
+from tests.fuzz.targets import DOORS, TARGETS
 
 FOUND = Path(__file__).parent / "found"
 MUTATIONS = {
     "image": 4000, "cloud": 3000, "config": 800, "scene": 800, "mesh": 300, "bag": 60, "dataset": 60, "onnx": 300,
-    "compressed": 3000, "parameters": 800, "tf": 800, "reference": 200, "gap": 300,
+    "compressed": 3000, "packed": 2000, "parameters": 800, "tf": 800, "reference": 200, "gap": 300,
 }  # fmt: skip
 NASTY = (b"\x00", b"\xff" * 4, b"\xff\xff\xff\x7f", b"[" * 64, b"&a *a", b"9" * 400, b"1e999", b"!!int ", b"\n", b"../")
 
@@ -74,3 +74,7 @@ def restore_what_a_target_patches(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_is_found_is_of_a_target() -> None:
     assert {path.name for path in FOUND.iterdir()} <= TARGETS.keys()
+
+
+def test_every_door_has_a_name_of_its_own() -> None:
+    assert len(TARGETS) == len(DOORS)
