@@ -24,8 +24,12 @@ class Mark(IntEnum):
 
 
 def unit_rays(camera: Camera) -> Image:
-    """(3, H, W) unit directions of the pixels."""
+    """(3, H, W) unit directions of the pixels; the optical axis where the lens model folds over and gives none.
+
+    One value that is not a number would reach every pixel of the network's coarse levels.
+    """
     rays = camera.rays()
+    rays = np.where(np.isfinite(rays), rays, (0.0, 0.0, 1.0))
     return np.ascontiguousarray((rays / np.linalg.norm(rays, axis=-1, keepdims=True)).transpose(2, 0, 1), np.float32)
 
 

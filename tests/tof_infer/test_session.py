@@ -204,3 +204,13 @@ def test_weights_that_lie_beside_the_file_are_not_followed(model: Path, tmp_path
     onnx.save(onnx.load(model), out, save_as_external_data=True, location="weights.bin", size_threshold=0)
     with pytest.raises(ModelError, match=r"outside\.onnx"):
         opened(out)
+
+
+def test_a_pixel_without_a_ray_looks_along_the_axis() -> None:
+    """A lens model that folds over gives rays that are not a number."""
+    folded = replace(CAMERA, distortion_model="plumb_bob", distortion=(-1.5, 0.0, 0.0, 0.0, 0.0))
+    none = np.isnan(folded.rays()).any(axis=-1)
+    assert 0.0 < none.mean() < 0.9
+    rays = unit_rays(folded)
+    np.testing.assert_array_equal(rays[:, none].T, np.broadcast_to([0.0, 0.0, 1.0], (int(none.sum()), 3)))
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=0), 1.0, atol=1e-6)
