@@ -40,7 +40,7 @@ class Form(NamedTuple):
 class Finer(NamedTuple):
     """One pass of the search around an effect's best form: a parameter, how far to either side, in how many steps.
 
-    relative: whether `width` is a share of the parameter, or in its own unit.
+    steps: odd, so that the parameter's own value is among them; relative: whether `width` is a share of the parameter, or in its own unit.
     """
 
     parameter: str

@@ -46,10 +46,16 @@ def _best_shape(
     config: GapConfig,
     inflate: float,
 ) -> Any:
-    """The effect whose parameter, within the pass's width of where it is, does best on held-out views."""
-    near_by = [replace(effect, **{finer.parameter: float(x)}) for x in finer.near(getattr(effect, finer.parameter))]
+    """The effect whose parameter, within the pass's width of where it is, does best on held-out views.
+
+    A parameter that is 0 stays 0 unless another value wins what an effect must win: with it, the effect says more than its form did.
+    """
+    value = getattr(effect, finer.parameter)
+    near_by = [replace(effect, **{finer.parameter: float(x)}) for x in finer.near(value)]
     trial = [Candidate(e.NAME, e) for e in near_by]
     judge = Selector(build(store, [*others, *trial], chain, config.hand_sd, config.lens_sd), config.select)
     base = list(range(len(others)))
     scores = [judge.score([*base, len(others) + i], inflate).score for i in range(len(trial))]
-    return near_by[int(np.argmin(scores))]
+    best = int(np.argmin(scores))
+    wins = scores[len(scores) // 2] - scores[best]
+    return effect if value == 0.0 and wins < config.select.gain else near_by[best]
