@@ -82,6 +82,11 @@ class LabelScore:
         """Per cent of pixels whose error, offset included, is within so many of their own sigmas."""
         return 100.0 * float((np.abs(self.error) <= sigmas * self.sigma).mean())
 
+    def shape_within(self, sigmas: float, offset_m: float) -> float:
+        """Per cent of pixels whose error less the common range offset is within so many sigmas less the share of an offset of `offset_m`."""
+        own2 = np.maximum(self.sigma**2 - (offset_m / self.length) ** 2, 0.0)
+        return 100.0 * float((self.shape**2 <= sigmas**2 * own2).mean())
+
 
 def score(folder: Path, labelled: Iterable[tuple[View, Label]]) -> LabelScore:
     """Labels of a session against the truth of its views.

@@ -27,8 +27,8 @@ class LabelRow:
     """One session: label MAE in mm of all usable pixels, less the common range offset.
 
     believed_mm, mae_mm: with the lens of CameraInfo believed, and with a lens that is estimated; joint_mm: as `label --joint` solves it, with
-    the effects that a diagnosis finds; within, joint_within: per cent of usable pixels whose label is within twice its deviation, offset
-    included, of the last two; refused: why there are no labels.
+    the effects that a diagnosis finds; within, joint_within: per cent of usable pixels whose label is within twice its deviation, the range
+    offset aside in both, of the last two; refused: why there are no labels.
     """
 
     name: str
@@ -63,7 +63,9 @@ def _row(name: str, effects: tuple[str, ...], truth: Truth) -> LabelRow:
     believed = score(truth.sealed, label_session(views, caster, replace(config.labeller, align=stated))[1])
     estimated = score(truth.sealed, label_session(views, caster, config.labeller)[1])
     together = score(truth.sealed, labels_at(views, joint, caster, config.labeller))
-    return LabelRow(name, effects, believed.mae_mm, estimated.mae_mm, estimated.within(2), together.mae_mm, together.within(2))
+    offset = 1e-3 * config.labeller.label.unseen_offset_mm
+    within, joint_within = (s.shape_within(2, offset) for s in (estimated, together))
+    return LabelRow(name, effects, believed.mae_mm, estimated.mae_mm, within, together.mae_mm, joint_within)
 
 
 def table(rows: Sequence[LabelRow]) -> str:
