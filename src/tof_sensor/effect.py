@@ -90,6 +90,8 @@ class Effect(ABC):
     LINEAR: ClassVar[tuple[str, ...]] = ()
     OWN: ClassVar[tuple[str, ...]] = ()
     """Of `LINEAR`, those without which it would be another effect: an offset, or stamps that are late."""
+    REST: ClassVar[str] = ""
+    """Name of the effect that it is without its `OWN` terms."""
     LOCAL: ClassVar[bool] = True
     """Whether a pixel's bias depends on that pixel alone, so that `Frame.take` may thin the view."""
     ROUGH: ClassVar[float] = 0.0

@@ -11,7 +11,7 @@ import numpy as np
 from tof_gap.solve.judge import Hypothesis, Selector
 from tof_gap.solve.small import without_small
 from tof_gap.solve.ties import stand_ins
-from tof_gap.solve.worth import coefficients, rescored, worth
+from tof_gap.solve.worth import coefficients, rescored, visible_m, worth
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,7 +58,7 @@ def _grown(judge: Selector, members: Sequence[int]) -> Hypothesis:
         if better is None:
             break
         current = _exchange(judge, better)
-    return _prune(judge, current)
+    return _plain(judge, _prune(judge, current))
 
 
 def narrowed(design: Design, config: SelectLimits, selection: Selection, members: Sequence[int]) -> Selection:
@@ -121,6 +121,22 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
             break
         drop = min(weak)[1]
         current = rescored(judge, [m for i, m in enumerate(current.members) if i != drop])
+    return current
+
+
+def _plain(judge: Selector, current: Hypothesis) -> Hypothesis:
+    """Members whose own terms explain too little to be believed give way to the effect of which they are a form (`Effect.REST`)."""
+    names = [c.name for c in judge.design.candidates]
+    for place, member in enumerate(current.members):
+        effect = judge.design.candidates[member].effect
+        if effect is None or effect.REST not in names:
+            continue
+        rest = names.index(effect.REST)
+        trial = judge.score([*current.members[:place], rest, *current.members[place + 1 :]], current.inflate)
+        own = float(visible_m(judge, current, trial.score - current.score))
+        total = float((worth(judge, current)[1] ** 2).sum())
+        if not judge.repeats(rest, current.members) and own**2 < judge.share(member) * total and judge.plausible(trial):
+            current = rescored(judge, trial.members)
     return current
 
 

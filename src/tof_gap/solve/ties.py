@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_gap.solve.judge import Hypothesis, Selector
+    from tof_sensor.effect import Effect
 
 
 def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ...]:
@@ -21,7 +22,7 @@ def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ..
     taken = {d.candidates[m].name for m in current.members}
     found: dict[str, tuple[float, int]] = {}
     for i, candidate in enumerate(d.candidates):
-        if candidate.name in taken or judge.is_free(i):
+        if candidate.name in taken or judge.is_free(i) or _contains(candidate.effect, d.candidates[member].name):
             continue
         trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
         if trial.score - current.score > config.tie_gain or not judge.plausible(trial):
@@ -31,6 +32,11 @@ def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ..
         if candidate.name not in found or trial.score < found[candidate.name][0]:
             found[candidate.name] = (trial.score, i)
     return tuple(i for _, i in sorted(found.values()))
+
+
+def _contains(effect: Effect | None, name: str) -> bool:
+    """Whether the effect is, without its own terms, the one of that name: it explains as much whatever there is."""
+    return effect is not None and name == effect.REST
 
 
 def _hides(judge: Selector, current: Hypothesis, place: int, member: int, other: int, rest: Sequence[int]) -> bool:

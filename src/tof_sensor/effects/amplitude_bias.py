@@ -39,6 +39,7 @@ class AmplitudeBias(Effect):
     MODULATED: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("at_reference_m", "per_ln_m", "per_ln2_m", "inverse_m")
     OWN: ClassVar[tuple[str, ...]] = ("per_ln_m", "per_ln2_m", "inverse_m")
+    REST: ClassVar[str] = "range_offset"
 
     at_reference_m: float = param(0.0, "bias at the reference", unit="m", low=-0.2, high=0.2)
     per_ln_m: float = param(0.0, "bias per e-fold of amplitude", unit="m", low=-0.05, high=0.05)

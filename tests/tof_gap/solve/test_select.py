@@ -96,6 +96,15 @@ def test_a_named_effect_goes_before_a_free_form_that_does_as_well() -> None:
     assert select(far, SelectLimits()).unknown == ("range_m",)
 
 
+@pytest.mark.parametrize(("scale", "expected"), [(0.0, ["amplitude_bias"]), (1.2, ["depth_scale", "range_offset"])])
+def test_terms_of_its_own_must_explain_what_an_effect_must(scale: float, expected: list[str]) -> None:
+    # The bias of amplitude is an offset but for 2 % of its energy: less than 1.5 % of all that is seen, where depth errs as well.
+    d = design(plain(RangeOffset(), AmplitudeBias(), DepthScale()), [0.0, 0.9, scale], copies=(0, 1))
+    found = select(d, SelectLimits())
+    assert names(d, found.chosen.members) == expected
+    assert not any(found.ties)
+
+
 def test_small_effects_beyond_the_second_are_a_crowd() -> None:
     effects = plain(RangeOffset(), DepthScale(), TemperatureDrift(), Wiggling(), Multipath(), Subsurface(part=0))
     found = select(d := design(effects, [0.6, 0.5, 0.2, 0.2, 0.2, 0.0]), SelectLimits())
