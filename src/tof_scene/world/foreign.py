@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from tof_core.stats import robust_std
+from tof_scene.world.lying import most_end_in_a_step
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,14 +95,21 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
     standing: list[Ints] = []
     single: list[Ints] = []
     for mine in _clusters(cloud.points, cloud.static, voxel):
-        several = len(_views(cloud, mine, limits.object_view_px)) > 1
-        if several and cloud.step[cloud.view[mine]].sum() >= limits.object_px and _stands_out(clearance[mine], limits):
+        shown = _views(cloud, mine, limits.object_view_px)
+        large_enough = len(shown) > 1 and cloud.step[cloud.view[mine]].sum() >= limits.object_px
+        if large_enough and (
+            _stands_out(clearance[mine], limits.stands_out_mm)
+            or (
+                _stands_out(clearance[mine], limits.lies_mm)
+                and most_end_in_a_step((views[v], measured[v], _pixels(cloud, mine, v, before[v])) for v in shown)
+            )
+        ):
             standing.append(mine)
     for number, seen in enumerate(views):
         alone = ~cloud.static & (cloud.view == number)
         least = max(limits.object_px, limits.moving_share * seen.depth.size)
         large = (mine for mine in _clusters(cloud.points, alone, voxel) if len(mine) * cloud.step[number] >= least)
-        single.extend(mine for mine in large if _stands_out(clearance[mine], limits) and not _wrapped(cloud.jump[mine]))
+        single.extend(mine for mine in large if _stands_out(clearance[mine], limits.stands_out_mm) and not _wrapped(cloud.jump[mine]))
     joined, single = _joined(cloud, standing, single, 2 * voxel, limits.rim_px)
     objects = [_object(cloud, mine, clearance, _views(cloud, mine, limits.object_view_px), moves=False) for mine in joined]
     for mine in single:
@@ -196,9 +204,16 @@ def _clearance(views: Sequence[Seen], points: Float) -> Float:
     return np.asarray(distance)
 
 
-def _stands_out(clearance: Float, limits: WorldLimits) -> bool:
+def _stands_out(clearance: Float, least_mm: float) -> bool:
     """Whether an object's points are far enough from the CAD, the farthest fifth of them aside."""
-    return bool(np.quantile(clearance, 0.8) > limits.stands_out_mm * 1e-3)
+    return bool(np.quantile(clearance, 0.8) > least_mm * 1e-3)
+
+
+def _pixels(cloud: _Cloud, mine: Ints, number: int, before: Mask) -> Mask:
+    """(H, W) pixels of the patches measured before the CAD in one view in which points of the object lie."""
+    seed = np.zeros(before.shape, bool)
+    seed[tuple(cloud.pixel[mine[cloud.view[mine] == number]].T)] = True
+    return np.asarray(ndimage.binary_propagation(seed, structure=np.ones((3, 3), bool), mask=before))
 
 
 def _wrapped(jump: Float) -> bool:

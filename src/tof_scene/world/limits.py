@@ -62,7 +62,14 @@ class WorldLimits:
         25.0, "two views measure the same surface where they agree to within this", unit="mm", low=1.0, why="poses and noise, twice"
     )
     stands_out_mm: float = param(
-        20.0, "an object stands this far out of the CAD at least", unit="mm", low=1.0, why="less is a part that is bent or displaced"
+        20.0, "an object stands this far out of the CAD at least", unit="mm", low=1.0, why="less may be a part that is bent or displaced"
+    )
+    lies_mm: float = param(
+        10.0,
+        "an object that ends in a step, on a part that is in its place around it, stands this far out of the CAD at least",
+        unit="mm",
+        low=1.0,
+        why="beside the least contradiction of 6 mm, noise and mixed pixels make steps of a few",
     )
     object_px: int = param(40, "least pixels, over all views, of an object", unit="px", low=1, why="5 cm at 1.5 m are more")
     object_view_px: int = param(

@@ -97,6 +97,34 @@ def test_a_foreign_object_is_found_where_it_stands_with_its_size() -> None:
     assert line.endswith("seen in views 1 to 6")
 
 
+def raised(height_m: float, shape: str) -> Part:
+    """The plate with an area of some 12 cm that stands `height_m` out: a bump without an end, or the end of the plate."""
+    grid = np.linspace(-0.8, 0.8, 81)
+    x, y = (a.ravel() for a in np.meshgrid(grid, grid, indexing="ij"))
+    z = height_m * (np.exp(-((x + 0.15) ** 2 + (y - 0.05) ** 2) / (2 * 0.07**2)) if shape == "bump" else np.clip((-0.1 - x) / 0.2, 0, 1))
+    corner = (np.arange(80)[:, None] * 81 + np.arange(80)).ravel()
+    faces = np.concatenate([np.stack([corner, corner + 81, corner + 1], 1), np.stack([corner + 1, corner + 81, corner + 82], 1)])
+    return Part("plate", np.stack([x, y, z], axis=1), faces)
+
+
+@pytest.mark.parametrize("height_m", [0.014, 0.018])
+def test_a_flat_object_ends_in_a_step(height_m: float) -> None:
+    board = Part("board", *box((0.12, 0.16, height_m), (-0.15, 0.05, height_m / 2)))
+    cad = scene(PLATE, BLOCK)
+    (found,) = find_surprises(views(scene(PLATE, BLOCK, board), cad), cad, LIMITS).foreign
+    assert not found.moves
+    np.testing.assert_allclose(found.centre_m, [-0.15, 0.05, height_m], atol=0.012)
+    np.testing.assert_allclose(found.size_m[:2], [0.12, 0.16], atol=0.03)
+
+
+@pytest.mark.parametrize("shape", ["bump", "end"])
+def test_a_part_that_is_bent_comes_back_to_its_place_and_is_no_object(shape: str) -> None:
+    cad = scene(PLATE, BLOCK)
+    found = find_surprises(views(scene(raised(0.018, shape), BLOCK), cad), cad, LIMITS)
+    assert sum(int((p != NONE).sum()) for p in found.pixels) > 500
+    assert found.foreign == ()
+
+
 def test_what_one_view_alone_sees_moves() -> None:
     real, cad = scene(PLATE, BLOCK, CRATE), scene(PLATE, BLOCK)
     seen = [views(real, cad)[0], *views(cad, cad)[1:]]
