@@ -22,12 +22,14 @@ STOCK = (224, 171)
 """Columns and rows of Spot's hand camera, for which the network that is shipped was made."""
 
 
-def specs(scene: str, namespace: str = "", network: Mapping[str, Any] | None = None) -> list[GraphSpec]:
+def specs(
+    scene: str, namespace: str = "", network: Mapping[str, Any] | None = None, labels: Mapping[str, Any] | None = None
+) -> list[GraphSpec]:
     """Preprocessing, labels and the network, each frame heard reliably; one process a node, as `ros2 launch` starts them."""
     patient = {"live.patience_s": 10.0}
     parameters: dict[str, dict[str, Any]] = {
         "preproc": {**patient, "live.reliable": True},
-        "sim_label": {**patient, "live.scene": scene},
+        "sim_label": {**patient, "live.scene": scene, **(labels or {})},
         "infer": {**patient, "live.reliable": True, "infer.threads": 1, **(network or {})},
     }
     return [GraphSpec((name,), {name: values}, namespace=namespace, strict=True) for name, values in parameters.items()]
@@ -42,11 +44,14 @@ class Load:
     height: int = 171
     cameras: int = 1
     nodes: tuple[str, ...] = NODES
+    label_share: float = 0.0
+    """`live.share` of sim_label: above 0 not every dwell has a label."""
 
     def __str__(self) -> str:
         """In a few words."""
         one = f"{self.width}x{self.height} at {self.hz:g} Hz"
-        return one if self.cameras == 1 else f"{self.cameras} cameras of {one}"
+        labels = f", labels in at most {self.label_share:.0%} of a core" if self.label_share else ""
+        return f"{one}{labels}" if self.cameras == 1 else f"{self.cameras} cameras of {one}{labels}"
 
     @property
     def rooms(self) -> tuple[str, ...]:
@@ -67,13 +72,15 @@ class Load:
     def section(self) -> str:
         """Of docs/figures.md."""
         nodes = "" if self.nodes == NODES else f"_{'_'.join(self.nodes)}"
-        return "soak" if self == Load() else f"soak_{self.cameras}_{self.width}x{self.height}{nodes}"
+        share = f"_share{self.label_share:g}" if self.label_share else ""
+        return "soak" if self == Load() else f"soak_{self.cameras}_{self.width}x{self.height}{nodes}{share}"
 
     @property
     def flags(self) -> str:
         """Of the command that gives this load."""
         nodes = "" if self.nodes == NODES else f" --nodes {','.join(self.nodes)}"
-        return "" if self == Load() else f" --cameras {self.cameras} --size {self.width}x{self.height} --hz {self.hz:g}{nodes}"
+        share = f" --label-share {self.label_share:g}" if self.label_share else ""
+        return "" if self == Load() else f" --cameras {self.cameras} --size {self.width}x{self.height} --hz {self.hz:g}{nodes}{share}"
 
     @property
     def namespaces(self) -> tuple[str, ...]:
@@ -88,7 +95,8 @@ class Load:
     def specs(self) -> list[GraphSpec]:
         """The nodes of every camera. A network made for another camera is asked all the same: it takes the same time."""
         forced = {"infer.force": True} if (self.width, self.height) != STOCK else {}
-        return [spec for name in self.namespaces for spec in specs(SCENE, name, forced) if spec.nodes[0] in self.nodes]
+        labels = {"live.share": self.label_share} if self.label_share else {}
+        return [spec for name in self.namespaces for spec in specs(SCENE, name, forced, labels) if spec.nodes[0] in self.nodes]
 
 
 STOCK_LOAD = Load()

@@ -23,27 +23,42 @@ if TYPE_CHECKING:
     from tof_core.bag import BagReader
 
 ROOMS = ("preproc", "label", "infer")
+IN_FLIGHT = 3
+"""Frames without an answer at which a paced camera waits: a frame is answered once the transforms after it have come."""
+PACED_S = 5.0
+"""A paced camera waits no longer for an answer: that frame is lost."""
 
 
 class LoopedCamera:
     """Publishes a bag's messages at `hz` frames a second on average, and hears what became of each frame.
 
     Stamps are this host's clock, rising through all loops; so that TF covers its frames, messages go out in the order of their stamps.
-    With `namespaces` there are several cameras of one robot, each with the same frames under a namespace of its own.
+    With `namespaces` there are several cameras of one robot, each with the same frames under a namespace of its own. A `paced` camera
+    sends as fast as the graph answers: processor time a frame can so be measured on a host where others work, too.
     """
 
-    def __init__(self, node: Node, reader: BagReader, hz: float, namespaces: Sequence[str] = ("",), rooms: Sequence[str] = ROOMS) -> None:
+    def __init__(
+        self,
+        node: Node,
+        reader: BagReader,
+        hz: float,
+        namespaces: Sequence[str] = ("",),
+        rooms: Sequence[str] = ROOMS,
+        *,
+        paced: bool = False,
+    ) -> None:
         """Read the bag into memory, find the graph's topics; `rooms` are those that run."""
+        from geometry_msgs.msg import PoseWithCovarianceStamped
         from sensor_msgs.msg import Image, TimeReference
 
-        self._node, self._frames_topic, self._hz = node, reader.topics.depth, hz
+        self._node, self._frames_topic, self._hz, self.paced = node, reader.topics.depth, hz, paced
         wanted = [t for t in reader.types if t != "/tf_static" and not t.startswith(("/diagnostics", "/rosout"))]
         raw = list(reader.messages(tuple(wanted)))
         kinds = {m.topic: message_class(m.type) for m in raw}
         self._events = [(m.stamp_ns, m.topic, deserialize_message(m.cdr, kinds[m.topic])) for m in raw]
         frames = [stamp for stamp, topic, _ in self._events if topic == self._frames_topic]
         step_ns = (frames[-1] - frames[0]) / (len(frames) - 1)
-        self._speed = hz * step_ns * 1e-9
+        self._speed = 1.0 if paced else hz * step_ns * 1e-9
         self._first, self._loop_ns = raw[0].stamp_ns, round(raw[-1].stamp_ns - raw[0].stamp_ns + step_ns)
         spaces = [f"/{name}" if name else "" for name in namespaces]
         self._out = {
@@ -58,6 +73,7 @@ class LoopedCamera:
         self.sent: dict[int, float] = {}
         self.fates: dict[str, dict[int, str]] = defaultdict(dict)
         self.latencies: list[float] = []
+        self.labels = 0
         self.behind_s = 0.0
         self._stop = threading.Event()
         self._spaces, self._each = spaces, rooms
@@ -66,9 +82,13 @@ class LoopedCamera:
             node.create_subscription(TimeReference, f"/{room}/done", lambda m, room=room: self._answered(room, m), qos.RECORD)
         for space in spaces:
             node.create_subscription(Image, f"{space}/infer/depth", self._inferred, qos.RECORD)
+            node.create_subscription(PoseWithCovarianceStamped, f"{space}/label/pose", self._labelled, qos.RECORD)
 
     def _answered(self, room: str, message: Any) -> None:
         self.fates[room][messages.to_ns(message.header.stamp)] = message.source
+
+    def _labelled(self, _: Any) -> None:
+        self.labels += 1
 
     def _inferred(self, message: Any) -> None:
         if (sent := self.sent.get(messages.to_ns(message.header.stamp))) is not None:
@@ -97,11 +117,12 @@ class LoopedCamera:
         self._stop.clear()
         self.sent.clear()
         self.latencies.clear()
+        self.labels = 0
         return flowing
 
     def _flowing(self) -> bool:
         """Whether every room has lately kept as many frames as are sent in a second."""
-        most = max(round(self._hz), 1)
+        most = 15 if self.paced else max(round(self._hz), 1)
         return all(sum(fate == "kept" for fate in tuple(self.fates[room].values())[-most:]) >= most for room in self.rooms)
 
     def play(self, seconds: float) -> float:
@@ -113,13 +134,29 @@ class LoopedCamera:
             for stamp, topic, message in self._events:
                 due = (stamp - self._first + loop * self._loop_ns) / self._speed
                 # The last frame's transforms come after it: what follows is still sent, up to the next frame.
-                over = due * 1e-9 > seconds and topic == self._frames_topic
-                if over or self._stop.wait(max(due * 1e-9 - (time.monotonic() - begin), 0.0)):
+                passed = time.monotonic() - begin if self.paced else due * 1e-9
+                over = passed > seconds and topic == self._frames_topic
+                if over or self._wait(due * 1e-9 - (time.monotonic() - begin), topic):
                     break
                 self.behind_s = max(self.behind_s, time.monotonic() - begin - due * 1e-9)
                 self._send(topic, message, start_ns + round(due))
             loop += 1
         return (len(self.sent) - before) / (time.monotonic() - begin)
+
+    def _wait(self, seconds: float, topic: str) -> bool:
+        """Wait until a message is due; whether the camera was stopped meanwhile."""
+        if not self.paced:
+            return self._stop.wait(max(seconds, 0.0))
+        deadline = time.monotonic() + PACED_S
+        while topic == self._frames_topic and self._unanswered() >= IN_FLIGHT and time.monotonic() < deadline:
+            if self._stop.wait(0.005):
+                return True
+        return self._stop.is_set()
+
+    def _unanswered(self) -> int:
+        """Of the last frames those that some room has not answered."""
+        last = tuple(self.sent)[-IN_FLIGHT:]
+        return max(sum(stamp not in self.fates[room] for stamp in last) for room in self.rooms)
 
     def _send(self, topic: str, message: Any, stamp_ns: int) -> None:
         stamp = messages.to_stamp(stamp_ns)

@@ -19,6 +19,7 @@ from benchmarks.figure import Figure, at_least, at_most
 from benchmarks.load import NODES, STOCK_LOAD, Load
 from benchmarks.looped_camera import LoopedCamera
 from tof_core.bag import open_bag
+from tof_core.cores import CORES
 from toftwin.graph import graph_process
 
 if TYPE_CHECKING:
@@ -48,15 +49,14 @@ class Run:
     grown_mb: float
     cpu_ms: dict[str, float]
     other_cores: float
+    labels: int
+    """Of all cameras."""
     behind_s: float = 0.0
     """The most that the camera sent a frame after it was due."""
 
     def __str__(self) -> str:
         """One line."""
-        return (
-            f"{self.hz:.1f} Hz, {self.sent} frames, {self.losses}, raw to inferred p50 {self.p50_ms:.0f} p95 {self.p95_ms:.0f} ms, "
-            f"memory {self.grown_mb:+.1f} MB, {self.load}"
-        )
+        return f"{self.hz:.1f} Hz, {self.sent} frames, {self.losses}, {self.latency}memory {self.grown_mb:+.1f} MB, {self.load}"
 
     @property
     def losses(self) -> str:
@@ -64,10 +64,16 @@ class Run:
         return f"lost: {', '.join(f'{room} {count}' for room, count in self.lost.items() if count) or 'none'}"
 
     @property
+    def latency(self) -> str:
+        """From raw to inferred, with a comma after it; empty where no network ran."""
+        return f"raw to inferred p50 {self.p50_ms:.0f} p95 {self.p95_ms:.0f} ms, " if "infer" in self.cpu_ms else ""
+
+    @property
     def load(self) -> str:
-        """Processor time a frame by node, and what else ran."""
-        each = ", ".join(f"{name} {ms:.0f}" for name, ms in self.cpu_ms.items())
-        return f"ms of processor a frame: {each}; other processes {self.other_cores:.2f} cores"
+        """Processor time a frame by node, the labels made, and what else ran."""
+        each = ", ".join(f"{name} {ms:.1f}" for name, ms in self.cpu_ms.items())
+        labels = f", {self.labels} labels" if "label" in self.cpu_ms else ""
+        return f"ms of processor a frame: {each}{labels}; other processes {self.other_cores:.2f} cores"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +108,7 @@ def busy_s() -> float:
 
 
 @contextmanager
-def running(given: Load) -> Iterator[tuple[LoopedCamera, Graph]]:
+def running(given: Load, *, paced: bool = False) -> Iterator[tuple[LoopedCamera, Graph]]:
     """A graph of its own with cameras that it hears."""
     import rclpy
 
@@ -114,7 +120,7 @@ def running(given: Load) -> Iterator[tuple[LoopedCamera, Graph]]:
         context = stack.enter_context(ros_context(domain=domain))
         node = rclpy.create_node("soak", context=context)
         with open_bag(given.bag(), cell_frame="cell") as reader:
-            camera = LoopedCamera(node, reader, given.hz, given.namespaces, given.rooms)
+            camera = LoopedCamera(node, reader, given.hz, given.namespaces, given.rooms, paced=paced)
         stack.enter_context(spinning([node]))
         graph = Graph(tuple(stack.enter_context(graph_process(spec, domain)) for spec in given.specs()), given.rooms)
         deadline = time.monotonic() + 120.0
@@ -127,9 +133,9 @@ def running(given: Load) -> Iterator[tuple[LoopedCamera, Graph]]:
         yield camera, graph
 
 
-def stretch(given: Load, seconds: float, *, say: bool) -> Run:
+def stretch(given: Load, seconds: float, *, say: bool, paced: bool = False) -> Run:
     """Play so long; memory is compared with that after `WARM_S`, or after a third of a short run."""
-    with running(given) as (camera, graph):
+    with running(given, paced=paced) as (camera, graph):
         handler = signal.signal(signal.SIGINT, lambda *_: camera.stop())
         watch = Watch(camera, graph, min(WARM_S, seconds / 3), say=say)
         busy, mine, theirs, begin = busy_s(), time.process_time(), graph.cpu_seconds(), time.monotonic()
@@ -142,7 +148,8 @@ def stretch(given: Load, seconds: float, *, say: bool) -> Run:
         signal.signal(signal.SIGINT, handler)
         lost = {room: camera.lost(room) for room in camera.rooms}
         cpu_ms = {name: 1e3 * seconds / (len(camera.sent) * given.cameras) for name, seconds in used.items()}
-        return Run(reached, len(camera.sent), lost, camera.latency_ms(50), camera.latency_ms(95), grown, cpu_ms, others, camera.behind_s)
+        late = (camera.latency_ms(50), camera.latency_ms(95))
+        return Run(reached, len(camera.sent), lost, *late, grown, cpu_ms, others, camera.labels, camera.behind_s)
 
 
 class Watch:
@@ -225,6 +232,14 @@ def rows(run: Run, minutes: float, given: Load = STOCK_LOAD) -> list[Figure]:
     ]
 
 
+def cost(run: Run, given: Load) -> Figure:
+    """Processor time of a frame beside what the cores have for it; frames that were lost cost less than they would have."""
+    share = 1e3 * CORES / (given.hz * given.cameras)
+    what = f"soak: processor time a frame of {given}, {', '.join(given.nodes)} and the camera, which waits for their answers"
+    remark = f"{run.sent} frames, {run.losses}; {run.load}; {CORES} cores have {share:.0f} ms"
+    return at_most(what, sum(run.cpu_ms.values()), share, "ms", remark=remark)
+
+
 def parse(arguments: list[str] | None) -> Any:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.soak", description=__doc__)
@@ -233,8 +248,10 @@ def parse(arguments: list[str] | None) -> Any:
     parser.add_argument("--size", default="224x171", metavar="WxH", help="columns and rows of each camera (default: 224x171)")
     parser.add_argument("--cameras", type=int, default=1, help="so many cameras of one robot, a graph for each (default: 1)")
     parser.add_argument("--nodes", default=",".join(NODES), help="nodes that run for each camera (default: all three)")
+    parser.add_argument("--label-share", type=float, default=0.0, help="live.share of sim_label (default: 0, a label for each dwell)")
     parser.add_argument("--no-rate", action="store_true", help="leave out the search for the highest rate")
     parser.add_argument("--rate-only", action="store_true", help="search for the highest rate alone")
+    parser.add_argument("--paced", action="store_true", help="processor time a frame alone: the camera waits for the graph's answers")
     parser.add_argument("--most-cameras", action="store_true", help="search for the number of cameras that is held, alone")
     parser.add_argument("--write", action="store_true", help="renew these rows of docs/figures.md")
     return parser.parse_args(arguments)
@@ -244,18 +261,23 @@ def main(arguments: list[str] | None = None) -> int:
     """Exit status 0 when every bar is met, 1 when one is missed."""
     options = parse(arguments)
     width, height = (int(side) for side in options.size.split("x"))
-    given = Load(options.hz, width, height, options.cameras, tuple(options.nodes.split(",")))
+    given = Load(options.hz, width, height, options.cameras, tuple(options.nodes.split(",")), options.label_share)
     results: dict[str, list[Figure]] = {}
     if options.most_cameras:
         figure = most_cameras(given, say=True)
         results[f"{given.section}_cameras"] = [replace(figure, command=f"python -m benchmarks.soak --most-cameras{given.flags}")]
+    elif options.paced:
+        run = stretch(given, 60 * options.minutes, say=False, paced=True)
+        print(f"  {run}", file=sys.stderr, flush=True)
+        command = f"python -m benchmarks.soak --paced --minutes {options.minutes:g}{given.flags}"
+        results[f"{given.section}_cost"] = [replace(cost(run, given), command=command)]
     elif not options.rate_only:
         print(f"soak: {options.minutes:g} min, {given}", file=sys.stderr, flush=True)
         run = stretch(given, 60 * options.minutes, say=True)
         print(f"  {run}", file=sys.stderr, flush=True)
         command = f"python -m benchmarks.soak --minutes {options.minutes:g}{given.flags}"
         results[given.section] = [replace(f, command=command) for f in rows(run, run.sent / max(run.hz, 1e-9) / 60, given)]
-    if options.rate_only or (given == STOCK_LOAD and not options.no_rate and not options.most_cameras):
+    if options.rate_only or (given == STOCK_LOAD and not (options.no_rate or options.most_cameras or options.paced)):
         figure = highest_rate(given, say=True)
         results[f"{given.section}_rate"] = [replace(figure, command=f"python -m benchmarks.soak --rate-only{given.flags}")]
     figures = [figure for room in results.values() for figure in room]

@@ -17,6 +17,12 @@ class LiveConfig(ViewOptions):
     settle_s: float = param(
         2.5, "a view is labelled after this time without another one; 0: only when the next dwell begins", unit="s", low=0.0, high=3600.0
     )
+    share: float = param(
+        0.0,
+        "largest share of a core for labels, which are then made beside the views that come; a dwell that ends while it is used up has no label, which is counted; 0: every dwell has its label, and views wait for it",
+        low=0.0,
+        high=1.0,
+    )
     publish_tf: bool = param(True, "publish the cell's frame (latched) if TF lacks it, and CAMERA_aligned of each view")
     sensor: str = param("", "sensor.yaml of the camera: its effects are removed before poses are solved; empty: nothing is known")
     record: str = param("", "folder in which ~/start_recording writes a bag of the labels")

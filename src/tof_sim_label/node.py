@@ -18,7 +18,7 @@ from tof_core.errors import UsageError
 from tof_ros import messages
 from tof_ros.depth_output import DepthOutput
 from tof_ros.managed import ManagedNode
-from tof_ros.markers import GREEN, ORANGE, part_markers
+from tof_ros.markers import GREEN, ORANGE, colour, part_markers
 from tof_ros.placing import Frames, Placing
 from tof_ros.recorder import RecordService
 from tof_ros.ticker import Ticker
@@ -27,6 +27,7 @@ from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
 from tof_sensor.known import known_bias
 from tof_sim_label.live import LabelNodeConfig
+from tof_sim_label.spare import SpareTime
 from tof_sim_label.stream import Labelled, LabelStream, warm_up
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ OUTPUTS = {
 """Topics under `label/`, once per view, with the stamp of its last capture."""
 SHARED = {"label/path": Path, "scene/markers": MarkerArray}
 """Latched topics for RViz: the corrected camera since the session began, and the CAD."""
+SKIPPED = "skipped"
+"""Among the verdicts: a dwell that has no label because `live.share` was used up."""
 LONGEST_PATH = 1000
 """Poses: a day of views, 60 kB a message."""
 CONFIG = LabelNodeConfig
@@ -92,7 +95,11 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._path = Path(header=messages.header(0, self._cell))
         self._feed = ViewFeed(self, self._chain, live.patience_s, self._take, self._placing.camera)
         self._ticker = Ticker(self, self._settle)
+        self._spare = SpareTime(live.share) if live.share else None
+        if self._spare is not None:
+            self.at_stop.append(self._spare.close)
         self._colours: dict[str, Colour] = {}
+        self._markers = part_markers([(part.name, part.vertices, part.faces) for part in self._scene.parts], self._cell, {})
         self._draw({})
 
     def unload(self) -> None:
@@ -100,21 +107,38 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         del self._caster, self._scene
 
     def _take(self, view: View) -> None:
-        self._publish(self._stream.push(view))
+        self._label(self._stream.ended(view))
         self._labelled = time.monotonic()
         self._ticker.start()
+
+    def _label(self, view: View | None) -> None:
+        """Label a view: at once, or in spare time where labels have a share of the time."""
+        if view is None:
+            return
+        if self._spare is None:
+            self._work(view)
+        elif not self._spare.take(partial(self._work, view)):
+            self._verdicts[SKIPPED] += 1
+            counts = f"{self._verdicts[SKIPPED]} of {self._verdicts.total()} dwells"
+            self.get_logger().warning(f"labels have used up live.share of a core: {counts} have none", throttle_duration_sec=60.0)
+
+    def _work(self, view: View) -> None:
+        self._publish(self._stream.label(view))
+
+    def _finish(self) -> None:
+        """Wait for a label in progress."""
+        if self._spare is not None:
+            self._spare.finish()
 
     def _settle(self) -> bool:
         """Label the last view once no other has come for a while; whether one may wait for that."""
         settle = self.config.live.settle_s
         if settle and time.monotonic() - self._labelled > settle:
-            self._publish(self._stream.flush())
+            self._label(self._stream.current())
             return False
         return bool(settle)
 
-    def _publish(self, labelled: Labelled | None) -> None:
-        if labelled is None:
-            return
+    def _publish(self, labelled: Labelled) -> None:
         if labelled.label is None:
             self._verdicts["refused"] += 1
             self.get_logger().warning(f"view {labelled.view.stamp_ns} has no label: {labelled.why}")
@@ -155,22 +179,26 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         colours = {**self._colours, **seen}
         if colours != self._colours or not colours:
             self._colours = colours
-            parts = [(part.name, part.vertices, part.faces) for part in self._scene.parts]
-            self._latched["scene/markers"].publish(part_markers(parts, self._cell, colours))
+            colour(self._markers, colours)
+            self._latched["scene/markers"].publish(self._markers)
 
     def flush(self) -> str:
         """Label the current view now."""
         self._feed.advance()
-        before = self._verdicts.total()
-        self._publish(self._stream.flush())
-        return f"{self._verdicts.total() - before} view labelled"
+        self._finish()
+        view = self._stream.current()
+        if view is not None:
+            self._work(view)
+        return f"{int(view is not None)} view labelled"
 
     def retune(self, config: LabelNodeConfig) -> None:
         """Other settings begin a new session; the scene stays loaded."""
+        self._finish()
         self._stream = LabelStream(self._caster, config, self._bias)
 
     def reset(self) -> str:
         """Forget the session."""
+        self._finish()
         self._stream.reset()
         self._feed.reset()
         return "the session is forgotten"

@@ -54,15 +54,26 @@ class LabelStream:
 
     def push(self, view: View) -> Labelled | None:
         """Take a running view. If it begins a new dwell, return the previous dwell, labelled."""
-        before, self._pending = self._pending, view
-        return self._label(before) if before is not None and before.dwell_ns != view.dwell_ns else None
+        ended = self.ended(view)
+        return None if ended is None else self.label(ended)
 
     def flush(self) -> Labelled | None:
         """Label the current view."""
-        view, self._pending = self._pending, None
-        return None if view is None else self._label(view)
+        view = self.current()
+        return None if view is None else self.label(view)
 
-    def _label(self, view: View) -> Labelled:
+    def ended(self, view: View) -> View | None:
+        """Take a running view. If it begins a new dwell, return the last view of the previous one."""
+        before, self._pending = self._pending, view
+        return before if before is not None and before.dwell_ns != view.dwell_ns else None
+
+    def current(self) -> View | None:
+        """The view that waits for the end of its dwell; it waits no longer."""
+        view, self._pending = self._pending, None
+        return view
+
+    def label(self, view: View) -> Labelled:
+        """Label a view that was taken; while one thread does so, another may take views."""
         try:
             self._gate.check(view)
             posed = self._aligner.push(view)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from tof_core.cores import one_thread
 from tof_core.errors import ToftwinError, UsageError
+from tof_core.memory import keep_freed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -97,6 +98,7 @@ def _text(value: Any) -> str:
 def run_graph(spec: GraphSpec) -> int:
     """Run the nodes in this process until SIGINT or SIGTERM; 1 if a node died."""
     one_thread()  # read when NumPy is imported, below
+    keep_freed()
     from tof_ros.environment import REACH, parameter_overrides, reach, ros_context
     from tof_ros.spin import spinning
 

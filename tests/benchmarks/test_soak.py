@@ -9,7 +9,7 @@ pytest.importorskip("rclpy", reason="no ROS 2 here")
 
 from benchmarks.soak import Run, rows
 
-GOOD = Run(15.0, 9000, {"preproc": 0, "label": 0, "infer": 0}, 30.0, 80.0, 4.0, {"preproc": 30.0, "camera": 5.0}, 0.1)
+GOOD = Run(15.0, 9000, {"preproc": 0, "label": 0, "infer": 0}, 30.0, 80.0, 4.0, {"preproc": 30.0, "camera": 5.0}, 0.1, 0)
 
 
 def test_a_run_that_loses_nothing_meets_its_bars() -> None:

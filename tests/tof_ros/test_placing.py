@@ -153,6 +153,16 @@ def test_nothing_is_published_if_that_is_turned_off_and_an_invalid_pose_is_repor
     assert not any(name.endswith("_aligned") for name in bench.moving)
 
 
+def test_labels_with_a_share_of_a_core_skip_dwells_and_no_view_waits_for_them(started: Callable[..., Bench]) -> None:
+    bench = started(initial_pose=POSE, share=0.001, settle_s=0.0)
+    for _ in range(3):
+        bench.view()
+    wait_for(lambda: bench.node._path.poses, what="for the label of the first dwell")
+    assert bench.node.figures()["verdict.skipped"] == "1"  # the second; the third has not ended
+    assert bench.node.flush() == "1 view labelled"
+    assert len(bench.node._path.poses) == 2
+
+
 def test_a_pose_that_is_none_is_why_the_node_is_not_active(ros_domain: int, tmp_path: Path) -> None:
     from tof_ros.environment import parameter_overrides, ros_context
     from tof_ros.spin import spinning

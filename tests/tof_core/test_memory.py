@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Freed images are kept for the next ones, in the processes that ask for it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+CODE = """
+import resource
+import numpy as np
+from tof_core.memory import keep_freed
+if {kept} and not keep_freed():
+    raise SystemExit("no glibc")
+def frame():
+    return [np.ones((576, 640), np.float32) for _ in range(12)]
+frame()
+frame()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(10):
+    frame()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+def faults(*, kept: bool) -> int:
+    """Page faults of ten frames of twelve images each, freed before the next frame."""
+    done = subprocess.run([sys.executable, "-c", CODE.format(kept=kept)], capture_output=True, text=True, check=False)
+    if "no glibc" in done.stderr:
+        pytest.skip("no glibc")
+    return int(done.stdout)
+
+
+def test_a_frame_takes_the_memory_of_the_one_before() -> None:
+    assert faults(kept=True) < 100
+    assert faults(kept=False) > faults(kept=True) + 100
