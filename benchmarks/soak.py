@@ -235,9 +235,10 @@ def rows(run: Run, minutes: float, given: Load = STOCK_LOAD) -> list[Figure]:
 def cost(run: Run, given: Load) -> Figure:
     """Processor time of a frame beside what the cores have for it; frames that were lost cost less than they would have."""
     share = 1e3 * CORES / (given.hz * given.cameras)
+    total = sum(run.cpu_ms.values())
     what = f"soak: processor time a frame of {given}, {', '.join(given.nodes)} and the camera, which waits for their answers"
-    remark = f"{run.sent} frames, {run.losses}; {run.load}; {CORES} cores have {share:.0f} ms"
-    return at_most(what, sum(run.cpu_ms.values()), share, "ms", remark=remark)
+    held = f"{CORES} cores have {share:.0f} ms, so much as {given.cameras * share / total:.1f} such cameras take"
+    return at_most(what, total, share, "ms", remark=f"{run.sent} frames, {run.losses}; {run.load}; {held}")
 
 
 def parse(arguments: list[str] | None) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -82,7 +83,9 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._scene = open_scene(live.scene)
         self._caster = Raycaster(self._scene)
         self._bias = known_bias(live.sensor)
-        warm_up(self._caster)
+        warming = ThreadPoolExecutor(1)
+        self._warm = warming.submit(warm_up, self._caster)  # while the middleware finds preproc, whose views are taken meanwhile
+        warming.shutdown(wait=False)
 
     def start(self) -> None:
         """Hear `preproc` and TF; a session begins."""
@@ -104,6 +107,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
 
     def unload(self) -> None:
         """Release the scene."""
+        wait([self._warm])
         del self._caster, self._scene
 
     def _take(self, view: View) -> None:
@@ -123,6 +127,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
             self.get_logger().warning(f"labels have used up live.share of a core: {counts} have none", throttle_duration_sec=60.0)
 
     def _work(self, view: View) -> None:
+        self._warm.result()
         self._publish(self._stream.label(view))
 
     def _finish(self) -> None:
