@@ -10,13 +10,13 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from tof_core.bounds import LARGEST_MESSAGE, LARGEST_METADATA, LARGEST_TF_MESSAGE
 from tof_core.errors import BagError, ConfigError, NoBagError, ToftwinError
 from tof_core.mcap_recover import McapScan
 from tof_core.topics import TF
-from tof_core.typestores import typestore_of
+from tof_core.typestores import JazzyWhenAsked
 from tof_core.unpack import UNPACKERS, BoundedZstd
 from tof_core.yamlio import load_yaml
 
@@ -68,7 +68,7 @@ class WholeBag:
         storage_mcap.DECOMPRESSORS.update(UNPACKERS)
         vars(reader)["zstd"] = BoundedZstd()
         self.path, self.note, self._stack = path, note, stack
-        self._reader: AnyReader = stack.enter_context(AnyReader(files, default_typestore=typestore_of("jazzy")))
+        self._reader: AnyReader = stack.enter_context(AnyReader(files, default_typestore=cast("Typestore", JazzyWhenAsked())))
         self.types = self._reader.typestore
         counts: Counter[str] = Counter()
         for c in self._reader.connections:

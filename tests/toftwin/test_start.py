@@ -5,8 +5,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 HEAVY = ("cv2", "embreex", "numba", "onnxruntime", "open3d", "scipy", "torch", "trimesh", "zarr")
 """Modules of which none takes less than 0.1 s to load."""
@@ -38,3 +42,9 @@ def test_settings_are_printed_without_any_heavy_module(command: str) -> None:
 )
 def test_work_begins_without_what_only_rare_cases_need(modules: str) -> None:
     assert loaded(f"import {modules}", *WORK) == []
+
+
+def test_a_bag_that_embeds_its_definitions_is_opened_without_those_of_ros(repository: Path) -> None:
+    bag = repository / "tests" / "data" / "golden" / "bag"
+    program = f"from tof_core.bag import open_bag\nwith open_bag({str(bag)!r}) as reader:\n    assert reader.frame_count"
+    assert loaded(program, "rosbags.typesys.stores.ros2_dashing") == []
