@@ -13,7 +13,7 @@ from tof_align.mixed import solve
 from tof_align.system import assemble, camera_cov
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from tof_align.chain import Chain
     from tof_align.mixed import Mixed, Normal
@@ -99,7 +99,7 @@ class ColumnSystem:
     weight: Float
 
     @classmethod
-    def of(cls, grams: Sequence[Float], chain: Chain, theta_sd: Float, priors: Priors, pixels: Float, weight: Float) -> ColumnSystem:
+    def of(cls, grams: Iterable[Float], chain: Chain, theta_sd: Float, priors: Priors, pixels: Float, weight: Float) -> ColumnSystem:
         """From each view's weighted products (p, p) of [camera 6 | columns K | residual]; theta_sd (K,): the coefficients' prior deviations."""
         normal = assemble(grams, chain, None, theta_sd**-2.0)
         info, error, g = normal.info.copy(), normal.error.copy(), chain.globals_

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_align.mixed import by_view
+from tof_align.mixed import by_view, joined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from tof_align.mixed import ByView
     from tof_core.arrays import Float, Ints
 
+BLOCK = 8
+"""Views whose normal equations are eliminated together."""
 OFTEN = 20
 """Choices of columns from which eliminating the arm's errors beside all columns at once costs less: each choice only takes its rows then."""
 
@@ -37,7 +39,7 @@ class Folds:
     def __init__(self, system: ColumnSystem, folds: Ints, inflate: float = 1.0) -> None:
         """`folds` (V,) as `deal` gives them; `inflate` divides the data's weight, as in `ColumnSystem.chosen`."""
         self._system, self._inflate, self._asked = system, inflate, 0
-        self._whole: ByView | None = None
+        self._whole: list[ByView] = []
         names, self._fold = np.unique(folds, return_inverse=True)
         self._other = (self._fold[None, :] != np.arange(len(names))[:, None]).astype(float)
 
@@ -56,7 +58,9 @@ class Folds:
 
     def _rows(self, active: Ints) -> ByView:
         """Of the elimination beside all columns, the rows of poses and of `active`."""
-        if self._whole is None:
-            every = np.arange(self._system.columns)
-            self._whole = by_view(self._system.chosen(every, inflate=self._inflate), {})
-        return self._whole.of(self._system.local(active))
+        if not self._whole:  # Some views at a time: the products of all columns are copied twice on the way.
+            every, views = np.arange(self._system.columns), np.arange(len(self._fold))
+            some = (self._system.subset(views[start : start + BLOCK].tolist()) for start in views[::BLOCK])
+            self._whole = [by_view(system.chosen(every, inflate=self._inflate), {}) for system in some]
+        at = self._system.local(active)
+        return joined([views.of(at) for views in self._whole])

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from tof_core.arrays import Float, Ints
 
@@ -106,6 +106,14 @@ class ByView:
         H[views[:, None, None], where[:, :, None], where[:, None, :]] = self.H
         b[views[:, None], where] = self.b
         return H, b
+
+
+def joined(parts: Sequence[ByView]) -> ByView:
+    """The equations of some views, then of others, about the same unknowns."""
+    H, b, energy, own0, gain, own_cov = (
+        np.concatenate(arrays) for arrays in zip(*((p.H, p.b, p.energy, p.own0, p.gain, p.own_cov) for p in parts), strict=True)
+    )
+    return ByView(H, b, energy, own0, gain, own_cov)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

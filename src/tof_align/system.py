@@ -20,7 +20,7 @@ from tof_align.parts import MOTIONS, PART, stand_off
 from tof_align.view_columns import columns_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from tof_align.linearise import Linearised
     from tof_align.view_columns import ViewColumns
@@ -144,24 +144,29 @@ def explained_by(columns: ViewColumns, rig: Rig, basis: Basis, answer: Mixed, v:
     return np.asarray(smooth + columns.of_extra(answer.x[rig.globals_ + sum(basis.shared) :]))
 
 
-def assemble(grams: Sequence[Float], rig: Rig, basis: Basis | None, theta_info: Float, shifts: Float | None = None) -> Normal:
+def assemble(grams: Iterable[Float], rig: Rig, basis: Basis | None, theta_info: Float, shifts: Float | None = None) -> Normal:
     """Normal equations of all views: [pose, shared, columns | own pose, own | residual] in each.
 
     shifts (V, 6): how far the cameras moved (right perturbation) since they were linearised.
     """
-    moved = np.zeros((len(grams), 6)) if shifts is None else shifts
     shared_sizes = basis.shared if basis is not None else ()
     local_sizes = basis.local if basis is not None else ()
     m, k, q, g = sum(shared_sizes), len(theta_info), sum(local_sizes), rig.globals_
     tail = np.arange(g, g + m + k)
     info, own_info, error, own_error = rig.prior()
+    views, (shared, own) = len(own_error), (links.shape[1] for links in rig.links(0))
+    moved = np.zeros((views, 6)) if shifts is None else shifts
+    # Each view's products in their place at once: those of hundreds of columns in sixty views are a quarter of a gigabyte.
+    gram = np.empty((views, *(2 * (shared + m + k + own + q + 1,))))
+    for v, G in enumerate(grams):
+        gram[v] = _expand(G, *rig.links(v), m + k, moved[v])
     return Normal(
-        gram=np.array([_expand(G, *rig.links(v), m + k, moved[v]) for v, G in enumerate(grams)]),
-        where=np.array([np.concatenate([rig.where(v), tail]) for v in range(len(grams))]),
+        gram=gram,
+        where=np.array([np.concatenate([rig.where(v), tail]) for v in range(views)]),
         info=np.concatenate([info, np.zeros(m), theta_info]),
         error=np.concatenate([error, np.zeros(m + k)]),
         own_info=np.concatenate([own_info, np.zeros(q)]),
-        own_error=np.concatenate([own_error, np.zeros((len(grams), q))], axis=1),
+        own_error=np.concatenate([own_error, np.zeros((views, q))], axis=1),
         kinds=_kinds(basis, g),
         own_kinds=_indices(LOCAL, local_sizes, rig.own),
     )

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
+    S = TypeVar("S")
     T = TypeVar("T")
 
 CORES = len(os.sched_getaffinity(0))
@@ -88,3 +89,9 @@ def in_threads(work: Callable[..., T], *each: Iterable[object]) -> list[T]:
         return list(map(work, *each))
     with ThreadPoolExecutor(threads) as pool:  # made anew: one kept at module level would not survive a fork
         return list(pool.map(work, *each))
+
+
+def in_blocks(work: Callable[[S], T], each: Sequence[S], block: int = 8) -> Iterator[T]:
+    """The results of `in_threads` one after the other, for results so large that no more than a block of them may be held at a time."""
+    for start in range(0, len(each), block):
+        yield from in_threads(work, each[start : start + block])

@@ -66,7 +66,7 @@ def touched(values: Float) -> Mask:
     """
     size = np.abs(values)
     some = size[size > 0]
-    return size >= AFFECTED * np.quantile(some, AFFECTED_QUANTILE) if len(some) else size > 0
+    return size >= AFFECTED * np.quantile(some, AFFECTED_QUANTILE, overwrite_input=True) if len(some) else size > 0
 
 
 def second_differences(values: Float, axis: int = -1, step: int = 1) -> Float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from tof_align.folds import deal
 from tof_core.errors import RefusedError
+from tof_core.memory import give_back
 from tof_gap.seen.photons import own_law
 from tof_gap.solve.apart import set_apart
 from tof_gap.solve.brief import solve_moving
@@ -93,6 +94,7 @@ def diagnose(
         del found  # Images of all views are most of what a session needs in memory.
         found = read(conclude(joint, begun.views, caster, config, split, rng))
     del joint, begun
+    give_back()
     progress("what no named effect explains")
     unexplained = look(found, caster.scene, config.report, config.missing)
     return Diagnosis(

@@ -32,6 +32,20 @@ def test_an_exception_of_a_thread_is_raised() -> None:
         cores.in_threads(lambda n: 1 / n, [1, 0, 2])
 
 
+@pytest.mark.usefixtures("_cores")
+def test_a_block_is_computed_when_the_one_before_it_has_been_taken() -> None:
+    begun: list[int] = []
+
+    def work(n: int) -> int:
+        begun.append(n)
+        return n * n
+
+    results = cores.in_blocks(work, range(7), block=3)
+    assert next(results) == 0
+    assert sorted(begun) == [0, 1, 2]
+    assert list(results) == [1, 4, 9, 16, 25, 36]
+
+
 @pytest.mark.parametrize(
     ("busy", "own", "free"),
     [(0.0, 0.0, 4), (10.0, 0.0, 3), (40.0, 10.0, 1), (40.0, 40.0, 4), (22.0, 8.0, 3), (40.0, 0.0, 1)],

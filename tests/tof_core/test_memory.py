@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Freed images are kept for the next ones, in the processes that ask for it."""
+"""Freed images are kept for the next ones, or given back to the system, in the processes that ask for it."""
 
 from __future__ import annotations
 
+import ctypes
 import subprocess
 import sys
 
@@ -36,3 +37,27 @@ def faults(*, kept: bool) -> int:
 def test_a_frame_takes_the_memory_of_the_one_before() -> None:
     assert faults(kept=True) < 100
     assert faults(kept=False) > faults(kept=True) + 100
+
+
+FREED_MB = 200
+HELD = f"""
+import numpy as np
+from tof_core.memory import give_back
+
+def resident_mb():
+    return int(open("/proc/self/statm").read().split()[1]) * 4096 / 1e6
+
+arrays = [np.ones(100_000, np.uint8) for _ in range({FREED_MB} * 10)]
+last = arrays[-1]
+del arrays
+before = resident_mb()
+give_back()
+print(before - resident_mb())
+"""
+"""Arrays that glibc takes from its heap, whose end the last one holds."""
+
+
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "malloc_trim"), reason="the C library is not glibc")
+def test_freed_arrays_leave_the_process() -> None:
+    done = subprocess.run([sys.executable, "-c", HELD], check=True, capture_output=True, text=True)
+    assert float(done.stdout) > 0.9 * FREED_MB

@@ -119,8 +119,12 @@ def compact(frame: Frame) -> Frame:
 
     Whatever is computed with rays or lengths is of doubles as before.
     """
-    none = np.broadcast_to(0.0, frame.depth.shape)
-    return replace(frame, depth=cast("Float", frame.rendering.depth), amplitude=single(frame.amplitude), sigma=none, missing=none)
+    none, rendering = np.broadcast_to(0.0, frame.depth.shape), frame.rendering
+    if not rendering.mixed.any():  # Rendered without footprints, or of one surface: there is no second one.
+        rendering = replace(rendering, mixed=np.broadcast_to(np.float32(0), none.shape), second=_unknown(frame))
+    return replace(
+        frame, rendering=rendering, depth=cast("Float", rendering.depth), amplitude=single(frame.amplitude), sigma=none, missing=none
+    )
 
 
 def single(image: Float) -> Float:
@@ -129,10 +133,11 @@ def single(image: Float) -> Float:
 
 
 def without_geometry(view: ViewEvidence) -> ViewEvidence:
-    """A view whose columns are computed: residual, noise and masks stay; of the frame, depth, amplitude and what surrounded it."""
-    frame = view.frame
-    rendering = replace(depth_only(frame.camera, frame.rendering.depth), T_cell_camera=frame.rendering.T_cell_camera)
-    return replace(view, frame=replace(frame, rendering=rendering), concavity=_unknown(frame))
+    """A view whose columns are computed: residual, noise and masks stay; of the frame, camera, pose and what surrounded it."""
+    frame, none = view.frame, _unknown(view.frame)
+    rendering = replace(depth_only(frame.camera, none), T_cell_camera=frame.rendering.T_cell_camera)
+    frame = replace(frame, rendering=rendering, depth=cast("Float", none), amplitude=cast("Float", none))
+    return replace(view, frame=frame, concavity=none)
 
 
 def _unknown(frame: Frame) -> Image:

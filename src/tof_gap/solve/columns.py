@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.columns import ColumnSystem, Priors
-from tof_core.cores import in_threads
+from tof_core.cores import in_blocks, in_threads
 from tof_gap.seen.motion import moving
 from tof_gap.seen.pattern import pattern_columns
 from tof_gap.solve.candidate import Candidate
@@ -145,7 +145,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
         sd = np.concatenate([sd, lens_sd * safe[groups[-1]]])
     base_sd = np.minimum(chain.priors.base, PINNED_SD) if in_motion else chain.priors.base
     system = ColumnSystem.of(
-        in_threads(lambda v: _gram(store.views[v], joined(v) / safe), every),
+        in_blocks(lambda v: _gram(store.views[v], joined(v) / safe), every),
         chain,
         # A column that vanishes everywhere is pinned: it explains nothing.
         np.where(live, sd, 1e-9),

@@ -10,6 +10,7 @@ import numpy as np
 
 from tof_align.folds import deal
 from tof_core.cores import in_threads
+from tof_core.memory import give_back
 from tof_gap.seen.edges import smear
 from tof_gap.seen.mixed import mixing
 from tof_gap.seen.motion import moving
@@ -45,6 +46,7 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     The first round asks only effects that look at each pixel by itself: it is there to bring the cameras near. Of a moving session it
     asks all, as whatever stands in for motion takes the cameras away.
     """
+    give_back()
     views, chain, evidence, wider_px = begun.views, begun.chain, begun.hand_over(), 0
     limits = config.solve.joint
     check_fit(evidence, config.solve.start)
@@ -65,11 +67,14 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
             break
     if not joint.design.candidates:
         return replace(joint, views=tuple(map(without_geometry, joint.views)))
+    give_back()
     # Named effects go first, each in its best shape; then errors that no effect explains may compete.
     finer = refined(store, joint.design, joint.selection, joint.chain, config)
     free = [Candidate(UNKNOWN, None, f.quantity, f) for f in free_functions(joint.views)]
     design = build(store, [*joint.design.candidates, *finer, *free], joint.chain, config.hand_sd, config.lens_sd)
-    final = settled(replace(joint, design=design, selection=select(design, config.select, joint.selection.chosen.members)), config)
+    del store  # Columns of all hypotheses are half a gigabyte of a long session, and a selection needs their products alone.
+    joint = replace(joint, design=design)
+    final = settled(replace(joint, selection=select(design, config.select, joint.selection.chosen.members)), config)
     return replace(final, views=tuple(map(without_geometry, final.views)))
 
 

@@ -14,6 +14,7 @@ from tof_align.session import near
 from tof_core import se3
 from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
+from tof_core.memory import give_back
 from tof_gap.seen.motion import moving
 from tof_gap.seen.residual import ViewEvidence, gather
 from tof_gap.solve.columns import ColumnStore, build
@@ -113,6 +114,7 @@ def observe(
 
     `concavity`: whether to compute it; `wider_px`: of still views' edges; `lens`: the one that the camera has, None for CameraInfo's.
     """
+    give_back()  # The images of an earlier round have gone by now.
     seen = through(lens, views)
     renderings = in_threads(lambda i, v: render(caster, v.camera, chain.pose(i), footprints=footprints), range(len(seen)), seen)
     return gather(seen, renderings, caster, config.evidence, concavity=concavity, wider_px=wider_px, recorded=views)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.foreign_light import foreign_light
 from tof_gap.tell.figures import figures
@@ -92,6 +93,7 @@ def account(
         left_out: effects that may not be named.
         law: the camera's photon law, where it is known.
     """
+    give_back()
     gated = tuple(given) if along_ray is None else (*given, along_ray)
     findings = gated if alone else (*gated, *_findings(solved, config, law, left_out))
     counted = figures(solved, findings, rng, config.report)

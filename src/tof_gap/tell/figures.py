@@ -34,7 +34,7 @@ class Figures:
     """What every figure of a session is made of; lists are per view, images (H, W).
 
     residual: metres before any effect, NaN where a pixel does not count; floors: m^2; maps: metres per effect; common: metres of
-    noise that neighbours share (part of the floors); noise2: m^2, the pixels' own noise (part of the floors); edge: pixels that count
+    noise that neighbours share (part of the floors); noise2: m^2 of the held-out views, the pixels' own noise (part of the floors); edge: pixels that count
     only where `flying_pixels` is named; mixed: those of them that measured a depth between their two surfaces; held: held-out views;
     unsure2: m^2 along the ray, variance of the error of a fixed pattern's map; step_m: metres between depth codes, where
     `quantization` is named; posed_m: metres of noise that neighbours share and that the poses took; rng: for resampling; limits: how
@@ -45,7 +45,7 @@ class Figures:
     floors: Sequence[Float]
     maps: Mapping[str, Sequence[Float]]
     common: Sequence[Float]
-    noise2: Sequence[Float]
+    noise2: Mapping[int, Float]
     edge: Sequence[Mask]
     mixed: Sequence[Mask]
     held: Sequence[int]
@@ -115,7 +115,7 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
         floors=[single(f + np.nan_to_num(c) ** 2) for f, c in zip(floor2(quiet, solved.camera_covs), common, strict=True)],
         maps={**maps, **{f.name: list(f.share) for f in findings if f.corrects and f.share is not None}},
         common=common,
-        noise2=[v.sigma**2 for v in quiet],
+        noise2={v: quiet[v].sigma ** 2 for v in solved.split.held_out},
         edge=[v.edge for v in views],
         mixed=[between(v) for v in views],
         held=solved.split.held_out,

@@ -68,7 +68,7 @@ def _name_parts(ax: Any, xy: Float, part: Ints, names: Sequence[str]) -> None:
 def _projected(d: Diagnosis, maps: Sequence[Float]) -> tuple[Float, Float, Ints]:
     """(n, 2) screen positions, (n,) mean gap in mm (0 where it is not significant) and (n,) part of small cubes of space, nearest last."""
     step = max(1, sum(int(np.isfinite(m).sum()) for m in maps) // PIXELS)
-    shown = [np.flatnonzero(np.isfinite(m))[::step] for m in maps]
+    shown = [np.flatnonzero(np.isfinite(m))[::step].copy() for m in maps]  # a slice would keep the indices of all pixels
     points = np.concatenate([cell_points(v.frame).reshape(-1, 3)[at] for v, at in zip(d.evidence, shown, strict=True)])
     gap = np.concatenate([m.ravel()[at] for m, at in zip(maps, shown, strict=True)])
     cell_m = float(np.linalg.norm(np.ptp(np.quantile(points, (0.02, 0.98), axis=0), axis=0))) / CUBES

@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING, Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 
 from tof_core import se3
+from tof_core.memory import give_back
 from tof_gap.tell.plant import plant_words, to_dicts
 from tof_gap.tell.where import by_quantity, regions
 from tof_scene.regions import surface_regions
@@ -19,7 +22,10 @@ from tof_sensor.model import SensorModel, save_model
 from tof_sensor.origin import Promise
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from tof_core.arrays import Float, Ints
     from tof_gap.seen.finding import Finding
@@ -203,25 +209,34 @@ def _gain(d: Diagnosis) -> float | None:
 
 def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str], kept: Kept | None = None) -> dict[str, Any]:
     """Write the three files into `folder` and return the report."""
+    give_back()
     folder.mkdir(parents=True, exist_ok=True)
     maps = region_maps(d, caster)
     content = report(d, caster, maps, advice, kept)
     (folder / "gap.json").write_text(json.dumps(content, indent=1, allow_nan=False))
-    shares = {
-        name: np.stack(
-            [np.where(np.isfinite(r), m, np.nan) for r, m in zip(d.residual, share, strict=True)], dtype=np.float32, casting="same_kind"
-        )
-        for name, share in d.shares.items()
-    }
-    shares |= {f.name: np.asarray(f.share, np.float32) for f in d.findings if f.share is not None and f.name not in shares}
-    np.savez_compressed(
-        folder / "gap_maps.npz",
-        view_stamp_ns=np.array([v.view.stamp_ns for v in d.evidence], np.int64),
-        station=np.array([v.view.station for v in d.evidence], np.int32),
-        residual_m=np.stack(d.residual, dtype=np.float32, casting="same_kind"),
-        region=np.stack(maps),
-        T_cell_camera=d.cameras,
-        **shares,  # type: ignore[arg-type]
-    )
+    _save_maps(folder / "gap_maps.npz", d, maps)
     save_model(sensor_model(d), folder / "sensor.yaml")
     return content
+
+
+def _save_maps(file: Path, d: Diagnosis, regions: Sequence[Ints]) -> None:
+    """The images of all views, as `numpy.savez_compressed` writes them, one array after the other: all at once they are large."""
+    arrays: dict[str, Callable[[], NDArray[Any]]] = {
+        "view_stamp_ns": lambda: np.array([v.view.stamp_ns for v in d.evidence], np.int64),
+        "station": lambda: np.array([v.view.station for v in d.evidence], np.int32),
+        "residual_m": lambda: np.stack(d.residual, dtype=np.float32, casting="same_kind"),
+        "region": lambda: np.stack(regions),
+        "T_cell_camera": lambda: d.cameras,
+        **{f.name: partial(np.asarray, f.share, np.float32) for f in d.findings if f.share is not None},
+        **{name: partial(_seen_share, d.residual, share) for name, share in d.shares.items()},
+    }
+    with ZipFile(file, "w", ZIP_DEFLATED) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, array(), allow_pickle=False)
+
+
+def _seen_share(residual: Sequence[Float], share: Sequence[Float]) -> Float:
+    """(V, H, W) a share of the pixels that have a residual, NaN at others."""
+    seen = [np.where(np.isfinite(r), m, np.nan) for r, m in zip(residual, share, strict=True)]
+    return np.stack(seen, dtype=np.float32, casting="same_kind")

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from tof_gap.limits.report import ShrinkLimits
 
 
+DRAWN = 50
+"""Sets of blocks that are drawn at once: a thousand sets of a long session of a large camera are a third of a gigabyte."""
+
+
 @dataclass(frozen=True, slots=True)
 class Errors:
     """Millimetres over pixels: root mean square, mean absolute, mean."""
@@ -100,9 +104,7 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
     if value is not None and np.array_equal(held_out.before, held_out.after):
         ci = (0.0, 0.0)
     elif value is not None:
-        draws = rng.multinomial(len(held_out.n), np.full(len(held_out.n), 1 / len(held_out.n)), size=limits.rounds).astype(float)
-        n = draws @ held_out.n
-        b2, a2, f2 = draws @ held_out.before[2] / n, draws @ held_out.after[2] / n, draws @ held_out.floor2 / n
+        b2, a2, f2 = _drawn(held_out, rng, limits.rounds)
         above = (before.rmse * 1e-3) ** 2 - floor2
         whole = above + healthy2
         # A draw of blocks without a gap says nothing of a ratio.
@@ -113,6 +115,16 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
         hidden = healthy2 / whole
         ci = (value - half[0] - hidden, max(value + half[1] + unsure2 / whole, 1.0))
     return Shrink(before, after, 1e3 * float(np.sqrt(floor2)), value, ci)
+
+
+def _drawn(held_out: HeldOut, rng: np.random.Generator, rounds: int) -> Float:
+    """(3, rounds) m^2: mean squares before, after and of the floor over blocks drawn with replacement."""
+    sums, count = np.stack([held_out.before[2], held_out.after[2], held_out.floor2, held_out.n], axis=1), len(held_out.n)
+    out = np.empty((rounds, 4))
+    for start in range(0, rounds, DRAWN):
+        some = slice(start, min(start + DRAWN, rounds))
+        out[some] = rng.multinomial(count, np.full(count, 1 / count), size=some.stop - start) @ sums
+    return np.asarray(out.T[:3] / out.T[3])
 
 
 def _shrink(before_mm: float, after_mm: float, floor2: float, healthy2: float, above_floor: float) -> float | None:

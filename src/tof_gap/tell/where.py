@@ -59,7 +59,7 @@ def regions(
     A region's evidence are the means of its blocks (`block_px` a side): their chi-square against the
     floor is turned into a p-value, and the false discovery rate over all regions is held.
     """
-    ids = np.unique(np.concatenate([r[r >= 0] for r in region]))
+    ids = np.unique(np.concatenate([np.unique(r[r >= 0]) for r in region]))
     rows = [_region_sums(int(i), views, gap, floor2, region, limits.block_px) for i in ids]
     excess = np.array([max(r[1] - r[2], 0.0) for r in rows])
     whole = max(float(excess.sum()), 1e-18)

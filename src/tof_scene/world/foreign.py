@@ -198,8 +198,8 @@ def _clearance(views: Sequence[Seen], points: Float) -> Float:
     drawn = [np.isfinite(v.cad) for v in views]
     counts = [int(d.sum()) for d in drawn]
     every, before = max(1, sum(counts) // CAD_POINTS), np.cumsum([0, *counts[:-1]])
-    # Every so manieth point of all views, one view after the other: all of them, of a long session, are half a gigabyte.
-    cad = [v.points(d, v.cad.astype(float))[-first % every :: every] for v, d, first in zip(views, drawn, before, strict=True)]
+    # Every so manieth point of all views, copied: a slice would keep all points of its view, which are half a gigabyte of a long session.
+    cad = [v.points(d, v.cad.astype(float))[-first % every :: every].copy() for v, d, first in zip(views, drawn, before, strict=True)]
     distance, _ = cKDTree(np.concatenate(cad)).query(points)
     return np.asarray(distance)
 

@@ -7,12 +7,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from scipy.ndimage import binary_dilation
+from scipy.stats import mannwhitneyu
 
 from tests.tof_gap.quiet_views import SHAPE, views
 from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
-from tof_gap.seen.filtered import filtered
+from tof_gap.seen.filtered import chance_dimmer, filtered
 from tof_gap.seen.missing import missing_effects
 from tof_sensor.effects.phase_wrap import SINGLE_PIXELS, PhaseWrap
 from tof_sensor.frame import lambert_amplitude
@@ -87,3 +89,18 @@ def test_a_filter_s_holes_are_no_dropout_where_phase_wrap_is_left_out() -> None:
 
 def test_without_amplitude_no_hole_is_a_filter_s() -> None:
     assert not any(f.any() for f in filtered(session(outliers_in_weak_light, amplitude=False), LIMITS))
+
+
+def test_the_chance_that_lost_pixels_are_dimmer_is_that_of_their_ranks() -> None:
+    rng = np.random.default_rng(2)
+    seen = views(np.random.default_rng(5))[:3]
+    light = [lambert_amplitude(v.rendering) for v in seen]
+    inside = [rng.random(SHAPE) < 0.8 for _ in seen]
+    gone = [i & (rng.random(SHAPE) < 0.3 / (1 + a)) for i, a in zip(inside, light, strict=True)]
+    every, lost = (
+        np.concatenate([a[i] for a, i in zip(light, inside, strict=True)]),
+        np.concatenate([g[i] for g, i in zip(gone, inside, strict=True)]),
+    )
+    expected = mannwhitneyu(every[~lost], every[lost]).statistic / (lost.sum() * (~lost).sum())
+    assert chance_dimmer(seen, inside, gone) == pytest.approx(expected, rel=1e-12)
+    assert chance_dimmer(seen, inside, [np.zeros(SHAPE, bool)] * 3) == 1.0

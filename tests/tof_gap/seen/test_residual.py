@@ -11,7 +11,7 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
 from tof_gap.limits.seen import BlurLimits, EvidenceLimits
 from tof_gap.seen.edges import edge_band, excluded, smear, streaks
-from tof_gap.seen.residual import gather, without_geometry
+from tof_gap.seen.residual import compact, gather, without_geometry
 from tof_sensor.frame import Context, Frame, ideal_frame
 
 LIMITS, BLUR = EvidenceLimits(), BlurLimits()
@@ -123,6 +123,20 @@ def test_without_geometry_residual_noise_and_masks_stay() -> None:
     bare = without_geometry(view)
     assert bare.residual is view.residual
     assert bare.edge is view.edge
+    images = (bare.frame.depth, bare.frame.amplitude, bare.concavity, bare.rendering.depth, bare.rendering.incidence)
+    assert {image.strides for image in images} == {(0, 0)}
     assert bare.rendering.normal.strides == (0, 0, 0)
-    np.testing.assert_array_equal(bare.frame.radial, view.frame.radial)
+    np.testing.assert_array_equal(bare.frame.length, view.frame.length)
     np.testing.assert_array_equal(bare.rendering.T_cell_camera, view.rendering.T_cell_camera)
+
+
+def test_a_second_surface_is_kept_only_where_a_pixel_has_one() -> None:
+    frame = views(np.random.default_rng(0))[0].frame
+    blank = np.zeros(frame.depth.shape, np.float32)
+    mixed = blank.copy()
+    mixed[2, 3] = 0.25
+    one, two = (compact(replace(frame, rendering=replace(frame.rendering, mixed=m, second=blank + 1))).rendering for m in (blank, mixed))
+    assert one.mixed.strides == one.second.strides == (0, 0)
+    assert np.isnan(one.second).all()
+    assert two.mixed is mixed
+    assert (two.second == 1).all()

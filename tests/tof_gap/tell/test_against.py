@@ -52,7 +52,7 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
         floors=floors,
         maps=maps,
         common=nothing,
-        noise2=floors,
+        noise2=dict(enumerate(floors)),
         edge=[v.edge for v in evidence],
         mixed=nowhere,
         held=HELD,

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tof_gap.limits.report import ReportLimits, ShrinkLimits
+from tof_gap.tell import shrink
 from tof_gap.tell.shrink import HeldOut, blocks, measure
 
 RNG = np.random.default_rng(8)
@@ -87,3 +88,11 @@ def test_under_much_scatter_the_interval_says_that_the_floor_is_not_known_better
     hidden = HEALTHY2 / 4.0**2  # by what a healthy camera errs and poses absorb
     assert np.diff(little) - 2 * hidden < 0.02
     assert np.diff(much) - hidden > 2 * 0.03 * 0.008**2 / 0.004**2
+
+
+def test_the_interval_is_the_same_however_many_sets_of_blocks_are_drawn_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    held_out, every = sums(*maps(0.004, 0.003, 0.5)), []
+    for drawn in (7, LIMITS.rounds):
+        monkeypatch.setattr(shrink, "DRAWN", drawn)
+        every.append(measure(held_out, np.random.default_rng(3), LIMITS).ci95)
+    assert every[0] == pytest.approx(every[1], rel=1e-9)
