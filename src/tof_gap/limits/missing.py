@@ -71,7 +71,13 @@ class MissingLimits:
         why="filters of flying pixels take slopes for edges; across a pixel's diagonal and with noise from 65 degrees on",
     )
     saturated: float = param(
-        0.999, "quantile of measured amplitude above which a missing pixel was saturated", low=0.0, high=1.0, why="chance: 1 in 1000"
+        0.999, "quantile of the session's amplitudes that is its brightest light", low=0.0, high=1.0, why="single pixels are brighter by noise"
+    )
+    bright: float = param(
+        0.95,
+        "amplitude of a saturated pixel, over that of the brightest light",
+        low=0.0,
+        why="where charge is cut off, amplitude stays as it is or falls by some per cent",
     )
     half_lost: float = param(0.5, "loss at the stated threshold amplitude", low=0.0, high=1.0, why="definition of the threshold")
     lost_bins: int = param(40, "bins of amplitude of the predicted loss", low=2, why="loss follows amplitude closely")

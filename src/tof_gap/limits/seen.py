@@ -134,9 +134,6 @@ class PixelLimits:
         1e-3, "chance of as many noisy pixels among quiet ones", low=0.0, high=1.0, why="one pixel of 300 is no kind of noise"
     )
     views: int = param(8, "views that see the pixel", low=2, why="the median of fewer exceeds `ratio` by chance")
-    pattern_share: float = param(
-        0.1, "least noise beside a fixed pattern, of the variance with it", low=0.0, high=1.0, why="differences overlap"
-    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_dilation, label, uniform_filter
+from scipy.ndimage import binary_dilation, binary_fill_holes, label, uniform_filter
 
 from tof_core.reasons import Reason
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
@@ -36,19 +36,28 @@ def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
     return np.asarray(view.frame.valid & ~beside & ~grazing)
 
 
-def lost(view: ViewEvidence, limits: MissingLimits) -> Float:
+def brightest(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
+    """Amplitude from which a missing pixel had too much light and not too little: nearly the largest that the session's pixels returned.
+
+    A pixel whose charge is cut off shows less amplitude than it would have, no more than bright pixels that are just measured.
+    """
+    light = [v.frame.amplitude[v.smooth] for v in views if v.view.amplitude is not None]
+    returned = np.concatenate([*light, np.zeros(0)])
+    return limits.bright * float(np.quantile(returned, limits.saturated)) if len(returned) else float("inf")
+
+
+def lost(view: ViewEvidence, limits: MissingLimits, too_bright: float) -> Float:
     """(H, W) share of a view's captures in which no light came back, where it is `expected` to, and no filter took it.
 
-    Saturation is too much light: its code says so, or an amplitude above the `saturated` quantile of the measured ones.
+    Saturation is too much light: its code says so, or an amplitude of `too_bright` and more there or all around.
     """
     seen = view.view
     by_filter = outliers_removed(seen.valid, limits)
     some = np.where(seen.valid, 1.0 - seen.count / max(seen.captures, 1), seen.reason == Reason.NO_RETURN)
     gone = np.where(expected(view, limits) & ~by_filter, some, 0.0)
-    if seen.amplitude is None or not view.smooth.any():
+    if seen.amplitude is None:
         return gone
-    brightest = np.quantile(view.frame.amplitude[view.smooth], limits.saturated)
-    return np.where(np.nan_to_num(seen.amplitude) > brightest, 0.0, gone)
+    return np.where(binary_fill_holes(np.nan_to_num(seen.amplitude) > too_bright), 0.0, gone)
 
 
 def outliers_removed(valid: Mask, limits: MissingLimits) -> Mask:
@@ -72,13 +81,15 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
     filtered: (H, W) per view, pixels that a filter in the camera removed.
     """
     inside = [expected(v, limits) & ~f for v, f in zip(views, filtered, strict=True)]
-    gone = np.concatenate([lost(v, limits)[i] for v, i in zip(views, inside, strict=True)])
+    too_bright = brightest(views, limits)
+    losses = [lost(v, limits, too_bright) for v in views]
+    gone = np.concatenate([g[i] for g, i in zip(losses, inside, strict=True)])
     part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])
     if gone.mean() < limits.lost_share and _worst_part(gone, part, limits) < limits.lost_on_part:
         return None
     light = np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
     random = float(gone[light > np.median(light)].mean())
-    share = np.stack([np.where(v.frame.valid, _rate(v, light, gone, limits), np.nan) for v in views])
+    share = np.stack([np.where(v.frame.valid, _rate(v, own, light, gone, limits), np.nan) for v, own in zip(views, losses, strict=True)])
     effect = Dropout(threshold=_half_lost(light, gone, limits), random=min(random, 1.0))
     return Finding(effect, LOSS_CONFIDENT, share=share)
 
@@ -90,7 +101,7 @@ def _worst_part(gone: Float, part: Ints, limits: MissingLimits) -> float:
     return float((lost_of[seen] / count[seen]).max(initial=0.0))
 
 
-def _rate(view: ViewEvidence, light: Float, gone: Float, limits: MissingLimits) -> Float:
+def _rate(view: ViewEvidence, lost_here: Float, light: Float, gone: Float, limits: MissingLimits) -> Float:
     """(H, W) predicted share of loss: mean of that at this amplitude in the session and of that in this neighbourhood."""
     edges = np.unique(np.quantile(light, np.linspace(0, 1, limits.lost_bins + 1)))
     which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, len(edges) - 2)
@@ -98,7 +109,7 @@ def _rate(view: ViewEvidence, light: Float, gone: Float, limits: MissingLimits) 
     own = by_light[np.clip(np.searchsorted(edges, lambert_amplitude(view.rendering), side="right") - 1, 0, len(edges) - 2)]
     inside = expected(view, limits).astype(float)
     cover = np.maximum(uniform_filter(inside, limits.near_px), LEAST_COVER)
-    return np.asarray(0.5 * (own + uniform_filter(lost(view, limits), limits.near_px) / cover))
+    return np.asarray(0.5 * (own + uniform_filter(lost_here, limits.near_px) / cover))
 
 
 def _half_lost(light: Float, gone: Float, limits: MissingLimits) -> float:

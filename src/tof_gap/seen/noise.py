@@ -9,6 +9,7 @@ import numpy as np
 
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.line_noise import line_map, line_noise
+from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.photons import binned, code_step, constant_part, fit_law, quiet_law, view_ratio
 from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
 from tof_gap.seen.stripes import beat, stripes
@@ -112,7 +113,8 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
         if of_lines.sigma > limits.lines.sigma and of_lines.size_m > max(limits.line_mm * 1e-3, limits.line_share * typical):
             parts[name] = of_lines.size_m
             common = np.stack([line_map(v, axis, limits.lines) for v in views]) + (0.0 if common is None else common)
-    pixels = noisy_pixels(views, pattern_m, limits.pixels)
+    # Offsets of single pixels are noise to their neighbours: no pixel stands out from noise that is not known.
+    pixels = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
     of_pixels = float(pixels.size_m * np.sqrt(pixels.share))
     beyond_chance = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
     few = beyond_chance and of_pixels > limits.extra_mm * 1e-3

@@ -89,6 +89,18 @@ def single_pixels(views: Sequence[ViewEvidence]) -> PixelOffsets:
     return PixelOffsets(trust * mean, float(np.sqrt(size2)), size2 * (1.0 - trust))
 
 
+def beside_pixels(views: Sequence[ViewEvidence], offsets: PixelOffsets) -> list[ViewEvidence]:
+    """The views with the noise that they have beside the offsets of single pixels, which neighbours show as noise."""
+    if offsets.size_m == 0:
+        return list(views)
+    out = []
+    for view in views:
+        rest = view.residual - offsets.image / view.frame.length
+        seen = noise_level(rest, view.smooth, view.frame.amplitude, view.limits.level)
+        out.append(replace(view, sigma=np.maximum(seen, view.step_m / np.sqrt(12))))
+    return out
+
+
 def in_common(one: Float, other: Float, limits: PatternLimits) -> tuple[float, float]:
     """m^2: variance that two halves of the views have in common at the same pixels (n,), and its standard error; 0 for too few pixels.
 

@@ -38,10 +38,10 @@ class NoisyPixels:
     chance: float
 
 
-def noisy_pixels(views: Sequence[ViewEvidence], pattern_m: float, limits: PixelLimits) -> NoisyPixels:
-    """Pixels whose variance over the views stands out; a constant offset (`pattern_m` RMS over the pixels) does not count."""
+def noisy_pixels(views: Sequence[ViewEvidence], limits: PixelLimits) -> NoisyPixels:
+    """Pixels whose variance over the views stands out from the views' noise; constant offsets of pixels count in neither."""
     bands = np.array_split(np.arange(views[0].residual.shape[0]), BANDS)
-    known, variance = (np.concatenate(a) for a in zip(*(_over_views(views, rows, pattern_m, limits) for rows in bands), strict=True))
+    known, variance = (np.concatenate(a) for a in zip(*(_over_views(views, rows, limits) for rows in bands), strict=True))
     quiet = float(np.median(variance[known])) if known.any() else 1.0
     where = known & (variance > limits.ratio * max(quiet, 1e-12))
     share = float(where.sum() / max(known.sum(), 1))
@@ -53,11 +53,9 @@ def noisy_pixels(views: Sequence[ViewEvidence], pattern_m: float, limits: PixelL
     return NoisyPixels(where, share, float(np.sqrt(max(size2, 0.0))), chance)
 
 
-def _over_views(views: Sequence[ViewEvidence], rows: Ints, pattern_m: float, limits: PixelLimits) -> tuple[Mask, Float]:
+def _over_views(views: Sequence[ViewEvidence], rows: Ints, limits: PixelLimits) -> tuple[Mask, Float]:
     """(rows, W) which pixels enough views see, and the variance of each over the views, 1 where it is as its neighbours have it."""
-    high, level = (np.stack(a) for a in zip(*(_against_neighbours(v, rows) for v in views), strict=True))
-    # Noise estimated from neighbours contains the pattern.
-    sigma = np.sqrt(np.maximum(level**2 - pattern_m**2, limits.pattern_share * level**2))
+    high, sigma = (np.stack(a) for a in zip(*(_against_neighbours(v, rows) for v in views), strict=True))
     seen = np.isfinite(high)
     known = seen.sum(axis=0) >= limits.views
     weight = np.where(seen, sigma**-2, 0.0)

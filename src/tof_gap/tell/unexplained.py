@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from tof_core.stats import blocks
-from tof_gap.seen.lost import expected, lost
+from tof_gap.seen.lost import brightest, expected, lost
 from tof_gap.seen.residual import gross_bound, single
 from tof_gap.tell.where import by_quantity
 from tof_sensor.effect import Evidence
@@ -154,7 +154,8 @@ def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
     views = found.solved.bare
     if any(f.name == Dropout.NAME or f.effect.makes_outliers for f in found.findings):
         return np.zeros(parts)
-    gone = by_part(views, [lost(v, missing) for v in views], parts)
+    too_bright = brightest(views, missing)
+    gone = by_part(views, [lost(v, missing, too_bright) for v in views], parts)
     inside = sum(int(expected(v, missing).sum()) for v in views)
     return gone if gone.sum() > missing.lost_share * inside else np.zeros(parts)
 

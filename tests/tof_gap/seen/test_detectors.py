@@ -15,7 +15,7 @@ from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.line_noise import line_map, line_noise
-from tof_gap.seen.lost import _half_lost, lost, outliers_removed
+from tof_gap.seen.lost import _half_lost, brightest, lost, outliers_removed
 from tof_gap.seen.mixed import mixing
 from tof_gap.seen.noise import noise_effects
 from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
@@ -57,12 +57,12 @@ def test_a_line_map_holds_the_mean_of_each_line() -> None:
 
 def test_noisy_pixels_have_their_share_and_size() -> None:
     noisy = rng().uniform(size=SHAPE) < 0.03
-    found = noisy_pixels(views(rng(), noisy * rng().choice([-0.02, 0.02], (VIEWS, *SHAPE))), 0.0, LIMITS.pixels)
+    found = noisy_pixels(views(rng(), noisy * rng().choice([-0.02, 0.02], (VIEWS, *SHAPE))), LIMITS.pixels)
     assert found.where[noisy].mean() > 0.7
     assert found.where[~noisy].mean() < 0.03, "neighbours of a noisy pixel differ from it too"
     assert found.size_m == pytest.approx(0.02, rel=0.35)
     assert found.chance < 1e-6
-    assert noisy_pixels(views(rng()), 0.0, LIMITS.pixels).share < 0.001
+    assert noisy_pixels(views(rng()), LIMITS.pixels).share < 0.001
 
 
 def test_a_single_noisy_pixel_of_a_few_hundred_may_be_chance() -> None:
@@ -70,7 +70,7 @@ def test_a_single_noisy_pixel_of_a_few_hundred_may_be_chance() -> None:
     noisy[40, 60], few[30:50, 50:70] = 0.05, True
     quiet = views(rng(), noisy * rng().choice([-1.0, 1.0], (VIEWS, *SHAPE)))
     some = [replace(v, smooth=v.smooth & few) for v in quiet]
-    found = noisy_pixels(some, 0.0, LIMITS.pixels)
+    found = noisy_pixels(some, LIMITS.pixels)
     assert found.where[40, 60]
     assert found.share > LIMITS.pixel_share - 0.002
     assert found.chance > LIMITS.pixels.chance
@@ -133,14 +133,17 @@ def test_a_step_needs_several_codes() -> None:
     assert depth_step(two, LevelLimits(code_gaps=1)) == pytest.approx(0.01)
 
 
-def test_saturated_pixels_are_not_lost() -> None:
+@pytest.mark.parametrize("cut_off", [1e3, 0.97])
+def test_saturated_pixels_are_not_lost(cut_off: float) -> None:
     (view, *_) = views(rng())
     assert view.view.amplitude is not None
-    gone, bright = np.zeros(SHAPE, bool), view.view.amplitude.copy()
-    gone[10:20], bright[10:15] = True, np.float32(1e9)
+    top = brightest([view], MISSING) / MISSING.bright
+    gone, light = np.zeros(SHAPE, bool), view.view.amplitude.copy()
+    gone[10:20], light[10:15], light[15:20] = True, np.float32(cut_off * top), np.float32(0.8 * top)
+    light[12, 40:50] = 0.0  # Where both taps are full, nothing is left of the amplitude.
     reason = np.where(gone, Reason.NO_RETURN, Reason.VALID).astype(np.uint8)
-    seen = replace(view.view, depth=np.where(gone, np.nan, view.view.depth).astype(np.float32), amplitude=bright, reason=reason)
-    share = lost(replace(view, view=seen), MISSING)
+    seen = replace(view.view, depth=np.where(gone, np.nan, view.view.depth).astype(np.float32), amplitude=light, reason=reason)
+    share = lost(replace(view, view=seen), MISSING, brightest([view], MISSING))
     assert share[15:20].min() == 1.0
     assert share[:15].max() == 0.0
 

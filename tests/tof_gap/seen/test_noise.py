@@ -93,6 +93,11 @@ def test_photons_alone_are_no_finding() -> None:
     assert said(None) == []
 
 
+@pytest.mark.parametrize("offset_m", [0.003, 0.02])
+def test_offsets_of_single_pixels_are_no_noise_however_large(offset_m: float) -> None:
+    assert said(np.broadcast_to(RNG.normal(0, offset_m, SHAPE), (VIEWS, *SHAPE))) == []
+
+
 def test_scatter_at_every_amplitude_is_noise() -> None:
     ((name, note),) = said(RNG.normal(0, 0.004, (VIEWS, *SHAPE)))
     assert name == "noise"
