@@ -71,7 +71,11 @@ class MissingLimits:
         why="filters of flying pixels take slopes for edges; across a pixel's diagonal and with noise from 65 degrees on",
     )
     saturated: float = param(
-        0.999, "quantile of the session's amplitudes that is its brightest light", low=0.0, high=1.0, why="single pixels are brighter by noise"
+        0.999,
+        "quantile of the session's amplitudes that is its brightest light",
+        low=0.0,
+        high=1.0,
+        why="single pixels are brighter by noise",
     )
     bright: float = param(
         0.95,

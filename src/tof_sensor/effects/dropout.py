@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from tof_sensor.frame import Frame
 
 
+LEAST_STATED = 0.005
+"""Share of pixels lost at random below which it is not stated: it would read 0 %."""
+
+
 @dataclass(frozen=True, slots=True)
 class Dropout(Effect):
     """P(missing) = random + (1 - random) / (1 + (A / threshold)^steepness) (docs/effects.md)."""
@@ -32,7 +36,9 @@ class Dropout(Effect):
     @property
     def stated(self) -> str:
         """Share and threshold."""
-        return f"{self.random:.0%} of the pixels at random" + (f", most below amplitude {self.threshold:.3g}" if self.threshold > 0 else "")
+        parts = [f"{self.random:.0%} of the pixels at random"] if self.random > LEAST_STATED else []
+        parts += [f"most pixels below amplitude {self.threshold:.3g} of the simulation"] if self.threshold > 0 else []
+        return ", ".join(parts) or "some of the pixels in weak light"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Lose pixels; the probability is kept in `missing`."""
