@@ -37,7 +37,6 @@ class Design:
 
     `groups[i]` are the columns of candidate i, scaled to unit RMS over the session; a coefficient
     in its own unit is theta / scale[column]. `always` are columns of every hypothesis: the lens within its stated calibration.
-    `touched` (candidates,): share of the drawn pixels on which each acts; empty where that is not known.
     """
 
     candidates: tuple[Candidate, ...]
@@ -45,11 +44,6 @@ class Design:
     scale: Float
     system: ColumnSystem
     always: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
-    touched: Float = field(default_factory=lambda: np.zeros(0))
-
-    def touches(self, member: int) -> float:
-        """Share of the drawn pixels on which a candidate acts: all where it is not known, or where it acts by the pose."""
-        return float(self.touched[member]) if len(self.touched) and len(self.groups[member]) else 1.0
 
     def active(self, members: Iterable[int]) -> Ints:
         """Columns of a hypothesis: those of all hypotheses, then those of its members."""
@@ -160,8 +154,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
         weight=np.array([float((v.sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
     )
     always = groups[-1] if calibrated else np.zeros(0, np.int64)
-    touched = np.array([sum(int(c.any(axis=1).sum()) for c in columns) for columns in by_candidate[: len(tested)]]) / total
-    return Design(tuple(tested), groups[: len(tested)], safe, system, always, touched)
+    return Design(tuple(tested), groups[: len(tested)], safe, system, always)
 
 
 def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints], scale: Float) -> Float:

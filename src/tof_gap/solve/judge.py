@@ -52,13 +52,10 @@ class Selector:
         return self.config.hand_gain if self.frees_hand([member]) else self.config.gain
 
     def share(self, member: int) -> float:
-        """Share of the visible gap's energy that a candidate must explain; hand-eye hardly shows there, since arm errors absorb it.
-
-        An effect of one part is asked for the share of the gap that the part's pixels would have, were it the same everywhere.
-        """
+        """Share of the visible gap's energy that a candidate must explain; hand-eye hardly shows there, since arm errors absorb it."""
         if self.frees_hand([member]):
             return 0.0
-        return self.config.unknown_share if self.is_free(member) else self.config.share * self.design.touches(member)
+        return self.config.unknown_share if self.is_free(member) else self.config.share
 
     def columns(self, members: Iterable[int]) -> Ints:
         """Columns of a hypothesis."""
