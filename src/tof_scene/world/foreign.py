@@ -94,15 +94,21 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
     clearance, voxel = _clearance(views, cloud.points), limits.voxel_mm * 1e-3
     standing: list[Ints] = []
     single: list[Ints] = []
+
+    def steps(mine: Ints, *, on_a_part: bool) -> bool:
+        shown = _views(cloud, mine, limits.object_view_px)
+        return most_end_in_a_step(((views[v], measured[v], _pixels(cloud, mine, v, before[v])) for v in shown), on_a_part=on_a_part)
+
+    def no_bias(mine: Ints) -> bool:
+        """Whether the points are farther before the CAD than any bias of a sensor, or end in a step, as no bias does."""
+        return bool(np.median(cloud.jump[mine]) > limits.bias_most_mm * 1e-3) or steps(mine, on_a_part=False)
+
     for mine in _clusters(cloud.points, cloud.static, voxel):
         shown = _views(cloud, mine, limits.object_view_px)
         large_enough = len(shown) > 1 and cloud.step[cloud.view[mine]].sum() >= limits.object_px
         if large_enough and (
             _stands_out(clearance[mine], limits.stands_out_mm)
-            or (
-                _stands_out(clearance[mine], limits.lies_mm)
-                and most_end_in_a_step((views[v], measured[v], _pixels(cloud, mine, v, before[v])) for v in shown)
-            )
+            or (_stands_out(clearance[mine], limits.lies_mm) and steps(mine, on_a_part=True))
         ):
             standing.append(mine)
     for number, seen in enumerate(views):
@@ -111,8 +117,8 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
         large = (mine for mine in _clusters(cloud.points, alone, voxel) if len(mine) * cloud.step[number] >= least)
         single.extend(mine for mine in large if _stands_out(clearance[mine], limits.stands_out_mm) and not _wrapped(cloud.jump[mine]))
     joined, single = _joined(cloud, standing, single, 2 * voxel, limits.rim_px)
-    objects = [_object(cloud, mine, clearance, _views(cloud, mine, limits.object_view_px), moves=False) for mine in joined]
-    for mine in single:
+    objects = [_object(cloud, mine, clearance, _views(cloud, mine, limits.object_view_px), moves=False) for mine in joined if no_bias(mine)]
+    for mine in filter(no_bias, single):
         moves = bool(cloud.through[mine].mean() > 0.5)
         objects.append(_object(cloud, mine, clearance, (int(cloud.view[mine[0]]),), moves=moves))
     return tuple(objects)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flat objects that lie on a part: they end in a step, where a part that is bent comes back to its CAD by and by."""
+"""Flat objects end in a step; a part that is bent, and an error of the sensor, come back to the CAD by and by."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ HEIGHT = 0.9
 """Quantile of the deviations on an object that is its height."""
 
 
-def ends_in_a_step(seen: Seen, measured: Float, object_px: Mask) -> bool:
-    """Whether pixels (H, W) measured before the CAD lie on one part, which is in its place all around them.
+def ends_in_a_step(seen: Seen, measured: Float, object_px: Mask, *, on_a_part: bool) -> bool:
+    """Whether what pixels (H, W) measured before the CAD ends in a step all around.
 
     Args:
         seen: the view.
         measured: (H, W) depth without the sensor's own effects, metres.
         object_px: (H, W) the pixels.
+        on_a_part: whether one part must lie under the pixels, in its place around most of them.
     """
     on = seen.part[object_px]
     on = on[on >= 0]
@@ -47,14 +48,15 @@ def ends_in_a_step(seen: Seen, measured: Float, object_px: Mask) -> bool:
     before = seen.cad - measured
     inner = shrunk(MIXED_PX) & ~shrunk(MIXED_PX + RIM_PX) & np.isfinite(before)
     around = grown(MIXED_PX + RIM_PX) & ~grown(MIXED_PX)
-    outer = around & (seen.part == np.bincount(on).argmax()) & np.isfinite(before)
-    if not inner.any() or not outer.any() or outer.sum() < AROUND * around.sum():
+    beside = seen.part == np.bincount(on).argmax() if on_a_part else seen.part >= 0
+    outer = around & beside & np.isfinite(before)
+    if not inner.any() or not outer.any() or (on_a_part and outer.sum() < AROUND * around.sum()):
         return False
     step = np.median(before[inner]) - np.median(before[outer])
     return bool(step > STEP * np.nanquantile(before[object_px], HEIGHT))
 
 
-def most_end_in_a_step(views: Iterable[tuple[Seen, Float, Mask]]) -> bool:
+def most_end_in_a_step(views: Iterable[tuple[Seen, Float, Mask]], *, on_a_part: bool) -> bool:
     """Whether the object of most views, each as `ends_in_a_step` takes it, does."""
-    found = [ends_in_a_step(*one) for one in views]
+    found = [ends_in_a_step(*one, on_a_part=on_a_part) for one in views]
     return sum(found) > 0.5 * len(found)
