@@ -53,10 +53,6 @@ class Design:
         """Columns of some candidates alone."""
         return np.concatenate([np.zeros(0, np.int64), *(self.groups[m] for m in members)]).astype(np.int64)
 
-    def asks(self, name: str) -> bool:
-        """Whether an effect is among the candidates: it is neither left out nor untestable."""
-        return any(c.name == name for c in self.candidates)
-
     def without(self, members: Iterable[int], name: str) -> list[int]:
         """The members of other names."""
         return [m for m in members if self.candidates[m].name != name]

@@ -51,7 +51,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     """
     judge = Selector(joint.design, config.select)
     after, late_s = solution(joint)
-    found = late_apart(named(joint, split.fit, judge, rng), config.solve.joint.frame_taps, asked=joint.design.asks(TimeSync.NAME))
+    found = late_apart(named(joint, split.fit, judge, rng), config.solve.joint.frame_taps, asked=TimeSync.NAME in joint.asked)
     camera, other_m = joint.views[0].view.camera, config.solve.joint.other_surface_mm * 1e-3
     rest = tuple(n for n in found if not calibrated(n, config.calibration, camera))
     # Hand-eye, lens and lateness are effects: figures are stated without them, unless they are within the stated calibration.

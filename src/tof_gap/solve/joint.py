@@ -122,4 +122,5 @@ def _linearised(
     """A selection among all hypotheses at one chain, and the columns it was made of."""
     store = ColumnStore(evidence, deal(chain.station.tolist(), config.select.folds))
     design = build(store, candidates(evidence, caster.scene, config.noise, left_out, quick=quick), chain, config.hand_sd, config.lens_sd)
-    return Joint(chain, evidence, design, select(design, config.select)), store
+    asked = frozenset(c.name for c in design.candidates)
+    return Joint(chain, evidence, design, select(design, config.select), asked=asked), store

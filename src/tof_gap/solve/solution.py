@@ -34,6 +34,8 @@ class Joint:
     selection: Selection
     late_s: float = 0.0
     """Seconds of stamps that the chain's robot poses make up for; the residuals still show it."""
+    asked: frozenset[str] = frozenset()
+    """Names of the effects that the selection could choose: neither left out nor untestable. The design may hold the chosen ones alone."""
 
     @property
     def hand_eye(self) -> Float:

@@ -188,13 +188,6 @@ def test_a_form_without_a_formula_pays_as_a_free_function_does() -> None:
     assert judge.score([1], 1.0).price >= 2 * np.log(2) + SelectLimits().unknown
 
 
-def test_an_effect_that_is_left_out_is_not_asked_for() -> None:
-    """So a lateness of motion is not set apart as `time_sync` where that is left out."""
-    d = design(plain(Motion(), RangeOffset()), [0.0, 0.0])
-    assert d.asks("motion")
-    assert not d.asks("time_sync")
-
-
 def test_hand_eye_needs_less_than_what_pixels_speak_for() -> None:
     d = design([Candidate(HAND_EYE, None), *plain(RangeOffset())], [0.0, 0.0])
     judge = Selector(d, SelectLimits())

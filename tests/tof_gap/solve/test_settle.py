@@ -33,7 +33,7 @@ def drawn() -> Joint:
     seen = tuple(replace(v, pixels=np.sort(rng.choice(v.pixels, DRAWN, replace=False))) for v in views(np.random.default_rng(1), extra))
     tested = [Candidate("depth_scale", DepthScale()), Candidate("wiggling", replace(TRUE, sine_m=0.0, cosine_m=0.0))]
     design = build(ColumnStore(seen, deal([0] * VIEWS, 6)), tested, chain(), CONFIG.hand_sd)
-    return Joint(chain(), seen, design, select(design, CONFIG.select))
+    return Joint(chain(), seen, design, select(design, CONFIG.select), asked=frozenset(c.name for c in tested))
 
 
 def test_all_pixels_halve_the_errors_and_keep_the_effects(drawn: Joint) -> None:
@@ -44,6 +44,13 @@ def test_all_pixels_halve_the_errors_and_keep_the_effects(drawn: Joint) -> None:
     assert np.sqrt(np.diag(fine.theta_cov)).max() < 0.5 * np.sqrt(np.diag(before.theta_cov)).max()
     (_, values), *_ = after.members()
     assert values == pytest.approx([TRUE.sine_m, TRUE.cosine_m], abs=2e-4)
+
+
+def test_effects_that_were_not_chosen_were_asked_all_the_same(drawn: Joint) -> None:
+    """Of a moving session, a lateness of motion is set apart as `time_sync` unless that was left out."""
+    after = settled(drawn, CONFIG)
+    assert {c.name for c in after.design.candidates} == {"wiggling"}
+    assert after.asked == {"depth_scale", "wiggling"}
 
 
 def test_no_more_pixels_are_taken_than_allowed(drawn: Joint) -> None:
