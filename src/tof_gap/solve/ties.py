@@ -40,10 +40,11 @@ def _contains(effect: Effect | None, name: str) -> bool:
 
 
 def _hides(judge: Selector, current: Hypothesis, place: int, member: int, other: int, rest: Sequence[int]) -> bool:
-    """Whether `other`, with pose and the rest, leaves little of the member's map."""
+    """Whether `other`, with pose and the rest, leaves little of the member's map; of hand-eye, which has none, little to win."""
     design = judge.design
-    if design.candidates[member].effect is None or design.candidates[other].effect is None:
-        return True  # Hand-eye is judged by its held-out score alone.
+    if judge.frees_hand([member, other]):
+        beside = judge.score([*rest, other], current.inflate).score - judge.score([*rest, other, member], current.inflate).score
+        return beside < judge.gain(member)
     theta = coefficients(judge, current, judge.fit(current), place)
     target = design.groups[member]
     before, after = (design.system.left_of(target, theta, judge.columns(c), inflate=current.inflate) for c in (rest, [*rest, other]))

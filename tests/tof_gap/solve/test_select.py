@@ -19,6 +19,7 @@ from tof_gap.solve.columns import Design
 from tof_gap.solve.free import UNKNOWN, FreeFunction
 from tof_gap.solve.judge import Selector
 from tof_gap.solve.select import _lacking, select
+from tof_gap.solve.ties import stand_ins
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
@@ -223,3 +224,23 @@ def test_hand_eye_is_not_named_where_motion_shifts_what_poses_are_known_by(effec
     system = system_of(G, np.repeat([1e-3, 1e-6, 10.0], [6, 6, 1]), np.full(6, 1e-4))
     d = replace(quiet, candidates=both, groups=(quiet.groups[0], np.zeros(0, int)), system=system)
     assert names(d, select(d, SelectLimits()).chosen.members) == expected
+
+
+@pytest.mark.parametrize(("alike", "expected"), [(True, [1]), (False, [])])
+def test_what_stands_in_for_hand_eye_leaves_nothing_for_it_to_explain(*, alike: bool, expected: list[int]) -> None:
+    """An effect that explains as much, of something else, is no tie: beside it, hand-eye wins as much as without it."""
+    rng = np.random.default_rng(1)
+    G = []
+    for _ in range(VIEWS):
+        pose = rng.normal(size=(PIXELS, 18))
+        C = pose[:, 6:7] if alike else rng.normal(size=(PIXELS, 1))
+        r = 0.002 * pose[:, 6] + (0.0 if alike else 0.003) * C[:, 0] + 0.01 * rng.normal(size=PIXELS)
+        G.append(products(pose / 0.01, C / 0.01, r / 0.01))
+    quiet = design(plain(RangeOffset()), [0.0])
+    system = system_of(G, np.repeat([1e-3, 1e-6, 10.0], [6, 6, 1]), np.full(6, 1e-4))
+    d = replace(quiet, candidates=(Candidate(HAND_EYE, None), *quiet.candidates), groups=(np.zeros(0, int), quiet.groups[0]), system=system)
+    judge = Selector(d, SelectLimits())
+    alone = judge.score([0], 1.0)
+    assert judge.score([], 1.0).score - alone.score > 100
+    assert judge.score([1], 1.0).score < alone.score + SelectLimits().tie_gain
+    assert list(stand_ins(judge, alone, 0)) == expected
