@@ -27,7 +27,7 @@ class Finding:
     that neighbours share: no model predicts it, but it is no unexplained structure either; `note`: the evidence in words;
     `beside`: the photon law that the noise was compared with, where that is stated and not fitted to the session; `posed_m`: metres RMS
     of noise that neighbours share and that the poses took; `own_noise` (H, W): pixels with a noise of their own, which are in no figure;
-    `structure`: whether it was read off structure of the residual, which an effect without a name may leave too.
+    `structure`: whether it was read off structure of residuals or of arm errors, which an effect without a name may leave too.
     """
 
     effect: Effect

@@ -56,7 +56,7 @@ def foreign_light(
     reference = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in views])))
     note = f"every capture is off along the view by an amount of its own, {1e3 * size:.1f} mm RMS"
     effect = Interference(burst_m=min(size, most(Interference, "burst_m")), duty=1.0, reference=reference)
-    return Finding(effect, CONFIDENT, share=share, common=np.stack(fields), note=note, posed_m=size)
+    return Finding(effect, CONFIDENT, share=share, common=np.stack(fields), note=note, posed_m=size, structure=True)
 
 
 def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:

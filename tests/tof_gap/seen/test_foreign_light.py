@@ -33,6 +33,7 @@ def test_captures_that_are_off_along_the_view_alone_show_interference() -> None:
     assert isinstance(found.effect, Interference)
     assert found.effect.burst_m == pytest.approx(np.sqrt(np.mean(errors[:, 2] ** 2)))
     assert found.posed_m == found.effect.burst_m
+    assert found.structure, "an effect without a name may shift captures too"
 
 
 @pytest.mark.parametrize(("across_m", "along_m"), [(0.001, 0.001), (0.004, 0.004), (0.0003, 0.001)])
