@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation, binary_fill_holes, label, uniform_fil
 
 from tof_core.reasons import Reason
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
+from tof_gap.seen.session import amplitude_unit
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.frame import lambert_amplitude
 
@@ -78,6 +79,8 @@ def outliers_removed(valid: Mask, limits: MissingLimits) -> Mask:
 def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask]) -> Finding | None:
     """`dropout` where more is lost than `lost_share` of all, or `lost_on_part` of one part: by amplitude below a threshold, and at random.
 
+    A pixel without a return has no amplitude, or one that says little: the CAD's, in the unit of the camera's amplitude image.
+
     filtered: (H, W) per view, pixels that a filter in the camera removed.
     """
     inside = [expected(v, limits) & ~f for v, f in zip(views, filtered, strict=True)]
@@ -87,11 +90,23 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
     part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])
     if gone.mean() < limits.lost_share and _worst_part(gone, part, limits) < limits.lost_on_part:
         return None
-    light = np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
+    known = amplitude_unit(views)
+    unit = 1.0 if known is None else known
+    light = np.concatenate([unit * lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
     random = float(gone[light > np.median(light)].mean())
-    share = np.stack([np.where(v.frame.valid, _rate(v, own, light, gone, limits), np.nan) for v, own in zip(views, losses, strict=True)])
+    share = np.stack(
+        [np.where(v.frame.valid, _rate(v, own, unit, light, gone, limits), np.nan) for v, own in zip(views, losses, strict=True)]
+    )
     effect = Dropout(threshold=_half_lost(light, gone, limits), random=min(random, 1.0))
-    return Finding(effect, LOSS_CONFIDENT, share=share)
+    return Finding(effect, LOSS_CONFIDENT, share=share, note=_of_median(effect.threshold, light, known=known is not None))
+
+
+def _of_median(threshold: float, light: Float, *, known: bool) -> str:
+    """The threshold beside the session's light, in words; `known`: whether the bag has an amplitude image."""
+    if threshold <= 0:
+        return ""
+    unit = "" if known else " (the bag has no amplitude image: amplitude is albedo cos(incidence) / r² here)"
+    return f"half are lost at {threshold / float(np.median(light)):.2g} of the median amplitude{unit}"
 
 
 def _worst_part(gone: Float, part: Ints, limits: MissingLimits) -> float:
@@ -101,12 +116,12 @@ def _worst_part(gone: Float, part: Ints, limits: MissingLimits) -> float:
     return float((lost_of[seen] / count[seen]).max(initial=0.0))
 
 
-def _rate(view: ViewEvidence, lost_here: Float, light: Float, gone: Float, limits: MissingLimits) -> Float:
-    """(H, W) predicted share of loss: mean of that at this amplitude in the session and of that in this neighbourhood."""
+def _rate(view: ViewEvidence, lost_here: Float, unit: float, light: Float, gone: Float, limits: MissingLimits) -> Float:
+    """(H, W) predicted share of loss: mean of that at this amplitude (of albedo 1 head-on from 1 m: `unit`) and of that in this neighbourhood."""
     edges = np.unique(np.quantile(light, np.linspace(0, 1, limits.lost_bins + 1)))
     which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, len(edges) - 2)
     by_light = np.bincount(which, gone, len(edges) - 1) / np.maximum(np.bincount(which, minlength=len(edges) - 1), 1)
-    own = by_light[np.clip(np.searchsorted(edges, lambert_amplitude(view.rendering), side="right") - 1, 0, len(edges) - 2)]
+    own = by_light[np.clip(np.searchsorted(edges, unit * lambert_amplitude(view.rendering), side="right") - 1, 0, len(edges) - 2)]
     inside = expected(view, limits).astype(float)
     cover = np.maximum(uniform_filter(inside, limits.near_px), LEAST_COVER)
     return np.asarray(0.5 * (own + uniform_filter(lost_here, limits.near_px) / cover))

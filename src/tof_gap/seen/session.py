@@ -5,7 +5,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tof_gap.seen.stereo import like_stereo
+from tof_sensor.frame import amplitude_gain, lambert_amplitude
 from tof_sensor.session import Session, SessionView
 
 if TYPE_CHECKING:
@@ -27,6 +30,14 @@ def session_of(views: Sequence[ViewEvidence], noise: NoiseLimits, scene: Scene |
         law=law,
         posed_apart=all(v.view.robot is not None and v.view.robot.cov is not None for v in views),
     )
+
+
+def amplitude_unit(views: Sequence[ViewEvidence]) -> float | None:
+    """Amplitude of albedo 1 head-on from 1 m in the camera's unit: the median over the views that have an amplitude image, None where none has."""
+    lit = [(v.view.amplitude, lambert_amplitude(v.rendering)) for v in views]
+    gains = [amplitude_gain(seen.astype(np.float64), own) for seen, own in lit if seen is not None]
+    known = [g for g in gains if g is not None]
+    return float(np.median(known)) if known else None
 
 
 def _views(views: Sequence[ViewEvidence]) -> tuple[SessionView, ...]:

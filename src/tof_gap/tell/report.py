@@ -13,11 +13,11 @@ import numpy as np
 
 from tof_core import se3
 from tof_core.memory import give_back
+from tof_gap.seen.session import amplitude_unit
 from tof_gap.tell.plant import plant_words, to_dicts
 from tof_gap.tell.where import by_quantity, regions
 from tof_scene.regions import surface_regions
 from tof_sensor.effect import Evidence
-from tof_sensor.frame import amplitude_gain, lambert_amplitude
 from tof_sensor.model import SensorModel, save_model
 from tof_sensor.origin import Promise
 
@@ -188,7 +188,7 @@ def sensor_model(d: Diagnosis) -> SensorModel:
     """The fitted sensor: every asserted effect, the photon law of the remaining noise, unit of amplitude, camera and promised shrink."""
     causes = [] if d.doubted else d.causes
     effects = [e for c in causes for e in c.named.effects] + [f.effect for f in d.findings]
-    return SensorModel((*effects, *([] if d.law is None else [d.law])), _gain(d), d.camera, _promise(d))
+    return SensorModel((*effects, *([] if d.law is None else [d.law])), amplitude_unit(d.evidence), d.camera, _promise(d))
 
 
 def _promise(d: Diagnosis) -> Promise | None:
@@ -197,14 +197,6 @@ def _promise(d: Diagnosis) -> Promise | None:
     suspected = {c.named.name for c in d.causes} if d.doubted else set()
     gap = d.account.figures.shrink([n for n in d.shares if n not in by_chance | suspected]) if by_chance else d.gap
     return None if gap.shrink is None or gap.ci95 is None else Promise(gap.shrink, *gap.ci95)
-
-
-def _gain(d: Diagnosis) -> float | None:
-    """Amplitude of albedo 1 head-on from 1 m: the median over the views that have an amplitude image, None where none has."""
-    lit = [(v.view.amplitude, lambert_amplitude(v.rendering)) for v in d.evidence]
-    gains = [amplitude_gain(seen.astype(np.float64), own) for seen, own in lit if seen is not None]
-    known = [g for g in gains if g is not None]
-    return float(np.median(known)) if known else None
 
 
 def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str], kept: Kept | None = None) -> dict[str, Any]:

@@ -37,7 +37,7 @@ class Dropout(Effect):
     def stated(self) -> str:
         """Share and threshold."""
         parts = [f"{self.random:.0%} of the pixels at random"] if self.random > LEAST_STATED else []
-        parts += [f"most pixels below amplitude {self.threshold:.3g} of the simulation"] if self.threshold > 0 else []
+        parts += [f"most pixels below amplitude {self.threshold:.3g}"] if self.threshold > 0 else []
         return ", ".join(parts) or "some of the pixels in weak light"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:

@@ -14,6 +14,9 @@ from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
 from tof_gap.seen.lost import expected
 from tof_gap.seen.missing import missing_effects
+from tof_gap.seen.session import amplitude_unit
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.frame import amplitude_gain, ideal_frame, lambert_amplitude
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
@@ -57,6 +60,45 @@ def test_what_one_dark_part_loses_is_lost_though_it_is_little_of_all(share: floa
     counted = np.mean([1.0 - v.view.count.mean() / CAPTURES for v in out])
     assert counted < MissingLimits().lost_share
     assert [f.name for f in missing_effects(out, MissingLimits())] == names
+
+
+def dark_lost(*, amplitude: bool = True) -> tuple[list[ViewEvidence], float]:
+    """Views without the darkest quarter of their pixels, and the amplitude below which they are lost, in the unit of the amplitude image."""
+    made = dwelled(0.0)
+    unit = float(np.median([amplitude_gain(v.frame.amplitude, lambert_amplitude(v.rendering)) or 0.0 for v in made])) if amplitude else 1.0
+    threshold = unit * float(np.quantile([lambert_amplitude(v.rendering) for v in made], 0.25))
+    out = []
+    for v in made:
+        gone = unit * lambert_amplitude(v.rendering) < threshold
+        view = replace(v.view, count=np.where(gone, 0, v.view.count), amplitude=v.view.amplitude if amplitude else None)
+        out.append(replace(v, view=view, smooth=v.smooth & ~gone))
+    return out, threshold
+
+
+def test_the_amplitude_below_which_pixels_are_lost_is_in_the_unit_of_the_amplitude_image() -> None:
+    lost, threshold = dark_lost()
+    (found,) = missing_effects(lost, MissingLimits())
+    assert isinstance(found.effect, Dropout)
+    assert threshold > 100, "of the image, not of the simulation"
+    assert found.effect.threshold == pytest.approx(threshold, rel=0.06)
+    assert found.note == "half are lost at 0.73 of the median amplitude"
+
+
+def test_the_fitted_loss_simulated_loses_as_many_pixels_as_the_session_lost() -> None:
+    lost, _ = dark_lost()
+    (found,) = missing_effects(lost, MissingLimits())
+    unit, rng = amplitude_unit(lost), np.random.default_rng(0)
+    assert unit is not None
+    gone = [found.effect.apply(ideal_frame(v.rendering, gain=unit), rng).missing.mean() for v in lost]
+    assert np.mean(gone) == pytest.approx(0.25, abs=0.08)
+
+
+def test_without_an_amplitude_image_the_threshold_says_what_it_is_of() -> None:
+    lost, threshold = dark_lost(amplitude=False)
+    (found,) = missing_effects(lost, MissingLimits())
+    assert isinstance(found.effect, Dropout)
+    assert found.effect.threshold == pytest.approx(threshold, rel=0.06)
+    assert "no amplitude image: amplitude is albedo cos(incidence) / r²" in found.note
 
 
 @pytest.mark.parametrize(("turn_m", "names"), [(0.25, []), (0.6, ["phase_wrap"])])

@@ -36,7 +36,7 @@ def test_each_effect_is_said_with_its_size_place_remedy_and_cost() -> None:
     assert wiggling.size == "±5.0 mm every 0.37 m of range"
     assert wiggling.where == "on panel"
     assert wiggling.cost == "of all pixels one in twenty is measured 9.5 mm off or more"
-    assert dropout.size == "2% of the pixels at random, most pixels below amplitude 120 of the simulation"
+    assert dropout.size == "2% of the pixels at random, most pixels below amplitude 120"
     assert (dropout.where, dropout.cost) == ("", "")
     assert wiggling.sentence() == (
         "Wiggling: range error that swings with distance: harmonics of the modulation (±5.0 mm every 0.37 m of range; on panel). "
