@@ -126,6 +126,16 @@ class Effect(ABC):
         return ""
 
     @property
+    def remedy(self) -> str:
+        """What a plant does about it, of these parameters."""
+        return self.REMEDY
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Effects that leave the same trace as it does with these parameters."""
+        return ()
+
+    @property
     def coefficient_names(self) -> tuple[str, ...]:
         """Names of the coefficients, in order."""
         return self.COEFFICIENTS or self.LINEAR

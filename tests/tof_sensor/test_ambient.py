@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -65,6 +65,22 @@ def test_foreign_light_is_found_at_its_size() -> None:
     assert effect.uniform_m == pytest.approx(1.5e-3, rel=0.1)
 
 
+def test_a_constant_number_of_electrons_may_be_light_or_the_read_out_and_both_are_said() -> None:
+    found = Ambient.detect(session(light(0.0, 1.5e-3)))
+    assert found is not None
+    assert found.effect.rivals == ("noise",)
+    assert found.note.endswith("from foreign light or the camera's read-out")
+    assert "noise that stays is the camera's read-out" in found.effect.remedy
+
+
+def test_light_off_the_surfaces_is_no_noise_of_the_read_out() -> None:
+    found = Ambient.detect(session(light(4e-3, 1.5e-3)))
+    assert found is not None
+    assert found.effect.rivals == ()
+    assert found.note.endswith("times that of the photon law in --sensor")
+    assert found.effect.remedy == Ambient.REMEDY
+
+
 @pytest.mark.parametrize(
     "beyond",
     [
@@ -96,12 +112,14 @@ def test_a_session_under_foreign_light_is_named_by_the_law_of_one_without_it(tmp
     for name, seed, ambient_ke in (("law", 21, 5.0), ("healthy", 22, 5.0), ("sunny", 23, 800.0)):
         record(bodies, tmp_path / name, from_mapping(VirtualConfig, small | {"seed": seed, "camera.ambient_ke": ambient_ke}))
 
-    def verdict(name: str, *sensor: str) -> list[str]:
+    def report(name: str, *sensor: str) -> dict[str, Any]:
         out = tmp_path / f"{name}_gap"
         assert main(["gap", str(tmp_path / name), "--scene", str(scene), "--out", str(out), *sensor]) == 0
-        return list(json.loads((out / "gap.json").read_text())["verdict"])
+        return dict(json.loads((out / "gap.json").read_text()))
 
-    assert verdict("law") == ["none"]
+    assert report("law")["verdict"] == ["none"]
     known = ("--sensor", str(tmp_path / "law_gap" / "sensor.yaml"))
-    assert verdict("healthy", *known) == ["none"]
-    assert verdict("sunny", *known) == ["ambient"]
+    assert report("healthy", *known)["verdict"] == ["none"]
+    sunny = report("sunny", *known)
+    assert sunny["verdict"] == ["ambient"]
+    assert sunny["words"][0]["rivals"] == [], "the virtual sun shines on surfaces"

@@ -74,7 +74,8 @@ def plant_words(d: Diagnosis, scene: Scene) -> list[Words]:
         )
         for c in d.causes
     ]
-    return [*causes, *(_words(f.name, (f.effect,), "", maps.get(f.name), d, scene) for f in d.findings)]
+    findings = [replace(_words(f.name, (f.effect,), "", maps.get(f.name), d, scene), rivals=f.effect.rivals) for f in d.findings]
+    return [*causes, *findings]
 
 
 def to_dicts(words: Sequence[Words]) -> list[dict[str, Any]]:
@@ -89,7 +90,7 @@ def _words(name: str, effects: Sequence[Effect], size: str, maps: Sequence[Float
         kind.MEANING,
         "" if maps is None else where(d, maps, scene),
         ", and ".join(dict.fromkeys(e.stated for e in effects[:MOST_PARTS] if e.stated)) or size,
-        kind.REMEDY,
+        kind.remedy,
         "" if maps is None else cost(d, maps),
     )
 

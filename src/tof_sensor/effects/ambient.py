@@ -25,6 +25,14 @@ LEAST_SHARE = 0.75
 """Share of the views that must have half of that excess: foreign light does not come in bursts."""
 LEAST_BINS = 12
 """Bins of amplitude below which no dependence on it can be judged."""
+SURFACE_LEAST = 0.1
+"""Variance of light off the surfaces over that of light on every pixel alike (reference amplitude, 1 m), below which the excess may be
+read-out noise: a constant number of electrons, whether light's or the read-out's, is the same noise. What surfaces send back is not."""
+READ_OUT = (
+    "record once more with sunlight and lamps shaded: noise that goes was theirs, noise that stays is the camera's read-out; "
+    "longer dwells help against both"
+)
+"""What to do where foreign light and read-out noise cannot be told apart."""
 BETTER = 0.8
 """Misfit of foreign light over that of the camera's own noise in any mixture, above which the excess is no foreign light."""
 
@@ -48,6 +56,21 @@ class Ambient(Effect):
     surface_m: float = param(0.0, "noise of foreign light off the surface at the reference amplitude and 1 m", unit="m", low=0.0, high=0.2)
     uniform_m: float = param(0.0, "noise of foreign light on every pixel alike at the reference amplitude", unit="m", low=0.0, high=0.2)
     reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
+
+    @property
+    def like_read_out(self) -> bool:
+        """Whether read-out noise of the camera would leave the same trace."""
+        return self.surface_m**2 < SURFACE_LEAST * self.uniform_m**2
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Noise of the read-out, where no light off the surfaces is seen."""
+        return ("noise",) if self.like_read_out else ()
+
+    @property
+    def remedy(self) -> str:
+        """Shade; where it may be the read-out, find out by that."""
+        return READ_OUT if self.like_read_out else self.REMEDY
 
     def variance(self, amplitude: Float, range2: Float) -> Float:
         """m^2 along the ray at amplitudes and squared ranges (m^2)."""
@@ -104,7 +127,8 @@ class Ambient(Effect):
         surface, uniform = np.sqrt(fitted)
         effect = cls(surface_m=min(float(surface), 0.2), uniform_m=min(float(uniform), 0.2), reference=law.reference)
         times = float(np.sqrt(1.0 + np.median(relative)))
-        return Detection(effect, 0.95, note=f"noise {times:.1f} times that of the photon law in --sensor")
+        either = ", from foreign light or the camera's read-out" if effect.like_read_out else ""
+        return Detection(effect, 0.95, note=f"noise {times:.1f} times that of the photon law in --sensor{either}")
 
 
 def _fitted(X: Float, excess: Float, bins: NoiseBins) -> Float:

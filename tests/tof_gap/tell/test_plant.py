@@ -11,6 +11,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_gap.tell.plant import Words, acts, cost, plant_words, where
+from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.wiggling import Wiggling
 
@@ -65,6 +66,15 @@ def test_an_effect_of_all_pixels_is_an_rms_alone() -> None:
 def test_rivals_that_the_session_cannot_separate_stand_beside_the_name() -> None:
     words, _ = plant_words(diagnosis(ties=("range_offset", "hand_eye")), SCENE)
     assert "Or range offset or hand eye, which this session cannot separate from it. To do: " in words.sentence()
+
+
+def test_noise_that_light_and_read_out_make_alike_is_said_to_be_one_of_both() -> None:
+    noisy = SimpleNamespace(name="ambient", effect=Ambient(uniform_m=1e-3, reference=2000.0))
+    words = plant_words(cast("Diagnosis", SimpleNamespace(causes=(), findings=(noisy,), shares={})), SCENE)[0]
+    assert words.sentence() == (
+        f"Ambient: {Ambient.MEANING}. Or noise, which this session cannot separate from it. To do: record once more with sunlight and lamps shaded: "
+        "noise that goes was theirs, noise that stays is the camera's read-out; longer dwells help against both."
+    )
 
 
 def test_a_suspected_effect_asks_for_nothing_before_it_is_confirmed() -> None:
