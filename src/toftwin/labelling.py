@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 class LabelResult:
     """Result of a bag: counts, depth errors against the label, the verdict of each view.
 
+    `label_sigma_mm` is what one label may be off (one standard deviation): the median of the usable pixels of a view, and of the views.
     `reasons` counts the pixels of all views by why they may not be trained on (`tof_sim_label.reasons`); `world` lists missing parts
     and foreign objects, with mode final. `others` holds the `T_cell_camera` of each view by the further modes that were requested.
     """
@@ -57,6 +58,7 @@ class LabelResult:
     world: dict[str, Any] = field(default_factory=lambda: {"missing": [], "foreign": []})
     raw: PooledError = field(default_factory=PooledError)
     filtered: PooledError = field(default_factory=PooledError)
+    label_sigma_mm: float | None = None
     others: dict[str, list[Float]] = field(default_factory=dict)
     note: str = ""
 
@@ -76,6 +78,7 @@ class LabelResult:
             "world": self.world,
             "raw": self.raw.error.to_dict(),
             "filtered": self.filtered.error.to_dict(),
+            "label_sigma_mm": self.label_sigma_mm,
             "note": self.note,
         }
 
@@ -255,16 +258,19 @@ def _entry(view: View, posed: Posed) -> dict[str, Any]:
 
 
 def _score(path: Path, result: LabelResult) -> None:
-    """Errors of every view and every capture against the label, and why pixels have none."""
+    """Errors of every view and every capture against the label, how sure labels are, and why pixels have none."""
     from tof_sim_label.dataset import open_dataset
     from tof_sim_label.reasons import LabelReason
 
     dataset = open_dataset(path)
-    of_view = dataset.column("captures/view")
+    of_view, sigma = dataset.column("captures/view"), list[float]()
     for v in range(dataset.views):
         label, mask = dataset.frame("views/label", v), dataset.frame("views/mask", v) > 0
         counts = np.bincount(dataset.frame("views/reason", v).ravel(), minlength=len(LabelReason))
         result.reasons.update({code.name.lower(): int(counts[code]) for code in LabelReason if counts[code]})
         result.filtered.add(dataset.frame("views/depth", v), label, mask)
+        if mask.any():
+            sigma.append(1e3 * float(np.median(dataset.frame("views/label_sigma", v)[mask])))
         for capture in np.flatnonzero(of_view == v):
             result.raw.add(dataset.frame("captures/raw", int(capture)), label, mask)
+    result.label_sigma_mm = float(np.median(sigma)) if sigma else None

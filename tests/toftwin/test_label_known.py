@@ -20,12 +20,13 @@ from tof_scene.builtin import write_builtin
 from tof_scene.scene_file import load_scene
 from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.model import SensorModel, save_model
+from tof_sim_label.config import LabelConfig
 from tof_sim_label.dataset import open_dataset
 from tof_virtual.config import VirtualConfig
 from tof_virtual.record import record
 from tof_virtual.truth import load_truth
 from toftwin.cli import main
-from toftwin.commands.label import in_common
+from toftwin.commands.label import in_common, unsure
 from toftwin.commands.simulate import bodies_of
 from toftwin.known import Known
 from toftwin.labelling import _lens_note
@@ -72,7 +73,11 @@ def test_the_joint_solution_labels_the_session_and_says_so(folder: Path, tmp_pat
     call = ["label", str(folder / "bag"), "--scene", str(folder / "scene"), "--sensor", str(folder / "sensor.yaml"), "--joint", "--out"]
     assert main([*call, str(tmp_path)]) == 0
     assert np.median(pose_errors(folder, tmp_path)) < 1.0
-    assert open_dataset(tmp_path / "dataset.zarr").attributes.pose_source == "session, final, with the effects of the diagnosis"
+    data = open_dataset(tmp_path / "dataset.zarr")
+    assert data.attributes.pose_source == "session, final, with the effects of the diagnosis"
+    usable = [data.frame("views/label_sigma", v)[data.frame("views/mask", v) > 0] for v in range(data.views)]
+    stated = json.loads((tmp_path / "metrics.json").read_text())["label_sigma_mm"]
+    assert stated == pytest.approx(1e3 * np.median([np.median(s) for s in usable]), rel=1e-6)
 
 
 def test_a_joint_solution_needs_the_session_and_a_model_needs_poses_that_are_solved(tmp_path: Path) -> None:
@@ -97,6 +102,32 @@ def test_a_bias_common_to_all_depth_beyond_what_sigma_holds_is_a_warning(bias_mm
     said = in_common(bias_mm, offset_mm=2.0)
     assert line in said
     assert bool(said) == bool(line)
+
+
+@pytest.mark.parametrize(
+    ("sigma_mm", "words"),
+    [
+        pytest.param(1.8, (), id="a healthy camera"),
+        pytest.param(2.0, (), id="a bias of dark pixels, labels 0.3 mm off"),
+        pytest.param(4.3, ("sure to 4.3 mm only", "label again with --joint"), id="multipath, labels 3.9 mm off"),
+    ],
+)
+def test_labels_that_the_session_leaves_open_are_said_to_be_unsure(sigma_mm: float, words: tuple[str, ...]) -> None:
+    line = unsure(sigma_mm, LabelConfig(), joint=False)
+    assert bool(line) == bool(words)
+    assert all(w in line for w in words)
+
+
+def test_an_offset_that_a_calibration_excludes_leaves_the_limit_where_it_is() -> None:
+    known = LabelConfig(unseen_offset_mm=0.1)
+    assert unsure(0.3, known, joint=False) == ""
+    assert unsure(3.9, known, joint=False) != ""
+
+
+def test_a_joint_solution_that_leaves_labels_unsure_does_not_ask_for_itself() -> None:
+    line = unsure(4.3, LabelConfig(), joint=True)
+    assert "--joint" not in line
+    assert "views from other sides" in line
 
 
 def test_a_lens_off_camera_info_is_said() -> None:

@@ -12,6 +12,7 @@ from tof_core.errors import UsageError
 if TYPE_CHECKING:
     import argparse
 
+    from tof_sim_label.config import LabelConfig
     from toftwin.known import Known
     from toftwin.label_call import Outcome
     from toftwin.labelling import LabelResult
@@ -101,6 +102,8 @@ def run(args: argparse.Namespace) -> int:
         _print(result)
         if args.sensor is None and not args.joint:
             print(in_common(1e3 * result.filtered.error.bias, config.label.unseen_offset_mm), end="")
+        if mode == "final" and result.label_sigma_mm is not None:
+            print(unsure(result.label_sigma_mm, config.label, joint=args.joint), end="")
     return 0
 
 
@@ -169,6 +172,30 @@ def in_common(bias_mm: float, offset_mm: float) -> str:
         f"the camera measures {abs(bias_mm):.1f} mm {way} than the labels in the mean of all pixels. Up to {2.0 * offset_mm:.1f} mm is usual (the labels' sigma holds it); more "
         "comes from the camera's range, its lens or multipath, and may have moved the labels, too. Diagnose the session (toftwin gap BAG --scene FILE --out DIR), then label "
         "it with --sensor DIR/sensor.yaml, or with --joint\n"
+    )
+
+
+def unsure(sigma_mm: float, config: LabelConfig, *, joint: bool) -> str:
+    """A line where the session leaves labels open by `open_mm` and more, else nothing.
+
+    Unmodelled errors of the depth widen the labels' sigma, so it says what no comparison with depth can: the cameras moved with them.
+
+    Args:
+        sigma_mm: standard deviation of a label, median of the session.
+        config: what of it an unseen offset makes, and how much more is worth a line.
+        joint: whether the poses were solved together with the effects of the diagnosis.
+    """
+    own_mm = max(sigma_mm**2 - config.unseen_offset_mm**2, 0.0) ** 0.5
+    if own_mm < config.open_mm:
+        return ""
+    todo = (
+        "what is left is no effect that the diagnosis finds: add views from other sides, or see toftwin gap"
+        if joint
+        else "label again with --joint, which takes the effects that it finds out of the depth before the poses are solved (toftwin gap names them)"
+    )
+    return (
+        f"the labels are sure to {sigma_mm:.1f} mm only (one standard deviation, median): the views leave the cameras open, or the depth has errors that neighbouring pixels "
+        f"share, such as light between surfaces (multipath), and these may have moved the cameras. To do: {todo}\n"
     )
 
 
