@@ -125,6 +125,11 @@ class Effect(ABC):
         """Its size in the effect's own units, in words; empty where millimetres say it best."""
         return ""
 
+    def stated_in(self, session_s: float) -> str:
+        """Its size as a session of so many seconds can tell it: no time that is longer than the session."""
+        del session_s
+        return self.stated
+
     @property
     def remedy(self) -> str:
         """What a plant does about it, of these parameters."""

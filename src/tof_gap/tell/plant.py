@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.ndimage import uniform_filter
 
 from tof_core.stats import touched
 from tof_gap.tell.unexplained import by_part
@@ -30,6 +31,8 @@ MATTERS_M = 1e-3
 """Metres: what healthy cameras are off by; an effect of few pixels is stated by how many are off by more."""
 EVERYWHERE = 0.95
 """Share of the pixels from which an effect acts on all of them."""
+NEAR_PX = 5
+"""Side of the window in which most pixels decide for one: of white offsets three pixels of four are touched, and so are all such windows."""
 LEAST_SHARE = 1e-3
 """Share of the pixels below which no figure is stated for it."""
 WHOLE_SHARE = 0.01
@@ -89,10 +92,16 @@ def _words(name: str, effects: Sequence[Effect], size: str, maps: Sequence[Float
         name,
         kind.MEANING,
         "" if maps is None else where(d, maps, scene),
-        ", and ".join(dict.fromkeys(e.stated for e in effects[:MOST_PARTS] if e.stated)) or size,
+        ", and ".join(filter(None, dict.fromkeys(e.stated_in(duration_s(d)) for e in effects[:MOST_PARTS]))) or size,
         kind.remedy,
         "" if maps is None else cost(d, maps),
     )
+
+
+def duration_s(d: Diagnosis) -> float:
+    """Seconds from the first view to the last."""
+    times = [v.frame.context.time_s for v in d.evidence]
+    return max(times) - min(times)
 
 
 def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
@@ -108,9 +117,22 @@ def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
 
 def acts(size_m: float, maps: Sequence[Float]) -> str:
     """RMS of maps (H, W) of metres over the pixels that they touch, and how many pixels these are."""
-    share = float(touched(np.concatenate([m[np.isfinite(m)] for m in maps])).mean())
+    share = _covered(maps)
     on = "" if share > EVERYWHERE else f" over {_share(share)} of the pixels"
     return f"{1e3 * size_m:.1f} mm RMS{on}"
+
+
+def _covered(maps: Sequence[Float]) -> float:
+    """Share of the pixels of maps (H, W) that are touched, or lie among pixels of which most are: where a pattern changes its sign it acts, too."""
+    known = [np.isfinite(m) for m in maps]
+    hit = touched(np.concatenate([m[k] for m, k in zip(maps, known, strict=True)]))
+    covered = 0
+    for k, own in zip(known, np.split(hit, np.cumsum([k.sum() for k in known])[:-1]), strict=True):
+        on = np.zeros(k.shape)
+        on[k] = own
+        among = uniform_filter(on, NEAR_PX) > 0.5 * uniform_filter(k.astype(float), NEAR_PX)
+        covered += int((k & (among | (on > 0))).sum())
+    return covered / max(len(hit), 1)
 
 
 def _share(share: float) -> str:

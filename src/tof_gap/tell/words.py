@@ -53,15 +53,15 @@ def todo(content: dict[str, Any], world: Sequence[str]) -> list[str]:
     return lines + [f"Capture: {line}." for line in content["advice"]]
 
 
-def size_in_words(cause: dict[str, Any]) -> str:
-    """The fitted parameters of an effect, in words where there are some for it, else by name."""
+def size_in_words(cause: dict[str, Any], session_s: float) -> str:
+    """The fitted parameters of an effect, in words where a session of so many seconds has some for it, else by name."""
     params, std = cause["params"], cause["params_std"]
     if params and all(isinstance(p, dict) for p in params.values()):
         return f"of {len(params)} parts"
-    return _stated(cause["effect"], params) or _by_name(params, std)
+    return _stated(cause["effect"], params, session_s) or _by_name(params, std)
 
 
-def _stated(name: str, params: dict[str, Any]) -> str:
+def _stated(name: str, params: dict[str, Any], session_s: float) -> str:
     """The size in the effect's own units, "" where it has none or the parameters are not its own."""
     from tof_core.config import from_mapping
     from tof_sensor.registry import EFFECTS
@@ -70,7 +70,7 @@ def _stated(name: str, params: dict[str, Any]) -> str:
         effect = from_mapping(EFFECTS[name], params)
     except (KeyError, TypeError, ToftwinError):
         return ""
-    return effect.stated
+    return effect.stated_in(session_s)
 
 
 def _by_name(params: dict[str, Any], std: dict[str, Any]) -> str:

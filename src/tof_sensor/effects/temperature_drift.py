@@ -48,9 +48,21 @@ class TemperatureDrift(Effect):
     @property
     def stated(self) -> str:
         """What goes with the thermometer, and what warms up beside it."""
+        return self.stated_in(np.inf)
+
+    def stated_in(self, session_s: float) -> str:
+        """The same of a session; what fades more slowly than the session lasts, by what it was at the session's start and end."""
         shown = [f"{1e3 * self.drift_m:+.1f} mm a kelvin of the thermometer"] if self.drift_m else []
-        for start_m, tau in ((self.warmup_m, self.tau_s), (self.housing_m, self.housing_s)):
-            shown += [f"{1e3 * start_m:+.1f} mm at the start, fading with a time constant of {tau / 60:.1f} min"] if start_m and tau else []
+        fading = [(start_m, tau) for start_m, tau in ((self.warmup_m, self.tau_s), (self.housing_m, self.housing_s)) if start_m and tau]
+        for start_m, tau in fading:
+            shown += (
+                [f"{1e3 * start_m:+.1f} mm at the start, fading with a time constant of {tau / 60:.1f} min"] if tau <= session_s else []
+            )
+        if slow := [(start_m, tau) for start_m, tau in fading if tau > session_s]:
+            first, last = (1e3 * sum(start_m * np.exp(-after_s / tau) for start_m, tau in slow) for after_s in (0.0, session_s))
+            shown.append(
+                f"from {first:+.1f} mm at the start to {last:+.1f} mm after {session_s / 60:.1f} min, too slow for a time constant to show"
+            )
         return " and ".join(shown)
 
     def columns(self, frame: Frame) -> Float:

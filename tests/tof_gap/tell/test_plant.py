@@ -63,6 +63,14 @@ def test_an_effect_of_all_pixels_is_an_rms_alone() -> None:
     assert acts(0.0042, list(np.full((VIEWS, *SHAPE), 0.0042))) == "4.2 mm RMS"
 
 
+def test_offsets_of_every_pixel_act_on_all_of_them_though_some_are_near_nought() -> None:
+    white = np.random.default_rng(4).normal(0.0, 0.003, (VIEWS, *SHAPE))
+    white[:, :10, :] = np.nan
+    assert acts(0.003, list(white)) == "3.0 mm RMS"
+    white[:, : SHAPE[0] // 2, :] = 0.0
+    assert acts(0.003, list(white)) == "3.0 mm RMS over 50 % of the pixels"
+
+
 def test_rivals_that_the_session_cannot_separate_stand_beside_the_name() -> None:
     words, _ = plant_words(diagnosis(ties=("range_offset", "hand_eye")), SCENE)
     assert "Or range offset or hand eye, which this session cannot separate from it. To do: " in words.sentence()
@@ -70,7 +78,9 @@ def test_rivals_that_the_session_cannot_separate_stand_beside_the_name() -> None
 
 def test_noise_that_light_and_read_out_make_alike_is_said_to_be_one_of_both() -> None:
     noisy = SimpleNamespace(name="ambient", effect=Ambient(uniform_m=1e-3, reference=2000.0))
-    words = plant_words(cast("Diagnosis", SimpleNamespace(causes=(), findings=(noisy,), shares={})), SCENE)[0]
+    words = plant_words(
+        cast("Diagnosis", SimpleNamespace(evidence=views(np.random.default_rng(1)), causes=(), findings=(noisy,), shares={})), SCENE
+    )[0]
     assert words.sentence() == (
         f"Ambient: {Ambient.MEANING}. Or noise, which this session cannot separate from it. To do: record once more with sunlight and lamps shaded: "
         "noise that goes was theirs, noise that stays is the camera's read-out; longer dwells help against both."

@@ -30,7 +30,26 @@ def cause(effect: str, **params: Any) -> dict[str, Any]:
     ],
 )
 def test_a_size_is_in_words_where_there_are_some(found: dict[str, Any], words: str) -> None:
-    assert size_in_words(found) == words
+    assert size_in_words(found, session_s=600.0) == words
+
+
+@pytest.mark.parametrize(
+    ("session_s", "words"),
+    [
+        (
+            1500.0,
+            "-3.1 mm at the start, fading with a time constant of 5.0 min and +7.9 mm at the start, fading with a time constant of 20.0 min",
+        ),
+        (
+            600.0,
+            "-3.1 mm at the start, fading with a time constant of 5.0 min and from +7.9 mm at the start to +4.8 mm after 10.0 min, too slow for a time constant to show",
+        ),
+        (230.0, "from +4.8 mm at the start to +5.1 mm after 3.8 min, too slow for a time constant to show"),
+    ],
+)
+def test_no_time_constant_longer_than_the_session_is_stated(session_s: float, words: str) -> None:
+    drift = cause("temperature_drift", drift_m=0.0, warmup_m=-0.0031, housing_m=0.0079, tau_s=300.0, housing_s=1200.0)
+    assert size_in_words(drift, session_s) == words
 
 
 def content(*verdict: str, where: tuple[str, ...] = (), advice: tuple[str, ...] = ()) -> dict[str, Any]:
