@@ -10,6 +10,7 @@ import numpy as np
 
 from tof_align.folds import deal
 from tof_core import se3
+from tof_core.shares import in_percent
 from tof_gap.seen.edges import edge_band
 from tof_gap.solve.candidate import HAND_EYE, Candidate
 from tof_gap.solve.columns import ColumnStore, build
@@ -54,7 +55,7 @@ def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effe
     if best < limits.advice_gain * now + limits.advice_least:
         reference = " or ".join(dict.fromkeys(kind.SEPARATED_BY for kind in kinds))
         return f"no capture of {EXTRA} more views tried here separates {names}: {reference} would"
-    return f"{text}: separates {names} ({now:.0%} of the one stands beside the other now, {best:.0%} then)"
+    return f"{text}: separates {names} ({in_percent(now)} of the one stands beside the other now, {in_percent(best)} then)"
 
 
 def visible_share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, action: Action | None) -> float:

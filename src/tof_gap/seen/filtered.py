@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening, label
 
+from tof_core.shares import in_percent
 from tof_gap.seen.edges import edge_band
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
 from tof_gap.seen.lost import NEIGHBOURS, expected
@@ -38,7 +39,9 @@ def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limi
     # A pixel is lost where it or one of its neighbours is an outlier.
     share = min(1.0 - (1.0 - float(gone.mean())) ** (1 / NEIGHBOURS.size), 0.5 * SINGLE_PIXELS)
     start = float(np.quantile(np.concatenate([v.frame.radial[h] for v, h in zip(views, holes, strict=True)]), limits.turn_start))
-    note = f"the camera's filter removed {gone.mean():.0%} of the pixels, around outliers in weak light; their jump is not seen"
+    note = (
+        f"the camera's filter removed {in_percent(float(gone.mean()))} of the pixels, around outliers in weak light; their jump is not seen"
+    )
     return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.shares import in_percent
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.line_noise import line_map, line_noise
 from tof_gap.seen.pattern import beside_pixels, single_pixels
@@ -119,7 +120,7 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
     beyond_chance = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
     few = beyond_chance and of_pixels > limits.extra_mm * 1e-3
     if few:
-        parts[f"of {pixels.share:.1%} of the pixels"] = of_pixels
+        parts[f"of {in_percent(pixels.share)} of the pixels"] = of_pixels
     size = float(np.sqrt(sum(p * p for p in parts.values())))
     if size <= 0:
         return None

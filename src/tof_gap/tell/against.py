@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.config import param
+from tof_core.shares import in_percent
 from tof_gap.seen.rendered import rendered_bias
 from tof_gap.tell.lost_and_noise import loss_apart, noise_apart
 from tof_gap.tell.report import sensor_model
@@ -86,7 +87,7 @@ class Difference:
         """The difference in words."""
         if self.note:
             return f"simulator {self.simulator}: {self.effect} ({self.note})"
-        gone = "" if self.shrink is None else f"; put right, {self.shrink:.0%} of the squared distance disappears"
+        gone = "" if self.shrink is None else f"; put right, {in_percent(self.shrink)} of the squared distance disappears"
         most = sorted(self.parts, key=self.parts.__getitem__, reverse=True)[:3]
         where = ", ".join(f"{part} {self.parts[part]:.1f} mm" for part in most)
         return (
@@ -276,7 +277,7 @@ class _Pair:
             note = f"{noise.real:.2f} mm real, {noise.simulated:.2f} mm simulated in one capture"
             out.append(Difference("noise", manner, noise.real, noise.simulated, noise.parts, None, None, note))
         if (loss := found[1]) is not None and abs(loss.real - loss.simulated) > self.limits.loss:
-            note = f"{loss.real:.1%} of the pixels real, {loss.simulated:.1%} simulated"
+            note = f"{in_percent(loss.real)} of the pixels real, {in_percent(loss.simulated)} simulated"
             none = {(True, False): LACKS, (False, True): SUPERFLUOUS}
             manner = none.get((loss.real > 0, loss.simulated > 0), STRONG if loss.simulated > loss.real else WEAK)
             out.append(Difference("dropout", manner, np.nan, np.nan, loss.parts, None, None, note))

@@ -37,6 +37,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
         gap=gap,
         before_mm=d.gap.above_mm(d.gap.before),
         after_mm=d.gap.above_mm(d.gap.after),
+        percent=percent,
         shrink=percent(gap["shrink"]),
         interval=interval(gap["shrink_ci95"]),
         picture={

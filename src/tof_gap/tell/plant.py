@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.ndimage import uniform_filter
 
+from tof_core.shares import in_percent
 from tof_core.stats import touched
 from tof_gap.tell.unexplained import by_part
 from tof_gap.tell.words import listed, spaced
@@ -33,10 +34,6 @@ EVERYWHERE = 0.95
 """Share of the pixels from which an effect acts on all of them."""
 NEAR_PX = 5
 """Side of the window in which most pixels decide for one: of white offsets three pixels of four are touched, and so are all such windows."""
-LEAST_SHARE = 1e-3
-"""Share of the pixels below which no figure is stated for it."""
-WHOLE_SHARE = 0.01
-"""Share of the pixels from which per cent are stated without a decimal: one of a hundred is a difference that a reader acts on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +115,7 @@ def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
 def acts(size_m: float, maps: Sequence[Float]) -> str:
     """RMS of maps (H, W) of metres over the pixels that they touch, and how many pixels these are."""
     share = _covered(maps)
-    on = "" if share > EVERYWHERE else f" over {_share(share)} of the pixels"
+    on = "" if share > EVERYWHERE else f" over {in_percent(share)} of the pixels"
     return f"{1e3 * size_m:.1f} mm RMS{on}"
 
 
@@ -135,11 +132,6 @@ def _covered(maps: Sequence[Float]) -> float:
     return covered / max(len(hit), 1)
 
 
-def _share(share: float) -> str:
-    """A share of pixels in per cent, of one digit where it is small."""
-    return f"under {100 * LEAST_SHARE:.1g} %" if share < LEAST_SHARE else f"{100 * share:.{0 if share >= WHOLE_SHARE else 1}f} %"
-
-
 def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
     """By how much the worst pixels that count are measured wrongly by maps (H, W) of metres; how many, where they are fewer than that."""
     seen = [np.abs(m)[np.isfinite(r) & np.isfinite(m)] for m, r in zip(maps, d.residual, strict=True)]
@@ -149,4 +141,4 @@ def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
     worst = float(np.quantile(error, WORST))
     if worst >= MATTERS_M:
         return f"of all pixels one in twenty is measured {1e3 * worst:.1f} mm off or more"
-    return f"{_share(float((error >= MATTERS_M).mean()))} of the pixels are measured {1e3 * MATTERS_M:.0f} mm off or more"
+    return f"{in_percent(float((error >= MATTERS_M).mean()))} of the pixels are measured {1e3 * MATTERS_M:.0f} mm off or more"

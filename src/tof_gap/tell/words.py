@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tof_core.errors import ToftwinError
+from tof_core.shares import in_percent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -103,7 +104,7 @@ def listed(names: Sequence[str], last: str = "and") -> str:
 
 def percent(share: float | None) -> str:
     """A share in per cent; a dash where it is not known."""
-    return "–" if share is None else f"{round(share, 2) + 0.0:.0%}"
+    return "–" if share is None else in_percent(share)
 
 
 def interval(ci: Sequence[float] | None) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tof_core.config import param
+from tof_core.shares import in_percent
 from tof_sensor.effect import Effect, Evidence
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 LEAST_STATED = 0.005
-"""Share of pixels lost at random below which it is not stated: it would read 0 %."""
+"""Share of pixels lost at random below which it is not stated: single dead or dark pixels are usual."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ class Dropout(Effect):
     @property
     def stated(self) -> str:
         """Share and threshold."""
-        parts = [f"{self.random:.0%} of the pixels at random"] if self.random > LEAST_STATED else []
+        parts = [f"{in_percent(self.random)} of the pixels at random"] if self.random > LEAST_STATED else []
         parts += [f"most pixels below amplitude {self.threshold:.3g}"] if self.threshold > 0 else []
         return ", ".join(parts) or "some of the pixels in weak light"
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tof_core.config import param
+from tof_core.shares import in_percent
 from tof_sensor.effect import Effect, Evidence
 from tof_sensor.frame import with_noise
 
@@ -37,7 +38,7 @@ class Interference(Effect):
     @property
     def stated(self) -> str:
         """Size and share of the captures."""
-        return f"{1e3 * self.burst_m:.1f} mm in {self.duty:.0%} of the captures"
+        return f"{1e3 * self.burst_m:.1f} mm in {in_percent(self.duty)} of the captures"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """A frame is hit or not; a beat leaves one common offset and noise of the same size."""

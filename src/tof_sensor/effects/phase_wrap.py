@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from tof_core.config import param
+from tof_core.shares import in_percent
 from tof_sensor.effect import Effect
 from tof_sensor.frame import LIGHT_M_PER_S
 
@@ -39,7 +40,7 @@ class PhaseWrap(Effect):
     @property
     def stated(self) -> str:
         """Jump and share."""
-        return f"off by {self.turn_m:.2f} m, {self.share:.0%} of the pixels at those ranges"
+        return f"off by {self.turn_m:.2f} m, {in_percent(self.share)} of the pixels at those ranges"
 
     @property
     def turn_m(self) -> float:

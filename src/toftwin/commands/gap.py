@@ -212,8 +212,10 @@ def summary(d: Diagnosis) -> str:
 
 def cause_line(c: Cause, d: Diagnosis) -> str:
     """One effect of the solution: its confidence, and the gap that goes when it alone is simulated."""
+    from tof_gap.tell.words import percent
+
     shrink = c.alone.shrink
-    alone = "" if shrink is None else f"; alone it explains {f'{shrink:.0%} of the gap' if shrink > 0 else 'none of the gap'}"
+    alone = "" if shrink is None else f"; alone it explains {f'{percent(shrink)} of the gap' if shrink > 0 else 'none of the gap'}"
     of = " that it is one of these" if "|" in c.named.verdict else ""
     return f"  {c.named.verdict}{' (suspected)' if d.doubted else ''}: confidence {d.confidence(c):.2f}{of}{alone}"
 

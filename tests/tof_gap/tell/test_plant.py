@@ -49,14 +49,14 @@ def test_an_effect_of_few_pixels_costs_by_how_many_they_are() -> None:
     few = np.zeros((VIEWS, *SHAPE))
     few[:, :2, :] = 0.005
     share = 100.0 * 2 / SHAPE[0]
-    assert cost(diagnosis(), list(few)) == f"{share:.0f} % of the pixels are measured 1 mm off or more"
-    assert acts(0.005, list(few)) == f"5.0 mm RMS over {share:.0f} % of the pixels"
+    assert cost(diagnosis(), list(few)) == f"{share:.0f}% of the pixels are measured 1 mm off or more"
+    assert acts(0.005, list(few)) == f"5.0 mm RMS over {share:.0f}% of the pixels"
 
 
 def test_an_effect_of_hardly_any_pixel_has_no_share_of_naught() -> None:
     single = np.zeros((VIEWS, *SHAPE))
     single[0, 0, 0] = 0.02
-    assert cost(diagnosis(), list(single)) == "under 0.1 % of the pixels are measured 1 mm off or more"
+    assert cost(diagnosis(), list(single)) == "under 0.1% of the pixels are measured 1 mm off or more"
 
 
 def test_an_effect_of_all_pixels_is_an_rms_alone() -> None:
@@ -68,7 +68,7 @@ def test_offsets_of_every_pixel_act_on_all_of_them_though_some_are_near_nought()
     white[:, :10, :] = np.nan
     assert acts(0.003, list(white)) == "3.0 mm RMS"
     white[:, : SHAPE[0] // 2, :] = 0.0
-    assert acts(0.003, list(white)) == "3.0 mm RMS over 50 % of the pixels"
+    assert acts(0.003, list(white)) == "3.0 mm RMS over 50% of the pixels"
 
 
 def test_rivals_that_the_session_cannot_separate_stand_beside_the_name() -> None:

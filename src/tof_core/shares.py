@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Shares in words."""
+
+from __future__ import annotations
+
+WHOLE = 0.01
+"""Share from which per cent are stated without a decimal: one of a hundred is a difference that a reader acts on."""
+LEAST = 0.001
+"""Share below which no figure is stated for it."""
+
+
+def in_percent(share: float) -> str:
+    """A share in per cent, of one decimal where it is small; "0%" is said of nothing but 0."""
+    if 0.0 < abs(share) < LEAST:
+        return f"under {LEAST:.1%}"
+    return f"{share:.{1 if 0.0 < abs(share) < WHOLE else 0}%}"
