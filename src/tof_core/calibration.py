@@ -26,10 +26,20 @@ class HandEyeLimits:
     """Largest errors of the hand-eye calibration."""
 
     translation_mm: float = param(
-        0.0, "largest error of the camera's place in the hand", unit="mm", low=0.0, high=100.0, why="as the calibration's report states"
+        0.0,
+        "largest error of the camera's place in the hand: length over all three axes, not per axis; 3 times a standard deviation per axis",
+        unit="mm",
+        low=0.0,
+        high=100.0,
+        why="as the calibration's report states",
     )
     rotation_deg: float = param(
-        0.0, "largest error of its direction", unit="deg", low=0.0, high=10.0, why="as the calibration's report states"
+        0.0,
+        "largest error of its direction: angle about any axis, not per axis; 3 times a standard deviation per axis",
+        unit="deg",
+        low=0.0,
+        high=10.0,
+        why="as the calibration's report states",
     )
 
 
@@ -38,10 +48,20 @@ class LensLimits:
     """Largest errors of the lens calibration."""
 
     principal_point_px: float = param(
-        0.0, "largest error of the principal point", unit="px", low=0.0, high=100.0, why="as the calibration's report states"
+        0.0,
+        "largest error of the principal point: distance in the image, not per axis; 2.4 times a standard deviation per axis",
+        unit="px",
+        low=0.0,
+        high=100.0,
+        why="as the calibration's report states",
     )
     focal_pct: float = param(
-        0.0, "largest error of the focal length", unit="%", low=0.0, high=10.0, why="as the calibration's report states"
+        0.0,
+        "largest error of the focal length, the same for fx and fy; 1.7 times a standard deviation",
+        unit="%",
+        low=0.0,
+        high=10.0,
+        why="as the calibration's report states",
     )
 
 

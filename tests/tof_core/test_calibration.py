@@ -30,6 +30,14 @@ def test_deviations_are_those_of_errors_drawn_evenly_up_to_the_largest(tmp_path:
     np.testing.assert_allclose(stated.lens_sd[:2], 1e-3 / np.sqrt(3))
 
 
+def test_a_report_of_one_sigma_per_axis_is_converted_as_the_page_says(tmp_path: Path) -> None:
+    (tmp_path / "calibration.yaml").write_text(TEXT)
+    stated = load_calibration(tmp_path / "calibration.yaml")
+    np.testing.assert_allclose(3.0 * stated.hand_eye_sd, [2e-3] * 3 + [np.radians(0.2)] * 3)
+    np.testing.assert_allclose(2.4 * stated.lens_sd[2:], 0.3, rtol=0.03)
+    np.testing.assert_allclose(1.7 * stated.lens_sd[:2], 1e-3, rtol=0.03)
+
+
 def test_largest_errors_are_in_metres_radians_and_pixels(tmp_path: Path) -> None:
     (tmp_path / "calibration.yaml").write_text(TEXT)
     stated = load_calibration(tmp_path / "calibration.yaml")
