@@ -32,7 +32,7 @@ READ_OUT = (
     "record once more with sunlight and lamps shaded: noise that goes was theirs, noise that stays is the camera's read-out; "
     "longer dwells help against both"
 )
-"""What to do where foreign light and read-out noise cannot be told apart."""
+"""What to do where foreign light and read-out noise cannot be distinguished."""
 BETTER = 0.8
 """Misfit of foreign light over that of the camera's own noise in any mixture, above which the excess is no foreign light."""
 
