@@ -28,10 +28,10 @@ from tof_ros.placing import Placing
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
-from tof_sensor.registry import VOCABULARY
+from tof_sensor.registry import left_out
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from tof_core.capture import View
     from tof_gap.watch import Watched
@@ -155,7 +155,7 @@ class GapNode(ManagedNode[GapNodeConfig]):
 
         views, live = self._session.all(), self.config.live
         settings = DiagnosisConfig.load(live.settings)
-        task = Task(views, live.scene, settings.gap, settings.align, live.sensor, _effects(goal.leave_out), goal.out)
+        task = Task(views, live.scene, settings.gap, settings.align, live.sensor, left_out(goal.leave_out, "leave_out"), goal.out)
         return diagnosis(diagnose_beside(task, progress, progress.check), len(views))
 
     def figures(self) -> Mapping[str, str]:
@@ -173,17 +173,6 @@ class GapNode(ManagedNode[GapNodeConfig]):
         """A gap that grows, or a view that could not be judged."""
         grown = [self._last.message] if self._last is not None and self._last.state == "grown" else []
         return [*grown, *([self._refused] if self._refused else [])]
-
-
-def _effects(names: Sequence[str]) -> frozenset[str]:
-    """The names as a set.
-
-    Raises:
-        UsageError: no effect has one of them.
-    """
-    if unknown := [name for name in names if name not in VOCABULARY]:
-        raise UsageError(f"there is no effect '{unknown[0]}'", where="leave_out", todo=f"effects: {', '.join(VOCABULARY)}")
-    return frozenset(names)
 
 
 def _report(watched: Watched, view: View | None = None) -> dict[str, Any]:

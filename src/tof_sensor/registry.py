@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
-from tof_core.errors import ConfigError
+from tof_core.errors import ConfigError, UsageError
 from tof_sensor import effects
 from tof_sensor.effect import Effect
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from types import ModuleType
 
 
@@ -39,3 +41,17 @@ def effect_class(name: str) -> type[Effect]:
         msg = f"unknown effect '{name}'"
         raise ConfigError(msg, where="sensor", todo=f"known: {', '.join(sorted(EFFECTS))}")
     return EFFECTS[name]
+
+
+def left_out(names: Iterable[str], where: str) -> frozenset[str]:
+    """Effects that a diagnosis is not to consider; one that there is not would forbid nothing.
+
+    Raises:
+        UsageError: no effect has one of the names; it says which are near, and which there are.
+    """
+    asked = frozenset(names)
+    for name in sorted(asked - set(VOCABULARY)):
+        near = get_close_matches(name[:80], VOCABULARY, n=3)
+        meant = f"did you mean {' or '.join(near)}? " if near else ""
+        raise UsageError(f"there is no effect '{name}'", where=where, todo=f"{meant}effects: {', '.join(VOCABULARY)}")
+    return asked

@@ -13,14 +13,15 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, views
 from tof_core.capture import RobotPose
 from tof_core.config import from_mapping
-from tof_core.errors import RefusedError
+from tof_core.errors import RefusedError, UsageError
 from tof_gap.diagnose import check
 from tof_gap.limits.seen import NoiseLimits
 from tof_gap.solve.candidates import not_testable
 from tof_gap.tell.unexplained import Unexplained
 from tof_scene.builtin import write_builtin
+from tof_sensor.registry import VOCABULARY, left_out
 from toftwin.cli import main
-from toftwin.commands.gap import unexplained_line
+from toftwin.commands.gap import EFFECTS, unexplained_line
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -81,10 +82,21 @@ def test_an_effect_that_there_is_not_cannot_be_left_out(tmp_path: Path, capsys: 
     call = ["gap", str(tmp_path), "--scene", "body_section", "--out", str(tmp_path / "gap")]
     assert main([*call, "--leave-out", "wiggling", "--leave-out", "wigling"]) == 2
     said = capsys.readouterr().err
-    assert said.startswith("toftwin: --leave-out: there is no effect 'wigling'; effects: ambient, amplitude_bias, ")
+    assert said.startswith("toftwin: --leave-out: there is no effect 'wigling'; did you mean wiggling? effects: ambient, amplitude_bias, ")
     assert "wiggling" in said.partition("effects:")[2]
     assert main([*call, "--leave-out", "wiggling"]) == 1
     assert "there is no effect" not in capsys.readouterr().err
+
+
+def test_a_name_like_no_effect_s_is_refused_with_the_names_that_there_are() -> None:
+    with pytest.raises(UsageError, match=r"there is no effect 'xyz'; effects: ambient, "):
+        left_out(["xyz"], "--leave-out")
+    with pytest.raises(UsageError, match="did you mean temperature_drift"):
+        left_out(["temperature"], "--leave-out")
+
+
+def test_the_help_lists_every_effect_that_may_be_left_out() -> None:
+    assert EFFECTS.split(", ") == list(VOCABULARY)
 
 
 @pytest.mark.parametrize(
