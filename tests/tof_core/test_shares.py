@@ -21,7 +21,7 @@ from tof_sensor.effects.phase_wrap import PhaseWrap
         (1.0, "100%"),
         (-0.24, "-24%"),
         (-0.004, "-0.4%"),
-        (-1e-9, "under 0.1%"),
+        (-1e-9, "0%"),
     ],
 )
 def test_no_share_reads_0_but_0(share: float, words: str) -> None:
