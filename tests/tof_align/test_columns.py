@@ -54,7 +54,8 @@ def test_the_solution_is_the_dense_one(active: list[int]) -> None:
 
 
 def test_inflated_noise_widens_the_covariance_and_keeps_the_coefficients() -> None:
-    s, active = system_of([100 * x for x in rows()]), np.arange(COLUMNS)  # pixels, not priors, decide
+    X = [x * np.append(np.full(6 + COLUMNS, 100.0), 1.0) for x in rows()]  # pixels, not priors, decide; the residual is noise of one sigma
+    s, active = system_of(X), np.arange(COLUMNS)
     once, often = s.fit(active), s.fit(active, inflate=4.0)
     np.testing.assert_allclose(np.diag(often.theta_cov) / np.diag(once.theta_cov), 4.0, rtol=0.05)
     np.testing.assert_allclose(often.theta, once.theta, atol=3 * float(np.sqrt(np.diag(often.theta_cov).max())))
