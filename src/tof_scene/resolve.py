@@ -53,7 +53,7 @@ def resolve(
         most = max(most, start[k + 1] - start[k])
     planes, nearest = np.empty((most, 9), np.float32), np.empty(most, np.float32)
     inverse, owner = np.empty(lattices[2].shape[1], np.float32), np.empty(lattices[2].shape[1], np.int32)
-    depths, marks = np.empty((most, 3)), np.empty((most, 3))
+    depths, marks, sums = np.empty((most, 3)), np.empty((most, 3)), np.empty((most, 3), np.float32)
     order, count, seen, group = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most, np.int32)
     for k in range(begin, end):
         candidates = listed[start[k] : start[k + 1]]
@@ -64,7 +64,7 @@ def resolve(
             samples = lattices[level]
             n = samples.shape[1]
             drawn = _sample(order[: len(candidates)], planes, nearest, samples, inverse[:n], owner[:n])
-            found, void = tally(inverse[:n], owner[:n], order[:drawn], count, depths, seen)
+            found, void = tally(inverse[:n], owner[:n], order[:drawn], count, sums, depths, seen)
             surfaces = group_faces(n, found, seen, candidates, planes, part, depths, group, marks)
             if surfaces == 1 and void == 0 and (level or fold(found, seen, planes, depths) < CREASE_M * n):
                 break
@@ -102,16 +102,25 @@ def _sample(order: Int32, planes: Float32, nearest: Float32, samples: Float32, i
     """Nearest candidate and its 1/z at each sample, in order until all that is left lies behind; returns how many were drawn."""
     inverse[:] = 0.0
     owner[:] = -1
-    n, farthest = len(inverse), np.float32(0.0)
     for drawn in range(len(order)):
         c = order[drawn]
-        if nearest[c] == np.inf or nearest[c] * farthest > ONE:
+        if nearest[c] == np.inf or _all_nearer(inverse, nearest[c]):
             return drawn
         _cover(planes, c, samples, inverse, owner)
-        # Four samples far apart are a cheap test of whether the pixel is full.
-        if owner[0] >= 0 and owner[n // 3] >= 0 and owner[2 * n // 3] >= 0 and owner[n - 1] >= 0:
-            farthest = _lowest(inverse)
     return len(order)
+
+
+@njit(cache=True, nogil=True)
+def _all_nearer(inverse: Float32, z: np.float32) -> bool:
+    """Whether all samples are filled by something nearer than z."""
+    n = len(inverse)
+    for s in (0, n // 3, 2 * n // 3, n - 1):  # far apart: a cheap test before all are looked at
+        if not inverse[s] * z > ONE:
+            return False
+    nearer = np.int32(0)
+    for s in range(n):
+        nearer += np.int32(inverse[s] * z > ONE)  # counted: a loop that may end early is not vectorised
+    return bool(nearer == n)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -130,15 +139,6 @@ def _cover(planes: Float32, c: np.int32, samples: Float32, inverse: Float32, own
         inside = (a >= slack) & (b >= slack) & (d >= slack) & (w > inverse[s])
         inverse[s] = w if inside else inverse[s]
         owner[s] = c if inside else owner[s]
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _lowest(inverse: Float32) -> Any:
-    """The smallest 1/z of all samples (ndarray.min looks for NaN and takes ten times as long)."""
-    lowest = inverse[0]
-    for w in inverse:
-        lowest = min(lowest, w)
-    return lowest
 
 
 @njit(cache=True, nogil=True)

@@ -24,50 +24,35 @@ SLANT = 1.6
 
 
 @njit(cache=True, nogil=True)
-def tally(inverse: Float32, owner: Int32, drawn: Int32, count: Int32, depths: Float, seen: Int32) -> tuple[int, int]:
+def tally(inverse: Float32, owner: Int32, drawn: Int32, count: Int32, sums: Float32, depths: Float, seen: Int32) -> tuple[int, int]:
     """Per drawn candidate its samples `count` and `depths` (sum, nearest, farthest z); lists those seen, nearest first.
 
-    Returns how many are seen and how many samples nothing fills. 1/z in `inverse` becomes z.
+    Returns how many are seen and how many samples nothing fills. 1/z in `inverse` becomes z. `sums` (..., 3) is scratch.
     """
-    for s in range(len(inverse)):
-        inverse[s] = ONE / max(inverse[s], TINY)
-    found, void = 0, len(owner)
     for c in drawn:
-        n = _mine(owner, c)
-        if n:
-            total, low, high = _sums(inverse, owner, c)
-            count[c], depths[c, 0], depths[c, 1], depths[c, 2] = n, total, low, high
-            void -= n
+        count[c], sums[c, 0], sums[c, 1], sums[c, 2] = 0, 0.0, FAR, 0.0
+    void = 0
+    for s in range(len(inverse)):
+        c, z = owner[s], ONE / max(inverse[s], TINY)
+        inverse[s] = z
+        if c < 0:
+            void += 1
+        else:
+            count[c] += 1
+            sums[c, 0] += z
+            sums[c, 1] = min(sums[c, 1], z)
+            sums[c, 2] = max(sums[c, 2], z)
+    found = 0
+    for c in drawn:
+        if count[c]:
+            depths[c] = sums[c]
             at = found
-            while at > 0 and depths[seen[at - 1], 1] > low:
+            while at > 0 and depths[seen[at - 1], 1] > depths[c, 1]:
                 seen[at] = seen[at - 1]
                 at -= 1
             seen[at] = c
             found += 1
-        if void == 0:
-            break
     return found, void
-
-
-@njit(cache=True, nogil=True)
-def _mine(owner: Int32, c: np.int32) -> Any:
-    """Number of one candidate's samples."""
-    n = np.int32(0)
-    for s in range(len(owner)):
-        n += np.int32(owner[s] == c)
-    return n
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _sums(z: Float32, owner: Int32, c: np.int32) -> tuple[Any, Any, Any]:
-    """Sum, least and greatest z of one candidate's samples."""
-    total, low, high = np.float32(0), FAR, np.float32(0)
-    for s in range(len(z)):
-        mine = owner[s] == c
-        total += z[s] if mine else np.float32(0)
-        low = min(low, z[s] if mine else FAR)
-        high = max(high, z[s] if mine else np.float32(0))
-    return total, low, high
 
 
 @njit(cache=True, nogil=True)
