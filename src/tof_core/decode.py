@@ -97,7 +97,8 @@ def decode_depth(msg: Any, where: str = "", *, scale: float = 0.001) -> tuple[Im
 def depth_of_counts(raster: NDArray[Any], scale: float = 0.001) -> tuple[Image, Bytes]:
     """Depth (H, W) in metres and reason map (H, W) of unsigned counts of `scale` metres each; 0 is no return, 65535 saturated."""
     metres, reasons = _count_tables(scale)
-    return metres[raster], reasons[raster]
+    # Every index exists: "clip" spares the look at each that indexing takes, two thirds of its time.
+    return metres.take(raster, mode="clip"), reasons.take(raster, mode="clip")
 
 
 @lru_cache(maxsize=4)

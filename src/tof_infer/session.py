@@ -13,6 +13,7 @@ from tof_core.errors import ModelError, RefusedError
 from tof_infer.card import KEY, OUTPUTS, Card, parse_card
 from tof_infer.config import InferConfig
 from tof_infer.frames import Mark, padded_size, unit_rays
+from tof_infer.judged import judged
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -66,6 +67,8 @@ class Session:
         self._camera: Camera | None = None
         self._inputs: dict[str, Any] = {}
         self.max_sigma_m = self.config.max_sigma_mm * 1e-3 or self.card.max_sigma_m
+        empty = np.zeros((0, 0), np.float32)
+        self._judged(empty, empty, empty, empty)  # its kernel is loaded before frames arrive, not while they wait
 
     @property
     def device(self) -> str:
@@ -102,8 +105,7 @@ class Session:
             RefusedError: another camera, or depths far outside those trained on.
         """
         depth, sigma, *own = self.outputs(self.inputs(capture, **cad))
-        h, w = capture.depth.shape
-        return self._judged(capture.depth, *(image[0, 0, :h, :w] for image in (depth, sigma, own[0] if own else sigma)))
+        return self._judged(capture.depth, *(image[0, 0] for image in (depth, sigma, own[0] if own else sigma)))
 
     def outputs(self, inputs: Mapping[str, Any]) -> list[Any]:
         """Outputs of the graph."""
@@ -129,17 +131,15 @@ class Session:
     def _judged(self, raw: Image, depth: Image, sigma: Image, own: Image) -> Repaired:
         """Keep the raw depth where sigma is too large, the output is not finite, or the range was not trained."""
         low, high = self.card.range_m
-        there = np.isfinite(raw) & (raw > 0)
-        known = there & (own <= self.max_sigma_m) & (depth > 0) & np.isfinite(depth) & (raw > 0.8 * low) & (raw < 1.2 * high)
-        mark = np.where(known, np.uint8(Mark.REPAIRED), np.where(there, np.uint8(Mark.RAW_KEPT), np.uint8(Mark.INVALID)))
-        unknown = np.where(there, np.float32(np.inf), np.float32(np.nan))
-        return Repaired(np.where(known, depth, np.where(there, raw, np.float32(np.nan))), np.where(known, sigma, unknown), mark)
+        return Repaired(*judged(raw, depth, sigma, own, *map(np.float32, (self.max_sigma_m, 0.8 * low, 1.2 * high))))
 
     def _check_range(self, depth: Image) -> None:
-        seen = depth[np.isfinite(depth)]
-        if self.config.force or not seen.size:
+        (low, high), known = self.card.range_m, np.isfinite(depth)
+        fewer_than_half = (np.count_nonzero(known) - 1) // 2
+        beyond = np.count_nonzero(depth < low / FAR_OUTSIDE), np.count_nonzero(depth > high * FAR_OUTSIDE)
+        if self.config.force or not known.any() or max(beyond) <= fewer_than_half:  # then the median lies within: it need not be found
             return
-        middle, (low, high) = float(np.median(seen)), self.card.range_m
+        middle = float(np.median(depth[known]))
         if not low / FAR_OUTSIDE <= middle <= high * FAR_OUTSIDE:
             raise RefusedError(
                 f"the frame is {middle:.2f} m away, the model was trained on {low:.2f} to {high:.2f} m",

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from array import array
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -64,8 +65,14 @@ def packed_depth(depth: NDArray[np.float32], head: Header, code: str = "png") ->
 
 def camera_info(camera: Camera, head: Header) -> CameraInfo:
     """A camera as a `sensor_msgs/CameraInfo`."""
+    return CameraInfo(header=head, roi=RegionOfInterest(), **_camera_fields(camera))
+
+
+@lru_cache(maxsize=16)
+def _camera_fields(camera: Camera) -> dict[str, Any]:
+    """The same for every frame of a camera."""
     fields = encode.camera_info_fields(camera)
-    return CameraInfo(header=head, roi=RegionOfInterest(), **{**fields, "d": fields["d"].tolist()})
+    return {**fields, "d": fields["d"].tolist()}
 
 
 def points(xyz: NDArray[Any], head: Header, intensity: NDArray[Any] | None = None) -> PointCloud2:
