@@ -60,6 +60,8 @@ CONFIG = PreprocNodeConfig
 class PreprocNode(RoomNode[PreprocNodeConfig]):
     """Accumulates and filters one camera's stream (docs/nodes/preproc.md)."""
 
+    rest_s = 0.005
+
     def __init__(self, **options: Any) -> None:
         """Subscribe; topics are relative and remappable, spot_ros2's names by default."""
         super().__init__(NAME, "preproc", PreprocNodeConfig, fixed=("input.", "still.", "station.", "live."), **options)

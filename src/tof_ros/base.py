@@ -48,12 +48,14 @@ class RoomNode(Node, Generic[C]):
 
     Each input frame ends as one message on `<room>/done`: its stamp, and `kept` or the reason why
     it was skipped. Replay waits for this message, and a user reads from it what happened to a frame.
-    `trouble` says why the node does nothing at all; `threads` is how many the node is spun with; `helpers` are small nodes of its own
+    `trouble` says why the node does nothing at all; `threads` is how many the node is spun with, `rest_s` how
+    long it pauses after each turn, so that one turn takes all messages of a frame; `helpers` are small nodes of its own
     (the transform listener), without which it would do nothing and say nothing: where one dies, the node is dead.
     """
 
     trouble = ""
     threads = 1
+    rest_s = 0.0
 
     def __init__(
         self,

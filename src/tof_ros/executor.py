@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 POLL_NS = 10_000_000
 """How long a turn waits at most while a coroutine waits for a future that cannot wake the executor (rclpy up to 7.1.8)."""
+EVENTS_S = 0.5
+"""Period in which a busy node looks for events of DDS (incompatible QoS): half of what a node has to wait for are such, an idle one waits for all."""
 
 
 class DirectExecutor(Executor):
@@ -38,7 +40,11 @@ class DirectExecutor(Executor):
 
     Of rclpy's `Executor` it uses what is public and the five `_take_*` methods, which take one message, request, answer, event or
     timer call; tasks, guards and the state of shutdown are its own. `tof_ros.trial` tries it on the rclpy that is installed.
+
+    `rest_s` is a pause after each turn; all messages that came meanwhile are then taken in one turn.
     """
+
+    rest_s = 0.0
 
     def __init__(self, *, context: Context | None = None) -> None:
         """No node yet."""
@@ -46,6 +52,7 @@ class DirectExecutor(Executor):
         self._alarm = GuardCondition(None, None, context=context)
         self._interrupt = SignalHandlerGuardCondition(context)
         self._ended = False
+        self._events_from = float("-inf")
         self._begun: deque[Work] = deque()
         self._suspended: list[Work] = []
         super().__init__(context=context)
@@ -97,6 +104,8 @@ class DirectExecutor(Executor):
         """Turn until shutdown."""
         while self.context.ok() and not self._ended:
             self._turn(-1)
+            if self.rest_s:
+                time.sleep(self.rest_s)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """One turn: wait, then run everything that is ready."""
@@ -126,8 +135,15 @@ class DirectExecutor(Executor):
             if self._suspended and not _may_run(entity):  # its group was taken in this very turn
                 if kind == "guard_condition":
                     entity.trigger()  # the wait took what had triggered it
-            elif (call := self._takers[kind](entity)) is not None:
-                self._begin(call(), entity)
+            else:
+                self._take(kind, entity)
+
+    def _take(self, kind: str, entity: Any) -> None:
+        """Take what is ready and run its callback: one message, or after a rest all there are."""
+        while (call := self._takers[kind](entity)) is not None:
+            self._begin(call(), entity)
+            if not self.rest_s or kind != "subscription" or self._suspended or self._ended:
+                return
 
     def _begin(self, coroutine: Any, entity: Any) -> None:
         """Run a callback; most end here."""
@@ -164,11 +180,18 @@ class DirectExecutor(Executor):
         """Wait; what is ready, with its kind."""
         if any(work.awaited is None for work in self._suspended):
             timeout_ns = POLL_NS if timeout_ns < 0 else min(timeout_ns, POLL_NS)
-        waiting = Waiting(self.get_nodes(), [self._alarm, self._interrupt], self.context, _may_run if self._suspended else None)
+        now = time.monotonic()
+        events = timeout_ns >= 0 or now >= self._events_from
+        if not events:
+            timeout_ns = round((self._events_from - now) * 1e9)
+        may_run = _may_run if self._suspended else None
+        waiting = Waiting(self.get_nodes(), [self._alarm, self._interrupt], self.context, may_run, events=events)
         try:
             if self._ended:  # looked at once all is held: before, the guard that would end the wait may be gone
                 return []
             ready = waiting.wait(timeout_ns)
+            if events:
+                self._events_from = time.monotonic() + EVENTS_S
             if not self.context.ok() and not self._ended:
                 raise ExternalShutdownException
             return ready

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, ShutdownException
 
+from tof_ros.executor import DirectExecutor
 from tof_ros.trial import CHOICE
 
 if TYPE_CHECKING:
@@ -23,12 +24,14 @@ class Spinner:
     A node may have `helpers`, small nodes with threads of their own: where one dies, the node counts as dead, with the helper's error.
     """
 
-    def __init__(self, node: Node) -> None:
-        """Start spinning."""
+    def __init__(self, node: Node, rest_s: float = 0.0) -> None:
+        """Start spinning; `rest_s`, or the node's own, is the pause after each turn (`DirectExecutor.rest_s`)."""
         self.node = node
         self._error: BaseException | None = None
         threads = getattr(node, "threads", 1)
         self._executor = MultiThreadedExecutor(threads, context=node.context) if threads > 1 else CHOICE.executor(node.context)
+        if isinstance(self._executor, DirectExecutor):
+            self._executor.rest_s = rest_s or getattr(node, "rest_s", 0.0)
         self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, name=node.get_name(), daemon=True)
         self._thread.start()

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from tof_core.tf import TransformBuffer
     from tof_ros.base import RoomNode
 
+REST_S = 0.02
+"""Pause between two looks at `/tf`, which then takes all that came: at 75 messages a second a wait for each cost as much as a filter. Ten times
+the rate would still not fill the queue."""
+
 
 class TransformListener:
     """Feeds a buffer, and wakes its node once TF reaches what waits there.
@@ -48,7 +52,7 @@ class TransformListener:
         topics = (node.resolve_topic_name("/tf"), node.resolve_topic_name("/tf_static"))
         ears.create_subscription(TFMessage, topics[0], lambda m: self._add(m, static=False), qos.TF)
         ears.create_subscription(TFMessage, topics[1], lambda m: self._add(m, static=True), qos.TF_STATIC)
-        self._spinner = Spinner(ears)
+        self._spinner = Spinner(ears, REST_S)
         node.helpers.append(self._spinner)
 
     @property

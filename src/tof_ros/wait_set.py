@@ -6,6 +6,7 @@ from __future__ import annotations
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
+from rclpy.event_handler import EventHandler
 from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_c
 
 if TYPE_CHECKING:
@@ -21,8 +22,10 @@ KINDS = ("subscription", "guard_condition", "timer", "client", "service")
 class Waiting:
     """The entities of some nodes, kept from being destroyed between the wait and the look at what is ready."""
 
-    def __init__(self, nodes: list[Node], guards: list[Any], context: Context, may_run: Callable[[Any], bool] | None) -> None:
-        """`guards` are the executor's own; what may not run is not waited for (None: all may)."""
+    def __init__(
+        self, nodes: list[Node], guards: list[Any], context: Context, may_run: Callable[[Any], bool] | None, *, events: bool = True
+    ) -> None:
+        """`guards` are the executor's own; what may not run is not waited for (None: all may), nor are events of DDS without `events`."""
         self._held: list[Any] = []
         self._context = context
         found = (
@@ -35,7 +38,8 @@ class Waiting:
         self._guards = [g for g in guards if self._hold(g.handle)]
         hold = self._hold
         self._entities = [[e for e in kind if (may_run is None or may_run(e)) and hold(e.handle)] for kind in found]
-        self._waitables = [w for n in nodes for w in n.waitables if (may_run is None or may_run(w)) and hold(w)]
+        asked = (w for n in nodes for w in n.waitables if events or not isinstance(w, EventHandler))
+        self._waitables = [w for w in asked if (may_run is None or may_run(w)) and hold(w)]
         self._hold(context.handle)
 
     def _hold(self, handle: Any) -> bool:

@@ -63,6 +63,8 @@ CONFIG = LabelNodeConfig
 class LabelNode(ManagedNode[LabelNodeConfig]):
     """Labels each view (docs/nodes/sim_label.md)."""
 
+    rest_s = 0.01
+
     def __init__(self, **options: Any) -> None:
         """Nothing loaded yet."""
         super().__init__(NAME, "label", LabelNodeConfig, fixed=("live.",), **options)

@@ -297,3 +297,51 @@ def test_spin_until_a_future_is_done_ends_then_and_at_its_deadline(context: Any)
     finally:
         executor.shutdown()
         node.destroy_node()
+
+
+def test_a_node_that_rests_takes_all_messages_of_its_rest_in_one_turn(context: Any) -> None:
+    import rclpy
+    from std_msgs.msg import Header
+
+    from tof_ros.executor import DirectExecutor
+    from tof_ros.spin import Spinner
+
+    heard: list[tuple[str, int]] = []
+    turns = [0]
+
+    class Counted(DirectExecutor):
+        def _turn(self, timeout_ns: int) -> None:
+            turns[0] += 1
+            super()._turn(timeout_ns)
+
+    with spun(context, "mouth_of_many") as (mouth, _), pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tof_ros.trial.CHOICE.executor", lambda context: Counted(context=context))
+        ears = rclpy.create_node("rested_ears", context=context, start_parameter_services=False)
+        spinner = Spinner(ears, rest_s=0.3)
+        try:
+            ears.create_subscription(Header, "many", lambda m: heard.append((m.frame_id, turns[0])), 100)
+            out = mouth.create_publisher(Header, "many", 100)
+            assert wait_for(out.get_subscription_count)
+            for k in range(20):
+                out.publish(Header(frame_id=str(k)))
+            assert wait_for(lambda: len(heard) == 20)
+        finally:
+            spinner.stop()
+    assert [word for word, _ in heard] == [str(k) for k in range(20)]
+    assert len({turn for _, turn in heard}) <= 3
+
+
+def test_a_busy_node_looks_for_events_of_dds_too(context: Any) -> None:
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+    from std_msgs.msg import Header
+
+    from tof_ros.mismatch import Mismatches
+
+    with spun(context, "busy_ears") as (ears, _), spun(context, "best_effort_mouth") as (mouth, _):
+        ears.create_timer(0.002, lambda: None)
+        mismatches = Mismatches(ears)
+        ears.create_subscription(Header, "unheard", lambda _: None, 10, event_callbacks=mismatches.of_subscription("unheard"))
+        time.sleep(0.7)  # a look at the events has passed
+        mouth.create_publisher(Header, "unheard", QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
+        assert wait_for(mismatches.current)
+        assert "reliability" in mismatches.current()[0]
