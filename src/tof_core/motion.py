@@ -86,7 +86,10 @@ def camera_velocity(transforms: TransformBuffer, cell: str, camera: str, stamp_n
 
 def camera_twist(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, window_s: float) -> Twist | None:
     """Mean speed of the camera in the cell over stamp ± window, or None where TF has no data."""
-    velocity = camera_velocity(transforms, cell, camera, stamp_ns, window_s)
+    return _twist(camera_velocity(transforms, cell, camera, stamp_ns, window_s))
+
+
+def _twist(velocity: Float | None) -> Twist | None:
     if velocity is None:
         return None
     return Twist(float(np.linalg.norm(velocity[:3])), float(np.degrees(np.linalg.norm(velocity[3:]))))
@@ -108,5 +111,10 @@ def is_still(
 ) -> bool:
     """Whether the camera stands still in the cell around a stamp; False where TF has no data."""
     config = config or MotionConfig()
-    twist = camera_twist(transforms, cell, camera, stamp_ns, config.window_s)
+    return is_slow(camera_velocity(transforms, cell, camera, stamp_ns, config.window_s), config)
+
+
+def is_slow(velocity: Float | None, config: MotionConfig) -> bool:
+    """Whether a camera's velocity (6,), as of `camera_velocity`, counts as standing still; False where it is not known."""
+    twist = _twist(velocity)
     return twist is not None and twist.speed * 1e3 <= config.speed_mm_s and twist.turn <= config.turn_deg_s

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from tof_core.builder import FROZEN, LATE, CaptureBuilder
 from tof_core.errors import ToftwinError
 from tof_core.jump import BackwardJump
-from tof_core.motion import StationTracker, is_still
+from tof_core.motion import MotionConfig, StationTracker, is_slow, is_still
 from tof_core.robot import RobotChain
 from tof_preproc.preprocessor import Preprocessor
 
@@ -135,6 +135,10 @@ class PreprocStream:
         """Whether the camera stands still, and at which station."""
         if capture.robot is None:
             return True, 0
-        cell, _ = self.chain.resolve(capture.camera.frame_id)
-        still = is_still(self.transforms, cell, capture.camera.frame_id, capture.stamp_ns, self.config.still)
+        gate = self.config.still
+        if gate.window_s == MotionConfig().window_s:  # over which the robot's twist was taken
+            still = is_slow(capture.robot.twist, gate)
+        else:
+            cell, _ = self.chain.resolve(capture.camera.frame_id)
+            still = is_still(self.transforms, cell, capture.camera.frame_id, capture.stamp_ns, gate)
         return still, self._stations.push(capture.stamp_ns, capture.robot.T_cell_body)
