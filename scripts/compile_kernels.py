@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fill Numba's cache with the kernels of filters, ray casting, alignment and labels, so that no first run compiles them."""
+"""Fill Numba's cache with the kernels of filters, ray casting, alignment, labels and inference, so that no first run compiles them."""
 
 from __future__ import annotations
 
+from tof_infer.session import Session
 from tof_preproc import preprocessor
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster
@@ -10,4 +11,5 @@ from tof_sim_label import stream
 
 if __name__ == "__main__":
     preprocessor.warm_up()
+    Session()
     stream.warm_up(Raycaster(open_scene("body_section")))
