@@ -67,7 +67,8 @@ def label_view(
     rendering = rendering or render(caster, posed.seen_by(view.camera), posed.T_cell_camera)
     sigma = label_sigma(rendering, posed.cov_right, config, posed.parts)
     if world is None:
-        world = view_surprises(seen_of(view, rendering, posed, config), config.world)
+        without_parts = None if posed.parts.any() else sigma
+        world = view_surprises(seen_of(view, rendering, posed, config, without_parts), config.world)
     reason = _reasons(view, rendering, sigma, why_not(world), config, accepted=posed.accepted)
     return Label(
         depth=rendering.depth,

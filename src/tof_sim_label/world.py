@@ -14,7 +14,7 @@ from tof_sim_label.sigma import label_sigma
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Bytes
+    from tof_core.arrays import Bytes, Image
     from tof_core.camera import Camera
     from tof_core.capture import Posed, View
     from tof_scene.raycast import Raycaster
@@ -58,16 +58,16 @@ def converted(views: Sequence[Seen], stated: Sequence[Camera]) -> list[Seen]:
     return other if as_converted < as_measured else list(views)
 
 
-def seen_of(view: View, rendering: Rendering, posed: Posed, config: LabelConfig) -> Seen:
+def seen_of(view: View, rendering: Rendering, posed: Posed, config: LabelConfig, sigma: Image | None = None) -> Seen:
     """A view beside its rendering at a solved pose.
 
     The uncertainty is of pose and CAD without what the solution finds parts to stand off (`Posed.parts`): a part that stands
     elsewhere is what is looked for, and must not excuse itself. A label less certain than its limit is masked anyway, and
-    allows no more than that.
+    allows no more than that. `sigma` (H, W), metres: that uncertainty, where the caller has it.
     """
     from tof_scene.world.seen import Seen
 
-    sigma = label_sigma(rendering, posed.cov_right, config)
+    sigma = label_sigma(rendering, posed.cov_right, config) if sigma is None else sigma
     return Seen(
         camera=rendering.camera,
         T_cell_camera=rendering.T_cell_camera,
