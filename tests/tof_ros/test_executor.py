@@ -306,7 +306,7 @@ def test_a_node_that_rests_takes_all_messages_of_its_rest_in_one_turn(context: A
     from tof_ros.executor import DirectExecutor
     from tof_ros.spin import Spinner
 
-    heard: list[tuple[str, int]] = []
+    heard: list[tuple[str, str, int]] = []
     turns = [0]
 
     class Counted(DirectExecutor):
@@ -319,16 +319,21 @@ def test_a_node_that_rests_takes_all_messages_of_its_rest_in_one_turn(context: A
         ears = rclpy.create_node("rested_ears", context=context, start_parameter_services=False)
         spinner = Spinner(ears, rest_s=0.3)
         try:
-            ears.create_subscription(Header, "many", lambda m: heard.append((m.frame_id, turns[0])), 100)
-            out = mouth.create_publisher(Header, "many", 100)
-            assert wait_for(out.get_subscription_count)
-            for k in range(20):
-                out.publish(Header(frame_id=str(k)))
-            assert wait_for(lambda: len(heard) == 20)
+            for topic in ("depth", "amplitude"):
+                ears.create_subscription(Header, topic, lambda m, topic=topic: heard.append((topic, m.frame_id, turns[0])), 100)
+            out = [mouth.create_publisher(Header, topic, 100) for topic in ("depth", "amplitude")]
+            assert wait_for(lambda: all(p.get_subscription_count() for p in out))
+            for k in range(12):
+                for publisher in out:
+                    publisher.publish(Header(frame_id=str(k)))
+            assert wait_for(lambda: len(heard) == 24)
         finally:
             spinner.stop()
-    assert [word for word, _ in heard] == [str(k) for k in range(20)]
-    assert len({turn for _, turn in heard}) <= 3
+    for wanted in ("depth", "amplitude"):
+        assert [word for topic, word, _ in heard if topic == wanted] == [str(k) for k in range(12)]
+    assert len({turn for _, _, turn in heard}) <= 3
+    ahead = [sum(1 if topic == "depth" else -1 for topic, *_ in heard[:n]) for n in range(24)]
+    assert max(map(abs, ahead)) <= 3  # no topic is emptied before the others have their turn
 
 
 def test_a_busy_node_looks_for_events_of_dds_too(context: Any) -> None:
