@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 ROOMS = ("preproc", "label", "infer")
 IN_FLIGHT = 3
 """Frames without an answer at which a paced camera waits: a frame is answered once the transforms after it have come."""
+STEP_NS = 100_000_000
+"""Between the stamps of two plays."""
 PACED_S = 5.0
 """A paced camera waits no longer for an answer: that frame is lost."""
 
@@ -75,6 +77,7 @@ class LoopedCamera:
         self.latencies: list[float] = []
         self.labels = 0
         self.behind_s = 0.0
+        self._newest_ns = 0
         self._stop = threading.Event()
         self._spaces, self._each = spaces, rooms
         self.rooms = tuple(f"{name}/{room}" if name else room for name in namespaces for room in rooms)
@@ -128,7 +131,9 @@ class LoopedCamera:
     def play(self, seconds: float) -> float:
         """Publish for so long (or until `stop`); gives the rate that was reached, in frames a second; `behind_s` the most it was late."""
         self.behind_s = 0.0
-        before, begin, start_ns = len(self.sent), time.monotonic(), time.time_ns()
+        before, begin = len(self.sent), time.monotonic()
+        # A paced camera's stamps may run ahead of the clock: what is played next must not be late for that.
+        start_ns = max(time.time_ns(), self._newest_ns + STEP_NS)
         loop = 0
         while not self._stop.is_set() and time.monotonic() - begin < seconds:
             for stamp, topic, message in self._events:
@@ -164,6 +169,7 @@ class LoopedCamera:
             part.header.stamp = stamp
         if topic == self._frames_topic:
             self.sent[stamp_ns] = time.monotonic()
+        self._newest_ns = stamp_ns
         for publisher in self._out[topic]:
             publisher.publish(message)
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import defaultdict
 from typing import Any
 
@@ -27,3 +28,20 @@ def test_lost_frames_are_counted_while_others_are_sent() -> None:
     camera.fates["infer"] = Busy({stamp: "no transform" if stamp in (3, 5) else "kept" for stamp in range(99)})
     assert camera.lost("infer") == 3
     assert len(camera.sent) == 200
+
+
+def test_stamps_of_a_second_play_follow_those_of_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = LoopedCamera.__new__(LoopedCamera)
+    ahead_ns = 2**62
+    stamps: list[int] = []
+    camera.sent, camera.paced, camera._speed, camera._first, camera._loop_ns, camera._newest_ns = {}, True, 1.0, 0, 1, ahead_ns
+    camera.fates, camera.rooms = defaultdict(dict), ("infer",)
+    camera._events, camera._frames_topic, camera._stop = [(0, "frame", None)], "frame", threading.Event()
+
+    def send(_topic: str, _message: object, stamp_ns: int) -> None:
+        stamps.append(stamp_ns)
+        camera.stop()
+
+    monkeypatch.setattr(camera, "_send", send)
+    camera.play(1.0)
+    assert stamps[0] > ahead_ns
