@@ -245,6 +245,15 @@ def test_single_wrapped_pixels_are_outliers_and_no_bias() -> None:
     assert wrapped.mean() == pytest.approx(0.1, abs=0.02)
 
 
+def test_of_several_jumps_each_wrapped_pixel_has_one() -> None:
+    frame = plane_frame()
+    wrap = PhaseWrap(100.0, start_m=-100.0, share=0.4, others_m=(0.75,), others_share=(0.25,))
+    shift = ((wrap.apply(frame, np.random.default_rng(1)).depth - frame.depth) * frame.length)[frame.valid]
+    shares = [np.isclose(shift, jump, atol=1e-4).mean() for jump in (0.0, 1.49896, 0.75)]
+    assert shares == pytest.approx([0.6, 0.3, 0.1], abs=0.02)
+    assert wrap.stated == "off by 1.50 or 0.75 m, 40% of the pixels at those ranges"
+
+
 def test_specular_peaks_at_normal_incidence() -> None:
     frame = plane_frame()
     bias = Specular(bias_m=-0.01, lobe_deg=8.0).bias(frame)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wrapped phase: pixels that are off by one common jump, the unambiguous range."""
+"""Wrapped phase: pixels that are off by common jumps, the unambiguous range above all."""
 
 from __future__ import annotations
 
@@ -37,13 +37,15 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
     size = _common_size(np.abs(jump), limits.turn_spread_mm * 1e-3)
     if size < LEAST_WRAP_M:
         return None
-    near = np.abs(jump - _turns(jump, size) * size) < limits.turn_spread_mm * 1e-3
+    near = np.abs(jump - _nearest(jump, _whole(size))) < limits.turn_spread_mm * 1e-3
     if near.sum() < limits.turn_share * total or near.mean() < limits.turn_majority:
         return None
     short = bool(np.median(jump[near]) < 0)
-    maps = [_wraps(v, size, limits) for v in views]
+    others, others_share = _other_jumps(np.abs(jump), size, limits, limits.turn_share * total)
+    jumps = np.sort(np.concatenate([_whole(size), others]))
+    maps = [_wraps(v, jumps, limits) for v in views]
     start, share = _where_wrapped(views, maps, limits, short=short)
-    effect = PhaseWrap(modulation_mhz=LIGHT_M_PER_S / (2e6 * size), start_m=start if short else -start, share=share)
+    effect = PhaseWrap(LIGHT_M_PER_S / (2e6 * size), start if short else -start, share, others, others_share)
     return Finding(effect, CONFIDENT, share=np.stack(maps), corrects=True)
 
 
@@ -55,18 +57,42 @@ def _common_size(sizes: Float, spread: float) -> float:
     return float(np.median(ordered[first : first + counts[first]]))
 
 
-def _wraps(view: ViewEvidence, size: float, limits: MissingLimits) -> Float:
+def _other_jumps(sizes: Float, size: float, limits: MissingLimits, least: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Jumps, metres, that at least `least` of the jumps (n,) share besides `size`, most first, and the share that each has of all.
+
+    A wrong choice among three frequencies lands at combinations of their periods that are no whole turns of one of them.
+    """
+    spread = limits.turn_spread_mm * 1e-3
+    found: list[tuple[float, float]] = []
+    left = sizes[np.abs(sizes - size) >= spread]
+    while len(left) > least:
+        jump = _common_size(left, spread)
+        own = np.abs(left - jump) < spread
+        if own.sum() < least:
+            break
+        found.append((jump, float(own.sum()) / len(sizes)))
+        left = left[~own]
+    return tuple(jump for jump, _ in found), tuple(share for _, share in found)
+
+
+def _wraps(view: ViewEvidence, jumps: Float, limits: MissingLimits) -> Float:
     """(H, W) metres of z that wrapping adds; NaN where nothing is measured."""
     r = view.residual * view.frame.length
-    turns = _turns(r, size)
-    # Once the jump is known, a residual nearer to it than to zero is wrapped, however weak its light.
-    wrapped = np.abs(r - turns * size) < max(limits.turn_spread_mm * 1e-3, limits.turn_reach * size)
-    return np.where(np.isfinite(r), np.where(wrapped, turns * size / view.frame.length, 0.0), np.nan)
+    nearest = _nearest(r, jumps)
+    # Once the jumps are known, a residual nearer to one of them than to zero is wrapped, however weak its light.
+    wrapped = np.abs(r - nearest) < max(limits.turn_spread_mm * 1e-3, limits.turn_reach * float(jumps[0]))
+    return np.where(np.isfinite(r), np.where(wrapped, nearest / view.frame.length, 0.0), np.nan)
 
 
-def _turns(jump: Float, size: float) -> Float:
-    """Whole turns of `size` metres in each jump: where several frequencies are merged, a wrong choice may be off by more than one."""
-    return np.asarray(np.sign(jump) * np.clip(np.rint(np.abs(jump) / size), 1, MOST_TURNS))
+def _whole(size: float) -> Float:
+    """(MOST_TURNS,) metres of whole turns: where two frequencies are merged, a wrong choice may be off by more than one."""
+    return size * np.arange(1.0, MOST_TURNS + 1)
+
+
+def _nearest(error: Float, jumps: Float) -> Float:
+    """Of each error the nearest of the ascending jumps (n,), with the error's sign."""
+    at = np.searchsorted(0.5 * (jumps[1:] + jumps[:-1]), np.abs(error))
+    return np.asarray(np.sign(error) * jumps[at])
 
 
 def _where_wrapped(views: Sequence[ViewEvidence], maps: Sequence[Float], limits: MissingLimits, *, short: bool) -> tuple[float, float]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Phase wrap: range beyond the unambiguous one comes back short by whole periods."""
+"""Phase wrap: range beyond the unambiguous one comes back short by whole periods, and a wrong choice of them."""
 
 from __future__ import annotations
 
@@ -23,11 +23,15 @@ SINGLE_PIXELS = 0.5
 
 @dataclass(frozen=True, slots=True)
 class PhaseWrap(Effect):
-    """d' = d - k c0 / 2f (docs/effects.md), from `start_m` on; `share` of those pixels wrap."""
+    """d' = d - k c0 / 2f (docs/effects.md), from `start_m` on; `share` of those pixels wrap.
+
+    A wrong choice among several frequencies lands at combinations of their periods too: `others_m` are those jumps in metres, and
+    `others_share` is the share of the wrapped pixels that each has.
+    """
 
     NAME: ClassVar[str] = "phase_wrap"
     ORDER: ClassVar[int] = 78
-    MEANING: ClassVar[str] = "range beyond the camera's unambiguous distance comes back short by whole periods"
+    MEANING: ClassVar[str] = "range is off by whole periods: beyond the unambiguous distance, or where frequencies are merged wrongly"
     REMEDY: ClassVar[str] = (
         "keep within the unambiguous range or choose a lower modulation frequency; where single pixels wrap, expose longer"
     )
@@ -36,11 +40,15 @@ class PhaseWrap(Effect):
     modulation_mhz: float = param(100.0, "frequency whose periods are miscounted", unit="MHz", low=1.0, high=400.0)
     start_m: float = param(1.5, "range from which the phase wraps (negative: up to it, too far)", unit="m")
     share: float = param(0.0, "share of those pixels that wrap", low=0.0, high=1.0)
+    others_m: tuple[float, ...] = ()
+    others_share: tuple[float, ...] = ()
 
     @property
     def stated(self) -> str:
         """Jump and share."""
-        return f"off by {self.turn_m:.2f} m, {in_percent(self.share)} of the pixels at those ranges"
+        jumps = [f"{jump:.2f}" for jump in (self.turn_m, *self.others_m)]
+        listed = f"{', '.join(jumps[:-1])} or {jumps[-1]}" if self.others_m else jumps[0]
+        return f"off by {listed} m, {in_percent(self.share)} of the pixels at those ranges"
 
     @property
     def turn_m(self) -> float:
@@ -61,6 +69,12 @@ class PhaseWrap(Effect):
         return np.where(beyond & frame.valid, sign * self.turn_m / frame.length, 0.0)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Each pixel wraps or not."""
+        """Each pixel wraps or not, and by one of the jumps."""
         whole = replace(self, share=1.0).bias(frame)
-        return replace(frame, depth=frame.depth + whole * (rng.random(frame.depth.shape) < self.share))
+        wraps = rng.random(frame.depth.shape) < self.share
+        if self.others_m:
+            first = max(1.0 - sum(self.others_share), 0.0)
+            shares = np.array([first, *self.others_share])
+            jumps = np.array([self.turn_m, *self.others_m]) / self.turn_m
+            whole = whole * rng.choice(jumps, p=shares / shares.sum(), size=frame.depth.shape)
+        return replace(frame, depth=frame.depth + whole * wraps)

@@ -17,6 +17,7 @@ from tof_gap.seen.missing import missing_effects
 from tof_gap.seen.session import amplitude_unit
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.frame import amplitude_gain, ideal_frame, lambert_amplitude
+from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
@@ -106,6 +107,24 @@ def test_a_jump_shorter_than_any_turn_is_no_lost_turn(turn_m: float, names: list
     jump = np.zeros((VIEWS, *SHAPE))
     jump[:, 20:40, 30:60] = -turn_m
     assert [f.name for f in missing_effects(views(np.random.default_rng(5), jump), MissingLimits())] == names
+
+
+def test_a_wrong_choice_among_three_frequencies_lands_at_several_jumps() -> None:
+    """16, 80 and 120 MHz: 0.625, 0.75 and 0.9375 m; 1.5 m is two whole turns of none, and too rare to be stated."""
+    rng = np.random.default_rng(7)
+    sizes = np.array([0.0, 0.625, 0.75, 0.9375, 1.5])
+    jump = sizes[rng.choice(5, p=[0.9, 0.05, 0.03, 0.0195, 0.0005], size=(VIEWS, *SHAPE))]
+    seen = views(np.random.default_rng(5), jump)
+    (found,) = missing_effects(seen, MissingLimits())
+    assert isinstance(found.effect, PhaseWrap)
+    assert found.effect.turn_m == pytest.approx(0.625, abs=1e-3)
+    assert found.effect.others_m == pytest.approx((0.75, 0.9375), abs=1e-3)
+    assert found.effect.others_share == pytest.approx((0.3, 0.195), abs=0.02)
+    assert found.effect.start_m < 0, "too far"
+    assert found.share is not None
+    measured = np.isfinite(found.share) & (jump < 1.0)
+    lengths = np.stack([v.frame.length for v in seen])
+    np.testing.assert_allclose((found.share * lengths)[measured], jump[measured], atol=2e-3)
 
 
 def test_the_lamp_s_shadow_beside_an_edge_and_grazing_surfaces_are_no_loss() -> None:
