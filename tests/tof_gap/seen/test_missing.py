@@ -16,8 +16,8 @@ from tof_gap.seen.lost import expected
 from tof_gap.seen.missing import missing_effects
 from tof_gap.seen.session import amplitude_unit
 from tof_sensor.effects.dropout import Dropout
-from tof_sensor.frame import amplitude_gain, ideal_frame, lambert_amplitude
 from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.frame import amplitude_gain, ideal_frame, lambert_amplitude
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
