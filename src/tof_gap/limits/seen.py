@@ -187,6 +187,29 @@ class ForeignLightLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class ForeignLampLimits:
+    """When fringes show where another camera's lamp stands."""
+
+    rows: int = param(16, "rows of cells that are averaged", low=4, high=999, why="fringes are a quarter of the image wide, or wider")
+    cells: int = param(60, "cells of a view", low=20, why="smooth field and waves have eleven terms")
+    rough_mm: float = param(0.2, "error of a cell's mean beside its noise", unit="mm", low=0.0, why="what inexact maps leave")
+    chi2: float = param(1.2, "chi-square of a cell beside smooth fields below which nothing is looked for", low=0.0, why="chance: 1")
+    share: float = param(
+        0.33,
+        "of that chi-square, what one lamp must explain",
+        low=0.0,
+        high=1.0,
+        why="eight sessions with another camera: 0.44 to 0.70; with other causes, seen or not: at most 0.21",
+    )
+    stands_out: float = param(
+        2.0, "the same, over the median of all places in the cell", low=1.0, why="any waves explain any structure a little"
+    )
+    view_chi2: float = param(50.0, "chi-square (4 degrees of freedom) of a view that has the light", low=0.0, why="beyond any chance")
+    view_share: float = param(0.03, "the same, of the strongest view's", low=0.0, high=1.0, why="views beside it share a weak pattern")
+    views: int = param(3, "views with the light", low=1, why="one or two may be another kind of scene")
+
+
+@dataclass(frozen=True, slots=True)
 class StereoLimits:
     """When noise follows range and not light: a camera that triangulates."""
 
@@ -243,6 +266,7 @@ class NoiseLimits:
     outlier_least: float = param(0.2, "ln variance below which no bin leaves the fit", low=0.0, why="sampling error of small bins")
     lines: LineLimits = section(LineLimits, "rows and columns")
     foreign_light: ForeignLightLimits = section(ForeignLightLimits, "another camera's light")
+    foreign_lamp: ForeignLampLimits = section(ForeignLampLimits, "another camera's lamp")
     pixels: PixelLimits = section(PixelLimits, "single pixels")
     beat: BeatLimits = section(BeatLimits, "stripes")
     stereo: StereoLimits = section(StereoLimits, "cameras that triangulate")

@@ -10,6 +10,7 @@ import numpy as np
 
 from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
+from tof_gap.seen.foreign_lamp import foreign_lamp
 from tof_gap.seen.foreign_light import foreign_light
 from tof_gap.tell.figures import figures
 from tof_sensor.effect import Evidence
@@ -137,6 +138,9 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light, _named_m(solved))
     if foreign is not None and foreign.posed_m < _rough_m(solved):
         foreign = None
+    lamp = None if Interference.NAME in left_out else foreign_lamp(left, config.noise.foreign_lamp)
+    if lamp is not None:
+        foreign = replace(lamp.finding(left, config.noise.foreign_light), posed_m=0.0 if foreign is None else foreign.posed_m)
     taken = left_out if foreign is None else left_out | {Interference.NAME}
     gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
     unmerged = any(_removed_wraps(f) for f in gone)

@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where another camera's lamp stands: fringes of its light in the views, by the way from the lamp to each point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from tof_core.cores import in_threads
+from tof_core.stats import blocks
+from tof_gap.seen.finding import CONFIDENT, Finding, most
+from tof_gap.seen.foreign_light import field
+from tof_sensor.effects.interference import Interference
+from tof_sensor.frame import LIGHT_M_PER_S
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Mask
+    from tof_gap.limits.seen import ForeignLampLimits, ForeignLightLimits
+    from tof_gap.seen.residual import ViewEvidence
+
+FREQUENCIES_MHZ = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0)
+"""Modulation frequencies tried: fringes of neighbouring ones are alike."""
+CELL_STEP_M, CELL_REACH_M = 0.5, 1.0
+"""Spacing of the places tried in the cell, and how far they go beyond what the views measure."""
+HAND_STEP_M, HAND_REACH_M, HAND_LEAST_M = 0.2, 0.6, 0.15
+"""The same of places that ride on the camera's hand, and the least distance from the lens: the own lamp stands nearer."""
+STEEPEST = 0.1
+"""Least cosine of incidence: grazing surfaces would outweigh all."""
+STRONGEST = 50.0
+"""Most of the foreign light over the own, in units of their ratio at equal ways."""
+RIDGE = 1e-3
+"""Ridge of a view's four waves, of their mean square: where few pixels are lit, waves are alike."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForeignLamp:
+    """at_m (3,): the lamp, in the cell or, if `on_hand`, in the camera's frame; mhz: frequency of the best of those tried.
+
+    share: of the views' chi-square beside smooth fields, what the lamp explains; hit (V,): views that have its light;
+    fields (V, H, W): metres of z that the light adds in each.
+    """
+
+    at_m: Float
+    on_hand: bool
+    mhz: float
+    share: float
+    hit: Mask
+    fields: Float
+
+    @property
+    def stated(self) -> str:
+        """Where the lamp stands, and in which views its light is. Beyond a few metres of way, fringes hardly tell how far it stands."""
+        frame = "on the camera's hand, near" if self.on_hand else "in the cell, within a metre of"
+        views = f"{int(self.hit.sum())} of {len(self.hit)} views"
+        return f"fringes as of a lamp {frame} ({', '.join(f'{x:.1f}' for x in self.at_m)}) m, in {views}"
+
+    def finding(self, views: Sequence[ViewEvidence], limits: ForeignLightLimits) -> Finding:
+        """The `interference` that the light is, by its RMS in the views that have it.
+
+        What the model of one lamp without a beam lacks is a smooth field of the same views (`limits`).
+        """
+        lit = np.stack([v.smooth for v in views]) & self.hit[:, None, None]
+        rest = [field(replace(v, residual=v.residual - f), limits) for v, f in zip(views, self.fields, strict=True)]
+        fields = self.fields + np.stack(rest) * self.hit[:, None, None]
+        size = float(np.sqrt(np.mean(fields[lit] ** 2)))
+        reference = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in views])))
+        effect = Interference(burst_m=min(size, most(Interference, "burst_m")), duty=float(self.hit.mean()), reference=reference)
+        return Finding(effect, CONFIDENT, share=np.where(lit, np.abs(fields), 0.0), common=fields, note=self.stated)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cells:
+    """Means over squares of pixels of a view.
+
+    points, normals (n, 3) in the cell; range_m, cosine (n,); sigma (n,) of the mean error along the ray, metres; smooth (n, k):
+    orthonormal fields over sigma that pose and lens leave; error (n,): over sigma, beside those fields; T (4, 4): the camera's pose.
+    """
+
+    points: Float
+    normals: Float
+    range_m: Float
+    cosine: Float
+    sigma: Float
+    smooth: Float
+    error: Float
+    T: Float
+
+
+def foreign_lamp(views: Sequence[ViewEvidence], limits: ForeignLampLimits) -> ForeignLamp | None:
+    """The lamp whose fringes explain most, None where no place explains much more than any other does.
+
+    Light of another camera comes by way of the lamp's distance to the point. Against the own light it has the strength
+    cos(i_lamp) r^2 / (cos(i) d^2) and the phase k (d - r), or k (d + 3 r) where its phase changes from tap to tap; k = 2 pi f / c,
+    d is the distance from lamp to point and r the range. Strength and phase of the beat are new in every view (docs/effects.md).
+
+    Args:
+        views: at the solution's poses, less all smooth bias.
+        limits: from which share on a lamp is believed.
+    """
+    cells = [_cells(v, limits) for v in views]
+    total = sum(float(c.error @ c.error) for c in cells if c is not None)
+    count = sum(len(c.error) for c in cells if c is not None)
+    if total <= limits.chi2 * count:
+        return None
+    in_cell, on_hand = _search(cells, _places_in_cell(cells), on_hand=False), _search(cells, _places_on_hand(), on_hand=True)
+    hand = on_hand.best > in_cell.best
+    found = on_hand if hand else in_cell
+    if found.best < max(limits.share * total, limits.stands_out * in_cell.median):
+        return None
+    gains = np.array([0.0 if c is None else _explained(c, found.at_m, found.mhz, on_hand=hand) for c in cells])
+    hit = gains > max(limits.view_chi2, limits.view_share * gains.max())
+    if hit.sum() < limits.views:
+        return None
+    fields = [
+        _field(v, c, found, on_hand=hand) if h and c is not None else np.zeros(v.residual.shape)
+        for v, c, h in zip(views, cells, hit, strict=True)
+    ]
+    return ForeignLamp(found.at_m, hand, found.mhz, found.best / total, hit, np.stack(fields))
+
+
+def _cells(view: ViewEvidence, limits: ForeignLampLimits) -> _Cells | None:
+    """None of a view with too few pixels."""
+    seen, T = view.smooth, view.rendering.T_cell_camera
+    h, w = view.residual.shape
+    groups = blocks(seen, max(1, h // limits.rows))
+    if len(groups.count) < limits.cells:
+        return None
+    row, column = np.nonzero(seen)
+    point = np.stack([groups.mean(x) for x in view.frame.points[seen].T], axis=1) @ T[:3, :3].T + T[:3, 3]
+    normal = np.stack([groups.mean(x) for x in np.nan_to_num(view.rendering.normal[seen]).T], axis=1) @ T[:3, :3].T
+    range_m, cosine, along, white, y, x = (
+        groups.mean(q)
+        for q in (
+            view.frame.radial[seen],
+            np.cos(view.rendering.incidence[seen]),
+            (view.residual * view.frame.length)[seen],
+            ((view.sigma * view.frame.length)[seen]) ** 2,
+            row / h - 0.5,
+            column / w - 0.5,
+        )
+    )
+    sigma = np.hypot(np.sqrt(white / groups.count), limits.rough_mm * 1e-3)
+    fields = np.stack([np.ones_like(x), x, y, range_m / range_m.mean() - 1, x * y, x * x, y * y], axis=1) / sigma[:, None]
+    smooth, _ = np.linalg.qr(fields)
+    error = along / sigma
+    error = error - smooth @ (smooth.T @ error)
+    whole = (np.ascontiguousarray(a, np.float64) for a in (point, normal, range_m, np.maximum(cosine, STEEPEST), sigma, smooth, error))
+    return _Cells(*whole, T=np.asarray(T, np.float64))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """Chi-square that the best place explains, that the median place does, and which place and frequency is best."""
+
+    best: float
+    median: float
+    at_m: Float
+    mhz: float
+
+
+def _places_in_cell(cells: Sequence[_Cells | None]) -> Float:
+    """(n, 3) in the cell."""
+    low, high = np.quantile(np.concatenate([c.points for c in cells if c is not None]), [0.02, 0.98], axis=0)
+    axes = [np.arange(a - CELL_REACH_M, b + CELL_REACH_M + 1e-9, CELL_STEP_M) for a, b in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
+
+
+def _places_on_hand() -> Float:
+    """(n, 3) in the camera's frame."""
+    axis = np.arange(-HAND_REACH_M, HAND_REACH_M + 1e-9, HAND_STEP_M)
+    places = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
+    return np.asarray(places[np.linalg.norm(places, axis=1) > HAND_LEAST_M])
+
+
+def _search(cells: Sequence[_Cells | None], places: Float, *, on_hand: bool) -> _Search:
+    def of_view(c: _Cells) -> Float:
+        at = places @ c.T[:3, :3].T + c.T[:3, 3] if on_hand else places
+        each = (c.points, c.normals, c.range_m, c.cosine, c.sigma, c.smooth, c.error)
+        return np.stack([_gains(at, _wave(mhz), *each) for mhz in FREQUENCIES_MHZ])
+
+    total = np.sum(in_threads(of_view, [c for c in cells if c is not None]), axis=0)
+    frequency, place = np.unravel_index(int(np.argmax(total)), total.shape)
+    return _Search(float(total.max()), float(np.median(total)), places[place], FREQUENCIES_MHZ[int(frequency)])
+
+
+def _explained(c: _Cells, at_m: Float, mhz: float, *, on_hand: bool) -> float:
+    at = c.T[:3, :3] @ at_m + c.T[:3, 3] if on_hand else at_m
+    return float(_gains(at[None], _wave(mhz), c.points, c.normals, c.range_m, c.cosine, c.sigma, c.smooth, c.error)[0])
+
+
+def _wave(mhz: float) -> float:
+    """Radians a metre of way."""
+    return 2e6 * np.pi * mhz / LIGHT_M_PER_S
+
+
+def _field(view: ViewEvidence, c: _Cells, found: _Search, *, on_hand: bool) -> Float:
+    """(H, W) metres of z that the lamp's light adds to a view; 0 where the CAD has no surface."""
+    at = c.T[:3, :3] @ found.at_m + c.T[:3, 3] if on_hand else found.at_m
+    k = _wave(found.mhz)
+    waves = _waves(at, k, c.points, c.normals, c.range_m, c.cosine)
+    B = waves / c.sigma[:, None]
+    B -= c.smooth @ (c.smooth.T @ B)
+    strength = np.linalg.solve(_ridged(B.T @ B), B.T @ c.error)
+    R, t = c.T[:3, :3], c.T[:3, 3]
+    points, normals = (np.nan_to_num(a).reshape(-1, 3).astype(np.float64) @ R.T for a in (view.frame.points, view.rendering.normal))
+    cosine = np.maximum(np.nan_to_num(np.cos(view.rendering.incidence)).ravel().astype(np.float64), STEEPEST)
+    all_waves = _waves(at, k, points + t, normals, np.nan_to_num(view.frame.radial).ravel().astype(np.float64), cosine)
+    return np.asarray((all_waves @ strength).reshape(view.residual.shape) / view.frame.length)
+
+
+@njit(cache=True, nogil=True)
+def _waves(at: Float, k: float, points: Float, normals: Float, range_m: Float, cosine: Float) -> Float:
+    """(n, 4) strength of a lamp's light over the own, as cosine and sine of its phases k (d - r) and k (d + 3 r)."""
+    out = np.zeros((len(points), 4))
+    for i in range(len(points)):
+        x, y, z = at[0] - points[i, 0], at[1] - points[i, 1], at[2] - points[i, 2]
+        d = max(np.sqrt(x * x + y * y + z * z), 1e-3)
+        facing = (normals[i, 0] * x + normals[i, 1] * y + normals[i, 2] * z) / d
+        if facing <= 0:
+            continue
+        ratio = min(facing * range_m[i] ** 2 / (d * d * cosine[i]), STRONGEST)
+        slow, fast = k * (d - range_m[i]), k * (d + 3 * range_m[i])
+        out[i, 0], out[i, 1] = ratio * np.cos(slow), ratio * np.sin(slow)
+        out[i, 2], out[i, 3] = ratio * np.cos(fast), ratio * np.sin(fast)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _ridged(normal: Float) -> Float:
+    """Normal equations (k, k) with a ridge."""
+    return normal + (RIDGE * np.trace(normal) / len(normal) + 1e-12) * np.eye(len(normal))
+
+
+@njit(cache=True, nogil=True)
+def _gains(
+    places: Float, k: float, points: Float, normals: Float, range_m: Float, cosine: Float, sigma: Float, smooth: Float, error: Float
+) -> Float:
+    """(places,) chi-square that the light of a lamp at each place explains in a view, beside its smooth fields."""
+    out = np.zeros(len(places))
+    for p in range(len(places)):
+        B = _waves(places[p], k, points, normals, range_m, cosine) / sigma.reshape(-1, 1)
+        B -= smooth @ (smooth.T @ B)
+        b = B.T @ error
+        out[p] = b @ np.linalg.solve(_ridged(B.T @ B), b)
+    return out

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Another camera's lamp: its fringes in the views say where it stands."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_core import se3
+from tof_gap.limits.seen import ForeignLampLimits, ForeignLightLimits
+from tof_gap.seen.foreign_lamp import ForeignLamp, foreign_lamp
+from tof_sensor.frame import LIGHT_M_PER_S
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_gap.seen.residual import ViewEvidence
+
+LIMITS = ForeignLampLimits()
+IN_CELL, ON_HAND = np.array([1.0, -0.8, -0.3]), np.array([0.4, -0.4, 0.4])
+"""Metres in the cell, and in the camera's frame."""
+MHZ = 100.0
+
+
+def poses() -> Float:
+    """(V, 4, 4): cameras that look from a metre of places."""
+    rng = np.random.default_rng(7)
+    return np.stack([se3.exp(np.concatenate([rng.uniform(-0.5, 0.5, 3), rng.uniform(-0.4, 0.4, 3)])) for _ in range(VIEWS)])
+
+
+def noisy(errors: Float) -> list[ViewEvidence]:
+    """Views from `poses`, with errors (V, H, W) metres along the ray and noise of 1 mm."""
+    noise = np.random.default_rng(2).normal(0, 1e-3, errors.shape)
+    seen = views(np.random.default_rng(1), errors + noise, photons=False)
+    return [
+        replace(v, frame=replace(v.frame, rendering=replace(v.frame.rendering, T_cell_camera=T))) for v, T in zip(seen, poses(), strict=True)
+    ]
+
+
+def lit(strength: Float, *, on_hand: bool = False) -> list[ViewEvidence]:
+    """Views with light of another lamp, strength (V,) metres where own and foreign way are alike, with a phase of its own in each."""
+    T = poses()
+    quiet = noisy(np.zeros((VIEWS, *SHAPE)))
+    turns = np.random.default_rng(4).uniform(0, 2 * np.pi, VIEWS)
+    errors = []
+    for seen, t, size, turn in zip(quiet, T, strength, turns, strict=True):
+        lamp = ON_HAND if on_hand else np.linalg.inv(t)[:3] @ [*IN_CELL, 1.0]
+        way = lamp - seen.frame.points
+        d, r = np.linalg.norm(way, axis=-1), seen.frame.radial
+        facing = np.maximum(np.einsum("hwi,hwi->hw", way, seen.frame.rendering.normal) / d, 0)
+        ratio = facing * r**2 / (d**2 * np.cos(seen.frame.rendering.incidence))
+        errors.append(size * ratio * np.cos(2e6 * np.pi * MHZ / LIGHT_M_PER_S * (d - r) + turn))
+    return noisy(np.stack(errors))
+
+
+def found_in(seen: list[ViewEvidence]) -> ForeignLamp:
+    found = foreign_lamp(seen, LIMITS)
+    assert found is not None
+    return found
+
+
+def test_a_lamp_in_the_cell_is_found_where_it_stands() -> None:
+    found = found_in(lit(np.full(VIEWS, 0.01)))
+    assert not found.on_hand
+    assert np.linalg.norm(found.at_m - IN_CELL) < 1.0
+    assert "in the cell, within a metre of" in found.stated
+    assert found.mhz == MHZ
+    assert found.share > 0.6
+
+
+def test_a_lamp_that_rides_on_the_hand_is_told_from_one_in_the_cell() -> None:
+    found = found_in(lit(np.full(VIEWS, 0.01), on_hand=True))
+    assert found.on_hand
+    np.testing.assert_allclose(found.at_m, ON_HAND, atol=0.21)
+    assert "on the camera's hand" in found.stated
+
+
+def test_views_that_its_light_does_not_reach_are_not_hit() -> None:
+    strength = np.where(np.arange(VIEWS) % 2 == 0, 0.01, 0.0)
+    found = found_in(lit(strength, on_hand=True))
+    assert found.hit.tolist() == (strength > 0).tolist()
+    assert not found.fields[1::2].any()
+
+
+def test_its_light_is_interference_by_its_size_in_the_views_it_reaches() -> None:
+    seen = lit(np.full(VIEWS, 0.01))
+    lamp = found_in(seen)
+    finding = lamp.finding(seen, ForeignLightLimits())
+    added = np.stack([v.residual for v in seen]) - np.stack([v.residual for v in lit(np.zeros(VIEWS))])
+    smooth = np.stack([v.smooth for v in seen])
+    assert finding.effect.burst_m == pytest.approx(np.std(added[smooth]), rel=0.25)  # type: ignore[attr-defined]
+    assert finding.effect.duty == lamp.hit.mean()  # type: ignore[attr-defined]
+    assert finding.common is not None
+    left = (added - finding.common)[smooth]
+    assert np.sqrt(np.mean(left**2)) < 0.4 * np.std(added[smooth]), "a place half a metre off leaves a sixth of the energy at most"
+
+
+def patches() -> Float:
+    """(V, H, W) metres along the ray: bumps at places of their own in every view, a sixth of the image wide."""
+    rng = np.random.default_rng(5)
+    row, column = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    out = np.zeros((VIEWS, *SHAPE))
+    for v in range(VIEWS):
+        for _ in range(6):
+            y, x = rng.uniform(0, SHAPE[0]), rng.uniform(0, SHAPE[1])
+            out[v] += 0.01 * rng.choice([-1, 1]) * np.exp(-((row - y) ** 2 + (column - x) ** 2) / (2 * 9.0**2))
+    return out
+
+
+@pytest.mark.parametrize("errors", [np.zeros((VIEWS, *SHAPE)), patches()], ids=["none", "patches"])
+def test_errors_that_no_lamp_makes_show_none(errors: Float) -> None:
+    assert foreign_lamp(noisy(errors), LIMITS) is None
+
+
+def test_two_views_alone_may_be_another_kind_of_scene() -> None:
+    assert foreign_lamp(lit(np.where(np.arange(VIEWS) < LIMITS.views - 1, 0.01, 0.0)), LIMITS) is None
