@@ -199,7 +199,7 @@ class ForeignLampLimits:
         "of that chi-square, what one lamp must explain",
         low=0.0,
         high=1.0,
-        why="eight sessions with another camera: 0.44 to 0.70; with other causes, seen or not: at most 0.21",
+        why="another camera: 0.44 to 0.70 in seven sessions; other causes: 0.24 at most in twenty",
     )
     stands_out: float = param(
         2.0, "the same, over the median of all places in the cell", low=1.0, why="any waves explain any structure a little"

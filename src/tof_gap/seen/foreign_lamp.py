@@ -150,7 +150,7 @@ def _cells(view: ViewEvidence, limits: ForeignLampLimits) -> _Cells | None:
     error = along / sigma
     error = error - smooth @ (smooth.T @ error)
     whole = (np.ascontiguousarray(a, np.float64) for a in (point, normal, range_m, np.maximum(cosine, STEEPEST), sigma, smooth, error))
-    return _Cells(*whole, T=np.asarray(T, np.float64))
+    return _Cells(*whole, np.asarray(T, np.float64))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -233,7 +233,8 @@ def _waves(at: Float, k: float, points: Float, normals: Float, range_m: Float, c
 @njit(cache=True, nogil=True)
 def _ridged(normal: Float) -> Float:
     """Normal equations (k, k) with a ridge."""
-    return normal + (RIDGE * np.trace(normal) / len(normal) + 1e-12) * np.eye(len(normal))
+    ridged: Float = normal + (RIDGE * np.trace(normal) / len(normal) + 1e-12) * np.eye(len(normal))
+    return ridged
 
 
 @njit(cache=True, nogil=True)

@@ -16,7 +16,7 @@ from tof_gap.solve.judge import Selector
 from tof_gap.solve.lateness import late_apart
 from tof_gap.solve.solution import delayed, lens_of, solution
 from tof_gap.solve.start import observe
-from tof_gap.solve.tolerance import calibrated, sizes_m
+from tof_gap.solve.tolerance import calibrated, energy_share, sizes_m
 from tof_gap.solved import Solved
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.intrinsics import Intrinsics
@@ -24,13 +24,14 @@ from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.time_sync import TimeSync
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from tof_core.arrays import Float
     from tof_core.calibration import Calibration
     from tof_core.camera import Camera
     from tof_core.capture import View
     from tof_gap.config import GapConfig
+    from tof_gap.limits.solve import SelectLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solve.solution import Joint
     from tof_gap.solved import Named, Split
@@ -62,7 +63,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     evidence = observe(views, caster, final, config, concavity=True, lens=lens)
     maps, free = shares(rest, evidence, final, caster, other_m), free_shares(joint, evidence)
     sizes = sizes_m(maps | free, evidence, split.held_out)
-    small = {name for name, size in sizes.items() if size < config.select.least_mm * 1e-3}
+    small = _small(sizes, maps, config.select)
     # What a healthy camera errs by is no gap: it is taken off before anything is stated.
     evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
@@ -97,6 +98,14 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         arms_sd=judge.arms_sd,
         split=split,
     )
+
+
+def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], limits: SelectLimits) -> set[str]:
+    """Names of what a healthy camera errs by; and motion that explains too little once a lateness was set apart from it."""
+    small = {name for name, size in sizes.items() if size < limits.least_mm * 1e-3}
+    if {Motion.NAME, TimeSync.NAME} <= maps.keys() and energy_share(Motion.NAME, maps) < limits.share:
+        small.add(Motion.NAME)
+    return small
 
 
 def _mount(joint: Joint, rest: Sequence[Named], stated: Calibration) -> Float:

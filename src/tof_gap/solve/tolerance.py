@@ -46,6 +46,13 @@ def sizes_m(maps: Mapping[str, Sequence[Float]], views: Sequence[ViewEvidence], 
     return out
 
 
+def energy_share(name: str, maps: Mapping[str, Sequence[Float]]) -> float:
+    """Share of the energy of all maps together, over all pixels, that the one of this name has by itself."""
+    own = sum(float(np.nansum(np.square(m, dtype=float))) for m in maps[name])
+    whole = sum(float(np.square(sum(np.nan_to_num(m[v]) for m in maps.values()), dtype=float).sum()) for v in range(len(maps[name])))
+    return own / max(whole, 1e-18)
+
+
 def confirmed(effect: Float, left: Float) -> float:
     """Share of the square of a map (n,) in metres, over the pixels that it touches, that measurements agree with.
 

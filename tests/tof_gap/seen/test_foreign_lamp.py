@@ -36,7 +36,8 @@ def noisy(errors: Float) -> list[ViewEvidence]:
     noise = np.random.default_rng(2).normal(0, 1e-3, errors.shape)
     seen = views(np.random.default_rng(1), errors + noise, photons=False)
     return [
-        replace(v, frame=replace(v.frame, rendering=replace(v.frame.rendering, T_cell_camera=T))) for v, T in zip(seen, poses(), strict=True)
+        replace(v, frame=replace(v.frame, rendering=replace(v.frame.rendering, T_cell_camera=T)))
+        for v, T in zip(seen, poses(), strict=True)
     ]
 
 

@@ -9,7 +9,7 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, views
 from tof_core.calibration import Calibration, HandEyeLimits, LensLimits
 from tof_core.camera import Camera
-from tof_gap.solve.tolerance import calibrated, confirmed, mean_square, sizes_m
+from tof_gap.solve.tolerance import calibrated, confirmed, energy_share, mean_square, sizes_m
 from tof_gap.solved import Named
 from tof_sensor.effect import Effect
 from tof_sensor.effects.hand_eye import HandEye
@@ -85,3 +85,10 @@ def test_what_smears_is_as_large_as_its_map_at_edges_and_other_effects_as_where_
     everywhere = np.sqrt(np.mean(off**2))
     assert sizes_m({"motion": maps}, fitted, [0, 1, 2])["motion"] == pytest.approx(everywhere, rel=0.05)
     assert sizes_m({"wiggling": maps}, fitted, [0, 1, 2])["wiggling"] == pytest.approx(4e-3, rel=0.05)
+
+
+def test_a_map_has_the_share_of_the_energy_that_it_has_over_all_pixels() -> None:
+    """8 mm on one pixel in a hundred, where nothing else is, beside 4 mm on the others: 64 of 64 + 99 * 16."""
+    late, taps = np.full((10, 10), 4e-3), np.full((10, 10), np.nan)
+    late[0, 0], taps[0, 0] = 0.0, 8e-3
+    assert energy_share("motion", {"time_sync": [late, late], "motion": [taps, taps]}) == pytest.approx(64 / (64 + 99 * 16))
