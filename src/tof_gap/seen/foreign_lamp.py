@@ -149,8 +149,8 @@ def _cells(view: ViewEvidence, limits: ForeignLampLimits) -> _Cells | None:
     smooth, _ = np.linalg.qr(fields)
     error = along / sigma
     error = error - smooth @ (smooth.T @ error)
-    whole = (np.ascontiguousarray(a, np.float64) for a in (point, normal, range_m, np.maximum(cosine, STEEPEST), sigma, smooth, error))
-    return _Cells(*whole, np.asarray(T, np.float64))
+    facing = np.maximum(cosine, STEEPEST)
+    return _Cells(*(np.ascontiguousarray(a, np.float64) for a in (point, normal, range_m, facing, sigma, smooth, error, T)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -79,7 +79,7 @@ def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: No
     several = hit.sum() > 1 or (hit.any() and ratio.max() > limits.alone)
     if not several or hit.sum() > (1 - limits.quiet_share) * len(views):
         return None
-    return _burst(views, b, quiet, ratio, hit)
+    return _burst(views, b, quiet, hit)
 
 
 def _stand_out(ln_variance: Float, limits: NoiseLimits) -> Mask:
@@ -144,11 +144,8 @@ def _stripes(views: Sequence[ViewEvidence], wave: Beat, reference: float, limits
     return Finding(effect, CONFIDENT, share=np.abs(np.stack(along)), common=np.stack(along), note=note, structure=True)
 
 
-def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, ratio: Float, hit: Mask) -> Finding:
+def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mask) -> Finding:
     """Views noisier than the others: `interference` where the excess falls with the camera's own light, else `noise` in bursts."""
-    typical2 = float(np.median(fitted.law.variance(b.amplitude, b.range2)))
-    size = float(np.sqrt(np.mean(ratio[hit] - 1) * typical2))
-    share = np.stack([np.where(v.smooth, size * h, np.nan) for v, h in zip(views, hit, strict=True)])
     note = f"{int(hit.sum())} of {len(views)} views hit"
     in_hit = hit[b.view.astype(int)]
     excess = (b.variance - fitted.law.variance(b.amplitude, b.range2))[in_hit]
@@ -156,8 +153,10 @@ def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, ratio: F
     # The misfit, relative, of an excess that is constant and of one that goes with 1 / A^2.
     relative = [np.log(np.maximum(excess, 1e-12) / x) for x in (np.ones_like(weak), weak)]
     constant, foreign = (float(np.median(np.abs(x - np.median(x)))) for x in relative)
-    duty = float(hit.mean())
-    if constant < foreign:
+    duty, steady = float(hit.mean()), constant < foreign
+    size = float(np.sqrt(np.exp(np.median(relative[0 if steady else 1]))))
+    share = np.stack([np.where(v.smooth, size * h, np.nan) for v, h in zip(views, hit, strict=True)])
+    if steady:
         return Finding(Noise(extra_m=min(size, most(Noise, "extra_m")), duty=duty), CONFIDENT, share=share, note=f"in bursts: {note}")
     effect = Interference(burst_m=min(size, most(Interference, "burst_m")), duty=duty, reference=fitted.law.reference)
     return Finding(effect, CONFIDENT, share=share, note=note)
