@@ -20,13 +20,18 @@ from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.session import NoiseBins
 
-RNG = np.random.default_rng(2)
+
+def rng() -> np.random.Generator:
+    """The same numbers in every test, whatever ran before."""
+    return np.random.default_rng(2)
+
+
 LIMITS = NoiseLimits()
 
 
 def test_scatter_does_not_see_what_is_smooth() -> None:
     v, u = np.mgrid[:150, :200] / 50.0
-    residual = 0.02 * np.sin(v) * np.cos(u) + RNG.normal(0, 0.002, v.shape)
+    residual = 0.02 * np.sin(v) * np.cos(u) + rng().normal(0, 0.002, v.shape)
     sigma = noise_level(residual, np.ones(v.shape, bool), np.full(v.shape, 1000.0) * np.exp(0.1 * v), LevelLimits())
     assert np.median(sigma) == pytest.approx(0.002, rel=0.03)
 
@@ -68,20 +73,21 @@ def test_constant_scatter_shows_as_a_floor() -> None:
 
 @pytest.mark.parametrize("step", [0.001, 0.005, 0.0125])
 def test_step_of_the_code_is_seen(step: float) -> None:
-    depth = np.round(RNG.uniform(0.5, 0.9, (100, 100)) / step) * step
+    depth = np.round(rng().uniform(0.5, 0.9, (100, 100)) / step) * step
     assert depth_step(depth, LevelLimits()) == pytest.approx(step, rel=1e-3)
 
 
 @pytest.mark.parametrize(("noise", "step"), [(0.0, 0.008), (0.0012, 0.008), (0.016, 0.002)])
 def test_a_mean_of_captures_has_the_step_of_one_unless_noise_takes_all_codes_alike(noise: float, step: float) -> None:
     """Codes of 8 mm, four captures: noise of 1.2 mm leaves most pixels on whole codes, noise of 16 mm none."""
-    plane = RNG.uniform(0.5, 0.9, (100, 100))
-    captures = [np.round((plane + RNG.normal(0, noise, plane.shape)) / 0.008) * 0.008 for _ in range(4)]
+    numbers = rng()
+    plane = numbers.uniform(0.5, 0.9, (100, 100))
+    captures = [np.round((plane + numbers.normal(0, noise, plane.shape)) / 0.008) * 0.008 for _ in range(4)]
     assert depth_step(np.mean(captures, axis=0), LevelLimits(), captures=4) == pytest.approx(step, rel=1e-3)
 
 
 def test_continuous_depth_has_no_step() -> None:
-    assert depth_step(RNG.uniform(0.5, 1.0, (100, 100)), LevelLimits()) == 0.0
+    assert depth_step(rng().uniform(0.5, 1.0, (100, 100)), LevelLimits()) == 0.0
 
 
 def said(extra: np.ndarray | None) -> list[tuple[str, str]]:
@@ -95,17 +101,17 @@ def test_photons_alone_are_no_finding() -> None:
 
 @pytest.mark.parametrize("offset_m", [0.003, 0.02])
 def test_offsets_of_single_pixels_are_no_noise_however_large(offset_m: float) -> None:
-    assert said(np.broadcast_to(RNG.normal(0, offset_m, SHAPE), (VIEWS, *SHAPE))) == []
+    assert said(np.broadcast_to(rng().normal(0, offset_m, SHAPE), (VIEWS, *SHAPE))) == []
 
 
 def test_scatter_at_every_amplitude_is_noise() -> None:
-    ((name, note),) = said(RNG.normal(0, 0.004, (VIEWS, *SHAPE)))
+    ((name, note),) = said(rng().normal(0, 0.004, (VIEWS, *SHAPE)))
     assert name == "noise"
     assert "at every amplitude" in note
 
 
 def test_named_noise_and_the_law_beside_it_are_the_scatter_that_was_measured() -> None:
-    session = views(np.random.default_rng(3), RNG.normal(0, 0.004, (VIEWS, *SHAPE)))
+    session = views(np.random.default_rng(3), rng().normal(0, 0.004, (VIEWS, *SHAPE)))
     (found,) = noise_effects(session, LIMITS)
     law = own_law(session, [found.effect], LIMITS)
     assert isinstance(found.effect, Noise)
@@ -147,7 +153,7 @@ def test_a_burst_stands_out_from_what_quiet_views_differ_by(quiet_spread: float,
 
 
 def test_noise_within_the_stated_photon_law_is_no_effect() -> None:
-    session = views(np.random.default_rng(3), RNG.normal(0, 0.003, (VIEWS, *SHAPE)))
+    session = views(np.random.default_rng(3), rng().normal(0, 0.003, (VIEWS, *SHAPE)))
     assert [f.name for f in noise_effects(session, LIMITS)] == ["noise"]
     b = binned(session, LIMITS.bins, LIMITS)
     stated = PhotonLaw(floor_m=float(np.sqrt(np.median(b.variance))) / 1.1, shot_m=0.0, reference=2000.0)
@@ -168,7 +174,7 @@ def test_a_view_without_amplitude_among_others_is_no_other_camera(lost: np.ndarr
 
 
 def test_rows_that_jump_are_noise() -> None:
-    ((name, note),) = said(np.repeat(RNG.normal(0, 0.003, (VIEWS, SHAPE[0], 1)), SHAPE[1], axis=2))
+    ((name, note),) = said(np.repeat(rng().normal(0, 0.003, (VIEWS, SHAPE[0], 1)), SHAPE[1], axis=2))
     assert name == "noise"
     size, _, what = note.partition(" ")
     assert float(size) == pytest.approx(3.0, abs=0.3)
@@ -176,7 +182,7 @@ def test_rows_that_jump_are_noise() -> None:
 
 
 def test_a_constant_row_is_a_pattern_and_no_noise() -> None:
-    assert said(np.tile(np.repeat(RNG.normal(0, 0.003, (1, SHAPE[0], 1)), SHAPE[1], axis=2), (VIEWS, 1, 1))) == []
+    assert said(np.tile(np.repeat(rng().normal(0, 0.003, (1, SHAPE[0], 1)), SHAPE[1], axis=2), (VIEWS, 1, 1))) == []
 
 
 def test_stripes_of_a_beat_have_turns_and_a_slope_that_comes_and_goes_has_not() -> None:
@@ -184,7 +190,7 @@ def test_stripes_of_a_beat_have_turns_and_a_slope_that_comes_and_goes_has_not() 
     hit = (np.arange(VIEWS) % 2 == 0)[:, None, None]
 
     def wave(turns: float) -> np.ndarray:
-        return np.asarray(hit * 0.004 * np.sin(2 * np.pi * turns * row + RNG.uniform(0, 6, (VIEWS, 1, 1))) * np.ones((VIEWS, *SHAPE)))
+        return np.asarray(hit * 0.004 * np.sin(2 * np.pi * turns * row + rng().uniform(0, 6, (VIEWS, 1, 1))) * np.ones((VIEWS, *SHAPE)))
 
     ((name, _),) = said(wave(7.0))
     assert name == "interference"
@@ -192,24 +198,24 @@ def test_stripes_of_a_beat_have_turns_and_a_slope_that_comes_and_goes_has_not() 
 
 
 def test_a_fixed_pattern_larger_than_the_light_s_scatter_is_no_noise() -> None:
-    assert said(np.broadcast_to(RNG.normal(0, 0.01, SHAPE), (VIEWS, *SHAPE))) == []
+    assert said(np.broadcast_to(rng().normal(0, 0.01, SHAPE), (VIEWS, *SHAPE))) == []
 
 
 def test_few_restless_pixels_are_noise() -> None:
-    restless = RNG.uniform(size=SHAPE) < 0.05
-    ((name, note),) = said(restless * RNG.choice([-0.013, 0.013], (VIEWS, *SHAPE)))
+    restless = rng().uniform(size=SHAPE) < 0.05
+    ((name, note),) = said(restless * rng().choice([-0.013, 0.013], (VIEWS, *SHAPE)))
     assert name == "noise"
     assert "of the pixels" in note
 
 
 def test_views_that_scatter_everywhere_alike_are_noise_in_bursts() -> None:
     hit = np.isin(np.arange(VIEWS), (1, 4, 9))[:, None, None]
-    assert said(hit * RNG.normal(0, 0.006, (VIEWS, *SHAPE))) == [("noise", "in bursts: 3 of 12 views hit")]
+    assert said(hit * rng().normal(0, 0.006, (VIEWS, *SHAPE))) == [("noise", "in bursts: 3 of 12 views hit")]
 
 
 def test_stripes_in_some_views_are_interference() -> None:
     row = np.arange(SHAPE[0])[None, :, None] / SHAPE[0]
-    phase = RNG.uniform(0, 2 * np.pi, (VIEWS, 1, 1))
+    phase = rng().uniform(0, 2 * np.pi, (VIEWS, 1, 1))
     hit = np.isin(np.arange(VIEWS), (0, 2, 3, 7, 8))[:, None, None]
     wave = 0.004 * np.sin(2 * np.pi * 8 * row + phase) * hit * np.ones((1, 1, SHAPE[1]))
     assert said(wave) == [("interference", "stripes of 8 turns in 5 of 12 views")]
@@ -227,4 +233,4 @@ def test_a_stereo_camera_is_told_by_its_scatter() -> None:
 
 
 def test_pixels_that_err_alike_in_every_view_are_no_noise() -> None:
-    assert said(np.tile(RNG.normal(0, 0.004, (1, *SHAPE)), (VIEWS, 1, 1))) == []
+    assert said(np.tile(rng().normal(0, 0.004, (1, *SHAPE)), (VIEWS, 1, 1))) == []
