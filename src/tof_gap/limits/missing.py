@@ -51,6 +51,16 @@ class MissingLimits:
         high=1.0,
         why="parts of healthy cameras lose 0.1 % at most; a small dark part is little of the CAD",
     )
+    weakest: float = param(
+        0.02,
+        "share of the CAD's pixels, those of the weakest light, whose loss is no part's own",
+        low=0.0,
+        high=1.0,
+        why="a floor seen far away at 55 degrees lies below a healthy camera's threshold; twice `lost_share`",
+    )
+    brighter: float = param(
+        0.8, "chance that a saturated pixel has more light than one returned on its part", low=0.5, high=1.0, why="lost at random: 0.5"
+    )
     part_pixels: int = param(500, "pixels of the session, of a part whose loss is judged by itself", low=1, why="5 % are known to 1 %")
     filter_px: int = param(
         18, "largest hole that a filter leaves around an outlier", unit="px", low=1, why="two outliers, each with its 3 x 3"

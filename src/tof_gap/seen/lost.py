@@ -88,11 +88,11 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
     losses = [lost(v, limits, too_bright) for v in views]
     gone = np.concatenate([g[i] for g, i in zip(losses, inside, strict=True)])
     part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])
-    if gone.mean() < limits.lost_share and _worst_part(gone, part, limits) < limits.lost_on_part:
-        return None
     known = amplitude_unit(views)
     unit = 1.0 if known is None else known
     light = np.concatenate([unit * lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
+    if gone.mean() < limits.lost_share and _worst_part(gone, part, light, too_bright, limits) < limits.lost_on_part:
+        return None
     random = float(gone[light > np.median(light)].mean())
     share = np.stack(
         [np.where(v.frame.valid, _rate(v, own, unit, light, gone, limits), np.nan) for v, own in zip(views, losses, strict=True)]
@@ -109,11 +109,27 @@ def _of_median(threshold: float, light: Float, *, known: bool) -> str:
     return f"half are lost at {threshold / float(np.median(light)):.2g} of the median amplitude{unit}"
 
 
-def _worst_part(gone: Float, part: Ints, limits: MissingLimits) -> float:
-    """Largest share that any part loses of its pixels; parts that are hardly seen do not count."""
-    count, lost_of = np.bincount(part), np.bincount(part, gone)
-    seen = count >= limits.part_pixels
-    return float((lost_of[seen] / count[seen]).max(initial=0.0))
+def _worst_part(gone: Float, part: Ints, light: Float, too_bright: float, limits: MissingLimits) -> float:
+    """Largest share that any part loses of its pixels; parts that are hardly seen do not count.
+
+    Neither do pixels whose light is among the session's weakest, where every camera loses some, nor parts whose brightest pixels are
+    the ones lost, by light that saturates others of this session.
+    """
+    usual = light > np.quantile(light, limits.weakest)
+    worst = 0.0
+    for number in np.flatnonzero(np.bincount(part) >= limits.part_pixels):
+        mine = (part == number) & usual
+        away, kept = light[mine & (gone > 0.5)], light[mine & (gone <= 0.5)]
+        if mine.sum() < limits.part_pixels or (len(away) and len(kept) and _saturates(away, kept, too_bright, limits)):
+            continue
+        worst = max(worst, float(gone[mine].mean()))
+    return worst
+
+
+def _saturates(away: Float, kept: Float, too_bright: float, limits: MissingLimits) -> bool:
+    """Whether pixels lost have more light than those kept, and as much as saturates."""
+    brighter = float(np.searchsorted(np.sort(kept), away).mean()) / len(kept)
+    return brighter > limits.brighter and float(np.median(away)) > too_bright
 
 
 def _rate(view: ViewEvidence, lost_here: Float, unit: float, light: Float, gone: Float, limits: MissingLimits) -> Float:

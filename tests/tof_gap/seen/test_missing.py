@@ -127,6 +127,42 @@ def test_a_wrong_choice_among_three_frequencies_lands_at_several_jumps() -> None
     np.testing.assert_allclose((found.share * lengths)[measured], jump[measured], atol=2e-3)
 
 
+@pytest.mark.parametrize(("albedo", "names"), [(0.5, ["dropout"]), (0.01, [])])
+def test_what_a_part_loses_in_the_weakest_light_of_the_session_every_camera_loses(albedo: float, names: list[str]) -> None:
+    """A part of 10 x 8 pixels in every view, one in a hundred of all, loses a third of them."""
+    out = []
+    for whole, half in zip(dwelled(0.0), dwelled(0.3), strict=True):
+        part = np.zeros(SHAPE, np.int16)
+        part[40:50, 50:58] = 1
+        count = np.where(part == 1, half.view.count, whole.view.count)
+        rendering = replace(whole.rendering, part=part, albedo=np.where(part == 1, np.float32(albedo), whole.rendering.albedo))
+        out.append(replace(whole, frame=replace(whole.frame, rendering=rendering), view=replace(whole.view, count=count)))
+    assert [f.name for f in missing_effects(out, MissingLimits())] == names
+
+
+@pytest.mark.parametrize(("brightest_lost", "names"), [(True, []), (False, ["dropout"])])
+def test_a_part_that_loses_its_brightest_pixels_is_saturated(*, brightest_lost: bool, names: list[str]) -> None:
+    """A fifth of a bright part's pixels is lost: those of most light, more than any other pixel returned, or any."""
+    out, part = [], np.zeros(SHAPE, np.int16)
+    part[40:48, 30:80] = 1
+    albedo = np.where(part == 1, np.linspace(0.5, 5.0, SHAPE[1])[None], 0.5).astype(np.float32)
+    renderings = [replace(v.rendering, part=part, albedo=albedo) for v in dwelled(0.0)]
+    most_light = np.quantile([lambert_amplitude(r)[part == 1] for r in renderings], 0.8)
+    for v, rendering in zip(dwelled(0.0), renderings, strict=True):
+        lost = (part == 1) & ((lambert_amplitude(rendering) > most_light) if brightest_lost else RNG.random(SHAPE) < 0.2)
+        amplitude = np.where(lost, 0.0, 1000 * lambert_amplitude(rendering))
+        view = replace(
+            v.view,
+            count=np.where(lost, 0, CAPTURES).astype(np.uint16),
+            reason=np.where(lost, Reason.NO_RETURN, Reason.VALID).astype(np.uint8),
+            depth=np.where(lost, np.nan, v.view.depth).astype(np.float32),
+            amplitude=amplitude.astype(np.float32),
+        )
+        frame = replace(v.frame, rendering=rendering, amplitude=amplitude)
+        out.append(replace(v, view=view, frame=frame, smooth=v.smooth & ~lost))
+    assert [f.name for f in missing_effects(out, MissingLimits())] == names
+
+
 def test_the_lamp_s_shadow_beside_an_edge_and_grazing_surfaces_are_no_loss() -> None:
     view = views(np.random.default_rng(5))[0]
     limits = MissingLimits(edge_reach_px=4)
