@@ -13,6 +13,7 @@ from tof_core.stats import (
     MAD_TO_STD,
     blocks,
     grouped,
+    pairs_below,
     robust_std,
     robust_stds,
     second_differences,
@@ -117,3 +118,9 @@ def test_samples_share_a_group_exactly_when_all_their_keys_agree(rows: list[tupl
     named = list(zip(*(k.tolist() for k in groups.keys), strict=True))
     assert [named[g] for g in groups.which] == rows
     assert named == sorted(set(rows))
+
+
+def test_of_pairs_the_smaller_ones_count_and_half_of_the_equal_ones() -> None:
+    """1 lies below 2 and 3, 2 below 3, and one pair of two is equal: of six pairs three and a half."""
+    assert pairs_below(np.array([1.0, 2.0, 4.0]), np.array([2.0, 3.0])) == 3.5
+    assert pairs_below(np.array([1.0]), np.zeros(0)) == 0.0

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening, label
 
 from tof_core.shares import in_percent
+from tof_core.stats import pairs_below
 from tof_gap.seen.edges import edge_band
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
 from tof_gap.seen.lost import NEIGHBOURS, expected
@@ -89,7 +90,7 @@ def chance_dimmer(views: Sequence[ViewEvidence], inside: Sequence[Mask], gone: S
     dimmer, pairs = 0.0, 0
     for v, i, g in zip(views, inside, gone, strict=True):
         kept = lambert_amplitude(v.rendering)[i & ~g]
-        dimmer += 0.5 * sum(float(np.searchsorted(lost, kept, side).sum()) for side in ("left", "right"))
+        dimmer += pairs_below(lost, kept)
         pairs += len(lost) * len(kept)
     return dimmer / pairs if pairs else 1.0
 

@@ -11,10 +11,9 @@ from numba import njit
 
 from tof_core.cores import in_threads
 from tof_core.stats import blocks
-from tof_gap.seen.finding import CONFIDENT, Finding, most
-from tof_gap.seen.foreign_light import field
-from tof_sensor.effects.interference import Interference
-from tof_sensor.frame import LIGHT_M_PER_S
+from tof_gap.seen.finding import CONFIDENT, Finding
+from tof_gap.seen.foreign_light import field, interference
+from tof_sensor.frame import waves_per_m
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,8 +67,7 @@ class ForeignLamp:
         rest = [field(replace(v, residual=v.residual - f), limits) for v, f in zip(views, self.fields, strict=True)]
         fields = self.fields + np.stack(rest) * self.hit[:, None, None]
         size = float(np.sqrt(np.mean(fields[lit] ** 2)))
-        reference = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in views])))
-        effect = Interference(burst_m=min(size, most(Interference, "burst_m")), duty=float(self.hit.mean()), reference=reference)
+        effect = interference(views, size, duty=float(self.hit.mean()))
         return Finding(effect, CONFIDENT, share=np.where(lit, np.abs(fields), 0.0), common=fields, note=self.stated)
 
 
@@ -90,6 +88,10 @@ class _Cells:
     error: Float
     T: Float
 
+    def in_cell(self, places: Float, *, on_hand: bool) -> Float:
+        """Places (..., 3), in this camera's frame if `on_hand`, in the cell."""
+        return np.asarray(places @ self.T[:3, :3].T + self.T[:3, 3]) if on_hand else places
+
 
 def foreign_lamp(views: Sequence[ViewEvidence], limits: ForeignLampLimits) -> ForeignLamp | None:
     """The lamp whose fringes explain most, None where no place explains much more than any other does.
@@ -108,19 +110,14 @@ def foreign_lamp(views: Sequence[ViewEvidence], limits: ForeignLampLimits) -> Fo
     if total <= limits.chi2 * count:
         return None
     in_cell, on_hand = _search(cells, _places_in_cell(cells), on_hand=False), _search(cells, _places_on_hand(), on_hand=True)
-    hand = on_hand.best > in_cell.best
-    found = on_hand if hand else in_cell
+    found = on_hand if on_hand.best > in_cell.best else in_cell
     if found.best < max(limits.share * total, limits.stands_out * in_cell.median):
         return None
-    gains = np.array([0.0 if c is None else _explained(c, found.at_m, found.mhz, on_hand=hand) for c in cells])
-    hit = gains > max(limits.view_chi2, limits.view_share * gains.max())
+    hit = found.gains > max(limits.view_chi2, limits.view_share * found.gains.max())
     if hit.sum() < limits.views:
         return None
-    fields = [
-        _field(v, c, found, on_hand=hand) if h and c is not None else np.zeros(v.residual.shape)
-        for v, c, h in zip(views, cells, hit, strict=True)
-    ]
-    return ForeignLamp(found.at_m, hand, found.mhz, found.best / total, hit, np.stack(fields))
+    fields = [_field(v, c, found) if h and c is not None else np.zeros(v.residual.shape) for v, c, h in zip(views, cells, hit, strict=True)]
+    return ForeignLamp(found.at_m, found.on_hand, found.mhz, found.best / total, hit, np.stack(fields))
 
 
 def _cells(view: ViewEvidence, limits: ForeignLampLimits) -> _Cells | None:
@@ -155,12 +152,21 @@ def _cells(view: ViewEvidence, limits: ForeignLampLimits) -> _Cells | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Search:
-    """Chi-square that the best place explains, that the median place does, and which place and frequency is best."""
+    """The place and the frequency whose light explains most.
 
-    best: float
-    median: float
+    gains (V,): chi-square that they explain in each view; median: in all views together, what the median place explains.
+    """
+
     at_m: Float
+    on_hand: bool
     mhz: float
+    gains: Float
+    median: float
+
+    @property
+    def best(self) -> float:
+        """Chi-square that the light explains in all views together."""
+        return float(self.gains.sum())
 
 
 def _places_in_cell(cells: Sequence[_Cells | None]) -> Float:
@@ -178,30 +184,21 @@ def _places_on_hand() -> Float:
 
 
 def _search(cells: Sequence[_Cells | None], places: Float, *, on_hand: bool) -> _Search:
-    def of_view(c: _Cells) -> Float:
-        at = places @ c.T[:3, :3].T + c.T[:3, 3] if on_hand else places
-        each = (c.points, c.normals, c.range_m, c.cosine, c.sigma, c.smooth, c.error)
-        return np.stack([_gains(at, _wave(mhz), *each) for mhz in FREQUENCIES_MHZ])
+    def of_view(c: _Cells | None) -> Float:
+        if c is None:
+            return np.zeros((len(FREQUENCIES_MHZ), len(places)))
+        at, each = c.in_cell(places, on_hand=on_hand), (c.points, c.normals, c.range_m, c.cosine, c.sigma, c.smooth, c.error)
+        return np.stack([_gains(at, waves_per_m(mhz), *each) for mhz in FREQUENCIES_MHZ])
 
-    total = np.sum(in_threads(of_view, [c for c in cells if c is not None]), axis=0)
+    gains = np.stack(in_threads(of_view, cells))
+    total = gains.sum(axis=0)
     frequency, place = np.unravel_index(int(np.argmax(total)), total.shape)
-    return _Search(float(total.max()), float(np.median(total)), places[place], FREQUENCIES_MHZ[int(frequency)])
+    return _Search(places[place], on_hand, FREQUENCIES_MHZ[int(frequency)], gains[:, frequency, place], float(np.median(total)))
 
 
-def _explained(c: _Cells, at_m: Float, mhz: float, *, on_hand: bool) -> float:
-    at = c.T[:3, :3] @ at_m + c.T[:3, 3] if on_hand else at_m
-    return float(_gains(at[None], _wave(mhz), c.points, c.normals, c.range_m, c.cosine, c.sigma, c.smooth, c.error)[0])
-
-
-def _wave(mhz: float) -> float:
-    """Radians a metre of way."""
-    return 2e6 * np.pi * mhz / LIGHT_M_PER_S
-
-
-def _field(view: ViewEvidence, c: _Cells, found: _Search, *, on_hand: bool) -> Float:
+def _field(view: ViewEvidence, c: _Cells, found: _Search) -> Float:
     """(H, W) metres of z that the lamp's light adds to a view; 0 where the CAD has no surface."""
-    at = c.T[:3, :3] @ found.at_m + c.T[:3, 3] if on_hand else found.at_m
-    k = _wave(found.mhz)
+    at, k = c.in_cell(found.at_m, on_hand=found.on_hand), waves_per_m(found.mhz)
     waves = _waves(at, k, c.points, c.normals, c.range_m, c.cosine)
     B = waves / c.sigma[:, None]
     B -= c.smooth @ (c.smooth.T @ B)

@@ -53,10 +53,16 @@ def foreign_light(
         return None
     size = float(np.sqrt(np.mean(arms[:, ALONG] ** 2)))
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
-    reference = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in views])))
     note = f"every capture is off along the view by an amount of its own, {1e3 * size:.1f} mm RMS"
-    effect = Interference(burst_m=min(size, most(Interference, "burst_m")), duty=1.0, reference=reference)
-    return Finding(effect, CONFIDENT, share=share, common=np.stack(fields), note=note, posed_m=size, structure=True)
+    return Finding(
+        interference(views, size, duty=1.0), CONFIDENT, share=share, common=np.stack(fields), note=note, posed_m=size, structure=True
+    )
+
+
+def interference(views: Sequence[ViewEvidence], size_m: float, *, duty: float) -> Interference:
+    """The effect of so many metres RMS at the median amplitude of the views, in a share `duty` of them."""
+    reference = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in views])))
+    return Interference(burst_m=min(size_m, most(Interference, "burst_m")), duty=duty, reference=reference)
 
 
 def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_fill_holes, label, uniform_filter
 
 from tof_core.reasons import Reason
+from tof_core.stats import pairs_below
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
 from tof_gap.seen.session import amplitude_unit
 from tof_sensor.effects.dropout import Dropout
@@ -128,7 +129,7 @@ def _worst_part(gone: Float, part: Ints, light: Float, too_bright: float, limits
 
 def _saturates(away: Float, kept: Float, too_bright: float, limits: MissingLimits) -> bool:
     """Whether pixels lost have more light than those kept, and as much as saturates."""
-    brighter = float(np.searchsorted(np.sort(kept), away).mean()) / len(kept)
+    brighter = pairs_below(np.sort(kept), away) / (len(kept) * len(away))
     return brighter > limits.brighter and float(np.median(away)) > too_bright
 
 

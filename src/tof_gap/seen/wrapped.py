@@ -45,7 +45,13 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
     jumps = np.sort(np.concatenate([_whole(size), others]))
     maps = [_wraps(v, jumps, limits) for v in views]
     start, share = _where_wrapped(views, maps, limits, short=short)
-    effect = PhaseWrap(LIGHT_M_PER_S / (2e6 * size), start if short else -start, share, others, others_share)
+    effect = PhaseWrap(
+        modulation_mhz=LIGHT_M_PER_S / (2e6 * size),
+        start_m=start if short else -start,
+        share=share,
+        others_m=others,
+        others_share=others_share,
+    )
     return Finding(effect, CONFIDENT, share=np.stack(maps), corrects=True)
 
 
