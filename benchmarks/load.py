@@ -22,17 +22,21 @@ STOCK = (224, 171)
 """Columns and rows of Spot's hand camera, for which the network that is shipped was made."""
 
 
-def specs(
-    scene: str, namespace: str = "", network: Mapping[str, Any] | None = None, labels: Mapping[str, Any] | None = None
-) -> list[GraphSpec]:
-    """Preprocessing, labels and the network, each frame heard reliably; one process a node, as `ros2 launch` starts them."""
+def specs(scene: str, namespace: str = "", given: Mapping[str, Mapping[str, Any]] | None = None) -> list[GraphSpec]:
+    """Preprocessing, labels and the network, each frame heard reliably; one process a node, as `ros2 launch` starts them.
+
+    `given`: further parameters by node.
+    """
     patient = {"live.patience_s": 10.0}
     parameters: dict[str, dict[str, Any]] = {
         "preproc": {**patient, "live.reliable": True},
-        "sim_label": {**patient, "live.scene": scene, **(labels or {})},
-        "infer": {**patient, "live.reliable": True, "infer.threads": 1, **(network or {})},
+        "sim_label": {**patient, "live.scene": scene},
+        "infer": {**patient, "live.reliable": True, "infer.threads": 1},
     }
-    return [GraphSpec((name,), {name: values}, namespace=namespace, strict=True) for name, values in parameters.items()]
+    return [
+        GraphSpec((name,), {name: {**values, **(given or {}).get(name, {})}}, namespace=namespace, strict=True)
+        for name, values in parameters.items()
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +50,15 @@ class Load:
     nodes: tuple[str, ...] = NODES
     label_share: float = 0.0
     """`live.share` of sim_label: above 0 not every dwell has a label."""
+    view_every: int = 1
+    """`live.view_every` of preproc: other than 1 not every capture has a view of its own."""
 
     def __str__(self) -> str:
         """In a few words."""
         one = f"{self.width}x{self.height} at {self.hz:g} Hz"
+        views = {0: ", a view a dwell", 1: ""}.get(self.view_every, f", a view every {self.view_every} captures")
         labels = f", labels in at most {self.label_share:.0%} of a core" if self.label_share else ""
-        return f"{one}{labels}" if self.cameras == 1 else f"{self.cameras} cameras of {one}{labels}"
+        return f"{one}{views}{labels}" if self.cameras == 1 else f"{self.cameras} cameras of {one}{views}{labels}"
 
     @property
     def rooms(self) -> tuple[str, ...]:
@@ -73,13 +80,15 @@ class Load:
         """Of docs/figures.md."""
         nodes = "" if self.nodes == NODES else f"_{'_'.join(self.nodes)}"
         share = f"_share{self.label_share:g}" if self.label_share else ""
-        return "soak" if self == Load() else f"soak_{self.cameras}_{self.width}x{self.height}{nodes}{share}"
+        views = f"_every{self.view_every}" if self.view_every != 1 else ""
+        return "soak" if self == Load() else f"soak_{self.cameras}_{self.width}x{self.height}{nodes}{views}{share}"
 
     @property
     def flags(self) -> str:
         """Of the command that gives this load."""
         nodes = "" if self.nodes == NODES else f" --nodes {','.join(self.nodes)}"
-        share = f" --label-share {self.label_share:g}" if self.label_share else ""
+        views = f" --view-every {self.view_every}" if self.view_every != 1 else ""
+        share = views + (f" --label-share {self.label_share:g}" if self.label_share else "")
         return "" if self == Load() else f" --cameras {self.cameras} --size {self.width}x{self.height} --hz {self.hz:g}{nodes}{share}"
 
     @property
@@ -94,9 +103,12 @@ class Load:
 
     def specs(self) -> list[GraphSpec]:
         """The nodes of every camera. A network made for another camera is asked all the same: it takes the same time."""
-        forced = {"infer.force": True} if (self.width, self.height) != STOCK else {}
-        labels = {"live.share": self.label_share} if self.label_share else {}
-        return [spec for name in self.namespaces for spec in specs(SCENE, name, forced, labels) if spec.nodes[0] in self.nodes]
+        given: dict[str, dict[str, Any]] = {
+            "preproc": {"live.view_every": self.view_every},
+            "sim_label": {"live.share": self.label_share},
+            "infer": {"infer.force": (self.width, self.height) != STOCK},
+        }
+        return [spec for name in self.namespaces for spec in specs(SCENE, name, given) if spec.nodes[0] in self.nodes]
 
 
 STOCK_LOAD = Load()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rclpy.serialization import deserialize_message
 
+from tof_preproc.stream import ACCUMULATED, KEPT
 from tof_ros import messages, qos
 from tof_ros.interfaces import message_class
 from tof_ros.views import DWELL
@@ -88,7 +89,10 @@ class LoopedCamera:
             node.create_subscription(PoseWithCovarianceStamped, f"{space}/label/pose", self._labelled, qos.RECORD)
 
     def _answered(self, room: str, message: Any) -> None:
-        self.fates[room][messages.to_ns(message.header.stamp)] = message.source
+        stamp = messages.to_ns(message.header.stamp)
+        self.fates[room][stamp] = message.source
+        if message.source == ACCUMULATED:  # its label is that of a later view
+            self.fates[room.removesuffix("preproc") + "label"][stamp] = ACCUMULATED
 
     def _labelled(self, _: Any) -> None:
         self.labels += 1
@@ -126,7 +130,7 @@ class LoopedCamera:
     def _flowing(self) -> bool:
         """Whether every room has lately kept as many frames as are sent in a second."""
         most = 15 if self.paced else max(round(self._hz), 1)
-        return all(sum(fate == "kept" for fate in tuple(self.fates[room].values())[-most:]) >= most for room in self.rooms)
+        return all(sum(fate in (KEPT, ACCUMULATED) for fate in tuple(self.fates[room].values())[-most:]) >= most for room in self.rooms)
 
     def play(self, seconds: float) -> float:
         """Publish for so long (or until `stop`); gives the rate that was reached, in frames a second; `behind_s` the most it was late."""
@@ -178,9 +182,9 @@ class LoopedCamera:
         self._stop.set()
 
     def lost(self, room: str) -> int:
-        """Frames that a room has not answered `kept`; those that preproc skipped count here too. May be asked while others send."""
+        """Frames that a room has neither kept nor accumulated; those that preproc skipped count here too. May be asked while others send."""
         fates = self.fates[room]
-        return sum(fates.get(stamp) != "kept" for stamp in tuple(self.sent))
+        return sum(fates.get(stamp) not in (KEPT, ACCUMULATED) for stamp in tuple(self.sent))
 
     def settle(self, seconds: float = 15.0) -> None:
         """Wait until every room has answered, as long as answers come."""

@@ -249,6 +249,7 @@ def parse(arguments: list[str] | None) -> Any:
     parser.add_argument("--size", default="224x171", metavar="WxH", help="columns and rows of each camera (default: 224x171)")
     parser.add_argument("--cameras", type=int, default=1, help="so many cameras of one robot, a graph for each (default: 1)")
     parser.add_argument("--nodes", default=",".join(NODES), help="nodes that run for each camera (default: all three)")
+    parser.add_argument("--view-every", type=int, default=1, help="live.view_every of preproc (default: 1; 0: the last view of each dwell)")
     parser.add_argument("--label-share", type=float, default=0.0, help="live.share of sim_label (default: 0, a label for each dwell)")
     parser.add_argument("--no-rate", action="store_true", help="leave out the search for the highest rate")
     parser.add_argument("--rate-only", action="store_true", help="search for the highest rate alone")
@@ -262,7 +263,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Exit status 0 when every bar is met, 1 when one is missed."""
     options = parse(arguments)
     width, height = (int(side) for side in options.size.split("x"))
-    given = Load(options.hz, width, height, options.cameras, tuple(options.nodes.split(",")), options.label_share)
+    given = Load(options.hz, width, height, options.cameras, tuple(options.nodes.split(",")), options.label_share, options.view_every)
     results: dict[str, list[Figure]] = {}
     if options.most_cameras:
         figure = most_cameras(given, say=True)

@@ -99,7 +99,8 @@ NODE_TEXTS = {
     "preproc": NodeText(
         short="accumulates and filters one camera's stream; every removed pixel keeps its reason",
         about="Accumulates the captures of one dwell (nothing moves) to a running view: mean or median over time, with outliers over time and in space, "
-        "flying pixels and grazing pixels removed. Publishes once per capture, with the capture's stamp.",
+        "flying pixels and grazing pixels removed. Publishes once per capture, with the capture's stamp, or less often (`live.view_every`): with 0 the last view of each dwell alone, "
+        "which is the same as without. A label is then made when the next view comes or after the `settle_s` of `sim_label`, and `~/propose` and `~/judge` see the last dwell that ended; `~/capture` ends one at once.",
         start=("toftwin node preproc --namespace spot", "ros2 run toftwin preproc --ros-args -r __ns:=/spot -p preproc.sor.enable:=false"),
         outputs={
             "depth": "running view, metres along z, NaN invalid (32FC1)",
@@ -111,7 +112,7 @@ NODE_TEXTS = {
             "points": "the view as an organised cloud, with the amplitude as intensity where there is one; computed only while subscribed",
             "dwell": "`time_ref` is the dwell's first stamp; `source` holds station, number of captures, amplitude yes or no; ends with the next release",
         },
-        figures=("stages", "tf_age_s", "waiting", "removed.STAGE"),
+        figures=("stages", "tf_age_s", "waiting", "accumulated", "removed.STAGE"),
         warns="frames have no CameraInfo or no transform",
         more=(
             (

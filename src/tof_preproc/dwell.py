@@ -38,19 +38,31 @@ class Dwell:
         self._lit: Image | None = None
         self._quantum = quantum_of(first.depth)
         self._colour: Colour | None = None
+        self._ended = False
+
+    @property
+    def captures(self) -> int:
+        """How many it holds."""
+        return self._stack.captures
+
+    @property
+    def ended(self) -> bool:
+        """Whether it takes no other capture, whatever comes: it has its most, or its capture moved."""
+        return self._ended or self._stack.captures >= self._config.accumulate.max_captures
 
     def takes(self, capture: Capture) -> bool:
         """Whether the capture belongs to this dwell: same camera and place, soon after, and room for it."""
         gap = (capture.stamp_ns - self.last.stamp_ns) * 1e-9
         return (
-            self._stack.captures < self._config.accumulate.max_captures
+            not self.ended
             and 0 < gap <= self._config.motion.max_gap_s
             and capture.camera == self.first.camera
             and not (self._config.motion.enable and moved(self.first, capture, self._config.motion))
         )
 
-    def add(self, capture: Capture) -> None:
-        """Filter one capture by itself and keep it."""
+    def add(self, capture: Capture, *, last: bool = False) -> None:
+        """Filter one capture by itself and keep it; `last`: it takes no other."""
+        self._ended = last
         frame = Frame(capture.camera, capture.depth.copy(), capture.reason.copy(), np.zeros_like(capture.depth), capture.amplitude)
         if any(s not in ("range", "amplitude", "self") for s in self._before):
             frame.sigma = law_of_capture(capture.depth, capture.amplitude, self._quantum).sigma(capture.depth, capture.amplitude)

@@ -21,6 +21,12 @@ class LiveConfig:
     )
     need_tf: bool = param(True, "skip frames without a transform; false accumulates them as if nothing moved")
     patience_s: float = param(1.0, "longest wait of a frame for its transform and amplitude", unit="s", low=0.2, high=60.0)
+    view_every: int = param(
+        1,
+        "captures of a dwell from one published view to the next; its last view is always published; 0: that one alone, at half the processor time, when the dwell has ended or after preproc.motion.max_gap_s without a frame",
+        low=0,
+        high=256,
+    )
     keep_tf_s: float = param(30.0, "length of the TF history that is kept", unit="s", low=1.0, high=3600.0)
     record: str = param("", "folder in which ~/start_recording writes a bag of the raw topics")
     depth_code: str = depth_code()

@@ -19,11 +19,11 @@ from tof_core.tf import TransformBuffer
 from tof_preproc.config import stages_of
 from tof_preproc.live import PreprocNodeConfig, input_topics
 from tof_preproc.preprocessor import warm_up
-from tof_preproc.stream import PreprocStream, Processed
+from tof_preproc.stream import ACCUMULATED, PreprocStream, Processed
 from tof_ros import messages, qos
 from tof_ros.base import LEFT_OVER, RoomNode
 from tof_ros.depth_output import DepthOutput
-from tof_ros.patience import Patience
+from tof_ros.patience import NEVER, Patience
 from tof_ros.recorder import RecordService
 from tof_ros.ticker import Ticker
 from tof_ros.transforms import TransformListener
@@ -67,7 +67,8 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         super().__init__(NAME, "preproc", PreprocNodeConfig, fixed=("input.", "still.", "station.", "live."), **options)
         self._topics = input_topics(self.config.input)
         self._arrivals: dict[int, float] = {}
-        self._patience = Patience(self.config.live.patience_s)
+        self._patience, self._hold = Patience(self.config.live.patience_s), Patience(self.config.preproc.motion.max_gap_s)
+        self._accumulated = 0
         self._ticker = Ticker(self, self._tick)
         self._last_info, self._since_info = float("-inf"), 0
         self._stream = PreprocStream(
@@ -75,6 +76,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
             replace(self._topics, amplitude=self.config.input.amplitude_topic.removesuffix(NOT_WANTED)),
             TransformBuffer(self.config.input.max_gap_s, keep_s=self.config.live.keep_tf_s),
             need_tf=self.config.live.need_tf,
+            view_every=self.config.live.view_every,
         )
         ahead_ns = round(self.config.still.window_s * 1e9)
         self._tf = TransformListener(self, self._stream.transforms, self._advance, lambda: self._patience.oldest + ahead_ns)
@@ -139,18 +141,29 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         self._stream.want_unfiltered(wanted=any(self._outputs[name].get_subscription_count() for name in UNFILTERED))
         for processed in self._stream.ready(final=final):
             self._publish(processed)
+        if self._hold.oldest != (held := self._stream.held_ns):
+            self._hold.clear()
+            if held is not None:
+                self._patience.end(held)
+                self._hold.start(held)
         if self._stream.jumped_back:
             self.jumped()
 
     def _tick(self) -> bool:
-        """Give out frames whose missing parts did not arrive in time; whether a frame still waits."""
+        """Give out frames whose missing parts, or the rest of whose dwell, did not arrive in time; whether a frame still waits."""
         self._stream.give_up(self._patience.tick())
+        if self._hold.tick() != NEVER:
+            self._stream.release()
         self._advance()
-        return bool(self._patience)
+        return bool(self._patience or self._hold)
 
     def _publish(self, processed: Processed) -> None:
         arrived = self._arrivals.pop(processed.stamp_ns, time.monotonic())
         self._patience.end(processed.stamp_ns)
+        if processed.fate == ACCUMULATED:
+            self._accumulated += 1
+            self.answer(processed.stamp_ns, ACCUMULATED)
+            return
         if processed.view is None:
             self.skip(processed.stamp_ns, processed.fate, processed.why)
             return
@@ -188,6 +201,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
     def on_config(self, config: PreprocNodeConfig) -> None:
         """New filters take effect with the next frame."""
         self._stream.configure(config.preproc)
+        self._hold = Patience(config.preproc.motion.max_gap_s)
         self._say_stages()
 
     def destroy_node(self) -> None:
@@ -201,6 +215,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
             self._stream.reset()
             self.forget_frames(self._arrivals)
             self._patience.clear()
+            self._hold.clear()
         return "dwell, stations and transforms are forgotten"
 
     def flush(self) -> str:
@@ -211,6 +226,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
 
     def _end_dwell(self) -> str:
         self._stream.end_dwell()
+        self._advance()
         return "the next frame begins a new dwell"
 
     def _stages(self) -> list[str]:
@@ -219,13 +235,16 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         return [s for s in stages_of(config.order) if getattr(getattr(config, s, None), "enable", True)]
 
     def _say_stages(self) -> None:
-        self.get_logger().info(f"stages in their order: {', '.join(self._stages())}")
+        every = self.config.live.view_every
+        views = "a view of each dwell" if every == 0 else "a view after each capture" if every == 1 else f"a view after {every} captures"
+        self.get_logger().info(f"stages in their order: {', '.join(self._stages())}; {views}")
 
     def figures(self) -> Mapping[str, str]:
-        """What the stages removed from the latest view, how old TF is."""
+        """What the stages removed from the latest view, how old TF is, frames that are part of a later view alone."""
         stages = " ".join(self._stages())
         removed = {f"removed.{stage}": str(count) for stage, count in sorted(self._stream.preprocessor.counts.items())}
-        return {"stages": stages, "tf_age_s": f"{self._tf.age:.2f}", "waiting": str(len(self._arrivals)), **removed}
+        waits = {"waiting": str(len(self._arrivals)), "accumulated": str(self._accumulated)}
+        return {"stages": stages, "tf_age_s": f"{self._tf.age:.2f}", **waits, **removed}
 
     def warnings(self) -> list[str]:
         """Frames without camera_info or without TF."""

@@ -43,7 +43,7 @@ class DwellKeeper:
         if dwell is None or not still or dwell.station != station or not dwell.takes(capture):
             dwell = Dwell(capture, station, self._config)
             self.events["dwells"] += 1
-        dwell.add(capture)
+        dwell.add(capture, last=not still)
         self._dwell = dwell if still else None
         self.events["moved"] += not still
         return dwell
@@ -73,15 +73,24 @@ class Preprocessor:
         """Captures that were `frozen` or `moved`, and `dwells` begun, since the last reset."""
         return self._keeper.events
 
+    def add(self, capture: Capture, *, still: bool = True, station: int = 0) -> Dwell | None:
+        """The dwell that now holds this capture; None for a frozen frame. `view` gives its view."""
+        return self._keeper.add(capture, still=still, station=station)
+
+    def view(self, dwell: Dwell) -> View:
+        """The view of a dwell as far as it has come."""
+        self._view, self.report = dwell.view()
+        return self._view
+
     def push(self, capture: Capture, still: bool = True, station: int = 0) -> View:  # noqa: FBT001, FBT002  (the rooms' interface)
         """The view of the current dwell with this capture in it.
 
         A capture in motion (`still` false) is a view of one. A frozen frame changes nothing: the last view comes back.
         """
-        dwell = self._keeper.add(capture, still=still, station=station)
+        dwell = self.add(capture, still=still, station=station)
         if dwell is not None or self._view is None:
             assert dwell is not None
-            self._view, self.report = dwell.view()
+            return self.view(dwell)
         return self._view
 
 

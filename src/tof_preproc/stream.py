@@ -22,12 +22,17 @@ if TYPE_CHECKING:
     from tof_core.tf import TransformBuffer
     from tof_core.topics import Topics
     from tof_preproc.config import PreprocConfig
+    from tof_preproc.dwell import Dwell
     from tof_preproc.stream_config import StreamConfig
+
+
+KEPT, ACCUMULATED = "kept", "accumulated"
+"""Fates of a frame: it has a view of its own, or it is part of a later view of its dwell."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Processed:
-    """Result of one frame: a running view, or (`view` None) the reason why there is none; `unfiltered` where that is wanted."""
+    """Result of one frame: a running view, or (`view` None) why there is none of its own; `unfiltered` where that is wanted."""
 
     stamp_ns: int
     fate: str
@@ -37,6 +42,15 @@ class Processed:
     why: str = ""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """A capture that may be the last of its dwell: it has no view as long as that is open."""
+
+    capture: Capture
+    dwell: Dwell
+    unfiltered: Dwell | None
+
+
 class PreprocStream:
     """One camera's stream. Feed `builder` and `transforms`, then take what is `ready`.
 
@@ -44,8 +58,12 @@ class PreprocStream:
     its motion window. So the result does not depend on the order in which topics arrive.
     """
 
-    def __init__(self, config: StreamConfig, topics: Topics, transforms: TransformBuffer, *, need_tf: bool = True) -> None:
-        """Nothing received yet."""
+    def __init__(
+        self, config: StreamConfig, topics: Topics, transforms: TransformBuffer, *, need_tf: bool = True, view_every: int = 1
+    ) -> None:
+        """Nothing received yet; `view_every`: captures of a dwell from one view to the next, 0 for its last view alone."""
+        self._view_every = view_every
+        self._held: Held | None = None
         self.config, self.transforms = config, transforms
         self.chain = RobotChain(transforms, config.input.cell_frame, config.input.body_frame)
         self.builder = CaptureBuilder(config.input, self.chain, topics, need_tf=need_tf, wait_s=math.inf, ahead_s=config.still.window_s)
@@ -59,6 +77,7 @@ class PreprocStream:
 
     def reset(self) -> None:
         """Start afresh: the clock was set back, or the user asked."""
+        self._held = None
         self.builder.reset()
         self.preprocessor.reset()
         self.want_unfiltered(wanted=self._unfiltered is not None, anew=True)
@@ -74,6 +93,7 @@ class PreprocStream:
 
     def configure(self, config: PreprocConfig) -> None:
         """Other filters from the next frame on; the dwell begins anew."""
+        self.release()
         self.preprocessor = Preprocessor(config)
         self.want_unfiltered(wanted=self._unfiltered is not None, anew=True)
 
@@ -86,8 +106,20 @@ class PreprocStream:
 
     def end_dwell(self) -> None:
         """The next frame begins a new dwell."""
+        self.release()
         self.preprocessor = Preprocessor(self.preprocessor.config)
         self.want_unfiltered(wanted=self._unfiltered is not None, anew=True)
+
+    @property
+    def held_ns(self) -> int | None:
+        """Stamp of the capture that has no view yet because others of its dwell may follow."""
+        return None if self._held is None else self._held.capture.stamp_ns
+
+    def release(self) -> None:
+        """The capture that is held gets its view: nothing follows, or not soon."""
+        if self._held is not None:
+            self._fates.append(self._viewed(self._held))
+            self._held = None
 
     def give_up(self, stamp_ns: int) -> None:
         """Give out frames up to this stamp without waiting for their missing parts."""
@@ -98,7 +130,10 @@ class PreprocStream:
         self._build(final=final)
         yield from self._drain()
         while self._ready:
-            yield self._process(self._ready.popleft())
+            yield from self._process(self._ready.popleft())
+        if final:
+            self.release()
+            yield from self._drain()
 
     def _build(self, *, final: bool) -> None:
         """Captures from the builder; one that cannot be read costs that frame only."""
@@ -122,14 +157,28 @@ class PreprocStream:
         while self._fates:
             yield self._fates.popleft()
 
-    def _process(self, capture: Capture) -> Processed:
+    def _process(self, capture: Capture) -> list[Processed]:
+        """What follows from a capture: the fate of the one before that was held, and its own unless it is held now."""
         still, station = self.standing(capture)
-        frozen = self.preprocessor.events["frozen"]
-        view = self.preprocessor.push(capture, still=still, station=station)
-        if self.preprocessor.events["frozen"] > frozen:
-            return Processed(capture.stamp_ns, FROZEN)
-        unfiltered = None if self._unfiltered is None else self._unfiltered.push(capture, still=still, station=station)
-        return Processed(capture.stamp_ns, "kept", view, unfiltered, capture)
+        dwell = self.preprocessor.add(capture, still=still, station=station)
+        if dwell is None:
+            return [Processed(capture.stamp_ns, FROZEN)]
+        before, out = self._held, []
+        if before is not None:
+            goes_on = before.dwell is dwell
+            out.append(Processed(before.capture.stamp_ns, ACCUMULATED) if goes_on else self._viewed(before))
+        unfiltered = None if self._unfiltered is None else self._unfiltered.add(capture, still=still, station=station)
+        held = Held(capture, dwell, unfiltered)
+        if dwell.ended or (self._view_every and dwell.captures % self._view_every == 0):
+            self._held = None
+            return [*out, self._viewed(held)]
+        self._held = held
+        return out
+
+    def _viewed(self, held: Held) -> Processed:
+        view = self.preprocessor.view(held.dwell)
+        unfiltered = None if held.unfiltered is None else held.unfiltered.view()[0]
+        return Processed(held.capture.stamp_ns, KEPT, view, unfiltered, held.capture)
 
     def standing(self, capture: Capture) -> tuple[bool, int]:
         """Whether the camera stands still, and at which station."""

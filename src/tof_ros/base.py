@@ -211,15 +211,19 @@ class RoomNode(Node, Generic[C]):
         """Call `action` on the wall clock, whatever the data's clock does."""
         return self.create_timer(seconds, action, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
+    def answer(self, stamp_ns: int, fate: str) -> None:
+        """Say what became of a frame."""
+        self._done.publish(messages.time_reference(stamp_ns, stamp_ns, fate))
+
     def done(self, stamp_ns: int, arrived: float, fate: str = "kept") -> None:
         """A frame's outputs are all published."""
         self.tally.done(arrived)
-        self._done.publish(messages.time_reference(stamp_ns, stamp_ns, fate))
+        self.answer(stamp_ns, fate)
 
     def skip(self, stamp_ns: int, reason: str, why: str = "") -> None:
         """A frame has no outputs: count it, say why (a reason at most once in five seconds), go on."""
         self.tally.skip(reason)
-        self._done.publish(messages.time_reference(stamp_ns, stamp_ns, reason))
+        self.answer(stamp_ns, reason)
         if why:
             self.get_logger().warning(f"frame {stamp_ns} skipped, {reason}: {why}", throttle_duration_sec=5.0)
 

@@ -30,6 +30,20 @@ def test_lost_frames_are_counted_while_others_are_sent() -> None:
     assert len(camera.sent) == 200
 
 
+def test_a_frame_that_is_part_of_a_later_view_is_not_lost() -> None:
+    from sensor_msgs.msg import TimeReference
+    from std_msgs.msg import Header
+
+    from tof_ros.messages import to_stamp
+
+    camera = LoopedCamera.__new__(LoopedCamera)
+    camera.sent, camera.fates = dict.fromkeys((1, 2, 3), 0.0), defaultdict(dict)
+    for stamp, fate in ((1, "accumulated"), (2, "kept"), (3, "no transform")):
+        camera._answered("camera0/preproc", TimeReference(header=Header(stamp=to_stamp(stamp)), source=fate))
+    camera._answered("camera0/label", TimeReference(header=Header(stamp=to_stamp(2)), source="kept"))
+    assert (camera.lost("camera0/preproc"), camera.lost("camera0/label"), camera.lost("label")) == (1, 1, 3)
+
+
 def test_stamps_of_a_second_play_follow_those_of_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
     camera = LoopedCamera.__new__(LoopedCamera)
     ahead_ns = 2**62
