@@ -113,6 +113,7 @@ class CaptureBuilder:
         self._colour_camera: Camera | None = None
         self.last_stamp, self._newest, self.overdue = -(2**62), -(2**62), -(2**62)
         self._last_content: Bytes | None = None
+        self._unsettled: tuple[str, int, int] | None = None  # frame, stamp and state of TF that had no answer
 
     def info(self, msg: Any) -> None:
         """A CameraInfo of the depth camera; the newest one holds."""
@@ -156,9 +157,9 @@ class CaptureBuilder:
             self._colour.forget_before(frame.stamp - self._colour_join_ns)
 
     @property
-    def waiting(self) -> int:
-        """Frames that wait for something."""
-        return len(self._frames)
+    def waiting(self) -> set[int]:
+        """Stamps of the frames that wait for something."""
+        return {frame.stamp for frame in self._frames}
 
     def _skip(self, stamp: int, reason: str) -> None:
         self.skipped[reason] += 1
@@ -167,9 +168,8 @@ class CaptureBuilder:
     def _push(self, msg: Any, *, cloud: bool) -> None:
         stamp = stamp_ns(msg)
         content = np.frombuffer(msg.data, np.uint8) if not isinstance(msg.data, list) else np.asarray(msg.data, np.uint8)
-        waiting = {f.stamp for f in self._frames}
         same = not self._repeats and self._last_content is not None and np.array_equal(content, self._last_content)
-        if stamp == self.last_stamp or stamp in waiting or same:
+        if stamp == self.last_stamp or stamp in self.waiting or same:
             self._skip(stamp, FROZEN)
             return
         if stamp < self.last_stamp:
@@ -197,11 +197,15 @@ class CaptureBuilder:
         if self.chain is None:
             return True
         camera, after = self._frame_id(frame), frame.stamp + self._ahead_ns
+        if self._unsettled == (asked := (camera, after, self.chain.transforms.changes)):
+            return False
         try:
-            for stamp in (after, frame.stamp):  # the later one first: mostly it is what has not come yet
-                self.chain.check(camera, stamp)
+            self.chain.check(camera, after)  # first: mostly it is what has not come yet
+            self.chain.check(camera, frame.stamp)
         except TransformError:
-            return self.chain.settled(camera, after)
+            settled = self.chain.settled(camera, after)
+            self._unsettled = None if settled else asked
+            return settled
         return True
 
     def _frame_id(self, frame: _Frame) -> str:
@@ -291,7 +295,6 @@ class CaptureBuilder:
 
     def _camera_of(self, msg: Any, where: str, image_topic: str) -> Camera:
         """The camera of a CameraInfo; the same numbers give the same object, so its rays are computed once."""
-        rectified = is_rectified(image_topic)
-        camera = camera_from_info(msg, where, rectified=rectified)
+        camera = camera_from_info(msg, where, rectified=is_rectified(image_topic))
         key = repr(camera).encode()
         return self._cameras.setdefault(key, camera)

@@ -59,7 +59,7 @@ class RobotChain:
     def check(self, camera_frame: str, stamp_ns: int) -> None:
         """Raises what `pose` would raise at a stamp, for a fifth of its time."""
         cell, _ = self.resolve(camera_frame)
-        self.transforms.lookup(cell, camera_frame, stamp_ns)
+        self.transforms.check(cell, camera_frame, stamp_ns)
 
     def latest(self, camera_frame: str) -> RobotPose:
         """The newest pose that TF knows; errors as of `pose`."""

@@ -12,6 +12,7 @@ from tof_core import se3
 from tof_core.bounds import LONGEST_FRAME_NAME, MOST_FRAMES
 from tof_core.edge import Edge
 from tof_core.errors import TransformError, brief
+from tof_core.tf_message import StampedTransform
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -42,7 +43,10 @@ class TransformBuffer:
         self._edges: dict[str, Edge] = {}
         self._moving: OrderedDict[str, None] = OrderedDict()  # children, in the order in which they were last heard of
         self._two_parents: dict[str, tuple[str, str]] = {}
+        self._known: dict[tuple[str, ...], Any] = {}  # what the tree was asked for since its last frame came or went
         self._lock = RLock()
+        self.changes = 0
+        """Transforms recorded so far: where it has not changed, no answer has."""
 
     def add(self, parent: str, child: str, stamp_ns: int, T: ArrayLike, *, static: bool = False) -> None:
         """Record `T_parent_child` (4, 4) at a stamp; leading slashes of frame names are dropped."""
@@ -54,10 +58,16 @@ class TransformBuffer:
         """Record all transforms of a `tf2_msgs/TFMessage`."""
         for t in msg.transforms:
             v, q, stamp = t.transform.translation, t.transform.rotation, t.header.stamp
-            name = f"{t.header.frame_id} -> {t.child_frame_id}"
-            motion = _checked(name, (v.x, v.y, v.z, q.x, q.y, q.z, q.w))
             stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-            self._put(t.header.frame_id, t.child_frame_id, stamp_ns, motion, static=static)
+            self.put(StampedTransform(t.header.frame_id, t.child_frame_id, stamp_ns, (v.x, v.y, v.z, q.x, q.y, q.z, q.w)), static=static)
+
+    def put(self, sent: StampedTransform, *, static: bool = False) -> None:
+        """Record one transform as it was sent.
+
+        Raises:
+            TransformError: it is no rigid motion between two frames.
+        """
+        self._put(sent.parent, sent.child, sent.stamp_ns, _checked(sent), static=static)
 
     def _put(self, parent: str, child: str, stamp_ns: int, motion: Motion, *, static: bool) -> None:
         parent, child = parent.lstrip("/"), child.lstrip("/")
@@ -67,10 +77,14 @@ class TransformBuffer:
             edge = self._edges.get(child)
             if edge is None:
                 self._make_room()
+                self._known.clear()
                 edge = self._edges[child] = Edge(parent, static=static)
             elif edge.parent != parent:
+                self._known.clear()
+                self.changes += 1
                 self._two_parents[child] = (edge.parent, parent)
                 return
+            self.changes += 1
             edge.static = static
             edge.put(0 if static else stamp_ns, motion)
             if static:
@@ -89,6 +103,7 @@ class TransformBuffer:
             raise TransformError(f"has more than {MOST_FRAMES} frames", where="/tf", todo="is the publisher broken?")
         oldest, _ = self._moving.popitem(last=False)
         del self._edges[oldest]
+        self._known.clear()
         self._two_parents.pop(oldest, None)
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> Float:
@@ -106,6 +121,13 @@ class TransformBuffer:
             for child in reversed(down):
                 motion = _compose(motion, self._at(child, stamp_ns))
         return se3.from_quat(motion[:3], motion[3:])
+
+    def check(self, target: str, source: str, stamp_ns: int) -> None:
+        """Raises what `lookup` would raise, for less."""
+        with self._lock:
+            up, down = self._branches(target.lstrip("/"), source.lstrip("/"))
+            for child in (*up, *reversed(down)):  # in the order of a lookup
+                self._at(child, stamp_ns)
 
     def settled(self, target: str, source: str, stamp_ns: int) -> bool:
         """Whether TF between two frames has passed a stamp so far that a lookup that fails now will not succeed later.
@@ -125,7 +147,10 @@ class TransformBuffer:
     def frames(self) -> tuple[str, ...]:
         """All known frames, sorted."""
         with self._lock:
-            return tuple(sorted({*self._edges, *(e.parent for e in self._edges.values())}))
+            if () not in self._known:
+                self._known[()] = tuple(sorted({*self._edges, *(e.parent for e in self._edges.values())}))
+            names: tuple[str, ...] = self._known[()]
+            return names
 
     def connected(self, target: str, source: str) -> bool:
         """Whether a chain of edges joins two frames, at whatever stamp."""
@@ -153,6 +178,8 @@ class TransformBuffer:
         with self._lock:
             self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
             self._moving.clear()
+            self._known.clear()
+            self.changes += 1
 
     def _at(self, child: str, stamp_ns: int) -> Motion:
         edge = self._edges[child]
@@ -163,6 +190,12 @@ class TransformBuffer:
 
     def _branches(self, target: str, source: str) -> tuple[list[str], list[str]]:
         """The children on the way up from target and from source to their nearest common ancestor."""
+        known: tuple[list[str], list[str]] | None = self._known.get((target, source))
+        if known is None:
+            known = self._known[target, source] = self._found_branches(target, source)
+        return known
+
+    def _found_branches(self, target: str, source: str) -> tuple[list[str], list[str]]:
         up, down = self._ancestors(target), self._ancestors(source)
         shared = set(up) & set(down)
         if not shared:
@@ -190,12 +223,13 @@ class TransformBuffer:
         return list(chain)
 
 
-def _checked(name: str, motion: Motion) -> Motion:
+def _checked(sent: StampedTransform) -> Motion:
     """Refuse what is not finite; normalise the quaternion."""
-    x, y, z, qx, qy, qz, qw = motion
+    x, y, z, qx, qy, qz, qw = sent.motion
     n = math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
     if not math.isfinite(n + x + y + z) or abs(n - 1.0) > 1e-2:
-        raise TransformError(f"translation or quaternion is no rigid motion: {motion}", where=name)
+        where = f"{sent.parent} -> {sent.child}"
+        raise TransformError(f"translation or quaternion is no rigid motion: {sent.motion}", where=where)
     return x, y, z, qx / n, qy / n, qz / n, qw / n
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, Temperature, TimeReference
 from tf2_msgs.msg import TFMessage
 
-from tof_core.builder import NO_TRANSFORM
+from tof_core.builder import FROZEN, NO_TRANSFORM
 from tof_core.decode import stamp_ns
 from tof_core.options import NOT_WANTED
 from tof_core.tf import TransformBuffer
@@ -158,6 +158,9 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         return bool(self._patience or self._hold)
 
     def _publish(self, processed: Processed) -> None:
+        if processed.fate == FROZEN and processed.stamp_ns in self._stream.waiting:
+            self.skip(processed.stamp_ns, FROZEN)  # the second of a stamp; the first one still waits
+            return
         arrived = self._arrivals.pop(processed.stamp_ns, time.monotonic())
         self._patience.end(processed.stamp_ns)
         if processed.fate == ACCUMULATED:

@@ -115,6 +115,12 @@ class PreprocStream:
         """Stamp of the capture that has no view yet because others of its dwell may follow."""
         return None if self._held is None else self._held.capture.stamp_ns
 
+    @property
+    def waiting(self) -> set[int]:
+        """Stamps of frames without a fate yet."""
+        held = () if self._held is None else (self._held.capture,)
+        return self.builder.waiting | {capture.stamp_ns for capture in (*self._ready, *held)}
+
     def release(self) -> None:
         """The capture that is held gets its view: nothing follows, or not soon."""
         if self._held is not None:

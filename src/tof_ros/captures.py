@@ -107,7 +107,7 @@ class CaptureFeed:
 
     def flush(self) -> str:
         """Give out every frame that waits, as at the end of a bag."""
-        waiting = self._builder.waiting + len(self._waiting)
+        waiting = len(self._builder.waiting) + len(self._waiting)
         self.advance(final=True)
         return f"{waiting} frames waited"
 
@@ -145,8 +145,9 @@ class CaptureFeed:
         return bool(self._patience)
 
     def _skipped(self, stamp: int, reason: str, why: str) -> None:
-        self._patience.end(stamp)
-        self._arrivals.pop(stamp, None)
+        if stamp not in self._builder.waiting | {capture.stamp_ns for capture in self._waiting}:  # of a second one the first still waits
+            self._patience.end(stamp)
+            self._arrivals.pop(stamp, None)
         self._node.skip(stamp, reason, why)
         if reason == LATE:
             self._jump.late(stamp, self._builder.last_stamp)

@@ -21,6 +21,7 @@ from tof_core.compressed import unpacked
 from tof_core.config import from_mapping
 from tof_core.errors import ToftwinError
 from tof_core.tf import TransformBuffer
+from tof_core.tf_message import read_transforms
 from tof_core.yamlio import parse_yaml
 from toftwin.viewing import draw_gap
 
@@ -123,11 +124,14 @@ _TRANSFORM = struct.Struct("<BBBqf4b")
 
 
 def tf(folder: Path) -> Callable[[bytes], None]:
-    """A stream of transforms between sixteen frames, sixteen bytes each, and questions in between."""
+    """A serialised message; a stream of transforms between sixteen frames, sixteen bytes each, and questions in between."""
     del folder
 
     def run(data: bytes) -> None:
         buffer = TransformBuffer(keep_s=10.0 if data[:1] == b"k" else 0.0)
+        with contextlib.suppress(ToftwinError):
+            for sent in read_transforms(data):
+                buffer.put(sent)
         for way, parent, child, stamp, x, *q in _TRANSFORM.iter_unpack(data[1 : 1 + (len(data) - 1) // _TRANSFORM.size * _TRANSFORM.size]):
             with contextlib.suppress(ToftwinError):
                 buffer.add_message(_tf_message(f"f{parent % 16}", f"f{child % 16}", stamp, x, q), static=bool(way & 1))
@@ -158,7 +162,8 @@ def tf_seeds(folder: Path) -> list[bytes]:
     del folder
     forward = [_TRANSFORM.pack(6, i % 3, i % 3 + 1, 10**8 * i, 0.1 * i, 0, 0, 0, 127) for i in range(30)]
     static = [_TRANSFORM.pack(3, i, i + 1, 0, 1.0, 0, 127, 0, 0) for i in range(5)]
-    return [b"k" + b"".join(forward), b"a" + b"".join(reversed(forward)), b"a" + b"".join(static)]
+    message = b"\0\1\0\0" + struct.pack("<IiII8sI8s4x7d", 1, 1, 5, 5, b"body", 7, b"camera", 0, 0, 1, 0, 0, 0, 1)
+    return [b"k" + b"".join(forward), b"a" + b"".join(reversed(forward)), b"a" + b"".join(static), message]
 
 
 def parameters(folder: Path) -> Callable[[bytes], None]:

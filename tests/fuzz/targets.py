@@ -48,7 +48,7 @@ DOORS = (
     Target("dataset", "files", 100_000, ("tof_core", "tof_sim_label")),
     Target("compressed", "documents", 10_000_000, ("tof_core",)),
     Target("parameters", "documents", 10_000_000, ("tof_core",)),
-    Target("tf", "documents", 10_000_000, ("tof_core.tf", "tof_core.edge")),
+    Target("tf", "documents", 10_000_000, ("tof_core.tf", "tof_core.tf_message", "tof_core.edge")),
     Target("reference", "documents", 100_000, ("tof_core.npz", "arm_correction.reference")),
     Target("gap", "documents", 100_000, ("tof_core.npz", "toftwin.viewing")),
     Target("onnx", "files", 100_000, ("tof_core", "tof_infer")),

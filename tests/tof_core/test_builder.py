@@ -86,10 +86,28 @@ def only(live: Live, *topics: str) -> list[tuple[Any, Any]]:
 def test_a_frame_waits_for_tf_and_is_given_out_once_it_came(live: Live) -> None:
     t = live.topics
     assert live.feed(only(live, t.info, t.amplitude, t.temperature, t.depth)[:16]) == []
-    assert live.builder.waiting > 0
+    assert live.builder.waiting
     seen = live.feed(only(live, "/tf", "/tf_static"))
     assert [c.stamp_ns for c in seen] == [stamp(i) for i in range(len(seen))]
     assert len(seen) >= 3
+
+
+def test_tf_that_had_no_answer_is_asked_again_only_once_it_has_changed(live: Live, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    check = RobotChain.check
+
+    def counted(chain: RobotChain, camera: str, stamp_ns: int) -> None:
+        asked.append(stamp_ns)
+        check(chain, camera, stamp_ns)
+
+    monkeypatch.setattr(RobotChain, "check", counted)
+    live.feed([m for m in live.messages if m[0].type != TF])
+    assert asked
+    first = len(asked)
+    assert [*live.builder.ready(), *live.builder.ready()] == []
+    assert len(asked) == first
+    live.feed([m for m in live.messages if m[0].type == TF])
+    assert len(asked) > first
 
 
 def test_without_tf_frames_are_skipped_after_a_while_and_counted(live: Live) -> None:

@@ -208,3 +208,32 @@ def test_interpolation_takes_the_shorter_way_round() -> None:
     buffer.add("a", "b", 100 * MS, se3.exp([0, 0, 0, 0, 0, np.radians(-170)]))
     half = buffer.lookup("a", "b", 50 * MS)
     np.testing.assert_allclose(half[:2, :2], -np.eye(2), atol=1e-12)
+
+
+def test_what_is_known_of_the_tree_follows_frames_that_come_and_go() -> None:
+    buffer = tree()
+    assert buffer.chain("odom", "camera") == ("odom", "body", "hand", "camera")
+    assert not buffer.connected("cell", "camera")
+    assert "cell" not in buffer.frames()
+    buffer.add("cell", "odom", 0, A, static=True)
+    assert buffer.chain("cell", "camera") == ("cell", "odom", "body", "hand", "camera")
+    assert "cell" in buffer.frames()
+    buffer.add("elsewhere", "body", 500 * MS, A)
+    with pytest.raises(TransformError, match="two parents"):
+        buffer.lookup("cell", "camera", 500 * MS)
+    buffer.clear_dynamic()
+    assert buffer.frames() == ("camera", "cell", "hand", "odom")
+    assert not buffer.connected("cell", "camera")
+
+
+@pytest.mark.parametrize(("target", "stamp"), [("odom", 500), ("odom", 1500), ("odom", -1), ("nowhere", 500)])
+def test_a_check_raises_what_a_lookup_raises(target: str, stamp: int) -> None:
+    buffer = tree()
+    said = []
+    for ask in (buffer.lookup, buffer.check):
+        try:
+            ask(target, "camera", stamp * MS)
+        except TransformError as error:
+            said.append(str(error))
+    assert len(set(said)) == (0 if (target, stamp) == ("odom", 500) else 1)
+    assert len(said) in (0, 2)

@@ -82,6 +82,14 @@ def test_doubled_messages_count_once(running: tuple[Graph, FaultyRobot]) -> None
     assert robot.fates(sent, "label") == {"kept": 6}
 
 
+def test_doubled_frames_that_wait_in_vain_have_their_end(running: tuple[Graph, FaultyRobot]) -> None:
+    graph, robot = running
+    n = graph.begin()
+    sent = [robot.frame(n + k, twice=True) for k in range(3)]
+    wait_for(lambda: robot.fates(sent).total() == 6, what="for the first of each")
+    assert robot.fates(sent) == {"frozen": 3, "no transform": 3}
+
+
 def test_reordered_messages_come_out_in_order_and_none_is_unaccounted(running: tuple[Graph, FaultyRobot]) -> None:
     graph, robot = running
     n = graph.begin()
