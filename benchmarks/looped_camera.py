@@ -28,6 +28,8 @@ IN_FLIGHT = 3
 """Frames without an answer at which a paced camera waits: a frame is answered once the transforms after it have come."""
 STEP_NS = 100_000_000
 """Between the stamps of two plays."""
+PACED_TF_S = 0.001
+"""Between two transforms of a paced camera: those of a drive must not overrun a queue that a robot's fill in seconds."""
 PACED_S = 5.0
 """A paced camera waits no longer for an answer: that frame is lost."""
 
@@ -156,6 +158,8 @@ class LoopedCamera:
         """Wait until a message is due; whether the camera was stopped meanwhile."""
         if not self.paced:
             return self._stop.wait(max(seconds, 0.0))
+        if topic == "/tf":
+            time.sleep(PACED_TF_S)
         deadline = time.monotonic() + PACED_S
         while topic == self._frames_topic and self._unanswered() >= IN_FLIGHT and time.monotonic() < deadline:
             if self._stop.wait(0.005):

@@ -27,8 +27,9 @@ if TYPE_CHECKING:
 
 POLL_NS = 10_000_000
 """How long a turn waits at most while a coroutine waits for a future that cannot wake the executor (rclpy up to 7.1.8)."""
-EVENTS_S = 0.5
-"""Period in which a busy node looks for events of DDS (incompatible QoS): half of what a node has to wait for are such, an idle one waits for all."""
+SELDOM_S = 0.1
+"""Period in which a busy node looks for service calls and for events of DDS (incompatible QoS): three quarters of what a node has to wait for are such,
+and each wait names all of it. An idle node waits for all."""
 
 MOST = 16
 """Messages of one topic that a turn after a rest takes at most: timers and services have their turn, too, and 800 a second are heard at 20 ms."""
@@ -44,7 +45,8 @@ class DirectExecutor(Executor):
     Of rclpy's `Executor` it uses what is public and the five `_take_*` methods, which take one message, request, answer, event or
     timer call; tasks, guards and the state of shutdown are its own. `tof_ros.trial` tries it on the rclpy that is installed.
 
-    `rest_s` is a pause after each turn; the next turn takes all messages that came meanwhile, one of each topic after the other.
+    `rest_s` is a pause before a turn takes what the wait has found: it takes all messages that came meanwhile, too, one of each topic after
+    the other.
     """
 
     rest_s = 0.0
@@ -55,7 +57,7 @@ class DirectExecutor(Executor):
         self._alarm = GuardCondition(None, None, context=context)
         self._interrupt = SignalHandlerGuardCondition(context)
         self._ended = False
-        self._events_from = float("-inf")
+        self._seldom_from = float("-inf")
         self._begun: deque[Work] = deque()
         self._suspended: list[Work] = []
         super().__init__(context=context)
@@ -106,9 +108,7 @@ class DirectExecutor(Executor):
     def spin(self) -> None:
         """Turn until shutdown."""
         while self.context.ok() and not self._ended:
-            self._turn(-1)
-            if self.rest_s:
-                time.sleep(self.rest_s)
+            self._turn(-1, self.rest_s)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """One turn: wait, then run everything that is ready."""
@@ -129,10 +129,14 @@ class DirectExecutor(Executor):
                 return
             self.spin_once(None if left == float("inf") else left)
 
-    def _turn(self, timeout_ns: int) -> None:
+    def _turn(self, timeout_ns: int, rest_s: float = 0.0) -> None:
         """One turn; other threads may make and destroy entities meanwhile, or shut the executor down."""
         self._go_on()
         ready = self._ready(timeout_ns)
+        if rest_s and ready:
+            time.sleep(rest_s)
+            others = [(kind, entity) for kind, entity in ready if kind != "subscription"]
+            ready = [("subscription", topic) for node in self.get_nodes() for topic in node.subscriptions] + others
         for _ in range(MOST if self.rest_s else 1):
             ready = [(kind, entity) for kind, entity in ready if self._take(kind, entity)]
             if not ready:
@@ -187,17 +191,17 @@ class DirectExecutor(Executor):
         if any(work.awaited is None for work in self._suspended):
             timeout_ns = POLL_NS if timeout_ns < 0 else min(timeout_ns, POLL_NS)
         now = time.monotonic()
-        events = timeout_ns >= 0 or now >= self._events_from
-        if not events:
-            timeout_ns = round((self._events_from - now) * 1e9)
+        seldom = timeout_ns >= 0 or now >= self._seldom_from
+        if not seldom:
+            timeout_ns = round((self._seldom_from - now) * 1e9)
         may_run = _may_run if self._suspended else None
-        waiting = Waiting(self.get_nodes(), [self._alarm, self._interrupt], self.context, may_run, events=events)
+        waiting = Waiting(self.get_nodes(), [self._alarm, self._interrupt], self.context, may_run, seldom=seldom)
         try:
             if self._ended:  # looked at once all is held: before, the guard that would end the wait may be gone
                 return []
             ready = waiting.wait(timeout_ns)
-            if events:
-                self._events_from = time.monotonic() + EVENTS_S
+            if seldom:
+                self._seldom_from = time.monotonic() + SELDOM_S
             if not self.context.ok() and not self._ended:
                 raise ExternalShutdownException
             return ready

@@ -23,9 +23,9 @@ class Waiting:
     """The entities of some nodes, kept from being destroyed between the wait and the look at what is ready."""
 
     def __init__(
-        self, nodes: list[Node], guards: list[Any], context: Context, may_run: Callable[[Any], bool] | None, *, events: bool = True
+        self, nodes: list[Node], guards: list[Any], context: Context, may_run: Callable[[Any], bool] | None, *, seldom: bool = True
     ) -> None:
-        """`guards` are the executor's own; what may not run is not waited for (None: all may), nor are events of DDS without `events`."""
+        """`guards` are the executor's own; what may not run is not waited for (None: all may), nor are services and events of DDS without `seldom`."""
         self._held: list[Any] = []
         self._context = context
         found = (
@@ -33,12 +33,12 @@ class Waiting:
             chain.from_iterable(n.guards for n in nodes),
             chain.from_iterable(n.timers for n in nodes),
             chain.from_iterable(n.clients for n in nodes),
-            chain.from_iterable(n.services for n in nodes),
+            chain.from_iterable(n.services for n in nodes if seldom),
         )
         self._guards = [g for g in guards if self._hold(g.handle)]
         hold = self._hold
         self._entities = [[e for e in kind if (may_run is None or may_run(e)) and hold(e.handle)] for kind in found]
-        asked = (w for n in nodes for w in n.waitables if events or not isinstance(w, EventHandler))
+        asked = (w for n in nodes for w in n.waitables if seldom or not isinstance(w, EventHandler))
         self._waitables = [w for w in asked if (may_run is None or may_run(w)) and hold(w)]
         self._hold(context.handle)
 
