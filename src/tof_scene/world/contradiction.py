@@ -62,6 +62,8 @@ def strays(seen: Seen, bias: Float, known: Mask, limits: WorldLimits) -> Mask:
     """
     beside = known if seen.apart is None else known | (seen.apart > 1e-3 * limits.least_mm)
     near = ndimage.binary_dilation(beside, EIGHT, iterations=limits.rim_px) if beside.any() and limits.rim_px else beside
+    if not near.any():
+        return np.asarray(near)
     with np.errstate(invalid="ignore"):
         off = np.abs(seen.residual - bias) > 1e-3 * limits.stray_mm + limits.noise_sigma * seen.noise_or_own
     return np.asarray(near & off)
@@ -104,21 +106,22 @@ def _with_rim(patch: Mask, lost: Mask, saturated: Mask, rim_px: int) -> Mask:
 def _medians(measured: Float, cad: Float, error: Float) -> tuple[Float, Float]:
     """Medians over 3 x 3 pixels: of the way from the range of CAD depths around a pixel to what it measured, and of the error."""
     h, w = error.shape
-    beyond = np.zeros((h, w))
+    beyond, low, high = np.zeros((h, w)), np.empty(w), np.empty(w)
     for v in range(h):
+        up, down = max(v - 1, 0), min(v + 1, h - 1)
         for u in range(w):
-            low, high = np.inf, -np.inf
-            for a in range(max(0, v - 1), min(h, v + 2)):
-                for b in range(max(0, u - 1), min(w, u + 2)):
-                    if np.isfinite(cad[a, b]):
-                        low, high = min(low, cad[a, b]), max(high, cad[a, b])
-            m = measured[v, u]
+            a, b, c = cad[up, u], cad[v, u], cad[down, u]
+            low[u] = min(a if np.isfinite(a) else np.inf, b if np.isfinite(b) else np.inf, c if np.isfinite(c) else np.inf)
+            high[u] = max(a if np.isfinite(a) else -np.inf, b if np.isfinite(b) else -np.inf, c if np.isfinite(c) else -np.inf)
+        for u in range(w):
+            left, right, m = max(u - 1, 0), min(u + 1, w - 1), measured[v, u]
+            least, most = min(low[left], low[u], low[right]), max(high[left], high[u], high[right])
             if not np.isfinite(m) or not np.isfinite(cad[v, u]):
                 beyond[v, u] = np.nan
-            elif m > high:
-                beyond[v, u] = m - high
-            elif m < low:
-                beyond[v, u] = m - low
+            elif m > most:
+                beyond[v, u] = m - most
+            elif m < least:
+                beyond[v, u] = m - least
     return _median_of(beyond), _median_of(error)
 
 
@@ -126,21 +129,40 @@ def _medians(measured: Float, cad: Float, error: Float) -> tuple[Float, Float]:
 def _median_of(values: Float) -> Float:
     """Median of the finite values among 3 x 3; 0 where there are none."""
     h, w = values.shape
-    out = np.zeros((h, w))
-    nine = np.empty(9)
+    out, low, middle, high, nine, whole = np.zeros((h, w)), np.empty(w), np.empty(w), np.empty(w), np.empty(9), np.empty(w, np.bool_)
     for v in range(h):
+        up, down = max(v - 1, 0), min(v + 1, h - 1)
+        for u in range(w):  # three rows sorted, column by column
+            a, b, c = values[up, u], values[v, u], values[down, u]
+            least, most = min(a, b), max(a, b)
+            low[u], middle[u], high[u] = min(least, c), max(least, min(most, c)), max(most, c)
+            whole[u] = np.isfinite(a) & np.isfinite(b) & np.isfinite(c)
+        for u in range(1, w - 1):
+            of_low = max(low[u - 1], low[u], low[u + 1])
+            of_high = min(high[u - 1], high[u], high[u + 1])
+            a, b, c = middle[u - 1], middle[u], middle[u + 1]
+            of_middle = max(min(a, b), min(max(a, b), c))
+            out[v, u] = max(min(of_low, of_middle), min(max(of_low, of_middle), of_high))
+        inner = 0 < v < h - 1
         for u in range(w):
-            n = 0
-            for a in range(max(0, v - 1), min(h, v + 2)):
-                for b in range(max(0, u - 1), min(w, u + 2)):
-                    x = values[a, b]
-                    if np.isfinite(x):
-                        k = n
-                        while k > 0 and nine[k - 1] > x:
-                            nine[k] = nine[k - 1]
-                            k -= 1
-                        nine[k] = x
-                        n += 1
-            if n > 0:
-                out[v, u] = 0.5 * (nine[(n - 1) // 2] + nine[n // 2])
+            if not (inner and 0 < u < w - 1 and whole[u - 1] and whole[u] and whole[u + 1]):
+                out[v, u] = _median_of_known(values, v, u, nine)
     return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _median_of_known(values: Float, v: int, u: int, nine: Float) -> float:
+    """Median of the finite values among 3 x 3 around a pixel at the rim or beside one without a value; 0 where there are none. `nine`: room for them."""
+    h, w = values.shape
+    n = 0
+    for a in range(max(0, v - 1), min(h, v + 2)):
+        for b in range(max(0, u - 1), min(w, u + 2)):
+            x = values[a, b]
+            if np.isfinite(x):
+                k = n
+                while k > 0 and nine[k - 1] > x:
+                    nine[k] = nine[k - 1]
+                    k -= 1
+                nine[k] = x
+                n += 1
+    return 0.5 * (nine[(n - 1) // 2] + nine[n // 2]) if n else 0.0

@@ -54,9 +54,10 @@ class Seen:
 
     @property
     def noise_or_own(self) -> Float:
-        """(H, W) `noise`; where it is unknown, what second differences of the view's own residual show."""
-        known = np.isfinite(self.noise)
-        return np.where(known, self.noise, 0.0 if known.all() else _own_noise(self.residual)).astype(float)
+        """(H, W) `noise`; where a residual's is unknown, what second differences of all show. Of pixels without a residual it says nothing."""
+        known, residual = np.isfinite(self.noise), self.residual
+        lacking = bool((~known & np.isfinite(residual)).any())
+        return np.where(known, self.noise, _own_noise(residual) if lacking else 0.0).astype(float)
 
     def points(self, where: Mask, depth: Float) -> Float:
         """(n, 3) points in the cell of the pixels of a mask (H, W), at depths (H, W)."""
