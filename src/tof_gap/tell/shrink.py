@@ -93,8 +93,8 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
 
     The interval is that of a block bootstrap, widened by the error of the floor. It reaches up to 1 and beyond: what is left above the
     floor may be error of the fitted maps. Where many coefficients were estimated from few views, their maps have an error of variance
-    `unsure2` (m^2): the true effects would shrink the gap by up to that much more. It reaches down by what poses took of a healthy camera's
-    errors, which the true effects leave. Where nothing is removed, nothing shrinks.
+    `unsure2` (m^2): the true effects would shrink the gap by up to that much more. It reaches down by what poses may take of a healthy
+    camera's errors beyond what they usually take: the true effects leave it. Where nothing is removed, nothing shrinks.
     """
     before, after = held_out.errors("before"), held_out.errors("after")
     floor2 = float(held_out.floor2.sum() / max(held_out.n.sum(), 1.0))
@@ -112,7 +112,7 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
         low, high = np.quantile(ratios, [0.025, 0.975]) if len(ratios) else (value, value)
         floor = abs(value) * limits.noise_known * floor2 / whole
         half = [float(np.hypot(max(side, limits.resolution), floor)) for side in (value - low, high - value)]
-        hidden = healthy2 / whole
+        hidden = max((limits.healthy_most_mm * 1e-3) ** 2 - healthy2, 0.0) / whole
         ci = (value - half[0] - hidden, max(value + half[1] + unsure2 / whole, 1.0))
     return Shrink(before, after, 1e3 * float(np.sqrt(floor2)), value, ci)
 

@@ -13,8 +13,8 @@ from tof_gap.tell.shrink import HeldOut, blocks, measure
 RNG = np.random.default_rng(8)
 LIMITS = ShrinkLimits()
 SHAPE = (64, 64)
-HEALTHY2 = LIMITS.healthy_mm**2
-"""mm^2: what poses take of a healthy camera's errors stays."""
+HEALTHY2, HEALTHY_MOST2 = LIMITS.healthy_mm**2, LIMITS.healthy_most_mm**2
+"""mm^2: what poses take of a healthy camera's errors, usually and at most, stays."""
 
 
 def maps(bias: float, noise: float, left: float) -> tuple[list, list, list]:  # type: ignore[type-arg]
@@ -45,9 +45,19 @@ def test_at_the_floor_there_is_no_shrink_to_state() -> None:
 
 
 def test_what_is_left_may_be_error_of_the_map_and_what_poses_took_would_stay() -> None:
-    """A bias of 4 mm of which the map leaves half: the true effect may leave nothing, or twice the energy of a healthy camera's errors."""
+    """A bias of 4 mm of which the map leaves half: the true effect may leave nothing, or more of a healthy camera's errors than usual."""
     result = measure(sums(*maps(0.004, 0.0005, 0.5)), RNG, LIMITS)
-    assert result.ci95 == pytest.approx(((0.75 * 16 - HEALTHY2) / (16 + HEALTHY2), 1.0), abs=0.01)
+    low = (0.75 * 16 - (HEALTHY_MOST2 - HEALTHY2)) / (16 + HEALTHY2)
+    assert result.ci95 == pytest.approx((low, 1.0), abs=0.01)
+
+
+def test_in_a_small_gap_the_interval_reaches_down_to_the_least_healthy_cameras_shrink() -> None:
+    """A bias of 1 mm that the map removes: 1 / (1 + 0.3^2) is stated, and 1 / (1 + 0.5^2) lies within."""
+    result = measure(sums(*maps(0.001, 0.0002, 0.0)), RNG, LIMITS)
+    assert result.shrink == pytest.approx(1 / (1 + HEALTHY2), abs=0.01)
+    assert result.ci95 is not None
+    assert result.ci95[0] == pytest.approx((1 - (HEALTHY_MOST2 - HEALTHY2)) / (1 + HEALTHY2), abs=0.02)
+    assert result.ci95[0] < 1 / (1 + HEALTHY_MOST2)
 
 
 @pytest.mark.parametrize("bias_mm", [0.8, 2.0, 5.0])
@@ -85,7 +95,7 @@ def test_under_much_scatter_the_interval_says_that_the_floor_is_not_known_better
     little, much = (measure(sums(*maps(0.004, noise, 0.0)), RNG, LIMITS).ci95 for noise in (0.0005, 0.008))
     assert little is not None
     assert much is not None
-    hidden = HEALTHY2 / 4.0**2  # by what a healthy camera errs and poses absorb
+    hidden = (HEALTHY_MOST2 - HEALTHY2) / 4.0**2  # by what a healthy camera errs and poses absorb
     assert np.diff(little) - 2 * hidden < 0.02
     assert np.diff(much) - hidden > 2 * 0.03 * 0.008**2 / 0.004**2
 
