@@ -11,14 +11,16 @@ from scipy import ndimage
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from tof_core.arrays import Float, Mask
+    from tof_core.arrays import Float, Ints, Mask
     from tof_scene.world.seen import Seen
 
 EIGHT = np.ones((3, 3), bool)
 MIXED_PX, RIM_PX = 1, 2
 """Pixels at either side of an object's outline that may mix both surfaces, and the width of the rims beyond them that are compared."""
 AROUND = 0.5
-"""Share of the outer rim that the part must fill: what ends where the part ends may be the part's own end, bent."""
+"""Share of the outer rim that the parts under the object must fill: what ends where a part ends may be the part's own end, bent."""
+UNDER = 0.2
+"""Share of the object's pixels from which on a part lies under it: an object hides a few pixels of what is behind it."""
 STEP = 0.6
 """Step from the inner to the outer rim over the object's height: 1 for a slab; a bump that a smooth bend raises has a third."""
 HEIGHT = 0.9
@@ -32,28 +34,38 @@ def ends_in_a_step(seen: Seen, measured: Float, object_px: Mask, *, on_a_part: b
         seen: the view.
         measured: (H, W) depth without the sensor's own effects, metres.
         object_px: (H, W) the pixels.
-        on_a_part: whether one part must lie under the pixels, in its place around most of them.
+        on_a_part: whether every part under the pixels must be in its place beside them, around most of them.
     """
-    on = seen.part[object_px]
-    on = on[on >= 0]
-    if not len(on):
-        return False
-
-    def grown(pixels: int) -> Mask:
-        return np.asarray(ndimage.binary_dilation(object_px, EIGHT, iterations=pixels))
-
-    def shrunk(pixels: int) -> Mask:
-        return np.asarray(ndimage.binary_erosion(object_px, EIGHT, iterations=pixels))
-
     before = seen.cad - measured
-    inner = shrunk(MIXED_PX) & ~shrunk(MIXED_PX + RIM_PX) & np.isfinite(before)
-    around = grown(MIXED_PX + RIM_PX) & ~grown(MIXED_PX)
-    beside = seen.part == np.bincount(on).argmax() if on_a_part else seen.part >= 0
-    outer = around & beside & np.isfinite(before)
-    if not inner.any() or not outer.any() or (on_a_part and outer.sum() < AROUND * around.sum()):
-        return False
-    step = np.median(before[inner]) - np.median(before[outer])
-    return bool(step > STEP * np.nanquantile(before[object_px], HEIGHT))
+    finite = np.isfinite(before)
+    inner = _shrunk(object_px, MIXED_PX) & ~_shrunk(object_px, MIXED_PX + RIM_PX) & finite
+    around = _grown(object_px, MIXED_PX + RIM_PX) & ~_grown(object_px, MIXED_PX)
+    outer = around & (seen.part >= 0) & finite
+
+    def steps(where: Mask) -> bool:
+        if not (inner & where).any() or not (outer & where).any():
+            return False
+        step = np.median(before[inner & where]) - np.median(before[outer & where])
+        return bool(step > STEP * np.nanquantile(before[object_px & where], HEIGHT))
+
+    if not on_a_part:
+        return steps(np.ones(object_px.shape, bool))
+    under = _parts_under(seen, object_px)
+    filled = np.count_nonzero(outer & np.isin(seen.part, under))
+    return len(under) > 0 and bool(filled >= AROUND * np.count_nonzero(around)) and all(steps(seen.part == part) for part in under)
+
+
+def _parts_under(seen: Seen, object_px: Mask) -> Ints:
+    parts, pixels = np.unique(seen.part[object_px & (seen.part >= 0)], return_counts=True)
+    return np.asarray(parts[pixels >= UNDER * pixels.sum()])
+
+
+def _grown(mask: Mask, pixels: int) -> Mask:
+    return np.asarray(ndimage.binary_dilation(mask, EIGHT, iterations=pixels))
+
+
+def _shrunk(mask: Mask, pixels: int) -> Mask:
+    return np.asarray(ndimage.binary_erosion(mask, EIGHT, iterations=pixels))
 
 
 def most_end_in_a_step(views: Iterable[tuple[Seen, Float, Mask]], *, on_a_part: bool) -> bool:

@@ -117,6 +117,31 @@ def test_a_flat_object_ends_in_a_step(height_m: float) -> None:
     np.testing.assert_allclose(found.size_m[:2], [0.12, 0.16], atol=0.03)
 
 
+def test_a_flat_object_may_lie_across_parts() -> None:
+    """A board of 16 cm across a strip of 8 cm and the plates at either side: none of the three surrounds it."""
+    left, right = Part("left", *box((0.61, 1.6, 0.02), (-0.495, 0, -0.01))), Part("right", *box((0.91, 1.6, 0.02), (0.345, 0, -0.01)))
+    strip = Part("strip", *box((0.08, 1.6, 0.02), (-0.15, 0, -0.01)))
+    board = Part("board", *box((0.16, 0.12, 0.016), (-0.15, 0.05, 0.008)))
+    cad = scene(left, strip, right, BLOCK)
+    (found,) = find_surprises(views(scene(left, strip, right, BLOCK, board), cad), cad, LIMITS).foreign
+    np.testing.assert_allclose(found.centre_m, [-0.15, 0.05, 0.016], atol=0.012)
+    np.testing.assert_allclose(found.size_m[:2], [0.16, 0.12], atol=0.03)
+
+
+def test_two_parts_whose_ends_are_bent_are_no_object() -> None:
+    """The plate's end, and a second plate beside it, rise as one: each comes back to its CAD."""
+    flat, risen = raised(0.0, "end"), raised(0.018, "end")
+
+    def half(part: Part, side: int) -> Part:
+        mine = side * part.vertices[part.faces].mean(axis=1)[:, 1] > 0
+        return Part(f"plate {side}", part.vertices, part.faces[mine])
+
+    cad = scene(half(flat, 1), half(flat, -1), BLOCK)
+    found = find_surprises(views(scene(half(risen, 1), half(risen, -1), BLOCK), cad), cad, LIMITS)
+    assert sum(int((p != NONE).sum()) for p in found.pixels) > 500
+    assert found.foreign == ()
+
+
 @pytest.mark.parametrize("shape", ["bump", "end"])
 def test_a_part_that_is_bent_comes_back_to_its_place_and_is_no_object(shape: str) -> None:
     cad = scene(PLATE, BLOCK)
