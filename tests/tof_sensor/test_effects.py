@@ -79,6 +79,15 @@ def test_late_charge_goes_with_inverse_amplitude() -> None:
     np.testing.assert_allclose(walk.bias(frame) * frame.length, 0.004 * 2.0 / frame.amplitude, rtol=1e-12)
 
 
+def test_ambient_light_fills_a_far_pixel_more_than_the_lamp_does() -> None:
+    """At 2 m ambient light of 0.25 / m^2 doubles the light of the lamp: late charge is half the share that it is in the dark."""
+    frame = plane_frame()
+    dark = AmplitudeBias(inverse_m=0.004, reference=2.0, form="inverse").bias(frame)
+    lit = AmplitudeBias(inverse_m=0.004, reference=2.0, form="inverse", ambient=0.25).bias(frame)
+    np.testing.assert_allclose(lit, dark / (1 + 0.25 * frame.radial**2), rtol=1e-12)
+    assert (AmplitudeBias(per_ln_m=0.004, ambient=0.25).bias(frame) > AmplitudeBias(per_ln_m=0.004).bias(frame)).all()
+
+
 def test_offset_scale_and_radial_are_what_they_say() -> None:
     frame = plane_frame()
     np.testing.assert_allclose(RangeOffset(offset_m=0.005).bias(frame) * frame.length, 0.005)

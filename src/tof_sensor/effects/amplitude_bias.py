@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core.config import param
 from tof_sensor.action import BRIGHTER, FARTHER, NEARER
-from tof_sensor.effect import Effect, Form, stack
+from tof_sensor.effect import Effect, Finer, Form, stack
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,10 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class AmplitudeBias(Effect):
-    """dr = c + a ln(A / A0) + b ln(A / A0)^2 + d A0 / A (Lindner 2010; docs/effects.md).
+    """dr = c + a ln(Q / A0) + b ln(Q / A0)^2 + d A0 / Q with Q = A (1 + k r^2) (Lindner 2010; docs/effects.md).
 
     The logarithms follow published walk errors, the inverse charge that arrives late whatever the light. `form` says which of them a
-    fit may use: `log` the first three, `inverse` c, a and d. c is the bias at the amplitude A0: where none is stated to be free of bias, every A0 describes the same bias.
+    fit may use: `log` the first three, `inverse` c, a and d. c is the bias at the amplitude A0: where none is stated to be free of bias,
+    every A0 describes the same bias. Q is the light that fills the pixel: the lamp's, of amplitude A, and the ambient light's, which does
+    not fall with the range r.
     """
 
     NAME: ClassVar[str] = "amplitude_bias"
@@ -40,6 +42,7 @@ class AmplitudeBias(Effect):
     LINEAR: ClassVar[tuple[str, ...]] = ("at_reference_m", "per_ln_m", "per_ln2_m", "inverse_m")
     OWN: ClassVar[tuple[str, ...]] = ("per_ln_m", "per_ln2_m", "inverse_m")
     REST: ClassVar[str] = "range_offset"
+    FINER: ClassVar[tuple[Finer, ...]] = (Finer("ambient", 3.0), Finer("ambient", 0.5))
 
     at_reference_m: float = param(0.0, "bias at the reference", unit="m", low=-0.2, high=0.2)
     per_ln_m: float = param(0.0, "bias per e-fold of amplitude", unit="m", low=-0.05, high=0.05)
@@ -47,10 +50,12 @@ class AmplitudeBias(Effect):
     inverse_m: float = param(0.0, "bias by late charge at the reference", unit="m", low=-0.1, high=0.1)
     form: str = param("log", "terms of a fit", choices=("log", "inverse"))
     reference: float = param(1.0, "amplitude to which the bias refers, in the camera's unit", low=1e-12)
+    ambient: float = param(0.0, "ambient light over the lamp's at 1 m", unit="1/m^2", low=0.0, high=10.0)
 
     def columns(self, frame: Frame) -> Float:
-        """One, log amplitude, its square, and inverse amplitude, along z; 0 where no light came back and for terms that `form` lacks."""
-        log = np.log(np.maximum(frame.amplitude, 1e-12) / self.reference)
+        """One, log of the light, its square, and inverse light, along z; 0 where no light came back and for terms that `form` lacks."""
+        light = frame.amplitude * (1 + self.ambient * np.nan_to_num(frame.radial) ** 2)
+        log = np.log(np.maximum(light, 1e-12) / self.reference)
         seen = frame.valid & (frame.amplitude > 0)
         zero = np.zeros_like(log)
         inverse = np.minimum(np.exp(-log), DARKEST)
@@ -64,10 +69,13 @@ class AmplitudeBias(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Either form, about the session's median amplitude."""
+        """Either form, about the session's median amplitude, in the dark and in ambient light."""
         for form in ("log", "inverse"):
-            yield Form(cls(reference=session.median_amplitude, form=form), form)
+            for ambient in (0.0, AMBIENT):
+                yield Form(cls(reference=session.median_amplitude, form=form, ambient=ambient), f"{form}, ambient light {ambient:g}")
 
 
 DARKEST = 100.0
-"""Cap of A0 / A: darker pixels return no depth."""
+"""Cap of A0 / Q: darker pixels return no depth."""
+AMBIENT = 0.3
+"""Ambient light over the lamp's at 1 m that is tried first: a lit hall and a lamp of some watts, 1/m^2."""
