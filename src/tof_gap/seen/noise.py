@@ -46,7 +46,7 @@ def noise_effects(
 
     `law`: the camera's photon law as `--sensor` states it. Noise within it is no effect, whatever it does with amplitude.
     `unmerged`: the camera fails to merge its frequencies, so that one of them counts for less than the law states and fewer
-    amplitudes are left to see the law by: noise at every amplitude is then no effect of its own.
+    amplitudes are left to see the law by: noise at every amplitude, of some views or of all, is then no effect of its own.
     """
     step = code_step(views)
     if step > limits.step_mm * 1e-3:  # Coarse steps leave contours and uneven noise of their own.
@@ -61,7 +61,7 @@ def noise_effects(
         wave = beat(views, limits.beat)
         if wave is not None and wave.size_m > limits.extra_mm * 1e-3:
             return [_stripes(views, wave, float(np.median(b.amplitude)), limits)]
-    hit = None if dark or {Interference.NAME, Noise.NAME} <= left_out else _bursts(views, b, step, limits)
+    hit = None if dark or unmerged or {Interference.NAME, Noise.NAME} <= left_out else _bursts(views, b, step, limits)
     if hit is not None:
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:

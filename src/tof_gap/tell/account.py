@@ -143,7 +143,7 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
         foreign = replace(lamp.finding(left, config.noise.foreign_light), posed_m=0.0 if foreign is None else foreign.posed_m)
     taken = left_out if foreign is None else left_out | {Interference.NAME}
     gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
-    unmerged = any(_removed_wraps(f) for f in gone)
+    unmerged = any(map(_fails_to_merge, gone))
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
     return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone], config.missing)))
 
@@ -177,3 +177,8 @@ def filtered(loss: Finding, beside: Sequence[Finding], limits: MissingLimits) ->
 def _removed_wraps(found: Finding) -> bool:
     """Whether it is wrapped pixels of which the camera's filter kept none: their jump is in no map."""
     return isinstance(found.effect, PhaseWrap) and not found.corrects
+
+
+def _fails_to_merge(found: Finding) -> bool:
+    """Whether frequencies fail to merge: jumps that one frequency alone does not make, or wrapped pixels that a filter removed."""
+    return isinstance(found.effect, PhaseWrap) and (len(found.effect.others_m) > 0 or _removed_wraps(found))

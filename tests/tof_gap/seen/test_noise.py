@@ -213,6 +213,14 @@ def test_views_that_scatter_everywhere_alike_are_noise_in_bursts() -> None:
     assert said(hit * rng().normal(0, 0.006, (VIEWS, *SHAPE))) == [("noise", "in bursts: 3 of 12 views hit")]
 
 
+@pytest.mark.parametrize("views_hit", [3, VIEWS])
+def test_beside_frequencies_that_fail_to_merge_noise_is_no_effect_of_its_own(views_hit: int) -> None:
+    extra = (np.arange(VIEWS) < views_hit)[:, None, None] * rng().normal(0, 0.006, (VIEWS, *SHAPE))
+    seen = views(np.random.default_rng(3), extra)
+    assert [f.name for f in noise_effects(seen, LIMITS)] == ["noise"]
+    assert noise_effects(seen, LIMITS, unmerged=True) == []
+
+
 def test_stripes_in_some_views_are_interference() -> None:
     row = np.arange(SHAPE[0])[None, :, None] / SHAPE[0]
     phase = rng().uniform(0, 2 * np.pi, (VIEWS, 1, 1))
