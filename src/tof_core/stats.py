@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
     from tof_core.arrays import Float, Ints, Mask
@@ -65,6 +67,11 @@ def pairs_below(ascending: Float, others: Float) -> float:
     Over n m, the chance that the first is the smaller: the area under the ROC curve.
     """
     return 0.5 * sum(float(np.searchsorted(ascending, others, side).sum()) for side in ("left", "right"))
+
+
+def hats(values: Float, knots: Sequence[float] | Float) -> Float:
+    """(n, knots) piecewise linear functions that are 1 at one of the ascending knots and 0 at all others; constant beyond the ends."""
+    return np.stack([np.interp(values, knots, row) for row in np.eye(len(knots))], axis=1)
 
 
 def touched(values: Float) -> Mask:

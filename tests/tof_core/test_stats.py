@@ -13,6 +13,7 @@ from tof_core.stats import (
     MAD_TO_STD,
     blocks,
     grouped,
+    hats,
     pairs_below,
     robust_std,
     robust_stds,
@@ -124,3 +125,8 @@ def test_of_pairs_the_smaller_ones_count_and_half_of_the_equal_ones() -> None:
     """1 lies below 2 and 3, 2 below 3, and one pair of two is equal: of six pairs three and a half."""
     assert pairs_below(np.array([1.0, 2.0, 4.0]), np.array([2.0, 3.0])) == 3.5
     assert pairs_below(np.array([1.0]), np.zeros(0)) == 0.0
+
+
+def test_hats_are_one_at_their_knot_and_constant_beyond_the_ends() -> None:
+    columns = hats(np.array([-1.0, 0.0, 0.25, 1.0, 3.0, 9.0]), [0.0, 1.0, 3.0])
+    np.testing.assert_allclose(columns, [[1.0, 0, 0], [1.0, 0, 0], [0.75, 0.25, 0], [0.0, 1.0, 0], [0.0, 0, 1.0], [0.0, 0, 1.0]])

@@ -243,6 +243,12 @@ class NoiseLimits:
     burst: float = param(
         1.12, "noise of a view over that of the quiet views", low=1.02, high=10.0, why="views of one camera differ by some per cent"
     )
+    burst_knots: int = param(
+        5,
+        "knots of the noise's dependence on range",
+        low=2,
+        why="noise over a pulse's gates has one or two turns; more follow single views",
+    )
     burst_sigma: float = param(3.0, "the same, in standard deviations of the quiet views' ln variance", low=0.0, why="chance: 1 in 700")
     alone: float = param(
         2.0, "variance of a single view over that of the quiet views", low=1.0, why="one view may be another kind of scene"

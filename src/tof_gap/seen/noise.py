@@ -74,7 +74,7 @@ def noise_effects(
 def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: NoiseLimits) -> Finding | None:
     """Noise of some views above that of the quiet ones."""
     quiet = quiet_law(b, step, len(views), limits)
-    ratio = view_ratio(b, quiet, len(views))
+    ratio = view_ratio(b, quiet, len(views), limits)
     hit = _stand_out(np.log(ratio), limits)
     several = hit.sum() > 1 or (hit.any() and ratio.max() > limits.alone)
     if not several or hit.sum() > (1 - limits.quiet_share) * len(views):

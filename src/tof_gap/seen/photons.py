@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import nnls
 
-from tof_core.stats import robust_std, second_differences, trimmed_std
+from tof_core.stats import hats, robust_std, second_differences, trimmed_std
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.session import NoiseBins
 
@@ -26,6 +26,10 @@ ROUNDS = 4
 """Fits of the law, each without the outliers of the one before."""
 QUIET_ROUNDS = 2
 """Fits of the quiet views' law, each to the views that are quiet against the one before."""
+TREND_ROUNDS = 20
+"""Reweighted fits that make least absolute deviations of least squares."""
+LEAST_DEVIATION = 0.02
+"""Deviation of ln variance below which a bin counts as one that agrees: 1 % of noise."""
 
 
 def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> NoiseBins:
@@ -92,17 +96,34 @@ def constant_part(fitted: LawFit, step_m: float) -> float:
     return float(np.sqrt(max(fitted.law.floor_m**2 - step_m**2 / 12, 0.0)))
 
 
-def view_ratio(b: NoiseBins, fitted: LawFit, views: int) -> Float:
-    """(V,) median variance of each view's bins over the law's; 1 for a view without bins."""
+def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits) -> Float:
+    """(V,) median variance of each view's bins over the law's and over what all bins of that range have; 1 for a view without bins.
+
+    The noise of a gated or pulsed camera depends on where in its gates the pulse arrives, and so on range as well as on light: far views
+    are not noisier than others by a burst.
+    """
     ratio = fitted.ratio(b)
+    ratio = ratio / np.exp(_of_range(b, np.log(np.maximum(ratio, 1e-12)), limits.burst_knots))
     return np.array([np.median(ratio[b.view == i]) if (b.view == i).any() else 1.0 for i in range(views)])
+
+
+def _of_range(b: NoiseBins, log: Float, knots: int) -> Float:
+    """(n,) what of `log` goes with range: piecewise linear in ln range, by least absolute deviations, about its median."""
+    x = 0.5 * np.log(b.range2)
+    columns = hats(x, np.unique(np.quantile(x, np.linspace(0, 1, knots))))
+    left, trend = log, np.zeros_like(log)
+    for _ in range(TREND_ROUNDS):
+        w = 1 / np.sqrt(np.maximum(np.abs(left), LEAST_DEVIATION))
+        trend = columns @ np.linalg.lstsq(columns * w[:, None], log * w, rcond=None)[0]
+        left = log - trend
+    return np.asarray(trend - np.median(trend))
 
 
 def quiet_law(b: NoiseBins, step_m: float, views: int, limits: NoiseLimits) -> LawFit:
     """The law of the quiet views: fitted to all, then to those with the least noise against that fit."""
     fitted = fit_law(b, step_m, limits)
     for _ in range(QUIET_ROUNDS):
-        ratio = view_ratio(b, fitted, views)
+        ratio = view_ratio(b, fitted, views, limits)
         quiet = ratio <= np.quantile(ratio, limits.quiet_share) * limits.quiet_margin
         keep = quiet[b.view.astype(int)]
         if keep.sum() < limits.least_bins:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.stats import hats
 from tof_sensor.geometry import cell_points
 
 if TYPE_CHECKING:
@@ -42,11 +43,6 @@ class FreeFunction:
         """(H, W) metres of z for `values` (knots,), metres along the ray at the knots."""
         value = observed(view, self.quantity, np.arange(view.residual.size)).reshape(view.residual.shape)
         return np.asarray(np.nan_to_num(np.interp(value, self.knots, values) - values @ self.means) / view.frame.length)
-
-
-def hats(value: Float, knots: Sequence[float] | Float) -> Float:
-    """(n, knots) piecewise linear functions that are 1 at one knot and 0 at all others."""
-    return np.stack([np.interp(value, knots, row) for row in np.eye(len(knots))], axis=1)
 
 
 UNKNOWN = "unknown"

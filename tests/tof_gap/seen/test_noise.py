@@ -12,7 +12,7 @@ from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, rendering, 
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.noise import _stand_out, noise_effects
-from tof_gap.seen.photons import binned, fit_law, own_law
+from tof_gap.seen.photons import binned, fit_law, own_law, quiet_law, view_ratio
 from tof_gap.seen.residual import gather
 from tof_gap.seen.stereo import like_stereo
 from tof_gap.solve.candidates import not_testable
@@ -142,6 +142,20 @@ def test_noise_in_bursts_has_its_share_of_frames_and_the_law_is_of_the_others() 
     assert law is not None
     assert (found.effect.duty, found.effect.extra_m) == pytest.approx((3 / VIEWS, 0.006), rel=0.04)
     assert np.sqrt(law.variance(np.array([2000.0]), np.array([1.0]))) == pytest.approx(SIGMA_M, rel=0.05)
+
+
+def test_noise_that_grows_towards_the_end_of_a_pulse_s_gates_is_no_burst() -> None:
+    """Two of twelve views look far, where the noise is half as large again as light and range squared say; three are hit by a burst."""
+    middle = np.array([0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 1.7, 1.9, 2.1, 2.8, 2.9])
+    view, range_m = np.repeat(np.arange(12), 12), (middle[:, None] * np.linspace(0.6, 1.4, 12)).ravel()
+    amplitude = 2000.0 / range_m**2 * np.tile([0.5, 1.0, 2.0], 48)
+    gated = 1 + 1.25 * np.clip((range_m - 2.0) / 1.0, 0, None) ** 2
+    burst = np.isin(np.arange(12), (1, 5, 9))
+    for extra in (0.0, 1.0):
+        variance = 0.001**2 * 2000.0 / amplitude * gated * (1 + extra * burst[view])
+        b = NoiseBins(view.astype(float), amplitude, range_m**2, variance, np.full(144, 2000.0))
+        ratio = view_ratio(b, quiet_law(b, 0.0, 12, LIMITS), 12, LIMITS)
+        assert _stand_out(np.log(ratio), LIMITS).tolist() == (burst & (extra > 0)).tolist()
 
 
 @pytest.mark.parametrize(
