@@ -31,7 +31,8 @@ PART_PIXELS = 150
 class NoiseBins:
     """Temporal noise by amplitude, in bins of every view, each (n,).
 
-    view: its index; amplitude: mean, camera's unit; range2: mean squared range, m^2; variance: m^2 along the ray; samples: their number.
+    view: its index; amplitude: mean, camera's unit; range2: mean squared range, m^2; variance: of one capture, m^2 along the ray;
+    samples: their number.
     """
 
     view: Float

@@ -18,6 +18,8 @@ from tof_gap.seen.residual import ViewEvidence, gather
 from tof_scene.render import Rendering
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tof_core.arrays import Float
 
 CAMERA = Camera(width=112, height=86, fx=105.0, fy=105.0, cx=55.5, cy=42.5)
@@ -45,17 +47,22 @@ def rendering(offset_m: float) -> Rendering:
     )
 
 
-def views(rng: np.random.Generator, extra: Float | None = None, *, photons: bool = True) -> tuple[ViewEvidence, ...]:
-    """Sessions of `VIEWS` views; `extra` (V, H, W) metres along the ray is added to the photons' own scatter, or is all there is."""
+def views(
+    rng: np.random.Generator, extra: Float | None = None, *, photons: bool = True, captures: Sequence[int] = (1,) * VIEWS
+) -> tuple[ViewEvidence, ...]:
+    """Sessions of `VIEWS` views; `extra` (V, H, W) metres along the ray is added to the photons' own scatter, or is all there is.
+
+    `captures` (V,): of each view, whose means scatter less.
+    """
     renderings = [rendering(0.05 * k) for k in range(VIEWS)]
     made = []
     for k, r in enumerate(renderings):
         length = CAMERA.ray_length()
         light = 2000.0 * np.exp(0.8 * np.sin(np.arange(SHAPE[1]) / 9.0))[None] / (r.depth * length) ** 2
         scatter = SIGMA_M * np.sqrt(2000.0 / light) * rng.standard_normal(SHAPE) * photons + (0.0 if extra is None else extra[k])
-        depth = (r.depth + scatter / length).astype(np.float32)
+        depth = (r.depth + scatter / np.sqrt(captures[k]) / length).astype(np.float32)
         capture = Capture(k, CAMERA, depth, np.zeros(SHAPE, np.uint8), amplitude=light.astype(np.float32))
-        made.append(replace(View.of_capture(capture), station=0))
+        made.append(replace(View.of_capture(capture), station=0, captures=captures[k]))
     return gather(made, renderings, None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
 
 

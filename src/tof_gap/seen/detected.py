@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from collections.abc import Set as AbstractSet
 
+    from tof_core.arrays import Float
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effects.photon_law import PhotonLaw
@@ -34,7 +35,7 @@ def detected_effects(
             d.effect,
             d.confidence,
             d.std,
-            share=np.stack([np.where(v.smooth, d.effect.noise(v.frame), np.nan) for v in views]),
+            share=np.stack([np.where(v.smooth, d.effect.noise(v.frame) / np.sqrt(v.view.captures), np.nan) for v in views]),
             note=d.note,
             beside=law,
         )
@@ -52,6 +53,9 @@ def explained(views: Sequence[ViewEvidence], found: Sequence[Finding]) -> list[V
     if law is None:
         return list(views)
     whole = reduce(lambda so_far, f: f.effect.added_to(so_far), found, law)
-    return [
-        replace(v, sigma=np.sqrt(whole.variance(v.frame.amplitude, np.nan_to_num(v.frame.radial) ** 2)) / v.frame.length) for v in views
-    ]
+
+    def sigma(v: ViewEvidence) -> Float:
+        variance = whole.variance(v.frame.amplitude, np.nan_to_num(v.frame.radial) ** 2) / v.view.captures
+        return np.asarray(np.sqrt(variance) / v.frame.length)
+
+    return [replace(v, sigma=sigma(v)) for v in views]

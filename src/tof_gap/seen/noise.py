@@ -99,24 +99,26 @@ def _stand_out(ln_variance: Float, limits: NoiseLimits) -> Mask:
 
 
 def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, step: float, limits: NoiseLimits) -> Finding | None:
-    """Noise that no photon law has: constant, of whole rows or columns, of single pixels."""
+    """Noise of one capture that no photon law has: constant, of whole rows or columns, of single pixels."""
+    captures = float(np.sqrt(np.median([v.view.captures for v in views])))  # what is seen in means of dwells is as many times larger in one
     typical = float(np.sqrt(np.median(b.variance)))
     least = max(limits.extra_mm * 1e-3, limits.extra_share * typical)
     excess = 0.0 if fitted is None else constant_part(fitted, step)
     # Offsets of single pixels, alike in every view, are a pattern, though neighbours show them as noise.
-    pattern_m = pixel_pattern(views)
+    pattern_m = captures * pixel_pattern(views)
     excess = float(np.sqrt(max(excess**2 - pattern_m**2, 0.0)))
     floor_std = 0.0 if fitted is None else fitted.floor_std
     parts = {"at every amplitude": excess if excess > max(least, limits.extra_sigma * floor_std) else 0.0}
     common = None
     for axis, name in ((1, "by rows"), (0, "by columns")):
         of_lines = line_noise(views, axis, limits.lines)
-        if of_lines.sigma > limits.lines.sigma and of_lines.size_m > max(limits.line_mm * 1e-3, limits.line_share * typical):
-            parts[name] = of_lines.size_m
+        size_m = captures * of_lines.size_m
+        if of_lines.sigma > limits.lines.sigma and size_m > max(limits.line_mm * 1e-3, limits.line_share * typical):
+            parts[name] = size_m
             common = np.stack([line_map(v, axis, limits.lines) for v in views]) + (0.0 if common is None else common)
     # Offsets of single pixels are noise to their neighbours: no pixel stands out from noise that is not known.
     pixels = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
-    of_pixels = float(pixels.size_m * np.sqrt(pixels.share))
+    of_pixels = captures * float(pixels.size_m * np.sqrt(pixels.share))
     beyond_chance = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
     few = beyond_chance and of_pixels > limits.extra_mm * 1e-3
     if few:
@@ -130,7 +132,7 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
         Noise(extra_m=min(size, most(Noise, "extra_m"))),
         CONFIDENT,
         std,
-        _constant(views, size),
+        _of_means(views, size),
         common=common,
         note=how,
         own_noise=pixels.where if few else None,
@@ -155,7 +157,7 @@ def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mas
     constant, foreign = (float(np.median(np.abs(x - np.median(x)))) for x in relative)
     duty, steady = float(hit.mean()), constant < foreign
     size = float(np.sqrt(np.exp(np.median(relative[0 if steady else 1]))))
-    share = np.stack([np.where(v.smooth, size * h, np.nan) for v, h in zip(views, hit, strict=True)])
+    share = _of_means(views, size) * hit[:, None, None]
     if steady:
         return Finding(Noise(extra_m=min(size, most(Noise, "extra_m")), duty=duty), CONFIDENT, share=share, note=f"in bursts: {note}")
     effect = Interference(burst_m=min(size, most(Interference, "burst_m")), duty=duty, reference=fitted.law.reference)
@@ -165,3 +167,8 @@ def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mas
 def _constant(views: Sequence[ViewEvidence], size: float) -> Float:
     """(V, H, W) the same standard deviation at every smooth pixel, NaN elsewhere."""
     return np.stack([np.where(v.smooth, size, np.nan) for v in views])
+
+
+def _of_means(views: Sequence[ViewEvidence], size: float) -> Float:
+    """(V, H, W) what one capture's standard deviation `size` is in the mean of each view, at every smooth pixel, NaN elsewhere."""
+    return _constant(views, size) / np.sqrt([v.view.captures for v in views])[:, None, None]

@@ -33,7 +33,10 @@ LEAST_DEVIATION = 0.02
 
 
 def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> NoiseBins:
-    """White variance of the residual in `bins` amplitude bins of every view, from second differences along rows."""
+    """White variance of one capture's residual in `bins` amplitude bins of every view, from second differences along rows.
+
+    The mean of a dwell has the noise of one capture over the square root of their number.
+    """
     rows = []
     for i, v in enumerate(views):
         d2 = second_differences(np.where(v.smooth, v.residual, np.nan) * v.frame.length, axis=1)
@@ -45,7 +48,7 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
         edges = np.quantile(a, np.linspace(0, 1, bins + 1))
         which = np.clip(np.searchsorted(edges, a, side="right") - 1, 0, bins - 1)
         rows += [
-            (i, a[which == b].mean(), r2[which == b].mean(), trimmed_std(x[which == b]) ** 2, (which == b).sum())
+            (i, a[which == b].mean(), r2[which == b].mean(), v.view.captures * trimmed_std(x[which == b]) ** 2, (which == b).sum())
             for b in range(bins)
             if (which == b).sum() >= limits.bin_samples
         ]
@@ -140,12 +143,13 @@ def code_step(views: Sequence[ViewEvidence]) -> float:
 def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], limits: NoiseLimits, wrong2: Float | None = None) -> PhotonLaw | None:
     """The photon law of the session's noise beside the named effects, None where there are too few bins.
 
-    `wrong2`: (V,) m^2 along the ray by which the variance between neighbours of each view is known to be too large.
+    `wrong2`: (V,) m^2 along the ray by which the variance between neighbours in the mean of each view is known to be too large.
     """
     b, step = binned(views, limits.bins, limits), code_step(views)
     if len(b.view) < limits.least_bins:
         return None
     if wrong2 is not None:
+        wrong2 = wrong2 * [v.view.captures for v in views]
         b = replace(b, variance=np.maximum(b.variance - wrong2[b.view.astype(int)], views[0].limits.pattern.level_share * b.variance))
     bursts = any(e.in_bursts for e in named)
     law = (quiet_law(b, step, len(views), limits) if bursts else fit_law(b, step, limits)).law

@@ -158,6 +158,24 @@ def test_noise_that_grows_towards_the_end_of_a_pulse_s_gates_is_no_burst() -> No
         assert _stand_out(np.log(ratio), LIMITS).tolist() == (burst & (extra > 0)).tolist()
 
 
+@pytest.mark.parametrize("captures", [(9,) * VIEWS, (1, 9) * (VIEWS // 2)], ids=["dwells", "dwells and captures between them"])
+def test_the_law_is_that_of_one_capture_whatever_a_view_is_the_mean_of(captures: tuple[int, ...]) -> None:
+    session = views(np.random.default_rng(3), captures=captures)
+    law = own_law(session, [], LIMITS)
+    assert law is not None
+    assert np.sqrt(law.variance(np.array([2000.0]), np.array([1.0]))) == pytest.approx(SIGMA_M, rel=0.05)
+    assert noise_effects(session, LIMITS) == []
+
+
+def test_noise_of_a_dwells_mean_is_stated_as_that_of_one_capture() -> None:
+    session = views(np.random.default_rng(3), rng().normal(0, 0.004, (VIEWS, *SHAPE)), captures=(9,) * VIEWS)
+    (found,) = noise_effects(session, LIMITS)
+    assert isinstance(found.effect, Noise)
+    assert found.effect.extra_m == pytest.approx(0.004, rel=0.1)
+    assert found.share is not None
+    assert np.nanmedian(found.share) == pytest.approx(found.effect.extra_m / 3)
+
+
 @pytest.mark.parametrize(
     ("quiet_spread", "hit"), [(0.02, [False] * 9 + [True] * 3), (0.3, [False] * 12)], ids=["alike", "each its own scene"]
 )
