@@ -32,6 +32,8 @@ SEEN_THROUGH = 0.1
 """Share of the points that other views see through from which what one view measured is not a side of a standing object."""
 AMONG = 0.5
 """Share of the pixels of one view that lie at the rim of a standing object's, or among them, from which they are its noise; a hand has an inside."""
+INSIDE = 0.3
+"""Share of the pixels that one view alone measured which are not at their rim, from which they are an object: an arm, two thirds; mixed pixels along edges, a fifth at most."""
 SIDE = 0.5
 """A side that one view alone faces lies at most this share of the object's diagonal from what several views measure of the object."""
 
@@ -115,7 +117,8 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
         alone = ~cloud.static & (cloud.view == number)
         least = max(limits.object_px, limits.moving_share * seen.depth.size)
         large = (mine for mine in _clusters(cloud.points, alone, voxel) if len(mine) * cloud.step[number] >= least)
-        single.extend(mine for mine in large if _stands_out(clearance[mine], limits.stands_out_mm) and not _wrapped(cloud.jump[mine]))
+        standing_out = (mine for mine in large if _stands_out(clearance[mine], limits.stands_out_mm) and not _wrapped(cloud.jump[mine]))
+        single.extend(mine for mine in standing_out if _inside(_pixels(cloud, mine, number, before[number])) >= INSIDE)
     joined, single = _joined(cloud, standing, single, 2 * voxel, limits.rim_px)
     objects = [_object(cloud, mine, clearance, _views(cloud, mine, limits.object_view_px), moves=False) for mine in joined if no_bias(mine)]
     for mine in filter(no_bias, single):
@@ -220,6 +223,11 @@ def _pixels(cloud: _Cloud, mine: Ints, number: int, before: Mask) -> Mask:
     seed = np.zeros(before.shape, bool)
     seed[tuple(cloud.pixel[mine[cloud.view[mine] == number]].T)] = True
     return np.asarray(ndimage.binary_propagation(seed, structure=np.ones((3, 3), bool), mask=before))
+
+
+def _inside(object_px: Mask) -> float:
+    """Share of the pixels (H, W) whose eight neighbours belong to them, too."""
+    return float(ndimage.binary_erosion(object_px, np.ones((3, 3), bool)).sum() / max(object_px.sum(), 1))
 
 
 def _wrapped(jump: Float) -> bool:
