@@ -100,25 +100,26 @@ def _stand_out(ln_variance: Float, limits: NoiseLimits) -> Mask:
 
 def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, step: float, limits: NoiseLimits) -> Finding | None:
     """Noise of one capture that no photon law has: constant, of whole rows or columns, of single pixels."""
-    captures = float(np.sqrt(np.median([v.view.captures for v in views])))  # what is seen in means of dwells is as many times larger in one
+    # Noise of one capture over that of a dwell's mean, in which rows and pixels are seen.
+    over_mean = float(np.sqrt(np.median([v.view.captures for v in views])))
     typical = float(np.sqrt(np.median(b.variance)))
     least = max(limits.extra_mm * 1e-3, limits.extra_share * typical)
     excess = 0.0 if fitted is None else constant_part(fitted, step)
     # Offsets of single pixels, alike in every view, are a pattern, though neighbours show them as noise.
-    pattern_m = captures * pixel_pattern(views)
+    pattern_m = over_mean * pixel_pattern(views)
     excess = float(np.sqrt(max(excess**2 - pattern_m**2, 0.0)))
     floor_std = 0.0 if fitted is None else fitted.floor_std
     parts = {"at every amplitude": excess if excess > max(least, limits.extra_sigma * floor_std) else 0.0}
     common = None
     for axis, name in ((1, "by rows"), (0, "by columns")):
         of_lines = line_noise(views, axis, limits.lines)
-        size_m = captures * of_lines.size_m
+        size_m = over_mean * of_lines.size_m
         if of_lines.sigma > limits.lines.sigma and size_m > max(limits.line_mm * 1e-3, limits.line_share * typical):
             parts[name] = size_m
             common = np.stack([line_map(v, axis, limits.lines) for v in views]) + (0.0 if common is None else common)
     # Offsets of single pixels are noise to their neighbours: no pixel stands out from noise that is not known.
     pixels = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
-    of_pixels = captures * float(pixels.size_m * np.sqrt(pixels.share))
+    of_pixels = over_mean * float(pixels.size_m * np.sqrt(pixels.share))
     beyond_chance = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
     few = beyond_chance and of_pixels > limits.extra_mm * 1e-3
     if few:
