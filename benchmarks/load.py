@@ -88,8 +88,10 @@ class Load:
         """Of the command that gives this load."""
         nodes = "" if self.nodes == NODES else f" --nodes {','.join(self.nodes)}"
         views = f" --view-every {self.view_every}" if self.view_every != 1 else ""
-        share = views + (f" --label-share {self.label_share:g}" if self.label_share else "")
-        return "" if self == Load() else f" --cameras {self.cameras} --size {self.width}x{self.height} --hz {self.hz:g}{nodes}{share}"
+        share = f" --label-share {self.label_share:g}" if self.label_share else ""
+        return (
+            "" if self == Load() else f" --cameras {self.cameras} --size {self.width}x{self.height} --hz {self.hz:g}{nodes}{views}{share}"
+        )
 
     @property
     def namespaces(self) -> tuple[str, ...]:

@@ -51,10 +51,8 @@ def node_page(name: str) -> str:
     if "DepthOutput(" in inspect.getsource(module):
         rows.append(Topic(f"`{room}/depth/compressedDepth`", "sensor_msgs/CompressedImage", PACKED))
     rows += [Topic(*row) for row in text.more]
-    part = "`accumulated` (part of a later view of its dwell), " if name == "preproc" else ""
-    rows.append(
-        Topic(f"`{room}/done`", "sensor_msgs/TimeReference", f"result of each frame: `kept`, {part}or the reason why it was skipped")
-    )
+    fates = f"result of each frame: `kept`, {text.fates}or the reason why it was skipped"
+    rows.append(Topic(f"`{room}/done`", "sensor_msgs/TimeReference", fates))
     managed = "ManagedNode[" in inspect.getsource(module)
     when = "while the node is unconfigured" if managed else "at the start only"
     parts = [

@@ -17,7 +17,7 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class NodeText:
-    """The prose of one node's page; `outputs` by topic, `figures` are the node's own values in its diagnostics, `more` rows of what is published."""
+    """The prose of one node's page; `outputs` by topic, `figures` are the node's own values in its diagnostics, `more` rows of what is published, `fates` its own results of a frame."""
 
     short: str
     about: str
@@ -26,6 +26,7 @@ class NodeText:
     figures: tuple[str, ...]
     warns: str
     more: tuple[tuple[str, str, str], ...] = ()
+    fates: str = ""
 
 
 IMAGE, INFO = "sensor_msgs/Image", "sensor_msgs/CameraInfo"
@@ -113,6 +114,7 @@ NODE_TEXTS = {
             "dwell": "`time_ref` is the dwell's first stamp; `source` holds station, number of captures, amplitude yes or no; ends with the next release",
         },
         figures=("stages", "tf_age_s", "waiting", "accumulated", "removed.STAGE"),
+        fates="`accumulated` (part of a later view of its dwell), ",
         warns="frames have no CameraInfo or no transform",
         more=(
             (

@@ -43,7 +43,8 @@ class TransformBuffer:
         self._edges: dict[str, Edge] = {}
         self._moving: OrderedDict[str, None] = OrderedDict()  # children, in the order in which they were last heard of
         self._two_parents: dict[str, tuple[str, str]] = {}
-        self._known: dict[tuple[str, ...], Any] = {}  # what the tree was asked for since its last frame came or went
+        self._names: tuple[str, ...] = ()  # of all frames, and the branches between two: found since the tree last changed
+        self._routes: dict[tuple[str, str], tuple[list[str], list[str]]] = {}
         self._lock = RLock()
         self.changes = 0
         """Transforms recorded so far: where it has not changed, no answer has."""
@@ -77,10 +78,10 @@ class TransformBuffer:
             edge = self._edges.get(child)
             if edge is None:
                 self._make_room()
-                self._known.clear()
+                self._forget_found()
                 edge = self._edges[child] = Edge(parent, static=static)
             elif edge.parent != parent:
-                self._known.clear()
+                self._forget_found()
                 self.changes += 1
                 self._two_parents[child] = (edge.parent, parent)
                 return
@@ -103,7 +104,6 @@ class TransformBuffer:
             raise TransformError(f"has more than {MOST_FRAMES} frames", where="/tf", todo="is the publisher broken?")
         oldest, _ = self._moving.popitem(last=False)
         del self._edges[oldest]
-        self._known.clear()
         self._two_parents.pop(oldest, None)
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> Float:
@@ -147,10 +147,9 @@ class TransformBuffer:
     def frames(self) -> tuple[str, ...]:
         """All known frames, sorted."""
         with self._lock:
-            if () not in self._known:
-                self._known[()] = tuple(sorted({*self._edges, *(e.parent for e in self._edges.values())}))
-            names: tuple[str, ...] = self._known[()]
-            return names
+            if not self._names:
+                self._names = tuple(sorted({*self._edges, *(e.parent for e in self._edges.values())}))
+            return self._names
 
     def connected(self, target: str, source: str) -> bool:
         """Whether a chain of edges joins two frames, at whatever stamp."""
@@ -178,8 +177,12 @@ class TransformBuffer:
         with self._lock:
             self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
             self._moving.clear()
-            self._known.clear()
+            self._forget_found()
             self.changes += 1
+
+    def _forget_found(self) -> None:
+        self._names = ()
+        self._routes.clear()
 
     def _at(self, child: str, stamp_ns: int) -> Motion:
         edge = self._edges[child]
@@ -190,12 +193,12 @@ class TransformBuffer:
 
     def _branches(self, target: str, source: str) -> tuple[list[str], list[str]]:
         """The children on the way up from target and from source to their nearest common ancestor."""
-        known: tuple[list[str], list[str]] | None = self._known.get((target, source))
-        if known is None:
-            known = self._known[target, source] = self._found_branches(target, source)
-        return known
+        found = self._routes.get((target, source))
+        if found is None:
+            found = self._routes[target, source] = self._find_branches(target, source)
+        return found
 
-    def _found_branches(self, target: str, source: str) -> tuple[list[str], list[str]]:
+    def _find_branches(self, target: str, source: str) -> tuple[list[str], list[str]]:
         up, down = self._ancestors(target), self._ancestors(source)
         shared = set(up) & set(down)
         if not shared:

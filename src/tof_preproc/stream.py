@@ -106,9 +106,7 @@ class PreprocStream:
 
     def end_dwell(self) -> None:
         """The next frame begins a new dwell."""
-        self.release()
-        self.preprocessor = Preprocessor(self.preprocessor.config)
-        self.want_unfiltered(wanted=self._unfiltered is not None, anew=True)
+        self.configure(self.preprocessor.config)
 
     @property
     def held_ns(self) -> int | None:

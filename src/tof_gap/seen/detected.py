@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_gap.seen.finding import Finding
-from tof_gap.seen.photons import binned
+from tof_gap.seen.photons import binned, variance_of_mean
 from tof_gap.seen.session import session_of
 from tof_sensor.registry import PHYSICAL_ORDER
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from collections.abc import Set as AbstractSet
 
-    from tof_core.arrays import Float
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effects.photon_law import PhotonLaw
@@ -53,9 +52,4 @@ def explained(views: Sequence[ViewEvidence], found: Sequence[Finding]) -> list[V
     if law is None:
         return list(views)
     whole = reduce(lambda so_far, f: f.effect.added_to(so_far), found, law)
-
-    def sigma(v: ViewEvidence) -> Float:
-        variance = whole.variance(v.frame.amplitude, np.nan_to_num(v.frame.radial) ** 2) / v.view.captures
-        return np.asarray(np.sqrt(variance) / v.frame.length)
-
-    return [replace(v, sigma=sigma(v)) for v in views]
+    return [replace(v, sigma=np.sqrt(variance_of_mean(whole, v)) / v.frame.length) for v in views]

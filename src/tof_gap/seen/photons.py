@@ -94,6 +94,11 @@ def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits) -> LawFit:
     return LawFit(law, spread, float(np.std(log[keep])))
 
 
+def variance_of_mean(law: PhotonLaw, view: ViewEvidence) -> Float:
+    """(H, W) m^2 along the ray: what the law of one capture leaves in the mean of a view's captures."""
+    return law.variance(view.frame.amplitude, np.nan_to_num(view.frame.radial) ** 2) / view.view.captures
+
+
 def constant_part(fitted: LawFit, step_m: float) -> float:
     """Metres: noise that no light removes, beside the depth code's own."""
     return float(np.sqrt(max(fitted.law.floor_m**2 - step_m**2 / 12, 0.0)))

@@ -51,6 +51,8 @@ def _best_shape(
     A parameter that is 0 stays 0 unless another value wins what an effect must win: with it, the effect says more than its form did.
     """
     value = getattr(effect, finer.parameter)
+    if finer.relative and value == 0.0:
+        return effect
     near_by = [replace(effect, **{finer.parameter: float(x)}) for x in finer.near(value)]
     trial = [Candidate(e.NAME, e) for e in near_by]
     judge = Selector(build(store, [*others, *trial], chain, config.hand_sd, config.lens_sd), config.select)

@@ -13,6 +13,7 @@ import numpy as np
 
 from tof_core import se3
 from tof_core.memory import give_back
+from tof_gap.seen.photons import variance_of_mean
 from tof_gap.seen.session import amplitude_unit
 from tof_gap.tell.plant import plant_words, to_dicts
 from tof_gap.tell.where import by_quantity, regions
@@ -141,9 +142,7 @@ def _dispersion(d: Diagnosis) -> dict[str, float]:
     law, seen = d.law, [v for v in d.evidence if v.smooth.any()]
     if law is None or not seen:
         return {"before": np.nan, "after": np.nan}
-    expected2 = float(
-        np.mean([law.variance(v.frame.amplitude[v.smooth], v.frame.radial[v.smooth] ** 2).mean() / v.view.captures for v in seen])
-    )
+    expected2 = float(np.mean([variance_of_mean(law, v)[v.smooth].mean() for v in seen]))
     sigma2 = float(np.mean([np.mean((v.sigma * v.frame.length)[v.smooth] ** 2) for v in seen]))
     extra2 = sum(float(np.nanmean(np.square(f.share))) for f in d.findings if f.share is not None and f.effect.EVIDENCE is Evidence.NOISE)
     before, after = (float(np.sqrt(max(x, 0.0) / max(expected2, 1e-12))) for x in (sigma2, sigma2 - extra2))

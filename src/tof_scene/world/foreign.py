@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from tof_core.stats import robust_std
+from tof_scene.world.contradiction import EIGHT
 from tof_scene.world.lying import most_end_in_a_step
 
 if TYPE_CHECKING:
@@ -222,12 +223,12 @@ def _pixels(cloud: _Cloud, mine: Ints, number: int, before: Mask) -> Mask:
     """(H, W) pixels of the patches measured before the CAD in one view in which points of the object lie."""
     seed = np.zeros(before.shape, bool)
     seed[tuple(cloud.pixel[mine[cloud.view[mine] == number]].T)] = True
-    return np.asarray(ndimage.binary_propagation(seed, structure=np.ones((3, 3), bool), mask=before))
+    return np.asarray(ndimage.binary_propagation(seed, structure=EIGHT, mask=before))
 
 
 def _inside(object_px: Mask) -> float:
     """Share of the pixels (H, W) whose eight neighbours belong to them, too."""
-    return float(ndimage.binary_erosion(object_px, np.ones((3, 3), bool)).sum() / max(object_px.sum(), 1))
+    return float(ndimage.binary_erosion(object_px, EIGHT).sum() / max(object_px.sum(), 1))
 
 
 def _wrapped(jump: Float) -> bool:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
+from tof_scene.world.contradiction import EIGHT
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from tof_core.arrays import Float, Ints, Mask
     from tof_scene.world.seen import Seen
 
-EIGHT = np.ones((3, 3), bool)
 MIXED_PX, RIM_PX = 1, 2
 """Pixels at either side of an object's outline that may mix both surfaces, and the width of the rims beyond them that are compared."""
 AROUND = 0.5

@@ -159,22 +159,20 @@ def test_what_one_view_alone_sees_moves() -> None:
     assert line.endswith("a person, a view taken in motion, or the halo of a bright surface")
 
 
-def test_a_band_of_mixed_pixels_in_one_view_is_no_object() -> None:
+@pytest.mark.parametrize(
+    ("nearer", "inside", "by_m"),
+    [(np.s_[20:22, 8:88], np.s_[20:22, 10:86], 0.1), (np.s_[20:50, 20:60], np.s_[22:48, 22:58], 0.5)],
+    ids=["a band of mixed pixels", "a wrapped phase"],
+)
+def test_what_one_view_measures_before_the_cad_and_is_no_object(
+    nearer: tuple[slice, slice], inside: tuple[slice, slice], by_m: float
+) -> None:
     cad = scene(PLATE, BLOCK)
     seen = views(cad, cad)
-    seen[2].depth[20:22, 8:88] -= 0.1
+    seen[2].depth[nearer] -= by_m
     found = find_surprises(seen, cad, LIMITS)
     assert found.foreign == ()
-    assert (found.pixels[2][20:22, 10:86] == BEFORE).mean() > 0.95
-
-
-def test_a_wrapped_phase_is_no_object() -> None:
-    cad = scene(PLATE, BLOCK)
-    seen = views(cad, cad)
-    seen[2].depth[20:50, 20:60] -= 0.5
-    found = find_surprises(seen, cad, LIMITS)
-    assert found.foreign == ()
-    assert (found.pixels[2][22:48, 22:58] == BEFORE).mean() > 0.95
+    assert (found.pixels[2][inside] == BEFORE).mean() > 0.95
 
 
 @pytest.mark.parametrize(("parts", "code"), [((PLATE, BLOCK, CRATE), BEFORE), ((PLATE,), BEHIND)])
