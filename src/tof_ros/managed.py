@@ -174,6 +174,8 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         """End what is active, then go."""
         self._let_go()
         super().destroy_node()
+        # It holds the node's handle, which rclpy frees when the garbage collector comes by: until then peers see the node, and its services.
+        self._state_machine.destroy_when_not_in_use()
 
     def _autostart(self) -> None:
         self._starter.destroy()

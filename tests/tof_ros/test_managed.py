@@ -108,6 +108,25 @@ def test_without_autostart_it_waits_and_an_impossible_transition_is_answered(sta
     assert change(observer, "configure")
 
 
+def test_a_destroyed_node_is_gone_from_the_graph_at_once(ros_domain: int) -> None:
+    import gc
+
+    from tof_infer.node import make_node
+    from tof_ros.environment import ros_context
+    from tof_ros.spin import spinning
+
+    with ros_context(domain=ros_domain) as elsewhere:
+        observer = Observer(elsewhere)
+        gc.disable()
+        try:
+            with ros_context(domain=ros_domain) as context, spinning([make_node(context=context)]):
+                wait_for(lambda: observer.node.count_services("infer/change_state") == 1)
+            wait_for(lambda: observer.node.get_node_names() == ["observer"], 10.0)
+        finally:
+            gc.enable()
+            observer.node.destroy_node()
+
+
 def test_an_activation_that_fails_half_way_says_so_and_leaves_nothing_behind(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     from arm_correction.node import make_node
     from tof_ros.environment import parameter_overrides, ros_context
