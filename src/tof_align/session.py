@@ -189,7 +189,8 @@ def _conclude(
     shifts = system.without_each_part(answer)
     apart, unsure = system.stand_off(answer, len(fitter.caster.scene.parts))
     parts = np.hypot(apart, unsure)
-    words = verdicts.apart_in_words(fitter.caster.scene.names, apart, unsure, config.verdict)
+    sure = verdicts.disagreeing(apart, unsure, config.verdict)
+    words = verdicts.apart_in_words(fitter.caster.scene.names, sure)
     judged = tuple(
         in_threads(lambda v: _judge_view(fitter, system, explained[v], chain, seed, seen, disputed, words, v), range(len(system.views)))
     )
@@ -199,7 +200,7 @@ def _conclude(
     k = 0 if columns is None else columns[0].shape[1]
     end = g + sum(system.basis.shared)
     return SessionSolution(
-        posed=tuple(_posed(system, answer, chain, seen, v, judged[v], parts, shifts[:, v]) for v in range(len(judged))),
+        posed=tuple(_posed(system, answer, chain, seen, v, judged[v], parts, shifts[:, v], sure) for v in range(len(judged))),
         verdicts=judged,
         stations=chain.names,
         B=chain.B,
@@ -285,7 +286,8 @@ def _posed(
     verdict: verdicts.Verdict,
     parts: Float,
     shifts: Float,
+    apart: Float,
 ) -> Posed:
     T = chain.pose(v)
     cov = se3.cov_fixed_axes(T, system.camera_cov(answer, v) + shifts.T @ shifts)
-    return Posed(T, cov, seen[int(chain.station[v])].at(T[:3, 3]), verdict.accepted, verdict.reason, parts)
+    return Posed(T, cov, seen[int(chain.station[v])].at(T[:3, 3]), verdict.accepted, verdict.reason, parts, apart=apart)

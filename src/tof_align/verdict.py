@@ -139,11 +139,16 @@ def _praise(null: tuple[str, ...], apart: str) -> str:
     return "; ".join(filter(None, [open_, apart])) or "ok"
 
 
-def apart_in_words(names: Sequence[str], apart: Float, std: Float, config: VerdictConfig) -> str:
-    """Which parts disagree with the rest, largest first; "" where none does.
+def disagreeing(apart: Float, std: Float, config: VerdictConfig) -> Float:
+    """(P,) `apart` of the parts that disagree with the rest by more than chance, 0 of the others.
 
-    names (P,); apart (P,): metres by which each seems to stand off its CAD, std (P,): its deviation.
+    apart (P,): metres by which each seems to stand off its CAD, std (P,): its deviation.
     """
     sure = (apart > config.part_mm * 1e-3) & (apart > config.part_sigma * std)
-    found = [f"{names[p]} against the rest by {1e3 * apart[p]:.0f} mm" for p in np.argsort(-apart) if sure[p]]
-    return "parts disagree: " + ", ".join(found) if found else ""
+    return np.where(sure, apart, 0.0)
+
+
+def apart_in_words(names: Sequence[str], apart: Float) -> str:
+    """Which parts disagree with their CAD, largest first; "" where none does. names (P,); apart (P,) metres, 0 where one agrees."""
+    found = [f"{names[p]} by {1e3 * apart[p]:.0f} mm" for p in np.argsort(-apart) if apart[p] > 0]
+    return "parts disagree with the CAD: " + ", ".join(found) if found else ""

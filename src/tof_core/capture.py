@@ -135,6 +135,8 @@ class Posed:
     """(P,) metres along the surface's normal by which each part of the scene seems to stand off its CAD, RMS; empty: none does."""
     camera: Camera | None = None
     """The camera with the lens that the session shows, where it is not the stated one."""
+    apart: Float = field(default_factory=lambda: np.zeros(0))
+    """(P,) metres by which each part that `verdict` says to disagree with its CAD is off, 0 for the others; empty: none does."""
 
     def seen_by(self, stated: Camera) -> Camera:
         """The camera that the view was really taken with, where CameraInfo states `stated`."""

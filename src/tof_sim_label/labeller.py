@@ -13,7 +13,7 @@ from tof_core.config import section
 from tof_sim_label.config import LabelConfig
 from tof_sim_label.gate import RadialGate
 from tof_sim_label.label import Label, label_view
-from tof_sim_label.world import session_surprises
+from tof_sim_label.world import missing_named, session_surprises
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,5 +64,5 @@ def label_session(
 def labels_at(views: Sequence[View], posed: Sequence[Posed], caster: Raycaster, config: LabellerConfig) -> Labels:
     """The views with their labels from known cameras."""
     world = session_surprises(views, posed, caster, config.label)
-    for view, pose, codes in zip(views, posed, world.pixels, strict=True):
+    for view, pose, codes in zip(views, missing_named(posed, world, caster.scene.names), world.pixels, strict=True):
         yield view, label_view(view, pose, caster, config.label, codes)

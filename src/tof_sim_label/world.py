@@ -46,6 +46,25 @@ def session_surprises(views: Sequence[View], posed: Sequence[Posed], caster: Ray
     return Surprises(tuple(pixels), found.missing, found.foreign).of_views(accepted)
 
 
+def missing_named(posed: Sequence[Posed], world: Surprises, names: Sequence[str]) -> list[Posed]:
+    """The poses, whose verdicts call a part missing that the solution took for one out of its place; names (P,) of the scene's parts."""
+    from tof_align.verdict import apart_in_words
+    from tof_scene.world.words import missing_in_words
+
+    gone = [m.part for m in world.missing]
+
+    def named(pose: Posed) -> Posed:
+        mine = [p for p in gone if len(pose.apart) and pose.apart[p] > 0]
+        if not mine:
+            return pose
+        rest = pose.apart.copy()
+        rest[mine] = 0.0
+        words = "; ".join(filter(None, [missing_in_words([names[p] for p in mine]), apart_in_words(names, rest)]))
+        return replace(pose, verdict=pose.verdict.replace(apart_in_words(names, pose.apart), words), apart=rest)
+
+    return [named(p) for p in posed]
+
+
 def converted(views: Sequence[Seen], stated: Sequence[Camera]) -> list[Seen]:
     """The views with z along the rays of the lens that each was seen through.
 

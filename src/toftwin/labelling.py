@@ -168,7 +168,7 @@ class _Job:
 
         from tof_align.session import solve_session
         from tof_sim_label.label import label_view
-        from tof_sim_label.world import session_surprises
+        from tof_sim_label.world import missing_named, session_surprises
 
         try:
             posed = dataset.solved(views, "labels", partial(self._poses, views))
@@ -183,6 +183,7 @@ class _Job:
             result.others[name] = [p.T_cell_camera for p in found]
         world = session_surprises(views, posed, self.caster, self.config.label)
         result.world = described(world, self.caster.scene)
+        posed = missing_named(posed, world, self.scene.names)
         for view, pose, codes in progress(zip(views, posed, world.pixels, strict=True), "labels", len(views)):
             yield view, pose, partial(label_view, view, pose, self.caster, self.config.label, codes)
 

@@ -169,6 +169,7 @@ def _to_json(posed: Posed) -> dict[str, Any]:
         "verdict": posed.verdict,
         "parts": posed.parts.tolist(),
         "camera": None if posed.camera is None else asdict(posed.camera),
+        "apart": posed.apart.tolist(),
     }
 
 
@@ -181,4 +182,5 @@ def _from_json(values: dict[str, Any]) -> Posed:
         values["verdict"],
         np.array(values["parts"]),
         None if values.get("camera") is None else camera_of(values["camera"]),
+        np.array(values.get("apart", []), float),
     )

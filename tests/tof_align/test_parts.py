@@ -16,7 +16,7 @@ from tof_align.parts import LEAST_RADIUS_M, MOTIONS, PartFrames, no_parts, parts
 from tof_align.parts import counts as holding
 from tof_align.pixels import take_pixels
 from tof_align.session import solve_session
-from tof_align.verdict import apart_in_words
+from tof_align.verdict import apart_in_words, disagreeing
 from tof_core import se3
 from tof_scene.raycast import Raycaster
 
@@ -88,7 +88,8 @@ def test_one_part_against_the_rest_is_named_and_does_not_move_the_cameras() -> N
     errors, before = ([pose_error(p.T_cell_camera, t)[0] for p, t in zip(s.posed, truth, strict=True)] for s in (found, without))
     assert np.median(errors) < 0.4
     assert np.median(errors) < 0.5 * np.median(before)
-    assert all(p.accepted and p.verdict == "parts disagree: block against the rest by 7 mm" for p in found.posed)
+    assert all(p.accepted and p.verdict == "parts disagree with the CAD: block by 7 mm" for p in found.posed)
+    assert found.posed[0].apart[NAMES.index("block")] == pytest.approx(7e-3, abs=0.5e-3)
     parts = found.posed[0].parts
     assert 5e-3 < parts[NAMES.index("block")] < 9e-3
     assert np.delete(parts, NAMES.index("block")).max() < 1e-3
@@ -104,8 +105,7 @@ def test_parts_that_agree_cost_nothing() -> None:
 
 def test_words_name_the_part_that_is_off_by_more_than_chance() -> None:
     apart, std = np.array([0.012, 0.004, 0.001, 0.02]), np.array([0.001, 0.003, 1e-5, 0.001])
-    assert (
-        apart_in_words(("a", "b", "c", "d"), apart, std, CONFIG.verdict)
-        == "parts disagree: d against the rest by 20 mm, a against the rest by 12 mm"
-    )
-    assert apart_in_words(("a", "b", "c", "d"), 0 * apart, std, CONFIG.verdict) == ""
+    sure = disagreeing(apart, std, CONFIG.verdict)
+    np.testing.assert_array_equal(sure, (0.012, 0.0, 0.0, 0.02))
+    assert apart_in_words(("a", "b", "c", "d"), sure) == "parts disagree with the CAD: d by 20 mm, a by 12 mm"
+    assert apart_in_words(("a", "b", "c", "d"), 0 * apart) == ""

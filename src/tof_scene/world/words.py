@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 MAY_BE = "; other views see through its place: a person, a view taken in motion, or the halo of a bright surface"
 """What a moving object may be besides."""
+SEE, SEES = "see what lies behind its place", "sees what lies behind its place"
+"""The evidence that a part is missing, of several views and of one."""
 
 
 def described(world: Surprises, scene: Scene) -> dict[str, list[dict[str, Any]]]:
@@ -36,13 +38,20 @@ def described(world: Surprises, scene: Scene) -> dict[str, list[dict[str, Any]]]
 
 def lines(world: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[str]:
     """One line per missing part and foreign object, largest first; `world` as `described` gives it."""
-    out = [f"missing: {m['part']}, in {of_views(m['views'])}" for m in world["missing"]]
+    out = [f"missing part: {m['part']}; {of_views(m['views'])} {SEE if len(m['views']) > 1 else SEES}" for m in world["missing"]]
     for f in sorted(world["foreign"], key=lambda f: -f["pixels"]):
         size = " x ".join(f"{100 * s:.0f}" for s in f["size_m"])
         at = ", ".join(f"{x:.2f}" for x in f["centre_m"])
         what, may_be = ("moving object", MAY_BE) if f["moves"] else ("foreign object", "")
         out.append(f"{what}: {size} cm at ({at}), seen in {of_views(f['views'])}{may_be}")
     return out
+
+
+def missing_in_words(names: Sequence[str]) -> str:
+    """Parts that are not there, with the evidence; "" where all are."""
+    if not names:
+        return ""
+    return f"{'parts' if len(names) > 1 else 'part'} missing: {', '.join(names)} (the views see what lies behind)"
 
 
 def of_views(numbers: Sequence[int]) -> str:

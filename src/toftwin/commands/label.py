@@ -29,11 +29,14 @@ ABOUT = (
 EXAMPLE = "toftwin label session/bag --scene cell/scene.yaml --out out/session\n  toftwin label 'bags/*.mcap' --scene cell/scene.yaml --out out/bags"
 
 
-APART_MARK = "parts disagree"
-APART = (
-    "  (parts disagree: a part stands off its CAD, or the camera errs there, as where light comes back over its neighbours; "
-    "toftwin gap says which, and no part should be moved before it is measured)"
-)
+EXPLAINED = {
+    "missing: ": "  (missing: its pixels are no labels. Put the part back, or take it out of scene.yaml, and label again)",
+    "parts disagree": (
+        "  (parts disagree: a part stands off its CAD by so much, compared with the others, or the camera errs there, as where light comes "
+        "back over its neighbours; toftwin gap says which, and no part should be moved before it is measured)"
+    ),
+}
+"""What words of a verdict mean, and what to do."""
 TABLE = "  (raw: single captures with their noise; filtered: means of dwells. alignment: mean of 100 % less the relative error)"
 
 
@@ -150,8 +153,9 @@ def _print(result: LabelResult) -> None:
     skipped = "; skipped: " + ", ".join(f"{reason} {count}" for reason, count in result.skipped.items()) if result.skipped else ""
     print(f"{result.captures} captures, {result.views} views in {result.dataset}{skipped}")
     print("verdicts: " + ", ".join(f"{verdict} {count}" for verdict, count in result.verdicts.most_common()))
-    if any(APART_MARK in verdict for verdict in result.verdicts):
-        print(APART)
+    for mark, meaning in EXPLAINED.items():
+        if any(mark in verdict for verdict in result.verdicts):
+            print(meaning)
     print(depth_table(result.rows))
     print(TABLE)
     print(_usable(result))

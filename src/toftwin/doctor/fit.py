@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tof_core.options import BagOptions
     from tof_scene.scene import Scene
     from toftwin.doctor.finding import Finding
+    from toftwin.mistakes.find import Found
 
 CHECK = "scene"
 VIEWS = 12
@@ -52,14 +53,28 @@ def examine_fit(bag: Path | str, scene: Scene, options: BagOptions, initial_pose
         return
     if not views:
         return
-    found = find_mistake(views, Raycaster(scene), options, config.align)
-    share = f"{found.share:.0%} of the measured pixels fit the CAD"
+    yield in_words(find_mistake(views, Raycaster(scene), options, config.align))
+
+
+def in_words(found: Found) -> Finding:
+    """How many pixels fit, what fits means, and from which share on it is as usual."""
+    from toftwin.mistakes.find import FITS
+    from toftwin.mistakes.fit import fitting
+
+    share = f"{found.share:.0%} of the measured pixels are {fitting()}"
+    usual = f"{share} (usual: {FITS:.0%} and more)"
     if found.mistake is not None:
-        yield fix(CHECK, f"{share}, {found.undone:.0%} without a mistake: {found.mistake.what}", found.mistake.todo)
-    elif found.fits:
-        yield ok(CHECK, share)
-    elif found.nowhere:
+        return fix(
+            CHECK,
+            f"{usual}, {found.undone:.0%} {fitting(found.mistake.metres)} without a mistake: {found.mistake.what}",
+            found.mistake.todo,
+        )
+    if found.fits:
+        return ok(CHECK, usual)
+    if found.nowhere:
         todo = "is --scene the one that the bag shows? if it is, pass --initial-pose, or correct placed_in of scene.yaml"
-        yield fix(CHECK, f"{share}, and no usual mistake explains it: another scene, or another place", todo)
-    else:
-        yield note(CHECK, share, "look at the scene and the views: toftwin view; toftwin label names missing parts and foreign objects")
+        return fix(CHECK, f"{usual}, and no usual mistake explains it: another scene, or another place", todo)
+    todo = (
+        "toftwin label names parts that are missing and objects that the CAD lacks; if it names none, compare scene and views: toftwin view"
+    )
+    return note(CHECK, f"{usual}: parts may be missing or elsewhere, objects in view, or the camera off", todo)

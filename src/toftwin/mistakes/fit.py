@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
     from toftwin.mistakes.hypotheses import Mistake
 
-LOOSE_M, TIGHT_M = 0.1, 0.015
-"""Error up to which a pixel fits: at the robot's pose, whose base may be 50 mm and 2 degrees off; and after alignment."""
+LOOSE_M = 0.1
+"""Metres of depth up to which a pixel fits at the robot's pose: its base may be 50 mm and 2 degrees off."""
+TIGHT_M = 0.015
+"""The same once the base has been moved: a camera errs by millimetres, a wrong unit, axis, place or scene by centimetres and more."""
 ROOM_M = 1.5
 """Longest side from which a part is a floor, a wall or a table, which many scenes have."""
 FEW = 0.03
@@ -32,6 +34,11 @@ PIXELS = 700
 """Pixels of a view that are used."""
 STARTS, KEPT = 64, 2
 """Places of the base that are looked at, and from which a descent starts: an eighth of an alignment's, since many mistakes are tried."""
+
+
+def fitting(metres: float = 1.0) -> str:
+    """What a fitting pixel is, in words; `metres`: length of a metre in the CAD's unit, by which the limit differs (`moved`)."""
+    return f"within {1e3 * (TIGHT_M if metres == 1.0 else LOOSE_M):.0f} mm of the CAD"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

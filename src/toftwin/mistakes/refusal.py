@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from tof_core.errors import RefusedError
 from toftwin.mistakes.find import find_mistake
+from toftwin.mistakes.fit import fitting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,5 +23,6 @@ def explained(error: RefusedError, views: Sequence[View], caster: Raycaster, opt
     found = find_mistake(views, caster, options, align)
     if found.mistake is None:
         return error
-    why = f"{error.what}; {found.mistake.what}: without that {found.undone:.0%} of the pixels fit the CAD, with it {found.share:.0%}"
+    without = f"without that {found.undone:.0%} of the pixels are {fitting(found.mistake.metres)}"
+    why = f"{error.what}; {found.mistake.what}: {without}, with it {found.share:.0%} are {fitting()}"
     return RefusedError(why, where=error.where, todo=found.mistake.todo)

@@ -76,7 +76,7 @@ def test_an_absent_part_is_named_and_none_of_its_pixels_stays() -> None:
         assert (codes[s.part == 1] == ABSENT).all()
         assert (codes[off] == NONE).mean() < 0.02
         assert (codes[~off & (s.part == 0)] != NONE).mean() < 0.02
-    assert lines(described(found, cad.scene)) == ["missing: block, in views 1 to 6"]
+    assert lines(described(found, cad.scene)) == ["missing part: block; views 1 to 6 see what lies behind its place"]
 
 
 def test_a_foreign_object_is_found_where_it_stands_with_its_size() -> None:
