@@ -101,7 +101,7 @@ class Effect(ABC):
     LACKS_ON_A_PART: ClassVar[float] = 0.0
     """The same along an effect of one part alone."""
     MODULATED: ClassVar[bool] = False
-    """Whether a camera has it only if it times modulated light."""
+    """Whether a camera has it only if it times light that it sends, modulated or pulsed: no stereo camera has it."""
     REPEATS: ClassVar[bool] = False
     """Whether it may be there several times at once: once per part, or once per modulation frequency."""
     IN_CHAIN: ClassVar[bool] = False

@@ -120,6 +120,10 @@ def ideal_frame(rendering: Rendering, context: Context | None = None, amplitude:
     return Frame(rendering, rendering.camera.rays(), depth, amplitude, np.zeros_like(depth), np.zeros_like(depth), context or Context())
 
 
+MODULATION = "modulation frequency; 5 for a pulsed camera, in which light of several ways adds by its amount alone"
+"""What `modulation_mhz` is of effects in which light of several ways adds up (docs/effects.md)."""
+
+
 def waves_per_m(modulation_mhz: float) -> float:
     """Radians of phase per metre of path, lamp to lens."""
     return 2e6 * np.pi * modulation_mhz / LIGHT_M_PER_S

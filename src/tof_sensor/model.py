@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from tof_sensor.origin import Promise
 
 SCHEMA = "toftwin.sensor/1"
+FREQUENCY = "# modulation_mhz: the frequency at which the effect's formula fits best; a pulsed camera has none (docs/effects.md)\n"
+"""First line of a `sensor.yaml` with an effect of a frequency: no statement of what the camera has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +94,9 @@ def save_model(model: SensorModel, path: Path) -> None:
     blocks = [{"effect": e.NAME} | _plain(to_mapping(e)) for e in model.effects]
     gain = {} if model.gain is None else {"gain": float(model.gain)}
     origin = to_blocks(model.camera, model.promise)
-    path.write_text(yaml.safe_dump({"schema": SCHEMA, **gain, **origin, "effects": blocks}, sort_keys=False, default_flow_style=None))
+    head = FREQUENCY if any("modulation_mhz" in b for b in blocks) else ""
+    body = {"schema": SCHEMA, **gain, **origin, "effects": blocks}
+    path.write_text(head + yaml.safe_dump(body, sort_keys=False, default_flow_style=None))
 
 
 def load_model(path: Path) -> SensorModel:

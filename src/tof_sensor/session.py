@@ -59,7 +59,7 @@ class Session:
     """A recorded session as the effects see it.
 
     parts: names of the scene's parts, in the scene's order; has_amplitude: whether any view has an amplitude image; modulated: whether
-    the noise follows light, as a camera's that times modulated light, and not range squared, as a stereo camera's; law: the camera's
+    the noise follows light, as a camera's that times light that it sends, and not range squared, as a stereo camera's; law: the camera's
     photon law as `--sensor` states it; noise: temporal noise by amplitude; posed_apart: whether every pose has a covariance of its own, as
     those of a board's corners: depth has no say in it.
     """

@@ -38,6 +38,28 @@ class FilterLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class LossLimits:
+    """What lost pixels go with: chances that what is stated separates a lost pixel from a measured one; 0.5 is none, 1 all."""
+
+    by_amplitude: float = param(
+        0.99,
+        "by the amplitude image",
+        low=0.5,
+        high=1.0,
+        why="two cameras with a threshold: 1.00; a part or a range that is lost: 0.98 at most",
+    )
+    by_range: float = param(0.999, "by range", low=0.5, high=1.0, why="a measuring range ends at once; weak light far away: 0.99")
+    by_light: float = param(0.95, "by the light that the CAD states", low=0.5, high=1.0, why="two cameras with a threshold: 0.98 at least")
+    by_part: float = param(
+        0.8, "by part", low=0.5, high=1.0, why="a third of a quarter of the pixels lost on one part: 0.91; at random: 0.51"
+    )
+    shown: float = param(
+        0.5, "share of the lost pixels that have an amplitude", low=0.0, high=1.0, why="some cameras state 0 for all of them"
+    )
+    carried: float = param(0.8, "share of the loss that the named parts carry together", low=0.0, high=1.0, why="the rest is spread")
+
+
+@dataclass(frozen=True, slots=True)
 class MissingLimits:
     """When missing, wrapped or mixed pixels are an effect."""
 
@@ -138,3 +160,4 @@ class MissingLimits:
     )
     fitted_mm: float = param(2.0, "predicted mixing of a pixel that is fitted", unit="mm", low=0.0, why="the usual noise")
     filter: FilterLimits = section(FilterLimits, "holes that a filter leaves")
+    loss: LossLimits = section(LossLimits, "what lost pixels go with")

@@ -27,6 +27,7 @@ class Finding:
     that neighbours share: no model predicts it, but it is no unexplained structure either; `note`: the evidence in words;
     `beside`: the photon law that the noise was compared with, where that is stated and not fitted to the session; `posed_m`: metres RMS
     of noise that neighbours share and that the poses took; `own_noise` (H, W): pixels with a noise of their own, which are in no figure;
+    `size`, `remedy`: in words, where the evidence says more than the effect's parameters; `parts`: indices of those that carry most of it;
     `structure`: whether it was read off structure of residuals or of arm errors, which an effect without a name may leave too.
     """
 
@@ -41,6 +42,9 @@ class Finding:
     posed_m: float = 0.0
     own_noise: Mask | None = None
     structure: bool = False
+    size: str = ""
+    remedy: str = ""
+    parts: tuple[int, ...] = ()
 
     @property
     def name(self) -> str:

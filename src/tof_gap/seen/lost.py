@@ -11,6 +11,7 @@ from scipy.ndimage import binary_dilation, binary_fill_holes, label, uniform_fil
 from tof_core.reasons import Reason
 from tof_core.stats import pairs_below
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
+from tof_gap.seen.loss import GoesWith, balanced, loss_of
 from tof_gap.seen.session import amplitude_unit
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.frame import lambert_amplitude
@@ -94,12 +95,22 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
     light = np.concatenate([unit * lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
     if gone.mean() < limits.lost_share and _worst_part(gone, part, light, too_bright, limits) < limits.lost_on_part:
         return None
+    seen = np.concatenate([_amplitude(v)[i] for v, i in zip(views, inside, strict=True)])
+    radial = np.concatenate([v.frame.radial[i] for v, i in zip(views, inside, strict=True)])
+    loss = loss_of(gone, seen, light, radial, part, limits.loss)
     random = float(gone[light > np.median(light)].mean())
     share = np.stack(
         [np.where(v.frame.valid, _rate(v, own, unit, light, gone, limits), np.nan) for v, own in zip(views, losses, strict=True)]
     )
-    effect = Dropout(threshold=_half_lost(light, gone, limits), random=min(random, 1.0))
-    return Finding(effect, LOSS_CONFIDENT, share=share, note=_of_median(effect.threshold, light, known=known is not None))
+    threshold = balanced(light, gone) if loss.goes_with is GoesWith.LIGHT else _half_lost(light, gone, limits)
+    effect = Dropout(threshold=threshold, random=min(random, 1.0))
+    note = _of_median(threshold, light, known=known is not None)
+    return Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts)
+
+
+def _amplitude(view: ViewEvidence) -> Float:
+    """(H, W) of the amplitude image, NaN where the view has none."""
+    return np.full(view.frame.depth.shape, np.nan) if view.view.amplitude is None else view.view.amplitude.astype(np.float64)
 
 
 def _of_median(threshold: float, light: Float, *, known: bool) -> str:

@@ -13,11 +13,13 @@ from tof_core.shares import in_percent
 from tof_core.stats import touched
 from tof_gap.tell.unexplained import by_part
 from tof_gap.tell.words import listed, spaced
+from tof_sensor.effect import Evidence
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float
+    from tof_gap.seen.finding import Finding
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.scene import Scene
     from tof_sensor.effect import Effect
@@ -34,6 +36,10 @@ EVERYWHERE = 0.95
 """Share of the pixels from which an effect acts on all of them."""
 NEAR_PX = 5
 """Side of the window in which most pixels decide for one: of white offsets three pixels of four are touched, and so are all such windows."""
+
+
+NO_DEPTH = "these pixels have no depth, and the others are not affected"
+"""What lost pixels cost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +80,10 @@ def plant_words(d: Diagnosis, scene: Scene) -> list[Words]:
         )
         for c in d.causes
     ]
-    findings = [replace(_words(f.name, (f.effect,), "", maps.get(f.name), d, scene), rivals=f.effect.rivals) for f in d.findings]
+    findings = [
+        replace(_of_finding(f, _words(f.name, (f.effect,), "", maps.get(f.name), d, scene), scene), rivals=f.effect.rivals)
+        for f in d.findings
+    ]
     return [*causes, *findings]
 
 
@@ -95,6 +104,24 @@ def _words(name: str, effects: Sequence[Effect], size: str, maps: Sequence[Float
     )
 
 
+def _of_finding(found: Finding, words: Words, scene: Scene) -> Words:
+    """The words of a finding, where its evidence says more than the effect's parameters."""
+    return replace(
+        words,
+        size=found.size or words.size,
+        where=words.where or on_parts([scene.parts[i].name for i in found.parts]),
+        remedy=found.remedy or words.remedy,
+        cost=words.cost or (NO_DEPTH if found.effect.EVIDENCE is Evidence.MISSING else ""),
+    )
+
+
+def on_parts(names: Sequence[str]) -> str:
+    """Where an effect is: the parts by name, where they are few; "" where there is none."""
+    if len(names) > MOST_PARTS:
+        return "on most of the scene"
+    return f"on {listed(names)}" if names else ""
+
+
 def duration_s(d: Diagnosis) -> float:
     """Seconds from the first view to the last."""
     times = [v.frame.context.time_s for v in d.evidence]
@@ -107,9 +134,7 @@ def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
     order = np.argsort(-energy)
     carried = np.cumsum(energy[order]) / max(float(energy.sum()), 1e-18)
     count = int(np.searchsorted(carried, CARRIED)) + 1
-    if count > MOST_PARTS:
-        return "on most of the scene"
-    return f"on {' and '.join(scene.parts[i].name for i in order[:count])}"
+    return on_parts([scene.parts[i].name for i in order[:count]])
 
 
 def acts(size_m: float, maps: Sequence[Float]) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth scale: a wrong unit or modulation frequency stretches range."""
+"""Depth scale: a wrong unit or clock stretches range."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class DepthScale(Effect):
 
     NAME: ClassVar[str] = "depth_scale"
     ORDER: ClassVar[int] = 82
-    MEANING: ClassVar[str] = "the camera stretches distance, as where its modulation frequency is not the stated one"
+    MEANING: ClassVar[str] = "the camera stretches distance, as where its clock runs fast or slow, or its unit is not the stated one"
     REMEDY: ClassVar[str] = (
-        "check the modulation frequency that the driver states, then calibrate the camera's range at two distances or more"
+        "check the depth unit and the mode that the driver states, then calibrate the camera's range at two distances or more"
     )
     ACTIONS: ClassVar = (NEARER, FARTHER)
     LINEAR: ClassVar[tuple[str, ...]] = ("scale",)

@@ -26,8 +26,11 @@ class Dropout(Effect):
 
     NAME: ClassVar[str] = "dropout"
     ORDER: ClassVar[int] = 80
-    MEANING: ClassVar[str] = "pixels without a return"
-    REMEDY: ClassVar[str] = "expose longer, come closer or lower the camera's confidence threshold; mask surfaces that return no light"
+    MEANING: ClassVar[str] = "pixels without depth"
+    REMEDY: ClassVar[str] = (
+        "where light is weak, expose longer, come closer or lower the camera's confidence threshold; where it is not, look at the surfaces, "
+        "the camera's filters and the link that carries its images"
+    )
     EVIDENCE: ClassVar[Evidence] = Evidence.MISSING
 
     threshold: float = param(0.0, "amplitude at which half of the pixels are lost, camera's unit", low=0.0)
@@ -39,7 +42,7 @@ class Dropout(Effect):
         """Share and threshold."""
         parts = [f"{in_percent(self.random)} of the pixels at random"] if self.random > LEAST_STATED else []
         parts += [f"most pixels below amplitude {self.threshold:.3g}"] if self.threshold > 0 else []
-        return ", ".join(parts) or "some of the pixels in weak light"
+        return ", ".join(parts) or "some of the pixels"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Lose pixels; the probability is kept in `missing`."""

@@ -11,7 +11,7 @@ from numba import njit
 
 from tof_core.config import param
 from tof_sensor.effect import Effect, stack
-from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.frame import LIGHT_M_PER_S, MODULATION
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Image, Ints, Mask
@@ -35,7 +35,7 @@ class FlyingPixels(Effect):
 
     share: float = param(0.0, "1: the footprint's phasors add in full", low=0.0, high=1.5)
     footprint_px: float = param(1.0, "side of what a pixel really covers, of a straight edge", unit="px", low=0.2, high=1.0)
-    modulation_mhz: float = param(100.0, "modulation frequency", unit="MHz", low=5.0, high=400.0)
+    modulation_mhz: float = param(100.0, MODULATION, unit="MHz", low=5.0, high=400.0)
 
     def columns(self, frame: Frame) -> Float:
         """The mixture's depth minus the larger surface's, on mixed pixels."""

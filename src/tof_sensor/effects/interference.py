@@ -23,9 +23,9 @@ class Interference(Effect):
 
     NAME: ClassVar[str] = "interference"
     ORDER: ClassVar[int] = 74
-    MEANING: ClassVar[str] = "another light source beats with this camera"
+    MEANING: ClassVar[str] = "another light source disturbs some of the captures"
     REMEDY: ClassVar[str] = (
-        "look for another depth camera, laser scanner or flickering lamp in the cell and switch it off; two cameras need different modulation frequencies, or take turns"
+        "look for another depth camera, laser scanner or flickering lamp in the cell and switch it off; let two depth cameras take turns, or set them to different channels"
     )
     SEPARATED_BY: ClassVar[str] = "the other light source switched off"
     MODULATED: ClassVar[bool] = True

@@ -12,7 +12,7 @@ import numpy as np
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
 from tof_sensor.effect import Effect, Finer, Form
-from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.frame import LIGHT_M_PER_S, MODULATION
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,7 +53,7 @@ class LensScatter(Effect):
     halo: float = param(0.0, "share of the light that lands nearby", low=-0.1, high=0.5)
     middle: float = param(0.0, "share that lands over a fifth of the image", low=-0.1, high=0.5)
     veil: float = param(0.0, "share that lands over the whole image", low=-0.1, high=0.5)
-    modulation_mhz: float = param(60.0, "modulation frequency", unit="MHz", low=5.0, high=400.0)
+    modulation_mhz: float = param(60.0, MODULATION, unit="MHz", low=5.0, high=400.0)
 
     def columns(self, frame: Frame) -> Float:
         """First order in the shares: Im(veil / own) over the wave number, along z."""

@@ -14,7 +14,7 @@ from numba import njit
 
 from tof_core.config import param
 from tof_sensor.effect import Effect, Finer, Form
-from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.frame import LIGHT_M_PER_S, MODULATION
 from tof_sensor.geometry import image_flow, pose_columns
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Motion(Effect):
     turned: float = param(0.0, "the same, 1 in full where the taps' phase is an eighth of a turn beyond the distance's", low=-2.5, high=2.5)
     steady: float = param(0.0, "light that is not modulated, over the modulated", low=-5.0, high=10.0)
     tap_s: float = param(0.02, "from one tap to the next", unit="s", low=1e-4, high=0.5)
-    modulation_mhz: float = param(60.0, "modulation frequency", unit="MHz", low=5.0, high=400.0)
+    modulation_mhz: float = param(60.0, MODULATION, unit="MHz", low=5.0, high=400.0)
     opposite_first: bool = param(False, "the second tap is half a turn from the first, not a quarter")
 
     def columns(self, frame: Frame) -> Float:

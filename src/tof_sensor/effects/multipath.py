@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
 from tof_sensor.effect import Effect, Finer, Form, stack
-from tof_sensor.frame import indirect_bias, waves_per_m
+from tof_sensor.frame import MODULATION, indirect_bias, waves_per_m
 from tof_sensor.interreflection import indirect_phasor
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class Multipath(Effect):
     LACKS_ON_A_PART: ClassVar[float] = 1.0
 
     strength: float = param(0.0, "against Lambertian surfaces of the albedo that amplitude shows", low=0.0, high=5.0)
-    modulation_mhz: float = param(60.0, "modulation frequency (weak influence)", unit="MHz", low=5.0, high=400.0)
+    modulation_mhz: float = param(60.0, f"{MODULATION} (weak influence)", unit="MHz", low=5.0, high=400.0)
 
     @property
     def needs_scene(self) -> bool:

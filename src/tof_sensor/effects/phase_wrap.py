@@ -31,9 +31,11 @@ class PhaseWrap(Effect):
 
     NAME: ClassVar[str] = "phase_wrap"
     ORDER: ClassVar[int] = 78
-    MEANING: ClassVar[str] = "range is off by whole periods: beyond the unambiguous distance, or where frequencies are merged wrongly"
+    MEANING: ClassVar[str] = (
+        "range jumps by a fixed step: beyond the longest range that the camera can tell apart, or where it combines its measurements wrongly"
+    )
     REMEDY: ClassVar[str] = (
-        "keep within the unambiguous range or choose a lower modulation frequency; where single pixels wrap, expose longer"
+        "keep within the range that the data sheet calls unambiguous, or choose a mode with a longer one; where single pixels jump, expose longer"
     )
     MODULATED: ClassVar[bool] = True
 

@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
 from tof_sensor.effect import Effect, Finer, Form, stack
-from tof_sensor.frame import indirect_bias, waves_per_m
+from tof_sensor.frame import MODULATION, indirect_bias, waves_per_m
 from tof_sensor.mirrored import mirrored_phasor
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class Specular(Effect):
     lobe_deg: float = param(12.0, "angle at which the lobe falls to 1/e", unit="deg", low=0.5, high=60.0)
     gloss: float = param(0.5, "the lobe's peak, as an albedo", low=1e-3, high=100.0)
     part: int = param(-1, "index of the shining part, -1: all", low=-1)
-    modulation_mhz: float = param(60.0, "modulation frequency (weak influence)", unit="MHz", low=5.0, high=400.0)
+    modulation_mhz: float = param(60.0, f"{MODULATION} (weak influence)", unit="MHz", low=5.0, high=400.0)
 
     @property
     def needs_scene(self) -> bool:

@@ -32,9 +32,9 @@ class Wiggling(Effect):
 
     NAME: ClassVar[str] = "wiggling"
     ORDER: ClassVar[int] = 50
-    MEANING: ClassVar[str] = "range error that swings with distance: harmonics of the modulation"
-    REMEDY: ClassVar[str] = "renew the camera's range calibration over a whole period of range, or simulate with sensor.yaml"
-    SEPARATED_BY: ClassVar[str] = "views over a whole period of range"
+    MEANING: ClassVar[str] = "range error that swings with distance, as the shape of the emitted wave or pulse makes it"
+    REMEDY: ClassVar[str] = "renew the camera's range calibration over its whole range, or simulate with sensor.yaml"
+    SEPARATED_BY: ClassVar[str] = "views over the camera's whole range"
     ACTIONS: ClassVar = (NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
     REPEATS: ClassVar[bool] = True  # Each frequency of a camera that merges two or three, and each harmonic, has a wave of its own.
@@ -49,7 +49,13 @@ class Wiggling(Effect):
 
     sine_m: float = param(0.0, "amplitude of sin(k phi)", unit="m", low=-0.1, high=0.1)
     cosine_m: float = param(0.0, "amplitude of cos(k phi)", unit="m", low=-0.1, high=0.1)
-    modulation_mhz: float = param(100.0, "modulation frequency", unit="MHz", low=1.0, high=1000.0)
+    modulation_mhz: float = param(
+        100.0,
+        "frequency whose wave has the fitted period; of a pulsed camera a number for the period alone",
+        unit="MHz",
+        low=1.0,
+        high=1000.0,
+    )
 
     across_m: float = param(0.0, "range by which the phase runs ahead from the left border to the right one", unit="m", low=-0.5, high=0.5)
     down_m: float = param(0.0, "the same from the upper border to the lower one", unit="m", low=-0.5, high=0.5)

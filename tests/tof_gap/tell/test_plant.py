@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_gap.seen.finding import Finding
+from tof_gap.seen.loss import GoesWith, Loss
 from tof_gap.tell.plant import Words, acts, cost, plant_words, where
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.dropout import Dropout
@@ -23,11 +25,13 @@ SCENE = cast("Scene", SimpleNamespace(parts=[SimpleNamespace(name=n) for n in ("
 MAP = np.broadcast_to(np.linspace(0.0, 0.010, SHAPE[0] * SHAPE[1]).reshape(SHAPE), (VIEWS, *SHAPE))
 
 
-def diagnosis(*, ties: tuple[str, ...] = (), doubted: bool = False) -> Diagnosis:
+def diagnosis(
+    *, ties: tuple[str, ...] = (), doubted: bool = False, size: str = "", remedy: str = "", parts: tuple[int, ...] = ()
+) -> Diagnosis:
     evidence = views(np.random.default_rng(1))
     wave = Wiggling(sine_m=0.003, cosine_m=0.004, modulation_mhz=100.0)
     cause = SimpleNamespace(named=SimpleNamespace(name="wiggling", effects=(wave,), ties=ties), size_m=0.004)
-    finding = SimpleNamespace(name="dropout", effect=Dropout(threshold=120.0, random=0.02))
+    finding = Finding(Dropout(threshold=120.0, random=0.02), 0.9, size=size, remedy=remedy, parts=parts)
     made = {"evidence": evidence, "residual": [v.residual for v in evidence], "shares": {"wiggling": MAP}}
     return cast("Diagnosis", SimpleNamespace(causes=(cause,), findings=(finding,), doubted=doubted, **made))
 
@@ -38,10 +42,22 @@ def test_each_effect_is_said_with_its_size_place_remedy_and_cost() -> None:
     assert wiggling.where == "on panel"
     assert wiggling.cost == "of all pixels one in twenty is measured 9.5 mm off or more"
     assert dropout.size == "2% of the pixels at random, most pixels below amplitude 120"
-    assert (dropout.where, dropout.cost) == ("", "")
+    assert (dropout.where, dropout.remedy) == ("", Dropout.REMEDY)
+    assert dropout.cost == "these pixels have no depth, and the others are not affected"
     assert wiggling.sentence() == (
-        "Wiggling: range error that swings with distance: harmonics of the modulation (±5.0 mm every 0.37 m of range; on panel). "
+        "Wiggling: range error that swings with distance, as the shape of the emitted wave or pulse makes it (±5.0 mm every 0.37 m of range; on panel). "
         f"To do: {Wiggling.REMEDY}. Left as it is: of all pixels one in twenty is measured 9.5 mm off or more."
+    )
+
+
+def test_lost_pixels_are_stated_by_what_they_go_with() -> None:
+    loss = Loss(GoesWith.LIGHT, 0.034, (1, 0), amplitude=75.5, of_median=0.15)
+    _, dropout = plant_words(diagnosis(size=loss.size, remedy=loss.remedy, parts=loss.parts), SCENE)
+    assert dropout.sentence() == (
+        "Dropout: pixels without depth (3% of the pixels, those of weak light: below amplitude 75.5, 15% of the median; on pipe and panel). "
+        "To do: nothing, where these surfaces are not needed: cameras drop weak pixels by design (confidence or amplitude threshold). Otherwise "
+        "expose longer or come closer; a lower threshold returns these pixels with more noise. "
+        "Left as it is: these pixels have no depth, and the others are not affected."
     )
 
 
@@ -77,7 +93,7 @@ def test_rivals_that_the_session_cannot_separate_stand_beside_the_name() -> None
 
 
 def test_noise_that_light_and_read_out_make_alike_is_said_to_be_one_of_both() -> None:
-    noisy = SimpleNamespace(name="ambient", effect=Ambient(uniform_m=1e-3, reference=2000.0))
+    noisy = Finding(Ambient(uniform_m=1e-3, reference=2000.0), 0.9)
     words = plant_words(
         cast("Diagnosis", SimpleNamespace(evidence=views(np.random.default_rng(1)), causes=(), findings=(noisy,), shares={})), SCENE
     )[0]

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What lost pixels go with: weak light, a limit of range, parts, or none of these."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.shares import in_percent
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Ints
+    from tof_gap.limits.missing import LossLimits
+
+
+class GoesWith(Enum):
+    """What alone separates lost pixels from measured ones."""
+
+    LIGHT = "light"
+    RANGE = "range"
+    PARTS = "parts"
+    NOTHING = "nothing"
+
+
+REMEDY = {
+    GoesWith.LIGHT: (
+        "nothing, where these surfaces are not needed: cameras drop weak pixels by design (confidence or amplitude threshold). "
+        "Otherwise expose longer or come closer; a lower threshold returns these pixels with more noise"
+    ),
+    GoesWith.RANGE: (
+        "the camera's measuring range ends there: choose a mode, or a gate, whose range holds these surfaces, move the camera, or leave them out"
+    ),
+    GoesWith.PARTS: (
+        "look at the surface: black, glossy, wet or transparent ones return little light to the camera. Spray it matt, look at it from another "
+        "direction, expose longer, or mask it"
+    ),
+}
+"""What a plant does about lost pixels, by what they go with; else what `Dropout` has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """Lost pixels: their share, what they go with, and the scene's parts that carry most of them, by index.
+
+    amplitude: below which they are lost, in the unit of the amplitude image; NaN where that does not show it. of_median: the same
+    over the median light, by the CAD where `amplitude` is NaN. range_m: metres from which (`beyond`), or up to which, they are lost.
+    weak: whether their amplitude is low although the scene's albedo says otherwise; share_on: share of the parts' own pixels.
+    """
+
+    goes_with: GoesWith
+    share: float
+    parts: tuple[int, ...] = ()
+    amplitude: float = float("nan")
+    of_median: float = float("nan")
+    range_m: float = float("nan")
+    beyond: bool = True
+    weak: bool = False
+    share_on: float = 0.0
+
+    @property
+    def size(self) -> str:
+        """Share and limit in words; empty where nothing separates lost pixels from measured ones."""
+        share = f"{in_percent(self.share)} of the pixels"
+        if self.goes_with is GoesWith.LIGHT:
+            stated = f"amplitude {self.amplitude:.3g}, {in_percent(self.of_median)} of the median" if np.isfinite(self.amplitude) else ""
+            return f"{share}, those of weak light: below {stated or f'{in_percent(self.of_median)} of the median light'}"
+        if self.goes_with is GoesWith.RANGE:
+            return f"{share}, those {'farther' if self.beyond else 'nearer'} than {self.range_m:.2f} m"
+        if self.goes_with is GoesWith.PARTS:
+            weak = ", which return less light than their albedo in scene.yaml says" if self.weak else ""
+            return f"{in_percent(self.share_on)} of the pixels of these parts, {in_percent(self.share)} of all{weak}"
+        return ""
+
+    @property
+    def remedy(self) -> str:
+        """What a plant does about it; empty where nothing separates lost pixels from measured ones."""
+        return REMEDY.get(self.goes_with, "")
+
+
+def loss_of(gone: Float, amplitude: Float, light: Float, radial: Float, part: Ints, limits: LossLimits) -> Loss:
+    """What the lost pixels of a session go with.
+
+    Args:
+        gone: (n,) share of the captures in which each pixel is lost.
+        amplitude: (n,) of the amplitude image; NaN or 0 where it has none.
+        light: (n,) the CAD's, in the same unit.
+        radial: (n,) metres along the ray, the CAD's.
+        part: (n,) index of the part.
+        limits: how well each must separate lost pixels from measured ones.
+    """
+    share = float(gone.mean())
+    known = np.isfinite(amplitude) & (amplitude > 0)
+    shown = float(gone[known].sum()) >= limits.shown * float(gone.sum())
+    weak = shown and lower(amplitude[known], gone[known]) >= limits.by_amplitude
+    rate = np.bincount(part, gone) / np.maximum(np.bincount(part), 1)
+    carry = _carrying(gone, part, limits.carried)
+    on = np.isin(part, carry)
+    farther = 1.0 - lower(radial, gone)
+    at = limits.by_range
+    if not weak and max(farther, 1.0 - farther) >= at:
+        beyond = farther >= at
+        return Loss(GoesWith.RANGE, share, carry, range_m=float(np.quantile(radial, 1.0 - share if beyond else share)), beyond=beyond)
+    by_light, by_part = lower(light, gone) >= limits.by_light, 1.0 - lower(rate[part], gone) >= limits.by_part
+    if by_part and not by_light:
+        return Loss(GoesWith.PARTS, share, carry, weak=weak, share_on=float(gone[on].mean()))
+    if not (by_light or weak):
+        return Loss(GoesWith.NOTHING, share, carry)
+    seen, lost = (amplitude[known], gone[known]) if weak else (light, gone)
+    limit = balanced(seen, lost)
+    return Loss(GoesWith.LIGHT, share, carry, limit if weak else float("nan"), limit / max(float(np.median(seen)), 1e-12))
+
+
+def lower(values: Float, gone: Float) -> float:
+    """Chance that a lost pixel has a lower value than a measured one, equal ones counted half: the area under the ROC curve.
+
+    values (n,); gone (n,): share of captures in which each is lost.
+    """
+    _, place = np.unique(values, return_inverse=True)
+    lost, kept = np.bincount(place, gone), np.bincount(place, 1.0 - gone)
+    above = kept.sum() - np.cumsum(kept)
+    return float(lost @ (above + 0.5 * kept)) / max(float(lost.sum() * kept.sum()), 1e-12)
+
+
+def balanced(values: Float, gone: Float) -> float:
+    """The value below which as many pixels lie as are lost."""
+    return float(np.quantile(values, float(gone.mean())))
+
+
+def _carrying(gone: Float, part: Ints, carried: float) -> tuple[int, ...]:
+    """The parts that carry this share of all loss together, most first."""
+    lost = np.bincount(part, gone)
+    order = np.argsort(-lost)
+    count = int(np.searchsorted(np.cumsum(lost[order]), carried * lost.sum())) + 1
+    return tuple(int(p) for p in order[:count])

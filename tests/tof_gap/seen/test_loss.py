@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lost pixels go with weak light, with a limit of range, with parts, or with none of these; the remedy is that of each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pytest
+
+from tof_gap.limits.missing import LossLimits
+from tof_gap.seen.loss import REMEDY, GoesWith, Loss, balanced, loss_of, lower
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Ints, Mask
+
+N, PARTS = 20_000, 5
+THRESHOLD = 60.0
+
+
+class Pixels(NamedTuple):
+    """Pixels of a session: amplitude of the image, the CAD's light and range, and the part."""
+
+    amplitude: Float
+    light: Float
+    radial: Float
+    part: Ints
+
+    def loss(self, lost: Mask | Float) -> Loss:
+        """What `lost` (n,) goes with."""
+        return loss_of(np.asarray(lost, float), self.amplitude, self.light, self.radial, self.part, LossLimits())
+
+
+@pytest.fixture(scope="module")
+def pixels() -> Pixels:
+    """Five parts of different albedo at 0.5 to 3 m; the image's amplitude is the CAD's light times 0.8 to 1.2."""
+    rng = np.random.default_rng(2)
+    part, radial = rng.integers(0, PARTS, N), rng.uniform(0.5, 3.0, N)
+    light = 1000.0 * np.linspace(0.3, 0.9, PARTS)[part] * rng.uniform(0.5, 1.0, N) / radial**2
+    return Pixels(light * rng.uniform(0.8, 1.2, N), light, radial, part)
+
+
+def test_a_threshold_of_amplitude_is_found_with_its_value(pixels: Pixels) -> None:
+    lost = pixels.amplitude < THRESHOLD
+    found = pixels.loss(lost)
+    assert found.goes_with is GoesWith.LIGHT
+    assert found.amplitude == pytest.approx(THRESHOLD, rel=0.01)
+    assert found.of_median == pytest.approx(THRESHOLD / np.median(pixels.amplitude), rel=0.01)
+    assert found.share == pytest.approx(lost.mean())
+    assert f"below amplitude {found.amplitude:.3g}" in found.size
+    assert "by design" in found.remedy
+
+
+@pytest.mark.parametrize("of_lost", [np.nan, 0.0], ids=["no image", "0 where lost"])
+def test_where_lost_pixels_have_no_amplitude_the_light_of_the_cad_decides(pixels: Pixels, of_lost: float) -> None:
+    lost = pixels.amplitude < THRESHOLD
+    found = pixels._replace(amplitude=np.where(lost, of_lost, pixels.amplitude)).loss(lost)
+    assert found.goes_with is GoesWith.LIGHT
+    assert np.isnan(found.amplitude)
+    assert found.of_median == pytest.approx(THRESHOLD / np.median(pixels.light), rel=0.05)
+    assert found.size.endswith("% of the median light")
+
+
+@pytest.mark.parametrize(("beyond", "at_m", "words"), [(True, 2.5, "farther than 2.5"), (False, 0.7, "nearer than 0.7")])
+def test_a_measuring_range_that_ends_is_found_with_its_limit(pixels: Pixels, at_m: float, words: str, *, beyond: bool) -> None:
+    bright = pixels._replace(amplitude=np.full(N, np.nan))
+    found = bright.loss(pixels.radial > at_m if beyond else pixels.radial < at_m)
+    assert found.goes_with is GoesWith.RANGE
+    assert found.beyond is beyond
+    assert found.range_m == pytest.approx(at_m, abs=0.01)
+    assert words in found.size
+    assert "measuring range" in found.remedy
+
+
+def test_a_part_that_is_lost_though_its_light_would_do_is_named(pixels: Pixels) -> None:
+    lost = (pixels.part == 3) & (np.random.default_rng(4).random(N) < 0.4)
+    found = pixels.loss(lost)
+    assert (found.goes_with, found.parts, found.weak) == (GoesWith.PARTS, (3,), False)
+    assert found.size == "40% of the pixels of these parts, 8% of all"
+    assert "look at the surface" in found.remedy
+    dark = pixels._replace(amplitude=np.where(lost, 1.0, pixels.amplitude)).loss(lost)
+    assert (dark.goes_with, dark.weak) == (GoesWith.PARTS, True)
+    assert dark.size.endswith(", which return less light than their albedo in scene.yaml says")
+
+
+def test_what_is_lost_at_random_goes_with_nothing(pixels: Pixels) -> None:
+    found = pixels.loss(np.random.default_rng(5).random(N) < 0.05)
+    assert found.goes_with is GoesWith.NOTHING
+    assert (found.size, found.remedy) == ("", "")
+
+
+def test_some_captures_of_a_dwell_count_by_their_share(pixels: Pixels) -> None:
+    lost = np.random.default_rng(6).binomial(6, np.where(pixels.amplitude < THRESHOLD, 1.0, 0.0)) / 6
+    assert pixels.loss(lost).goes_with is GoesWith.LIGHT
+
+
+def test_the_chance_is_that_of_a_pair_of_one_lost_and_one_measured_pixel() -> None:
+    values, gone = np.array([1.0, 2.0, 2.0, 4.0]), np.array([1.0, 1.0, 0.0, 0.0])
+    assert lower(values, gone) == pytest.approx((1 + 1 + 0.5 + 1) / 4)
+    assert balanced(np.arange(101.0), np.r_[np.ones(25), np.zeros(75)]) == pytest.approx(25.0)
+
+
+def test_every_remedy_is_of_a_cause_and_each_is_different() -> None:
+    assert set(REMEDY) == set(GoesWith) - {GoesWith.NOTHING}
+    assert len(set(REMEDY.values())) == len(REMEDY)
