@@ -21,7 +21,7 @@ from tof_gap.solve.conclude import conclude, less
 from tof_gap.solve.joint import without
 from tof_gap.solve.radial import gate
 from tof_gap.solved import Split
-from tof_gap.tell.account import account, without_causes
+from tof_gap.tell.account import account, unfounded, without_causes
 from tof_gap.tell.diagnosis import Diagnosis, doubted
 from tof_gap.tell.explainable import explainable
 from tof_gap.tell.unexplained import look
@@ -89,8 +89,8 @@ def diagnose(
     progress("noise, loss and edges; the gap on held-out views")
     read = partial(account, config=config, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, law=law)
     found = read(conclude(joint, begun.views, caster, config, split, rng))
-    while (worse := found.worsens) is not None:
-        joint = without(joint, worse, config)
+    while (taken := unfounded(found, config.noise.foreign_light)) is not None:
+        joint = without(joint, taken, config)
         del found  # Images of all views are most of what a session needs in memory.
         found = read(conclude(joint, begun.views, caster, config, split, rng))
     del joint, begun

@@ -182,6 +182,7 @@ class ForeignLightLimits:
         0.1, "of the size of the named effects, the same", low=0.0, high=1.0, why="maps are never exact: wiggling of 4.3 mm leaves 0.26 mm"
     )
     field_views: float = param(0.75, "share of the views with such a field", low=0.0, high=1.0, why="foreign light is in every capture")
+    drift_terms: int = param(3, "free numbers of a drift over time", low=1, why="amount, time constant, and the choice of a form")
     cosine: float = param(0.1, "least cosine of incidence", low=1e-3, high=1.0, why="grazing surfaces would outweigh all")
     ridge: float = param(1e-6, "ridge of a view's field, each of its terms of norm 1", low=0.0, why="small views leave terms alike")
 

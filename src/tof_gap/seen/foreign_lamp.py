@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from tof_core.cores import in_threads
-from tof_core.stats import blocks
+from tof_core.stats import blocks, hats
 from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.seen.foreign_light import field, interference
 from tof_sensor.frame import waves_per_m
@@ -32,6 +32,8 @@ STEEPEST = 0.1
 """Least cosine of incidence: grazing surfaces would outweigh all."""
 STRONGEST = 50.0
 """Most of the foreign light over the own, in units of their ratio at equal ways."""
+COMMON_STEP_M = 0.15
+"""Spacing of the knots of what all views have in common, along range: an eighth of a wave of 120 MHz."""
 RIDGE = 1e-3
 """Ridge of a view's four waves, of their mean square: where few pixels are lit, waves are alike."""
 
@@ -72,7 +74,7 @@ class ForeignLamp:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Cells:
+class Cells:
     """Means over squares of pixels of a view.
 
     points, normals (n, 3) in the cell; range_m, cosine (n,); sigma (n,) of the mean error along the ray, metres; smooth (n, k):
@@ -104,23 +106,31 @@ def foreign_lamp(views: Sequence[ViewEvidence], limits: ForeignLampLimits) -> Fo
         views: at the solution's poses, less all smooth bias.
         limits: from which share on a lamp is believed.
     """
-    cells = [_cells(v, limits) for v in views]
-    total = sum(float(c.error @ c.error) for c in cells if c is not None)
-    count = sum(len(c.error) for c in cells if c is not None)
-    if total <= limits.chi2 * count:
-        return None
-    in_cell, on_hand = _search(cells, _places_in_cell(cells), on_hand=False), _search(cells, _places_on_hand(), on_hand=True)
-    found = on_hand if on_hand.best > in_cell.best else in_cell
-    if found.best < max(limits.share * total, limits.stands_out * in_cell.median):
+    cells = [cells_of(v, limits) for v in views]
+    found = _standing_out(cells, limits)
+    if found is None or _standing_out(beside_common(cells), limits) is None:
         return None
     hit = found.gains > max(limits.view_chi2, limits.view_share * found.gains.max())
     if hit.sum() < limits.views:
         return None
     fields = [_field(v, c, found) if h and c is not None else np.zeros(v.residual.shape) for v, c, h in zip(views, cells, hit, strict=True)]
-    return ForeignLamp(found.at_m, found.on_hand, found.mhz, found.best / total, hit, np.stack(fields))
+    return ForeignLamp(found.at_m, found.on_hand, found.mhz, found.best / _chi2(cells), hit, np.stack(fields))
 
 
-def _cells(view: ViewEvidence, limits: ForeignLampLimits) -> _Cells | None:
+def _standing_out(cells: Sequence[Cells | None], limits: ForeignLampLimits) -> _Search | None:
+    """The place whose light explains most, None where it explains too little, or hardly more than other places."""
+    if _chi2(cells) <= limits.chi2 * sum(len(c.error) for c in cells if c is not None):
+        return None
+    in_cell, on_hand = _search(cells, _places_in_cell(cells), on_hand=False), _search(cells, _places_on_hand(), on_hand=True)
+    found = on_hand if on_hand.best > in_cell.best else in_cell
+    return None if found.best < max(limits.share * _chi2(cells), limits.stands_out * in_cell.median) else found
+
+
+def _chi2(cells: Sequence[Cells | None]) -> float:
+    return sum(float(c.error @ c.error) for c in cells if c is not None)
+
+
+def cells_of(view: ViewEvidence, limits: ForeignLampLimits) -> Cells | None:
     """None of a view with too few pixels."""
     seen, T = view.smooth, view.rendering.T_cell_camera
     h, w = view.residual.shape
@@ -147,7 +157,31 @@ def _cells(view: ViewEvidence, limits: ForeignLampLimits) -> _Cells | None:
     error = along / sigma
     error = error - smooth @ (smooth.T @ error)
     facing = np.maximum(cosine, STEEPEST)
-    return _Cells(*(np.ascontiguousarray(a, np.float64) for a in (point, normal, range_m, facing, sigma, smooth, error, T)))
+    return Cells(*(np.ascontiguousarray(a, np.float64) for a in (point, normal, range_m, facing, sigma, smooth, error, T)))
+
+
+def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
+    """The cells less what all views have in common: a function of range, and one of range times r^2 / cos(i).
+
+    Light that the camera's own glass throws back, as any error of the camera itself, is the same in every view, also where its fringes
+    look like those of a lamp.
+    """
+    there = [c for c in cells if c is not None]
+    if not there:
+        return list(cells)
+    low, high = (f([f(c.range_m) for c in there]) for f in (min, max))
+    knots = np.linspace(low, high, max(2, round((high - low) / COMMON_STEP_M) + 1))
+
+    def columns(c: Cells) -> Float:
+        of_range = hats(c.range_m, knots)
+        B = np.concatenate([of_range, of_range * (c.range_m**2 / c.cosine)[:, None]], axis=1) / c.sigma[:, None]
+        return np.asarray(B - c.smooth @ (c.smooth.T @ B))
+
+    all_columns = [columns(c) for c in there]
+    normal, right = sum(B.T @ B for B in all_columns), sum(B.T @ c.error for B, c in zip(all_columns, there, strict=True))
+    common = np.linalg.solve(_ridged(np.asarray(normal)), right)
+    less = iter([replace(c, error=c.error - B @ common) for B, c in zip(all_columns, there, strict=True)])
+    return [None if c is None else next(less) for c in cells]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,7 +203,7 @@ class _Search:
         return float(self.gains.sum())
 
 
-def _places_in_cell(cells: Sequence[_Cells | None]) -> Float:
+def _places_in_cell(cells: Sequence[Cells | None]) -> Float:
     """(n, 3) in the cell."""
     low, high = np.quantile(np.concatenate([c.points for c in cells if c is not None]), [0.02, 0.98], axis=0)
     axes = [np.arange(a - CELL_REACH_M, b + CELL_REACH_M + 1e-9, CELL_STEP_M) for a, b in zip(low, high, strict=True)]
@@ -183,8 +217,8 @@ def _places_on_hand() -> Float:
     return np.asarray(places[np.linalg.norm(places, axis=1) > HAND_LEAST_M])
 
 
-def _search(cells: Sequence[_Cells | None], places: Float, *, on_hand: bool) -> _Search:
-    def of_view(c: _Cells | None) -> Float:
+def _search(cells: Sequence[Cells | None], places: Float, *, on_hand: bool) -> _Search:
+    def of_view(c: Cells | None) -> Float:
         if c is None:
             return np.zeros((len(FREQUENCIES_MHZ), len(places)))
         at, each = c.in_cell(places, on_hand=on_hand), (c.points, c.normals, c.range_m, c.cosine, c.sigma, c.smooth, c.error)
@@ -196,7 +230,7 @@ def _search(cells: Sequence[_Cells | None], places: Float, *, on_hand: bool) -> 
     return _Search(places[place], on_hand, FREQUENCIES_MHZ[int(frequency)], gains[:, frequency, place], float(np.median(total)))
 
 
-def _field(view: ViewEvidence, c: _Cells, found: _Search) -> Float:
+def _field(view: ViewEvidence, c: Cells, found: _Search) -> Float:
     """(H, W) metres of z that the lamp's light adds to a view; 0 where the CAD has no surface."""
     at, k = c.in_cell(found.at_m, on_hand=found.on_hand), waves_per_m(found.mhz)
     waves = _waves(at, k, c.points, c.normals, c.range_m, c.cosine)

@@ -59,6 +59,23 @@ def foreign_light(
     )
 
 
+def drifts_by_chance(drift: Sequence[Float], posed_m: float, limits: ForeignLightLimits) -> bool:
+    """Whether amounts of each view's own, as foreign light adds them, would look like this drift from view to view.
+
+    Args:
+        drift: (H, W) metres per view that a drift over time adds, the same everywhere in a view.
+        posed_m: metres RMS by which foreign light moves captures along the view, beside the drift.
+        limits: from which chance on the drift is believed.
+    """
+    of_view = np.array([np.nanmedian(m) for m in drift])
+    of_view = of_view[np.isfinite(of_view)]
+    left = len(of_view) - 1 - limits.drift_terms
+    if posed_m == 0.0 or left < 1:
+        return False
+    explained = float(np.sum((of_view - of_view.mean()) ** 2)) / limits.drift_terms
+    return bool(fdtrc(limits.drift_terms, left, explained * left / (len(of_view) * posed_m**2)) > limits.chance)
+
+
 def interference(views: Sequence[ViewEvidence], size_m: float, *, duty: float) -> Interference:
     """The effect of so many metres RMS at the median amplitude of the views, in a share `duty` of them."""
     reference = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in views])))

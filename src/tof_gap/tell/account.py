@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.foreign_lamp import foreign_lamp
-from tof_gap.seen.foreign_light import foreign_light
+from tof_gap.seen.foreign_light import drifts_by_chance, foreign_light
 from tof_gap.tell.figures import figures
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
@@ -19,6 +19,7 @@ from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.effects.temperature_drift import TemperatureDrift
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from tof_gap.config import GapConfig
     from tof_gap.limits.missing import MissingLimits
+    from tof_gap.limits.seen import ForeignLightLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.solved import Named, Solved
     from tof_gap.tell.figures import Figures
@@ -106,6 +108,13 @@ def account(
         for n in solved.named
     )
     return Account(solved, causes, findings, counted, gap)
+
+
+def unfounded(found: Account, limits: ForeignLightLimits) -> str | None:
+    """The cause to be taken out: a drift over time that foreign light would show by chance, else the one that worsens the gap."""
+    drift = found.solved.maps.get(TemperatureDrift.NAME)
+    chance = drift is not None and drifts_by_chance(drift, found.figures.posed_m, limits)
+    return TemperatureDrift.NAME if chance else found.worsens
 
 
 def without_causes(found: Account) -> Account:

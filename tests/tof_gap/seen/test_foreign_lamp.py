@@ -12,7 +12,7 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core import se3
 from tof_gap.limits.seen import ForeignLampLimits, ForeignLightLimits
-from tof_gap.seen.foreign_lamp import ForeignLamp, foreign_lamp
+from tof_gap.seen.foreign_lamp import ForeignLamp, beside_common, cells_of, foreign_lamp
 from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
@@ -111,10 +111,25 @@ def patches() -> Float:
     return out
 
 
-@pytest.mark.parametrize("errors", [np.zeros((VIEWS, *SHAPE)), patches()], ids=["none", "patches"])
+def own_light() -> Float:
+    """(V, H, W) metres along the ray: lamp light that the camera's own cover glass throws onto the sensor, the same in every view."""
+    frames = [v.frame for v in noisy(np.zeros((VIEWS, *SHAPE)))]
+    wave = 4e6 * np.pi * MHZ / LIGHT_M_PER_S
+    return np.stack([0.01 * f.radial**2 / np.cos(f.rendering.incidence) * np.sin(wave * f.radial) for f in frames])
+
+
+@pytest.mark.parametrize("errors", [np.zeros((VIEWS, *SHAPE)), patches(), own_light()], ids=["none", "patches", "own light"])
 def test_errors_that_no_lamp_makes_show_none(errors: Float) -> None:
     assert foreign_lamp(noisy(errors), LIMITS) is None
 
 
 def test_two_views_alone_may_be_another_kind_of_scene() -> None:
     assert foreign_lamp(lit(np.where(np.arange(VIEWS) < LIMITS.views - 1, 0.01, 0.0)), LIMITS) is None
+
+
+@pytest.mark.parametrize(("own", "left"), [(True, 0.0), (False, 1.0)], ids=["own light", "another lamp"])
+def test_what_all_views_have_in_common_is_the_camera_s_own(*, own: bool, left: float) -> None:
+    before = [cells_of(v, LIMITS) for v in (noisy(own_light()) if own else lit(np.full(VIEWS, 0.01)))]
+    after = beside_common(before)
+    chi2 = [sum(float(c.error @ c.error) for c in cells if c is not None) for cells in (before, after)]
+    assert chi2[1] / chi2[0] == pytest.approx(left, abs=0.05)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_gap.limits.seen import ForeignLightLimits
-from tof_gap.seen.foreign_light import field, foreign_light
+from tof_gap.seen.foreign_light import drifts_by_chance, field, foreign_light
 from tof_sensor.effects.interference import Interference
 
 if TYPE_CHECKING:
@@ -75,3 +75,17 @@ def test_fields_that_inexact_maps_of_named_effects_may_leave_are_no_sign(named_m
     # Fields of 1.4 mm RMS beside 5 and 20 mm of named effects.
     seen = views(np.random.default_rng(1), own_fields(0.002))
     assert (foreign_light(seen, arms(0.0006, 0.0013), SD, LIMITS, named_m) is not None) is found
+
+
+@pytest.mark.parametrize(
+    ("warmup_m", "posed_m", "by_chance"),
+    [
+        (0.004, 0.0046, True),  # A drift of 1.2 mm RMS about its mean beside captures that foreign light moves by 4.6 mm.
+        (0.060, 0.0046, False),
+        (0.004, 0.0002, False),
+        (0.0001, 0.0, False),  # Nothing moves captures.
+    ],
+)
+def test_a_drift_within_what_foreign_light_moves_captures_by_is_chance(warmup_m: float, posed_m: float, *, by_chance: bool) -> None:
+    drift = [np.full(SHAPE, warmup_m * np.exp(-v / 3.0)) for v in range(VIEWS)]
+    assert drifts_by_chance(drift, posed_m, LIMITS) is by_chance

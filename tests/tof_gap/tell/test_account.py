@@ -12,9 +12,10 @@ import pytest
 
 from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.report import ReportLimits
+from tof_gap.limits.seen import ForeignLightLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
-from tof_gap.tell.account import Account, Cause, filtered, without_causes
+from tof_gap.tell.account import Account, Cause, filtered, unfounded, without_causes
 from tof_gap.tell.shrink import Errors, Shrink
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.interference import Interference
@@ -55,6 +56,17 @@ def test_the_cause_that_makes_held_out_views_worst_is_found(
     shrink: float | None, left_out: dict[str, float | None], worsens: str | None
 ) -> None:
     assert account(shrink, **left_out).worsens == worsens
+
+
+@pytest.mark.parametrize(("posed_m", "taken"), [(0.0, None), (0.02, "temperature_drift")])
+def test_a_drift_that_foreign_light_would_show_by_chance_is_taken_out(posed_m: float, taken: str | None) -> None:
+    drift = [np.full((2, 2), 0.004 * k / 12) for k in range(12)]
+    found = replace(
+        account(0.5, temperature_drift=0.1),
+        solved=cast("Any", SimpleNamespace(maps={"temperature_drift": drift})),
+        figures=cast("Any", SimpleNamespace(limits=ReportLimits(), posed_m=posed_m)),
+    )
+    assert unfounded(found, ForeignLightLimits()) == taken
 
 
 def test_causes_that_are_only_suspected_shrink_nothing() -> None:
