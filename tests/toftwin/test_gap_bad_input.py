@@ -17,11 +17,10 @@ from tof_core.errors import RefusedError, UsageError
 from tof_gap.diagnose import check
 from tof_gap.limits.seen import NoiseLimits
 from tof_gap.solve.candidates import not_testable
-from tof_gap.tell.unexplained import Unexplained
 from tof_scene.builtin import write_builtin
 from tof_sensor.registry import VOCABULARY, left_out
 from toftwin.cli import main
-from toftwin.commands.gap import EFFECTS, unexplained_line
+from toftwin.commands.gap import EFFECTS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -97,26 +96,6 @@ def test_a_name_like_no_effect_s_is_refused_with_the_names_that_there_are() -> N
 
 def test_the_help_lists_every_effect_that_may_be_left_out() -> None:
     assert EFFECTS.split(", ") == list(VOCABULARY)
-
-
-@pytest.mark.parametrize(
-    ("where", "depends_on", "line"),
-    [
-        ((), (), "unexplained: 0.32 mm are left, above all on no part in particular"),
-        (("door", "sill"), (), "unexplained: 0.32 mm are left, above all on door, sill"),
-        (("door",), ("range_m",), "unexplained: 0.32 mm are left, above all on door; what is left varies with range_m"),
-    ],
-)
-def test_what_is_left_is_said_as_far_as_it_is_known(where: tuple[str, ...], depends_on: tuple[str, ...], line: str) -> None:
-    assert unexplained_line(Unexplained(0.324, structured=True, depends_on=depends_on, where=where)) == line
-
-
-def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
-    left = Unexplained(0.324, structured=True, depends_on=(), where=("door",))
-    assert (
-        unexplained_line(left, suspected=True)
-        == "unexplained: 0.32 mm are left, even with the suspected effects simulated, above all on door"
-    )
 
 
 def test_mixed_cameras_are_refused() -> None:

@@ -28,6 +28,7 @@ class Finding:
     `beside`: the photon law that the noise was compared with, where that is stated and not fitted to the session; `posed_m`: metres RMS
     of noise that neighbours share and that the poses took; `own_noise` (H, W): pixels with a noise of their own, which are in no figure;
     `size`, `remedy`: in words, where the evidence says more than the effect's parameters; `parts`: indices of those that carry most of it;
+    `rare`: whether pixels are lost that are neither lost at random nor all that there is in the dark, as a filter around outliers takes them;
     `structure`: whether it was read off structure of residuals or of arm errors, which an effect without a name may leave too.
     """
 
@@ -45,6 +46,7 @@ class Finding:
     size: str = ""
     remedy: str = ""
     parts: tuple[int, ...] = ()
+    rare: bool = False
 
     @property
     def name(self) -> str:

@@ -102,10 +102,11 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
     share = np.stack(
         [np.where(v.frame.valid, _rate(v, own, unit, light, gone, limits), np.nan) for v, own in zip(views, losses, strict=True)]
     )
-    threshold = balanced(light, gone) if loss.goes_with is GoesWith.LIGHT else _half_lost(light, gone, limits)
-    effect = Dropout(threshold=threshold, random=min(random, 1.0))
-    note = _of_median(threshold, light, known=known is not None)
-    return Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts)
+    half = _half_lost(light, gone, limits)
+    effect = Dropout(threshold=balanced(light, gone) if loss.goes_with is GoesWith.LIGHT else half, random=min(random, 1.0))
+    note = _of_median(effect.threshold, light, known=known is not None)
+    rare = half == 0.0 and random < limits.lost_share
+    return Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts, rare=rare)
 
 
 def _amplitude(view: ViewEvidence) -> Float:

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
     from tof_gap.config import GapConfig
-    from tof_gap.limits.missing import MissingLimits
     from tof_gap.limits.seen import ForeignLightLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.solved import Named, Solved
@@ -154,7 +153,7 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
     unmerged = any(map(_fails_to_merge, gone))
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
-    return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone], config.missing)))
+    return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone])))
 
 
 def _named_m(solved: Solved) -> float:
@@ -167,7 +166,7 @@ def _rough_m(solved: Solved) -> float:
     return float(np.sqrt(sum(n.effects[0].ROUGH * solved.sizes[n.name] ** 2 for n in solved.named if n.effects)))
 
 
-def filtered(loss: Finding, beside: Sequence[Finding], limits: MissingLimits) -> bool:
+def filtered(loss: Finding, beside: Sequence[Finding]) -> bool:
     """Whether loss may be that of a filter in the camera, which removes outliers of another kind.
 
     Outliers of noise are rare in bright light and never all there is in the dark: `dropout` neither at random nor below a threshold.
@@ -178,9 +177,8 @@ def filtered(loss: Finding, beside: Sequence[Finding], limits: MissingLimits) ->
         return any(f.own_noise is not None for f in beside)
     if not isinstance(loss.effect, Dropout):
         return False
-    rare = loss.effect.threshold == 0.0 and loss.effect.random < limits.lost_share
     makers = [f.effect for f in beside if f.effect.makes_outliers]
-    return any(rare or effect.EVIDENCE is not Evidence.NOISE for effect in makers)
+    return any(loss.rare or effect.EVIDENCE is not Evidence.NOISE for effect in makers)
 
 
 def _removed_wraps(found: Finding) -> bool:

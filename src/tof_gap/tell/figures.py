@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from tof_gap.seen.pattern import single_pixels, without_pattern
 from tof_gap.seen.residual import single
 from tof_gap.tell.floor import floor2, shown2
-from tof_gap.tell.shrink import Shrink, blocks, measure
+from tof_gap.tell.shrink import Shrink, above_noise_mm, blocks, measure
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -83,7 +83,17 @@ class Figures:
             after = [np.where(self.mixed[v], np.sqrt(f), a) for v, a, f in zip(self.held, after, floors, strict=True)]
             unsure2 += self._mixed_left(after)
         held_out = blocks(before, after, floors, self.limits.block_px)
-        return measure(held_out, self.rng, self.limits.shrink, unsure2)
+        return replace(measure(held_out, self.rng, self.limits.shrink, unsure2), off_edges_mm=self._off_edges_mm(before, after, floors))
+
+    def _off_edges_mm(self, before: Sequence[Float], after: Sequence[Float], floors: Sequence[Float]) -> tuple[float, float] | None:
+        """RMS in mm above the noise, before and after, of the held-out pixels away from edges; None where edges do not count.
+
+        before, after: (H, W) metres per held-out view; floors: m^2.
+        """
+        if FlyingPixels.NAME not in self.maps:
+            return None
+        away = [np.where(self.edge[v], np.nan, b) for v, b in zip(self.held, before, strict=True)]
+        return above_noise_mm(blocks(away, after, floors, self.limits.block_px))
 
     @cached_property
     def floors_shown(self) -> list[Float]:

@@ -11,7 +11,7 @@ from tof_core.page import render_page
 from tof_gap.tell import pictures
 from tof_gap.tell.plant import duration_s
 from tof_gap.tell.where import Bin
-from tof_gap.tell.words import interval, percent, sentence, size_in_words, todo
+from tof_gap.tell.words import interval, percent, sentence, size_in_words, todo, unexplained_words
 from tof_scene.world.words import lines
 from tof_sensor.registry import EFFECTS
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, names: Sequence[str] = ()) -> Path:
     """Write `report.html` beside `gap.json`, whose `content` it shows; `names` of the scene's parts stand on the map."""
-    left = _left(d)
+    remaining = _left(d)
     gap, world, session_s = content["gap"], lines(content["world"]), duration_s(d)
     by = {name: [Bin(**b) for b in bins] for name, bins in content["where"]["by"].items()}
     main, others = pictures.by_quantity(by)
@@ -41,9 +41,9 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
         shrink=percent(gap["shrink"]),
         interval=interval(gap["shrink_ci95"]),
         picture={
-            "cad": pictures.on_the_cad(d, left, names),
+            "cad": pictures.on_the_cad(d, remaining, names),
             "how_far": pictures.how_far(d),
-            "views": pictures.views(d, left),
+            "views": pictures.views(d, remaining),
             "by": main,
             "others": others,
         },
@@ -52,7 +52,9 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
         meaning={name: effect.MEANING for name, effect in EFFECTS.items()},
         words=[w["sentence"] for w in content["words"]],
         promise=content.get("promise"),
-        unexplained=content["unexplained"],
+        left=unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes), edges=d.gap.off_edges_mm is not None)
+        if d.unexplained.structured
+        else "",
         against=content.get("against"),
         small=content["small"],
         world=world,

@@ -37,10 +37,10 @@ SURE = 2.0
 def on_the_cad(d: Diagnosis, left: Sequence[Float], names: Sequence[str]) -> str:
     """The parts seen in the session, coloured by mean gap before and after, from the middle view's side; the largest have their names."""
     shown = [_projected(d, maps) for maps in (d.residual, left)]
-    limit = max(1.0, 2.5 * d.gap.above_mm(d.gap.before), 0.5 * d.gap.floor_mm)  # single far cubes do not set the scale
+    limit = max(1.0, 2.5 * d.gap.shown_mm[0], 0.5 * d.gap.floor_mm)  # single far cubes, or those at edges, do not set the scale
     figure, grid = axes(11, 4.8, columns=2)
     points: Any = None
-    for ax, (xy, value, part), title in zip(grid[0], shown, ("before", "after adding the named effects"), strict=True):
+    for ax, (xy, value, part), title in zip(grid[0], shown, ("before", "once the named effects are simulated"), strict=True):
         points = ax.scatter(xy[:, 0], xy[:, 1], c=value, s=11, marker="s", cmap=GAP_COLOURS, vmin=-limit, vmax=limit, linewidths=0)
         _name_parts(ax, xy, part, names)
         ax.set_aspect("equal")
@@ -89,10 +89,13 @@ def _projected(d: Diagnosis, maps: Sequence[Float]) -> tuple[Float, Float, Ints]
 
 
 def how_far(d: Diagnosis) -> str:
-    """Bars of the gap above the noise: before, after, and with each named effect alone; the noise as a band of its own."""
+    """Bars of the gap above the noise: before, after, and with each named effect alone; the noise as a band of its own.
+
+    Where edges count, of the gap away from them: the few pixels there would hide all else.
+    """
     gap = d.gap
-    rows = [("gap before", gap.above_mm(gap.before), BEFORE), ("gap after", gap.above_mm(gap.after), AFTER)]
-    rows += [(f"only {c.named.name.replace('_', ' ')}", gap.above_mm(c.alone.after), PALE) for c in d.causes]
+    rows = [(f"gap {when}", mm, colour) for when, mm, colour in zip(("before", "after"), gap.shown_mm, (BEFORE, AFTER), strict=True)]
+    rows += [(f"only {c.named.name.replace('_', ' ')}", c.alone.shown_mm[1], PALE) for c in d.causes]
     figure, ((ax,),) = axes(6.2, 0.45 * len(rows) + 1.0)
     ax.axvspan(0.0, gap.floor_mm, color=PALETTE["wash"], zorder=0)
     ax.axvline(gap.floor_mm, color=PALE, linestyle="--", linewidth=1, zorder=1)
@@ -101,7 +104,8 @@ def how_far(d: Diagnosis) -> str:
         ax.text(value, i, f" {value:.2f}", va="center", color=INK, fontsize=9)
     ax.text(gap.floor_mm, -0.72, f"noise {gap.floor_mm:.2f}", ha="center", color=INK, fontsize=8)
     ax.invert_yaxis()
-    ax.set_xlabel("RMS above the noise on held-out views, mm")
+    where = "" if gap.off_edges_mm is None else ", away from edges"
+    ax.set_xlabel(f"RMS above the noise on held-out views{where}, mm")
     return figure_uri(figure)
 
 

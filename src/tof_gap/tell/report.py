@@ -82,6 +82,7 @@ def _shrink(s: Shrink) -> dict[str, Any]:
         "floor_mm": s.floor_mm,
         "shrink": s.shrink,
         "shrink_ci95": None if s.ci95 is None else list(s.ci95),
+        "off_edges_mm": None if s.off_edges_mm is None else dict(zip(("before", "after"), s.off_edges_mm, strict=True)),
     }
 
 
@@ -96,7 +97,7 @@ def _cause(c: Cause, d: Diagnosis) -> dict[str, Any]:
         "size_mm": 1e3 * c.size_m,
         "params": params[0] if len(params) == 1 else {str(i): p for i, p in enumerate(params)},
         "params_std": c.named.std[0] if len(params) == 1 else {str(i): s for i, s in enumerate(c.named.std)},
-        "alone": {k: alone[k] for k in ("after_mm", "shrink", "shrink_ci95")},
+        "alone": {k: alone[k] for k in ("after_mm", "shrink", "shrink_ci95")} | {"off_edges": c.alone.off_edges},
         "left_out": {"shrink": c.left_out},
     }
 
@@ -110,7 +111,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "size_mm": None,
         "params": _params(f.effect),
         "params_std": f.std,
-        "alone": {"after_mm": None, "shrink": None, "shrink_ci95": None},
+        "alone": {"after_mm": None, "shrink": None, "shrink_ci95": None, "off_edges": None},
         "left_out": {"shrink": None},
         "note": f.note,
     }

@@ -35,6 +35,7 @@ class Shrink:
     """1 - (after^2 - floor^2 + healthy^2) / (before^2 - floor^2 + healthy^2) on RMSE, None where before is at the floor.
 
     healthy: what poses take of a healthy camera's errors. The residuals do not show it, and no named effect removes it.
+    off_edges_mm: RMS in mm above the noise before and after, of the pixels away from edges, where edges count; None where they do not.
     """
 
     before: Errors
@@ -42,6 +43,19 @@ class Shrink:
     floor_mm: float
     shrink: float | None
     ci95: tuple[float, float] | None
+    off_edges_mm: tuple[float, float] | None = None
+
+    @property
+    def shown_mm(self) -> tuple[float, float]:
+        """RMS in mm above the noise before and after, as pictures show it: away from edges, where these count."""
+        return self.off_edges_mm or (self.above_mm(self.before), self.above_mm(self.after))
+
+    @property
+    def off_edges(self) -> float | None:
+        """Share of the squared gap away from edges that goes; None where edges do not count, or where there is no gap away from them."""
+        if self.off_edges_mm is None or not self.off_edges_mm[0] > 0.0:
+            return None
+        return 1.0 - (self.off_edges_mm[1] / self.off_edges_mm[0]) ** 2
 
     def above_mm(self, errors: Errors) -> float:
         """RMS in mm of errors on the held-out views without noise and pose posterior: what is gap and not noise."""
@@ -66,6 +80,14 @@ class HeldOut:
         n = self.n.sum() if weights is None else self.n @ weights
         mean, absolute, square = sums / max(n, 1.0)
         return Errors(1e3 * float(np.sqrt(square)), 1e3 * float(absolute), 1e3 * float(mean))
+
+
+def above_noise_mm(held_out: HeldOut) -> tuple[float, float]:
+    """RMS in mm before and after, above the floor."""
+    floor2 = float(held_out.floor2.sum() / max(held_out.n.sum(), 1.0))
+    rmse2 = [(1e-3 * held_out.errors(which).rmse) ** 2 for which in ("before", "after")]
+    before, after = (1e3 * float(np.sqrt(max(r - floor2, 0.0))) for r in rmse2)
+    return before, after
 
 
 def blocks(before: Sequence[Float], after: Sequence[Float], floor2: Sequence[Float], block_px: int) -> HeldOut:

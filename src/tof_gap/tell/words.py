@@ -11,8 +11,17 @@ from tof_core.shares import in_percent
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tof_gap.tell.unexplained import Unexplained
+
 PLACE = "place in the cell"
-GOES_WITH = {"x_m": PLACE, "y_m": PLACE, "z_m": PLACE, "temperature_c": "temperature", "hand": "the camera's place on the hand"}
+GOES_WITH = {
+    "edge_px": "distance to an edge",
+    "x_m": PLACE,
+    "y_m": PLACE,
+    "z_m": PLACE,
+    "temperature_c": "temperature",
+    "hand": "the camera's place on the hand",
+}
 """Observables whose names say less than these words."""
 
 
@@ -27,11 +36,13 @@ def sentence(content: dict[str, Any]) -> str:
         also = f" Part of it looks like {listed(suspects)}, but too much is left to be sure." if suspects else ""
         return f"Camera and simulation differ, and no effect known here explains how.{_clue(content['unexplained'])}{also}"
     verb = "explain" if len(names) > 1 else "explains"
-    how = "" if gap["shrink"] is None else f" and {verb} {percent(gap['shrink'])} of the gap"
+    away = _off_edges(gap)
+    how = "" if gap["shrink"] is None or away else f" and {verb} {percent(gap['shrink'])} of the gap"
     more = ""
     if "unknown" in content["verdict"]:
         more = f" Something else is left that no effect known here explains.{_clue(content['unexplained'])}"
-    return f"Camera and simulation differ by {listed(names)}{', which together' if len(names) > 1 and how else ', which' if how else ''}{how[4:] if how else ''}.{more}"
+    which = f"{', which together' if len(names) > 1 else ', which'}{how[4:]}" if how else ""
+    return f"Camera and simulation differ by {listed(names)}{which}.{away}{more}"
 
 
 def todo(content: dict[str, Any], world: Sequence[str]) -> list[str]:
@@ -39,19 +50,21 @@ def todo(content: dict[str, Any], world: Sequence[str]) -> list[str]:
     lines = []
     if any(v not in ("none", "unknown") for v in content["verdict"]):
         lines.append(
-            "Use the fitted effects: sensor.yaml beside this page is what toftwin label, correct, inspect and gap take as --sensor, "
-            "and toftwin sensor adds to a simulator's ideal depth."
+            "Use the fitted effects: pass sensor.yaml, which lies beside this page, as --sensor to toftwin label, correct, inspect or gap, "
+            "or to toftwin sensor, which adds them to a simulator's ideal depth."
         )
     if world:
         lines.append("Correct the cell or scene.yaml where they disagree (see “What is not as the CAD has it”).")
     if "unknown" in content["verdict"]:
-        where = content["unexplained"]["where"]
-        lines.append(
-            f"Look at {listed(where[:3])}: what is left there is no effect known here. Is it as drawn, in its place, glossy, wet or transparent?"
-            if where
-            else "Look at the maps below: what is left is no effect known here, and on no part in particular."
-        )
+        lines.append(look(content["unexplained"]["where"]))
     return lines + [f"Capture: {line}." for line in content["advice"]]
+
+
+def look(where: Sequence[str]) -> str:
+    """What to do about what is left, on these parts."""
+    if where:
+        return f"Look at {listed(where[:3])}: what is left there is no effect known here. Is it as drawn, in its place, glossy, wet or transparent?"
+    return "Look at the maps of the report: what is left is no effect known here, and on no part in particular."
 
 
 def size_in_words(cause: dict[str, Any], session_s: float) -> str:
@@ -83,13 +96,36 @@ def _by_name(params: dict[str, Any], std: dict[str, Any]) -> str:
     return ", ".join(shown[:6])
 
 
+def _off_edges(gap: dict[str, Any]) -> str:
+    """The gap of most pixels, where the few at edges count, which are off by centimetres and rule an RMS."""
+    away = gap.get("off_edges_mm")
+    return (
+        ""
+        if away is None
+        else f" Away from edges the gap is {away['before']:.1f} mm, and {away['after']:.1f} mm once the named effects are simulated."
+    )
+
+
 def _clue(unexplained: dict[str, Any]) -> str:
     """What the unexplained part goes with and where it is, as a sentence."""
-    names = [GOES_WITH.get(q, q.split("_")[0]) for q in unexplained["depends_on"]]
-    goes = f"goes with {listed(list(dict.fromkeys(names)))}" if names else ""
+    names = quantities(unexplained["depends_on"])
+    goes = f"goes with {listed(names)}" if names else ""
     where = f"shows most on {listed(unexplained['where'][:3])}" if unexplained["where"] else ""
     clues = "; it ".join(x for x in (goes, where) if x)
     return f" It {clues}." if clues else ""
+
+
+def quantities(observables: Sequence[str]) -> list[str]:
+    """What a reader calls these observables, once each."""
+    return list(dict.fromkeys(GOES_WITH.get(q, q.split("_")[0]) for q in observables))
+
+
+def unexplained_words(u: Unexplained, *, suspected: bool = False, edges: bool = False) -> str:
+    """What is left, how it is measured, where, and what it goes with; suspected: beside effects that are not asserted; edges: they count."""
+    where = f"most on {listed(u.where)}" if u.where else "on no part in particular"
+    goes = f"; it goes with {listed(quantities(u.depends_on))}" if u.depends_on else ""
+    after = "Even with the suspected effects" if suspected else "After the named effects"
+    return f"{after} neighbouring pixels share an error of {u.rmse_mm:.2f} mm RMS (means of blocks of pixels, all views{', edges too' if edges else ''}), {where}{goes}."
 
 
 def spaced(name: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from tof_core.config import param
+from tof_core.shares import in_percent
 from tof_sensor.effect import Effect, stack
 from tof_sensor.frame import LIGHT_M_PER_S, MODULATION
 
@@ -36,6 +37,11 @@ class FlyingPixels(Effect):
     share: float = param(0.0, "1: the footprint's phasors add in full", low=0.0, high=1.5)
     footprint_px: float = param(1.0, "side of what a pixel really covers, of a straight edge", unit="px", low=0.2, high=1.0)
     modulation_mhz: float = param(100.0, MODULATION, unit="MHz", low=5.0, high=400.0)
+
+    @property
+    def stated(self) -> str:
+        """Share of full mixing."""
+        return f"{in_percent(self.share)} of the mixing that the CAD's edges predict"
 
     def columns(self, frame: Frame) -> Float:
         """The mixture's depth minus the larger surface's, on mixed pixels."""

@@ -56,7 +56,7 @@ class ZConversion(Effect):
     @classmethod
     def lacks(cls, session: Session) -> str:
         """Poses that depth has no say in: it is asked before depth is fitted at all."""
-        return "" if session.posed_apart else "poses are fitted to depth, which would take its tilt: only before a board"
+        return "" if session.posed_apart else "poses are fitted to depth and absorb its tilt: record a checkerboard (toftwin gap --board)"
 
 
 @lru_cache(maxsize=8)

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from tof_gap.tell.account import Cause
     from tof_gap.tell.against import Against
     from tof_gap.tell.diagnosis import Diagnosis
-    from tof_gap.tell.unexplained import Unexplained
     from tof_scene.raycast import Raycaster
     from toftwin.diagnosis import GapPipelineConfig
     from toftwin.retraining import Retrained
@@ -179,28 +178,38 @@ def worth(r: Retrained) -> str:
     )
 
 
+AGREE = " (camera and simulation agree to within the noise)"
+UNKNOWN = " (unknown: a difference that no effect known here explains)"
+"""What the two answers that are no effect mean."""
+
+
 def summary(d: Diagnosis) -> str:
     """A few lines for a terminal."""
-    from tof_gap.tell.words import interval, percent
+    from tof_gap.tell.words import interval, look, percent, unexplained_words
     from tof_scene.world.words import lines as world_lines
 
     g = d.gap
     agrees = d.verdict == ("none",)
     lines = [
-        f"verdict: {', '.join(d.verdict)}" + (" (camera and simulation agree to within the noise)" if agrees else ""),
-        f"gap on held-out views: {g.above_mm(g.before):.2f} mm RMS beside the noise of {g.floor_mm:.2f} mm (root of the difference of squares)",
+        f"verdict: {', '.join(d.verdict)}{AGREE if agrees else UNKNOWN if 'unknown' in d.verdict else ''}",
+        f"gap, measured minus simulated depth: {g.above_mm(g.before):.2f} mm RMS above the noise of {g.floor_mm:.2f} mm, on views that took no part in the fit",
     ]
     if not agrees and d.verdict != ("unknown",):
         rest = "" if d.unexplained.structured else ", in which no structure shows"
-        lines.append(f"with the named effects added to the simulation: {g.above_mm(g.after):.2f} mm remain{rest}")
+        lines.append(f"with the named effects simulated: {g.above_mm(g.after):.2f} mm remain{rest}")
+        if g.off_edges_mm is not None:
+            lines.append(
+                "without the pixels at edges, which see two surfaces: {:.2f} mm, of which {:.2f} mm remain".format(*g.off_edges_mm)
+            )
         if g.shrink is not None and g.ci95 is not None:
-            lines.append(f"the gap shrinks by {percent(g.shrink)}; the true effects would shrink it by {interval(g.ci95)}")
+            lines.append(f"the squared gap shrinks by {percent(g.shrink)}; the true effects would shrink it by {interval(g.ci95)}")
     elif not agrees:
         lines.append("no effect is sure enough to be added to the simulation: the gap stays as it is")
     lines += [cause_line(c, d) for c in d.causes]
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note else "") for f in d.findings]
     if d.unexplained.structured:
-        lines.append(unexplained_line(d.unexplained, suspected=d.doubted and bool(d.causes)))
+        left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes), edges=g.off_edges_mm is not None)
+        lines.append(f"unexplained: {left} To do: {look(d.unexplained.where)}")
     lines += world_lines(d.world)
     lines += [f"not testable: {name} ({why})" for name, why in d.not_testable.items()]
     return "\n".join(lines)
@@ -210,15 +219,8 @@ def cause_line(c: Cause, d: Diagnosis) -> str:
     """One effect of the solution: its confidence, and the gap that goes when it alone is simulated."""
     from tof_gap.tell.words import percent
 
-    shrink = c.alone.shrink
-    alone = "" if shrink is None else f"; alone it explains {f'{percent(shrink)} of the gap' if shrink > 0 else 'none of the gap'}"
+    away = c.alone.off_edges
+    shrink, of_what = (c.alone.shrink, "the gap") if away is None else (away, "the gap away from edges")
+    alone = "" if shrink is None else f"; alone it explains {percent(shrink) if shrink > 0 else 'none'} of {of_what}"
     of = " that it is one of these" if "|" in c.named.verdict else ""
     return f"  {c.named.verdict}{' (suspected)' if d.doubted else ''}: confidence {d.confidence(c):.2f}{of}{alone}"
-
-
-def unexplained_line(u: Unexplained, *, suspected: bool = False) -> str:
-    """What is left, where, and with what it varies, as far as that is known; `suspected`: beside effects that are not asserted."""
-    where = ", ".join(u.where) or "no part in particular"
-    varies = f"; what is left varies with {', '.join(u.depends_on)}" if u.depends_on else ""
-    beside = ", even with the suspected effects simulated" if suspected else ""
-    return f"unexplained: {u.rmse_mm:.2f} mm are left{beside}, above all on {where}{varies}"

@@ -63,11 +63,11 @@ def test_what_one_dark_part_loses_is_lost_though_it_is_little_of_all(share: floa
     assert [f.name for f in missing_effects(out, MissingLimits())] == names
 
 
-def dark_lost(*, amplitude: bool = True) -> tuple[list[ViewEvidence], float]:
-    """Views without the darkest quarter of their pixels, and the amplitude below which they are lost, in the unit of the amplitude image."""
+def dark_lost(*, amplitude: bool = True, share: float = 0.25) -> tuple[list[ViewEvidence], float]:
+    """Views without the darkest `share` of their pixels, and the amplitude below which they are lost, in the unit of the amplitude image."""
     made = dwelled(0.0)
     unit = float(np.median([amplitude_gain(v.frame.amplitude, lambert_amplitude(v.rendering)) or 0.0 for v in made])) if amplitude else 1.0
-    threshold = unit * float(np.quantile([lambert_amplitude(v.rendering) for v in made], 0.25))
+    threshold = unit * float(np.quantile([lambert_amplitude(v.rendering) for v in made], share))
     out = []
     for v in made:
         gone = unit * lambert_amplitude(v.rendering) < threshold
@@ -84,6 +84,7 @@ def test_the_amplitude_below_which_pixels_are_lost_is_in_the_unit_of_the_amplitu
     assert found.effect.threshold == pytest.approx(threshold, rel=0.06)
     assert found.note == "half are lost at 0.73 of the median amplitude"
     assert found.size == "25% of the pixels, those of weak light: below 73% of the median light", "a lost pixel has no amplitude here"
+    assert not found.rare, "all that there is in the dark is lost"
     assert found.remedy.startswith("nothing, where these surfaces are not needed: cameras drop weak pixels by design")
 
 
@@ -102,6 +103,14 @@ def test_without_an_amplitude_image_the_threshold_says_what_it_is_of() -> None:
     assert isinstance(found.effect, Dropout)
     assert found.effect.threshold == pytest.approx(threshold, rel=0.06)
     assert "no amplitude image: amplitude is albedo cos(incidence) / r²" in found.note
+
+
+def test_a_loss_of_one_in_forty_in_the_dark_has_a_threshold_that_loses_as_many() -> None:
+    lost, threshold = dark_lost(share=0.025)
+    (found,) = missing_effects(lost, MissingLimits())
+    assert isinstance(found.effect, Dropout)
+    assert found.effect.threshold == pytest.approx(threshold, rel=0.06)
+    assert found.rare, "less than half of the darkest twentieth: what a filter removes may look alike"
 
 
 @pytest.mark.parametrize(("turn_m", "names"), [(0.25, []), (0.6, ["phase_wrap"])])

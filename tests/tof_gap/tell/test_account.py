@@ -5,12 +5,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.report import ReportLimits
 from tof_gap.limits.seen import ForeignLightLimits
 from tof_gap.seen.finding import Finding
@@ -21,9 +20,6 @@ from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
-
-if TYPE_CHECKING:
-    from tof_sensor.effect import Effect
 
 NOTHING = Errors(0.0, 0.0, 0.0)
 
@@ -81,33 +77,32 @@ def test_causes_that_are_only_suspected_shrink_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("effect", "may_be"),
+    ("loss", "may_be"),
     [
-        (Dropout(threshold=0.0, random=0.004), True),
-        (Dropout(threshold=0.1, random=0.004), False),
-        (Dropout(threshold=0.0, random=0.09), False),
-        (PhaseWrap(), False),
+        (Finding(Dropout(threshold=0.1), 1.0, rare=True), True),
+        (Finding(Dropout(threshold=0.1), 1.0), False),
+        (Finding(PhaseWrap(), 1.0), False),
     ],
 )
-def test_loss_that_is_neither_random_nor_below_a_threshold_may_be_a_filter_s(effect: Effect, *, may_be: bool) -> None:
+def test_loss_that_is_neither_random_nor_below_a_threshold_may_be_a_filter_s(loss: Finding, *, may_be: bool) -> None:
     noise = Finding(Noise(extra_m=0.001), 1.0)
-    assert filtered(Finding(effect, 1.0), [noise], MissingLimits()) is may_be
-    assert not filtered(Finding(effect, 1.0), [], MissingLimits()), "nothing else makes outliers"
+    assert filtered(loss, [noise]) is may_be
+    assert not filtered(loss, []), "nothing else makes outliers"
 
 
 @pytest.mark.parametrize(("share", "scattered"), [(0.02, True), (0.98, False)])
 def test_pixels_that_are_unwrapped_wrongly_here_and_there_are_what_a_filter_removes(share: float, *, scattered: bool) -> None:
     loss = Finding(Dropout(threshold=0.3, random=0.2), 1.0)
-    assert filtered(loss, [Finding(PhaseWrap(share=share), 1.0)], MissingLimits()) is scattered
+    assert filtered(loss, [Finding(PhaseWrap(share=share), 1.0)]) is scattered
 
 
 def test_holes_around_pixels_with_a_noise_of_their_own_are_no_failed_unwrapping() -> None:
     holes, jumps = Finding(PhaseWrap(share=0.1), 0.6), Finding(PhaseWrap(share=0.1), 0.9, corrects=True)
     single = Finding(Noise(extra_m=0.002), 0.95, own_noise=np.ones((2, 2), bool))
     even = Finding(Noise(extra_m=0.002), 0.95)
-    assert filtered(holes, [single, holes], MissingLimits())
-    assert not filtered(holes, [even, holes], MissingLimits())
-    assert not filtered(jumps, [single, jumps], MissingLimits()), "jumps of one size are wrapped phases beside any noise"
+    assert filtered(holes, [single, holes])
+    assert not filtered(holes, [even, holes])
+    assert not filtered(jumps, [single, jumps]), "jumps of one size are wrapped phases beside any noise"
 
 
 def test_what_was_read_off_structure_is_no_name_beside_structure_without_one() -> None:

@@ -105,6 +105,21 @@ def test_a_mixed_pixel_between_its_surfaces_is_explained_whatever_its_share() ->
     assert unknown.shrink == pytest.approx(0.75, abs=0.02)
 
 
+def test_where_edges_count_the_gap_away_from_them_is_stated_beside_it() -> None:
+    """A wiggle of 4 mm everywhere and mixed pixels of 50 mm: the effect that explains the first takes off all away from edges."""
+    mixed = np.zeros(SHAPE, bool)
+    mixed[:, ::16] = True
+    wave, jump = np.full(SHAPE, 0.004), np.where(mixed, 0.05, 0.0)
+    residual = wave + jump + np.random.default_rng(5).normal(0, 0.001, SHAPE)
+    figures = of([residual], maps={"wiggling": [wave], "flying_pixels": [jump]}, edge=[mixed], mixed=[mixed])
+    alone = figures.shrink(["wiggling"])
+    assert alone.off_edges_mm == pytest.approx((4.0, 0.0), abs=0.2)
+    assert alone.off_edges == pytest.approx(1.0, abs=0.01)
+    squares = 4.0**2 + (50.0**2 + 2 * 4.0 * 50.0) / 16, 50.0**2 / 16  # one pixel in 16 is at an edge
+    assert alone.shrink == pytest.approx(1 - squares[1] / squares[0], abs=0.01), "these few make most of the gap"
+    assert of([residual], maps={"wiggling": [wave]}, edge=[mixed]).shrink(["wiggling"]).off_edges_mm is None, "edges do not count"
+
+
 def test_only_edges_that_measure_between_their_two_surfaces_are_mixed() -> None:
     (view, *_) = views(np.random.default_rng(1))
     depth = np.where(np.arange(SHAPE[1]) < SHAPE[1] // 2, 1.0, 1.3) * np.ones(SHAPE)

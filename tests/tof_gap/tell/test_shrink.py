@@ -8,7 +8,7 @@ import pytest
 
 from tof_gap.limits.report import ReportLimits, ShrinkLimits
 from tof_gap.tell import shrink
-from tof_gap.tell.shrink import HeldOut, blocks, measure
+from tof_gap.tell.shrink import Errors, HeldOut, Shrink, above_noise_mm, blocks, measure
 
 RNG = np.random.default_rng(8)
 LIMITS = ShrinkLimits()
@@ -106,3 +106,16 @@ def test_the_interval_is_the_same_however_many_sets_of_blocks_are_drawn_at_once(
         monkeypatch.setattr(shrink, "DRAWN", drawn)
         every.append(measure(held_out, np.random.default_rng(3), LIMITS).ci95)
     assert every[0] == pytest.approx(every[1], rel=1e-9)
+
+
+def test_the_gap_above_the_noise_is_the_root_of_the_difference_of_squares() -> None:
+    before, after = above_noise_mm(sums(*maps(0.004, 0.002, 0.5)))
+    assert before == pytest.approx(4.0, abs=0.1)
+    assert after == pytest.approx(2.0, abs=0.1)
+    assert above_noise_mm(sums(*maps(0.004, 0.002, 0.0)))[1] < 0.3
+
+
+@pytest.mark.parametrize(("off_edges_mm", "share"), [((4.0, 2.0), 0.75), ((0.0, 0.0), None), (None, None)])
+def test_the_share_away_from_edges_is_of_the_squared_gap(off_edges_mm: tuple[float, float] | None, share: float | None) -> None:
+    none = Errors(0.0, 0.0, 0.0)
+    assert Shrink(none, none, 1.0, None, None, off_edges_mm).off_edges == share

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from tof_gap.tell.words import interval, size_in_words, todo
+from tof_gap.tell.unexplained import Unexplained
+from tof_gap.tell.words import interval, look, sentence, size_in_words, todo, unexplained_words
 
 
 def cause(effect: str, **params: Any) -> dict[str, Any]:
@@ -74,3 +75,41 @@ def test_what_to_do_follows_the_verdict_the_world_and_the_advice() -> None:
         "Capture: go closer.",
     ]
     assert "--sensor" not in " ".join(todo(content("unknown"), []))
+
+
+LEFT = "neighbouring pixels share an error of 0.32 mm RMS (means of blocks of pixels, all views)"
+
+
+@pytest.mark.parametrize(
+    ("where", "depends_on", "words"),
+    [
+        ((), (), f"After the named effects {LEFT}, on no part in particular."),
+        (("door", "sill"), (), f"After the named effects {LEFT}, most on door and sill."),
+        (("door",), ("range_m", "edge_px"), f"After the named effects {LEFT}, most on door; it goes with range and distance to an edge."),
+    ],
+)
+def test_what_is_left_is_stated_as_far_as_it_is_known(where: tuple[str, ...], depends_on: tuple[str, ...], words: str) -> None:
+    assert unexplained_words(Unexplained(0.324, structured=True, depends_on=depends_on, where=where)) == words
+
+
+def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
+    left = Unexplained(0.324, structured=True, depends_on=(), where=("door",))
+    assert "all views, edges too), most on door" in unexplained_words(left, edges=True)
+    assert unexplained_words(left, suspected=True) == f"Even with the suspected effects {LEFT}, most on door."
+
+
+def test_what_is_left_is_looked_for_on_its_parts() -> None:
+    assert look(("door", "sill")).startswith("Look at door and sill: ")
+    assert look(()).startswith("Look at the maps of the report: ")
+
+
+def test_the_gap_away_from_edges_stands_beside_one_that_few_pixels_at_edges_make() -> None:
+    gap = {"shrink": 0.99, "off_edges_mm": {"before": 4.94, "after": 3.65}}
+    found = {"verdict": ["flying_pixels"], "gap": gap, "causes": [], "unexplained": {"depends_on": [], "where": []}}
+    assert sentence(found) == (
+        "Camera and simulation differ by flying pixels. Away from edges the gap is 4.9 mm, and 3.6 mm once the named effects are simulated."
+    )
+    assert (
+        sentence(found | {"gap": gap | {"off_edges_mm": None}})
+        == "Camera and simulation differ by flying pixels, which explains 99% of the gap."
+    )
