@@ -66,6 +66,8 @@ def test_the_files_hold_what_the_design_says(session: tuple[str, Path, dict[str,
     page = (folder / "report.html").read_text()
     assert "://" not in page  # base64 has no colon
     assert "Where it lies" in page
+    assert ("gap once the named effects are simulated" in page) is bool(EFFECTS[name]), "without an effect there is no after"
+    assert ("How far it shrinks" in page) is bool(EFFECTS[name])
 
 
 def test_motion_is_not_absent_but_untestable(session: tuple[str, Path, dict[str, Any]]) -> None:

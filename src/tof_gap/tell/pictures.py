@@ -35,12 +35,14 @@ SURE = 2.0
 
 
 def on_the_cad(d: Diagnosis, left: Sequence[Float], names: Sequence[str]) -> str:
-    """The parts seen in the session, coloured by mean gap before and after, from the middle view's side; the largest have their names."""
-    shown = [_projected(d, maps) for maps in (d.residual, left)]
+    """The parts seen in the session, coloured by mean gap before and, where effects are known, after, from the middle view's side."""
+    simulated = f"once the {'suspected' if d.doubted else 'named'} effects are simulated"
+    panels = [(d.residual, "before"), (left, simulated)] if d.shares else [(d.residual, "")]
+    shown = [(*_projected(d, maps), title) for maps, title in panels]
     limit = max(1.0, 2.5 * d.gap.shown_mm[0], 0.5 * d.gap.floor_mm)  # single far cubes, or those at edges, do not set the scale
-    figure, grid = axes(11, 4.8, columns=2)
+    figure, grid = axes(5.5 * len(shown), 4.8, columns=len(shown))
     points: Any = None
-    for ax, (xy, value, part), title in zip(grid[0], shown, ("before", "once the named effects are simulated"), strict=True):
+    for ax, (xy, value, part, title) in zip(grid[0], shown, strict=True):
         points = ax.scatter(xy[:, 0], xy[:, 1], c=value, s=11, marker="s", cmap=GAP_COLOURS, vmin=-limit, vmax=limit, linewidths=0)
         _name_parts(ax, xy, part, names)
         ax.set_aspect("equal")

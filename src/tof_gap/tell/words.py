@@ -124,13 +124,13 @@ def unexplained_words(u: Unexplained, *, suspected: bool = False, edges: bool = 
     """What is left, how it is measured, where, and what it goes with; suspected: beside effects that are not asserted; edges: they count."""
     where = f"most on {listed(u.where)}" if u.where else "on no part in particular"
     goes = f"; it goes with {listed(quantities(u.depends_on))}" if u.depends_on else ""
-    after = "Even with the suspected effects" if suspected else "After the named effects"
-    return f"{after} neighbouring pixels share an error of {u.rmse_mm:.2f} mm RMS (means of blocks of pixels, all views{', edges too' if edges else ''}), {where}{goes}."
+    after = f"With the {'suspected' if suspected else 'named'} effects simulated"
+    return f"{after}, neighbouring pixels still share an error of {u.rmse_mm:.2f} mm RMS (means of blocks of pixels, all views{', edges too' if edges else ''}), {where}{goes}."
 
 
 def spaced(name: str) -> str:
     """The name of an effect in a sentence."""
-    return name.replace("_", " ")
+    return name.replace("_", " ").replace("cad ", "CAD ")
 
 
 def listed(names: Sequence[str], last: str = "and") -> str:
@@ -144,5 +144,5 @@ def percent(share: float | None) -> str:
 
 
 def interval(ci: Sequence[float] | None) -> str:
-    """The 95 % interval of a share, "" where it is not known; no more than all of it is shown."""
-    return "" if ci is None else f"{percent(min(ci[0], 1.0))} to {percent(min(ci[1], 1.0))} (95 % interval)"
+    """The 95 % interval of a share, "" where it is not known; no less than none and no more than all of it is shown."""
+    return "" if ci is None else f"{percent(min(max(ci[0], 0.0), 1.0))} to {percent(min(ci[1], 1.0))} (95 % interval)"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from tof_gap.tell.account import Cause
     from tof_gap.tell.against import Against
@@ -178,9 +178,11 @@ def worth(r: Retrained) -> str:
     )
 
 
-AGREE = " (camera and simulation agree to within the noise)"
-UNKNOWN = " (unknown: a difference that no effect known here explains)"
-"""What the two answers that are no effect mean."""
+def meaning_of(verdict: Sequence[str]) -> str:
+    """What the two answers that are no effect mean."""
+    if "unknown" in verdict:
+        return f" ({'unknown: ' * (len(verdict) > 1)}a difference that no effect known here explains)"
+    return " (camera and simulation agree to within the noise)" if "none" in verdict else ""
 
 
 def summary(d: Diagnosis) -> str:
@@ -191,7 +193,7 @@ def summary(d: Diagnosis) -> str:
     g = d.gap
     agrees = d.verdict == ("none",)
     lines = [
-        f"verdict: {', '.join(d.verdict)}{AGREE if agrees else UNKNOWN if 'unknown' in d.verdict else ''}",
+        f"verdict: {', '.join(d.verdict)}{meaning_of(d.verdict)}",
         f"gap, measured minus simulated depth: {g.above_mm(g.before):.2f} mm RMS above the noise of {g.floor_mm:.2f} mm, on views that took no part in the fit",
     ]
     if not agrees and d.verdict != ("unknown",):

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tof_gap.tell.unexplained import Unexplained
-from tof_gap.tell.words import interval, look, sentence, size_in_words, todo, unexplained_words
+from tof_gap.tell.words import interval, look, sentence, size_in_words, spaced, todo, unexplained_words
 
 
 def cause(effect: str, **params: Any) -> dict[str, Any]:
@@ -59,7 +59,12 @@ def content(*verdict: str, where: tuple[str, ...] = (), advice: tuple[str, ...] 
 
 def test_an_interval_shows_no_more_than_all_of_the_gap() -> None:
     assert interval((0.8, 1.05)) == "80% to 100% (95 % interval)"
+    assert interval((-0.01, 1.0)) == "0% to 100% (95 % interval)"
     assert interval(None) == ""
+
+
+def test_the_name_of_an_effect_is_written_as_a_reader_writes_it() -> None:
+    assert [spaced(name) for name in ("cad_deviation", "lens_scatter", "noise")] == ["CAD deviation", "lens scatter", "noise"]
 
 
 def test_a_healthy_session_asks_for_nothing() -> None:
@@ -77,15 +82,19 @@ def test_what_to_do_follows_the_verdict_the_world_and_the_advice() -> None:
     assert "--sensor" not in " ".join(todo(content("unknown"), []))
 
 
-LEFT = "neighbouring pixels share an error of 0.32 mm RMS (means of blocks of pixels, all views)"
+LEFT = "neighbouring pixels still share an error of 0.32 mm RMS (means of blocks of pixels, all views)"
 
 
 @pytest.mark.parametrize(
     ("where", "depends_on", "words"),
     [
-        ((), (), f"After the named effects {LEFT}, on no part in particular."),
-        (("door", "sill"), (), f"After the named effects {LEFT}, most on door and sill."),
-        (("door",), ("range_m", "edge_px"), f"After the named effects {LEFT}, most on door; it goes with range and distance to an edge."),
+        ((), (), f"With the named effects simulated, {LEFT}, on no part in particular."),
+        (("door", "sill"), (), f"With the named effects simulated, {LEFT}, most on door and sill."),
+        (
+            ("door",),
+            ("range_m", "edge_px"),
+            f"With the named effects simulated, {LEFT}, most on door; it goes with range and distance to an edge.",
+        ),
     ],
 )
 def test_what_is_left_is_stated_as_far_as_it_is_known(where: tuple[str, ...], depends_on: tuple[str, ...], words: str) -> None:
@@ -95,7 +104,7 @@ def test_what_is_left_is_stated_as_far_as_it_is_known(where: tuple[str, ...], de
 def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
     left = Unexplained(0.324, structured=True, depends_on=(), where=("door",))
     assert "all views, edges too), most on door" in unexplained_words(left, edges=True)
-    assert unexplained_words(left, suspected=True) == f"Even with the suspected effects {LEFT}, most on door."
+    assert unexplained_words(left, suspected=True) == f"With the suspected effects simulated, {LEFT}, most on door."
 
 
 def test_what_is_left_is_looked_for_on_its_parts() -> None:
