@@ -36,7 +36,7 @@ def sentence(content: dict[str, Any]) -> str:
         also = f" Part of it looks like {listed(suspects)}, but too much is left to be sure." if suspects else ""
         return f"Camera and simulation differ, and no effect known here explains how.{_clue(content['unexplained'])}{also}"
     verb = "explain" if len(names) > 1 else "explains"
-    away = _off_edges(gap)
+    away = _off_edges(content)
     how = "" if gap["shrink"] is None or away else f" and {verb} {percent(gap['shrink'])} of the gap"
     more = ""
     if "unknown" in content["verdict"]:
@@ -96,14 +96,15 @@ def _by_name(params: dict[str, Any], std: dict[str, Any]) -> str:
     return ", ".join(shown[:6])
 
 
-def _off_edges(gap: dict[str, Any]) -> str:
+def _off_edges(content: dict[str, Any]) -> str:
     """The gap of most pixels, where the few at edges count, which are off by centimetres and rule an RMS."""
-    away = gap.get("off_edges_mm")
-    return (
-        ""
-        if away is None
-        else f" Away from edges the gap is {away['before']:.1f} mm, and {away['after']:.1f} mm once the named effects are simulated."
-    )
+    away = content["gap"].get("off_edges_mm")
+    if away is None:
+        return ""
+    before, after = (f"{away[when]:.1f} mm" for when in ("before", "after"))
+    if before == after:
+        return f" Away from edges a gap of {before} stays{'' if content['unexplained']['structured'] else ', in which no structure shows'}."
+    return f" Away from edges the gap is {before}, and {after} once the named effects are simulated."
 
 
 def _clue(unexplained: dict[str, Any]) -> str:

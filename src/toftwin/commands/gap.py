@@ -208,7 +208,7 @@ def summary(d: Diagnosis) -> str:
     elif not agrees:
         lines.append("no effect is sure enough to be added to the simulation: the gap stays as it is")
     lines += [cause_line(c, d) for c in d.causes]
-    lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note else "") for f in d.findings]
+    lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in d.findings]
     if d.unexplained.structured:
         left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes), edges=g.off_edges_mm is not None)
         lines.append(f"unexplained: {left} To do: {look(d.unexplained.where)}")

@@ -114,10 +114,12 @@ def test_what_is_left_is_looked_for_on_its_parts() -> None:
 
 def test_the_gap_away_from_edges_stands_beside_one_that_few_pixels_at_edges_make() -> None:
     gap = {"shrink": 0.99, "off_edges_mm": {"before": 4.94, "after": 3.65}}
-    found = {"verdict": ["flying_pixels"], "gap": gap, "causes": [], "unexplained": {"depends_on": [], "where": []}}
+    found = {"verdict": ["flying_pixels"], "gap": gap, "causes": [], "unexplained": {"depends_on": [], "where": [], "structured": False}}
     assert sentence(found) == (
         "Camera and simulation differ by flying pixels. Away from edges the gap is 4.9 mm, and 3.6 mm once the named effects are simulated."
     )
+    same = gap | {"off_edges_mm": {"before": 2.06, "after": 2.06}}
+    assert sentence(found | {"gap": same}).endswith(" Away from edges a gap of 2.1 mm stays, in which no structure shows.")
     assert (
         sentence(found | {"gap": gap | {"off_edges_mm": None}})
         == "Camera and simulation differ by flying pixels, which explains 99% of the gap."
