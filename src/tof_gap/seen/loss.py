@@ -8,6 +8,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import expit
 
 from tof_core.shares import in_percent
 
@@ -127,6 +128,38 @@ def lower(values: Float, gone: Float) -> float:
 def balanced(values: Float, gone: Float) -> float:
     """The value below which as many pixels lie as are lost."""
     return float(np.quantile(values, float(gone.mean())))
+
+
+def curve(light: Float, gone: Float) -> tuple[float, float]:
+    """Threshold and steepness of `Dropout`'s curve: it loses as many pixels as were lost, and of all that do it is the likeliest.
+
+    light (n,): amplitude, the CAD's; gone (n,): share of captures in which each pixel is lost.
+    """
+    lit = light > 0
+    edges = np.linspace(float(np.log(light[lit].min())), float(np.log(light[lit].max())), BINS + 1)
+    which = np.clip(np.searchsorted(edges, np.log(light[lit])) - 1, 0, BINS - 1)
+    pixels, lost = np.bincount(which, minlength=BINS), np.bincount(which, gone[lit], BINS)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+
+    def of(steepness: float) -> tuple[float, float]:
+        """Log of the threshold, and log-likelihood."""
+        low, high = middle[0] - 1.0, middle[-1] + 1.0
+        for _ in range(HALVINGS):
+            at = 0.5 * (low + high)
+            low, high = (at, high) if pixels @ expit(steepness * (at - middle)) < lost.sum() else (low, at)
+        at = 0.5 * (low + high)
+        p = np.clip(expit(steepness * (at - middle)), 1e-9, 1 - 1e-9)
+        return float(at), float(lost @ np.log(p) + (pixels - lost) @ np.log(1 - p))
+
+    tried = {steepness: of(steepness) for steepness in STEEPNESSES}
+    best = max(tried, key=lambda k: tried[k][1])
+    return float(np.exp(tried[best][0])), best
+
+
+BINS, HALVINGS = 2000, 40
+"""Bins of the log of amplitude, a per cent each over nine decades, and halvings of the interval in which the threshold lies."""
+STEEPNESSES = (3.0, 4.0, 6.0, 9.0, 13.0, 20.0, 30.0, 50.0)
+"""Steepness of the curves that are tried, up to the most that the effect allows: a sharp threshold."""
 
 
 def _carrying(gone: Float, part: Ints, carried: float) -> tuple[int, ...]:

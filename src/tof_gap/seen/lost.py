@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation, binary_fill_holes, label, uniform_fil
 from tof_core.reasons import Reason
 from tof_core.stats import pairs_below
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
-from tof_gap.seen.loss import GoesWith, balanced, loss_of
+from tof_gap.seen.loss import GoesWith, curve, loss_of
 from tof_gap.seen.session import amplitude_unit
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.frame import lambert_amplitude
@@ -103,7 +103,8 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
         [np.where(v.frame.valid, _rate(v, own, unit, light, gone, limits), np.nan) for v, own in zip(views, losses, strict=True)]
     )
     half = _half_lost(light, gone, limits)
-    effect = Dropout(threshold=balanced(light, gone) if loss.goes_with is GoesWith.LIGHT else half, random=min(random, 1.0))
+    threshold, steepness = curve(light, gone) if loss.goes_with is GoesWith.LIGHT else (half, Dropout().steepness)
+    effect = Dropout(threshold, steepness, min(random, 1.0))
     note = _of_median(effect.threshold, light, known=known is not None)
     rare = half == 0.0 and random < limits.lost_share
     return Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts, rare=rare)

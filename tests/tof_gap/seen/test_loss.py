@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tof_gap.limits.missing import LossLimits
-from tof_gap.seen.loss import REMEDY, GoesWith, Loss, balanced, loss_of, lower
+from tof_gap.seen.loss import REMEDY, GoesWith, Loss, balanced, curve, loss_of, lower
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints, Mask
@@ -103,3 +103,18 @@ def test_the_chance_is_that_of_a_pair_of_one_lost_and_one_measured_pixel() -> No
 def test_every_remedy_is_of_a_cause_and_each_is_different() -> None:
     assert set(REMEDY) == set(GoesWith) - {GoesWith.NOTHING}
     assert len(set(REMEDY.values())) == len(REMEDY)
+
+
+@pytest.mark.parametrize("steepness", [4.0, 13.0, 50.0])
+def test_the_curve_of_loss_is_that_of_which_the_pixels_were_drawn(pixels: Pixels, steepness: float) -> None:
+    lost = np.random.default_rng(7).random(N) < 1 / (1 + (pixels.light / THRESHOLD) ** steepness)
+    threshold, found = curve(pixels.light, lost.astype(float))
+    assert threshold == pytest.approx(THRESHOLD, rel=0.03)
+    assert found == steepness
+    assert np.mean(1 / (1 + (pixels.light / threshold) ** found)) == pytest.approx(lost.mean(), rel=0.02)
+
+
+def test_a_curve_loses_as_many_pixels_as_were_lost_though_the_light_of_the_cad_is_rough(pixels: Pixels) -> None:
+    lost = (pixels.amplitude < THRESHOLD).astype(float)
+    threshold, steepness = curve(pixels.light, lost)
+    assert np.mean(1 / (1 + (pixels.light / threshold) ** steepness)) == pytest.approx(lost.mean(), rel=0.02)
