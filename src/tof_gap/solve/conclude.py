@@ -101,9 +101,9 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
 
 
 def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], limits: SelectLimits) -> set[str]:
-    """Names of what a healthy camera errs by; and motion that explains too little once a lateness was set apart from it."""
+    """Names of what a healthy camera errs by; and motion that explains too little of all, also where it errs most, at edges."""
     small = {name for name, size in sizes.items() if size < limits.least_mm * 1e-3}
-    if {Motion.NAME, TimeSync.NAME} <= maps.keys() and energy_share(Motion.NAME, maps) < limits.share:
+    if Motion.NAME in maps and energy_share(Motion.NAME, maps) < limits.share:
         small.add(Motion.NAME)
     return small
 

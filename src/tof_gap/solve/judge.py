@@ -52,8 +52,12 @@ class Selector:
         return self.config.hand_gain if self.frees_hand([member]) else self.config.gain
 
     def share(self, member: int) -> float:
-        """Share of the visible gap's energy that a candidate must explain; hand-eye hardly shows there, since arm errors absorb it."""
-        if self.frees_hand([member]):
+        """Share of the visible gap's energy that a candidate must explain.
+
+        Hand-eye hardly shows there, since arm errors absorb it; nor does what smears, whose pixels are in no fit (`conclude` judges its share).
+        """
+        effect = self.design.candidates[member].effect
+        if self.frees_hand([member]) or (effect is not None and effect.SMEARS):
             return 0.0
         return self.config.unknown_share if self.is_free(member) else self.config.share
 
