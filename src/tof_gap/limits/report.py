@@ -70,6 +70,9 @@ class UnexplainedLimits:
         why="a fit bends its effects towards whatever it cannot name",
     )
     block_pixels: int = param(40, "pixels of a block", low=1, why="a sixth of the block; its mean is known to a sixth of the noise")
+    part_pixels: float = param(
+        0.01, "of the session's pixels, those of a part that is judged by itself", low=0.0, high=1.0, why="smaller ones are edges all over"
+    )
     part_share: float = param(0.1, "of what is left, share of a part that is reported", low=0.0, high=1.0, why="brevity")
     parts: int = param(4, "parts that are reported", low=1, why="brevity")
     quantity_share: float = param(0.1, "of what is left, share that a quantity's bin means carry", low=0.0, high=1.0, why="brevity")

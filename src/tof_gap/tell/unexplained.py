@@ -21,9 +21,9 @@ from tof_sensor.effects.phase_wrap import PhaseWrap
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from tof_core.arrays import Float, Ints
+    from tof_core.arrays import Float, Ints, Mask
     from tof_gap.limits.missing import MissingLimits
-    from tof_gap.limits.report import ReportLimits
+    from tof_gap.limits.report import ReportLimits, UnexplainedLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
     from tof_gap.tell.figures import Figures
@@ -52,23 +52,30 @@ class Unexplained:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockMeans:
-    """Per block of one part (b,): pixels, mean error in metres, its variance in m^2 if errors were white, and the part."""
+    """Per block of one part (b,): pixels, mean error in metres, its variance in m^2 if errors were white, the part, and the view."""
 
     pixels: Ints
     mean: Float
     white2: Float
     part: Ints
+    view: Ints
 
     @property
     def excess2(self) -> Float:
         """(b,) m^2 by which the squared mean exceeds that of white errors."""
         return np.asarray(self.mean**2 - self.white2)
 
+    def of_parts(self, parts: int, views: int) -> tuple[Float, Float]:
+        """(views, parts) sums of the excess over pixels, m^2, and the pixels."""
+        at, shape = self.view * parts + self.part, (views, parts)
+        sums = [np.asarray(np.bincount(at, w, views * parts), float).reshape(shape) for w in (self.pixels * self.excess2, self.pixels)]
+        return sums[0], sums[1]
+
 
 def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits) -> Unexplained:
     """Judge what the named effects leave, against the floor.
 
-    It is structured where block means exceed what white noise gives them. Where a named noise is shared by neighbours (steps, rows,
+    It is structured where block means exceed what white noise gives them, of all pixels or of a part's. Where a named noise is shared by neighbours (steps, rows,
     stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias and than the named effects, away from edges, unless
     `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` or a noise was named; an error
     that only a free function of an observable describes; small effects that explain much only together; a joint fit that leaves a share
@@ -88,15 +95,20 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
     gone = _lost_pixels(found, len(scene.parts), missing)
     a_gap = gap.above_mm(gap.before) > limit.mm
+    before = block_means(views, figures.residual, floor2, limits.block_px, limit.block_pixels)
+    # Parts share the noise of rows and stripes unevenly: beside it no part is judged by itself.
+    off = np.zeros(len(scene.parts), bool) if figures.alike_m else off_parts(means, before, len(scene.parts), len(views), limit)
     structured = (
         (size > np.hypot(limit.mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)
+        or bool(off.any())
         or gross > limit.gross_share
         or bool(depends_on or (a_gap and solved.small_together) or gone.any())
         or (a_gap and misfit(views, figures.residual, left, _noise2(found), limits.shrink.noise_known) > limit.misfit)
     )
     if not structured:
         return Unexplained(size, structured=False, depends_on=(), where=())
-    energy = gone if gone.any() else np.bincount(means.part, means.pixels * np.maximum(means.excess2, 0), len(scene.parts))
+    spread = np.bincount(means.part, means.pixels * np.maximum(means.excess2, 0), len(scene.parts))
+    energy = gone if gone.any() else spread * off if off.any() else spread
     order = [int(i) for i in np.argsort(-energy) if energy[i] > limit.part_share * energy.sum()]
     return Unexplained(
         size,
@@ -105,6 +117,16 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         where=tuple(scene.parts[i].name for i in order[: limit.parts]),
         share=_share(size**2, (1e3 * solved.unnamed_m) ** 2, before2),
     )
+
+
+def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limit: UnexplainedLimits) -> Mask:
+    """(parts,) parts whose own pixels are off by `mm` and by `share` of what they were, RMS above the floor, also without the view that has most."""
+    after, pixels = left.of_parts(parts, views)
+    most = np.argmax(after, axis=0), np.arange(parts)
+    enough = pixels.sum(axis=0) > limit.part_pixels * pixels.sum()
+    n = np.maximum(pixels.sum(axis=0) - pixels[most], 1)
+    size2, was2 = (after.sum(axis=0) - after[most]) / n, before.of_parts(parts, views)[0].sum(axis=0) / np.maximum(pixels.sum(axis=0), 1)
+    return np.asarray(enough & (size2 > (limit.mm * 1e-3) ** 2) & (size2 > limit.share * was2))
 
 
 def _share(left2: float, free2: float, before2: float) -> float:
@@ -177,15 +199,15 @@ def gross_share(views: Sequence[ViewEvidence], named: Iterable[Float], reach_px:
 
 def block_means(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], block_px: int, least: int) -> BlockMeans:
     """Mean errors (H, W per view) of squares of `block_px` pixels, each part by itself, with at least `least` pixels."""
-    found: list[tuple[Ints, Float, Float, Ints]] = []
-    for v, e, f in zip(views, left, floor2, strict=True):
+    found: list[tuple[Ints, Float, Float, Ints, Ints]] = []
+    for k, (v, e, f) in enumerate(zip(views, left, floor2, strict=True)):
         seen = np.isfinite(e) & (v.rendering.part >= 0)
         by_block = blocks(seen, block_px, v.rendering.part[seen].astype(np.int64))
         n, part = by_block.count, by_block.keys[-1]
         enough = n >= least
-        found.append((n[enough], by_block.mean(e[seen])[enough], (by_block.sum(f[seen]) / n**2)[enough], part[enough]))
-    pixels, mean, white2, part = (np.concatenate(column) for column in zip(*found, strict=True))
-    return BlockMeans(pixels, mean, white2, part)
+        mean, white2 = by_block.mean(e[seen]), by_block.sum(f[seen]) / n**2
+        found.append((n[enough], mean[enough], white2[enough], part[enough], np.full(int(enough.sum()), k)))
+    return BlockMeans(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
 def _depends_on(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], limits: ReportLimits) -> tuple[str, ...]:

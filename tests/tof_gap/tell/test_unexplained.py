@@ -121,7 +121,30 @@ def test_what_the_solution_states_makes_it_unknown(changes: dict[str, Any], *, s
 @pytest.mark.parametrize(("size_mm", "before_mm", "structured"), [(0.9, 2.1, False), (1.1, 2.1, True), (1.1, 4.0, False)])
 def test_block_means_must_exceed_a_size_and_a_share_of_the_gap(size_mm: float, before_mm: float, *, structured: bool) -> None:
     limits = updated(ReportLimits(), {"unexplained.mm": 0.7, "unexplained.share": 0.12, "unexplained.misfit": 1.0})
-    assert look(account(session(), left_over(1e-3 * size_mm), before_mm), parts(1), limits, MissingLimits()).structured is structured
+    residual = [np.full(SHAPE, 1e-3 * before_mm)] * VIEWS
+    seen = account(session(), left_over(1e-3 * size_mm), before_mm, residual=residual)
+    assert look(seen, parts(1), limits, MissingLimits()).structured is structured
+
+
+@pytest.mark.parametrize(
+    ("views_off", "before_mm", "structured"),
+    [
+        (VIEWS, 0.0, True),
+        (1, 0.0, False),  # One view may be another kind of scene.
+        (VIEWS, 9.0, False),  # A named effect took a part's 9 mm but for 1 mm.
+    ],
+)
+def test_a_part_that_is_off_by_itself_is_unknown_though_the_whole_is_not(views_off: int, before_mm: float, *, structured: bool) -> None:
+    """A part of a seventh of the image, off by 1 mm: 0.4 mm RMS of all."""
+    limits = updated(ReportLimits(), {"unexplained.misfit": 1.0})
+    numbers = np.zeros(SHAPE, np.int16)
+    numbers[:, :16] = 1
+    seen = tuple(replace(v, frame=replace(v.frame, rendering=replace(v.rendering, part=numbers))) for v in session())
+    left = [x + 1e-3 * (numbers == 1) * (k < views_off) for k, x in enumerate(left_over(0.0))]
+    residual = [x + 1e-3 * before_mm * (numbers == 1) for x in left]
+    found = look(account(seen, left, residual=residual), parts(2), limits, MissingLimits())
+    assert found.rmse_mm < 0.5
+    assert (found.structured, found.where) == (structured, ("part_1",) if structured else ())
 
 
 def test_structure_of_a_named_noise_is_its_own() -> None:
