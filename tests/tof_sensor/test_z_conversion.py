@@ -42,6 +42,6 @@ def test_below_the_middle_depth_grows_where_the_principal_point_lies_above_it() 
 
 def test_only_poses_that_depth_has_no_say_in_allow_a_test() -> None:
     seen = (SessionView(plane_frame(), np.arange(10)),)
-    assert "only before a board" in str(ZConversion.not_testable(Session(seen)))
+    assert "record a checkerboard" in str(ZConversion.not_testable(Session(seen)))
     assert ZConversion.not_testable(Session(seen, posed_apart=True)) is None
     assert not list(ZConversion.hypotheses(Session(seen, posed_apart=True)))
