@@ -73,7 +73,7 @@ class BlockMeans:
 
 
 def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits) -> Unexplained:
-    """Judge what the named effects leave, against the floor.
+    """Judge what the named effects leave away from edges, against the floor; at edges half a pixel of pose decides.
 
     It is structured where block means exceed what white noise gives them, of all pixels or of a part's. Where a named noise is shared by neighbours (steps, rows,
     stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias and than the named effects, away from edges, unless
@@ -82,20 +82,22 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     of what it was to explain; arm errors that are alike in every view.
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
-    views, left, floor2 = solved.evidence, figures.left(), figures.floors
+    views, floor2 = solved.evidence, figures.floors
+    residual, left = away_from_edges(views, figures.residual), away_from_edges(views, figures.left())
     means = block_means(views, left, floor2, limits.block_px, limit.block_pixels)
     if len(means.pixels) == 0:
         return Unexplained(0.0, structured=False, depends_on=(), where=())
     size = 1e3 * float(np.sqrt(max(float(np.average(means.excess2, weights=means.pixels)), 0.0)))
-    before2 = max(gap.before.rmse**2 - gap.floor_mm**2, 1e-9)
+    before_mm = gap.shown_mm[0]
+    before2 = max(before_mm**2, 1e-9)
     gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
     # What appears and vanishes beside edges while the hand moves is in no model of motion.
     reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
     gross = 0.0 if gross_named else min(gross_share(v, _explained(figures), reach) for v in (views, solved.linearised))
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
     gone = _lost_pixels(found, len(scene.parts), missing)
-    a_gap = gap.above_mm(gap.before) > limit.mm
-    before = block_means(views, figures.residual, floor2, limits.block_px, limit.block_pixels)
+    a_gap = before_mm > limit.mm
+    before = block_means(views, residual, floor2, limits.block_px, limit.block_pixels)
     # Parts share the noise of rows and stripes unevenly: beside it no part is judged by itself.
     off = np.zeros(len(scene.parts), bool) if figures.alike_m else off_parts(means, before, len(scene.parts), len(views), limit)
     structured = (
@@ -103,7 +105,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         or bool(off.any())
         or gross > limit.gross_share
         or bool(depends_on or (a_gap and solved.small_together) or gone.any())
-        or (a_gap and misfit(views, figures.residual, left, _noise2(found), limits.shrink.noise_known) > limit.misfit)
+        or (a_gap and misfit(residual, left, _noise2(found), limits.shrink.noise_known) > limit.misfit)
     )
     if not structured:
         return Unexplained(size, structured=False, depends_on=(), where=())
@@ -117,6 +119,11 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         where=tuple(scene.parts[i].name for i in order[: limit.parts]),
         share=_share(size**2, (1e3 * solved.unnamed_m) ** 2, before2),
     )
+
+
+def away_from_edges(views: Sequence[ViewEvidence], errors: Sequence[Float]) -> list[Float]:
+    """(H, W) metres per view, NaN at edges."""
+    return [np.where(v.edge, np.nan, e) for v, e in zip(views, errors, strict=True)]
 
 
 def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limit: UnexplainedLimits) -> Mask:
@@ -143,18 +150,16 @@ def _noise2(found: Account) -> list[Float]:
     ]
 
 
-def misfit(
-    views: Sequence[ViewEvidence], before: Sequence[Float], left: Sequence[Float], floor2: Sequence[Float], noise_known: float
-) -> float:
-    """Chi-square per pixel above the floor that is left, over that before anything is subtracted.
+def misfit(before: Sequence[Float], left: Sequence[Float], floor2: Sequence[Float], noise_known: float) -> float:
+    """Chi-square per pixel above the floor that is left, over that before anything is subtracted (both (H, W) metres per view; floor2: m^2).
 
     0 where what is left exceeds the floor by less than the error of the noise variance, `noise_known`.
     """
 
     def excess(errors: Sequence[Float]) -> float:
         total, pixels = 0.0, 0
-        for v, e, f in zip(views, errors, floor2, strict=True):
-            seen = ~v.edge & np.isfinite(e)
+        for e, f in zip(errors, floor2, strict=True):
+            seen = np.isfinite(e)
             total, pixels = total + float((e[seen].astype(float) ** 2 / f[seen]).sum()), pixels + int(seen.sum())
         return total / pixels - 1.0
 

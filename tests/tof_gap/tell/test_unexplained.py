@@ -193,11 +193,19 @@ def test_lost_pixels_that_nothing_names_are_unexplained_where_they_are() -> None
 
 
 def test_misfit_is_the_share_of_the_chi_square_above_the_floor() -> None:
-    seen, floor2 = session(), [np.full(SHAPE, 1e-6)] * VIEWS
+    floor2 = [np.full(SHAPE, 1e-6)] * VIEWS
     ones = [np.full(SHAPE, 1e-3)] * VIEWS
-    assert misfit(seen, [np.sqrt(5) * e for e in ones], [np.sqrt(2) * e for e in ones], floor2, 0.03) == pytest.approx(0.25)
-    assert misfit(seen, [np.sqrt(5) * e for e in ones], [np.sqrt(1.02) * e for e in ones], floor2, 0.03) == 0.0
-    assert misfit(seen, ones, [2.0 * e for e in ones], floor2, 0.03) == 1.0, "more than there was is all of it"
+    assert misfit([np.sqrt(5) * e for e in ones], [np.sqrt(2) * e for e in ones], floor2, 0.03) == pytest.approx(0.25)
+    assert misfit([np.sqrt(5) * e for e in ones], [np.sqrt(1.02) * e for e in ones], floor2, 0.03) == 0.0
+    assert misfit(ones, [2.0 * e for e in ones], floor2, 0.03) == 1.0, "more than there was is all of it"
+
+
+def test_what_is_left_at_edges_makes_nothing_unknown() -> None:
+    half = np.zeros(SHAPE, bool)
+    half[:, SHAPE[1] // 2 :] = True
+    away, beside = session(), tuple(replace(v, edge=v.edge | half) for v in session())
+    assert look(account(away, left_over(0.003)), parts(1), ReportLimits(), MissingLimits()).structured
+    assert not look(account(beside, left_over(0.003)), parts(1), ReportLimits(), MissingLimits()).structured
 
 
 def test_nothing_measured_leaves_nothing() -> None:
