@@ -7,24 +7,23 @@ import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from tof_core.page import PALETTE, axes, figure_uri, render_page
 from tof_core.panels import panels
 from tof_eval.methods import METHODS
+from tof_eval.words import best, called, sentence, todo
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from tof_core.arrays import Image
     from tof_eval.methods import Estimate
     from tof_eval.reference import Judged
 
 AXES = {"range_m": "range, m", "incidence_deg": "incidence, degrees", "albedo": "albedo", "edge_px": "pixels to an edge", "part": "part"}
 COLOURS = {name: PALETTE[colour] for name, colour in zip(METHODS, ("neutral", "contrast", "third", "accent"), strict=True)}
-
-LOST = 0.005
-"""Share of pixels without a depth that is worth a word."""
 
 
 def write(folder: Path, result: Mapping[str, Any], shown: tuple[Judged, Mapping[str, Estimate]]) -> Path:
@@ -35,9 +34,11 @@ def write(folder: Path, result: Mapping[str, Any], shown: tuple[Judged, Mapping[
     html = render_page(
         "tof_eval",
         "evaluation.html.j2",
-        f"Depth errors in {result['bag']}",
+        f"Evaluation of {result['bag']}",
         sentence=sentence(result["methods"]),
+        todo=todo(result["methods"]),
         best=best(result["methods"]),
+        called=called,
         result=result,
         methods=result["methods"],
         tables={k: v for k, v in tables.items() if v},
@@ -49,27 +50,6 @@ def write(folder: Path, result: Mapping[str, Any], shown: tuple[Judged, Mapping[
     path = folder / "report.html"
     path.write_text(html, encoding="utf-8")
     return path
-
-
-def best(methods: Mapping[str, Any]) -> str:
-    """The method with the least mean absolute error where all give a depth; "" where none has one."""
-    known = {name: m["equal_coverage"]["mae_mm"] for name, m in methods.items() if m["equal_coverage"]["mae_mm"] is not None}
-    return min(known, key=lambda name: known[name]) if known else ""
-
-
-def sentence(methods: Mapping[str, Any]) -> str:
-    """The verdict in words: the best method against the first one, with the price that it has."""
-    name = best(methods)
-    if not name:
-        return "No pixel has a depth by every method, so the methods cannot be compared."
-    first, m = next(iter(methods)), methods[name]
-    error = m["equal_coverage"]["mae_mm"]
-    if name == first:
-        return f"Nothing improves on {first}: its mean error is {error:.2f} mm."
-    before = methods[first]["equal_coverage"]["mae_mm"]
-    words = f"{name} is best: its mean error is {error:.2f} mm where {first} has {before:.2f} mm"
-    lost = methods[first]["all"]["completeness"] - m["all"]["completeness"]
-    return words + (f"; it leaves {100 * lost:.0f} % of the pixels without a depth." if lost > LOST else ".")
 
 
 def _rows(methods: Mapping[str, Any], axis: str) -> list[tuple[str, list[Any]]]:
@@ -94,43 +74,56 @@ def _colour(name: str) -> str:
 
 
 def sweep_plot(methods: Mapping[str, Any]) -> str:
-    """Figure 9 of the paper: alignment rate of every capture, and beside it the mean absolute error."""
+    """Mean absolute error of each view, and beside it the alignment rate (figure 9 of the paper)."""
     figure, plots = axes(11, 3.2, columns=2)
-    for ax, key, label in zip(plots[0], ("alignment", "mae_mm"), ("alignment rate, %", "mean absolute error, mm"), strict=True):
+    for ax, key, label in zip(plots[0], ("mae_mm", "alignment"), ("mean absolute error, mm", "alignment rate, %"), strict=True):
         for name, m in methods.items():
             values = [np.nan if c[key] is None else c[key] for c in m["captures_equal_coverage"]]
-            style = "--" if name[-1].isdigit() else "-"
-            ax.plot(range(1, len(values) + 1), values, style, marker="o", ms=4, color=_colour(name), label=name)
-        ax.set_xlabel("capture")
+            ax.plot(range(1, len(values) + 1), values, **_line(name))
+        ax.set_xlabel("view")
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         ax.set_ylabel(label)
         ax.grid(axis="y", lw=0.8)
-    plots[0, 1].set_ylim(bottom=0)
+    plots[0, 0].set_ylim(bottom=0)
     plots[0, 0].legend(frameon=False, ncols=2)
     return figure_uri(figure)
 
 
 def by_plot(methods: Mapping[str, Any]) -> str:
-    """Mean absolute error and its bias against range, incidence, albedo and edge."""
+    """Mean absolute error against range, incidence, albedo and edge."""
     axes_shown = [axis for axis in ("range_m", "incidence_deg", "albedo", "edge_px") if any(axis in m["by"] for m in methods.values())]
-    figure, plots = axes(11, 2.9, columns=max(len(axes_shown), 1), sharey=True)
+    figure, plots = axes(11, 3.1, columns=max(len(axes_shown), 1), sharey=True)
     for ax, axis in zip(plots[0], axes_shown, strict=True):
         rows = _rows(methods, axis)
         for k, name in enumerate(methods):
             values = [np.nan if r[1][k] is None or r[1][k]["mae_mm"] is None else r[1][k]["mae_mm"] for r in rows]
-            ax.plot(range(len(rows)), values, "--" if name[-1].isdigit() else "-", marker="o", ms=4, color=_colour(name), label=name)
-        ax.set_xticks(range(len(rows)), [r[0] for r in rows], rotation=35, ha="right")
+            ax.plot(range(len(rows)), values, **_line(name))
+        ax.set_xticks(range(len(rows)), [r[0] for r in rows], rotation=45, ha="right")
         ax.set_title(AXES[axis], loc="left")
         ax.grid(axis="y", lw=0.8)
     plots[0, 0].set_ylabel("mean absolute error, mm")
     plots[0, 0].set_yscale("log")
+    plots[0, 0].yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    plots[0, 0].yaxis.set_minor_locator(NullLocator())
     plots[0, 0].yaxis.set_major_formatter("{x:g}")
-    plots[0, 0].yaxis.set_minor_formatter("{x:g}")
+    figure.legend(*plots[0, 0].get_legend_handles_labels(), loc="outside lower center", frameon=False, ncols=len(methods))
     return figure_uri(figure)
 
 
+def _line(name: str) -> dict[str, Any]:
+    """How a method is drawn: raw depth broad, below the filters that often lie on it; several captures dashed."""
+    broad = {"lw": 4.5, "alpha": 0.45, "zorder": 1.5} if name == "raw" else {"marker": "o", "ms": 4}
+    return {"ls": "--" if name[-1].isdigit() else "-", "color": _colour(name), "label": called(name), **broad}
+
+
 def view_picture(judged: Judged, estimates: Mapping[str, Estimate]) -> str:
-    """One view: what each method makes of it, and its error."""
-    true = judged.reference
-    images: list[tuple[str, Any, str]] = [(f"{name}: error", e.depth - true, "error") for name, e in estimates.items()]
-    return panels(images, columns=min(len(images), 4))
+    """One view: its amplitude for orientation, where it has one, and the error of each method."""
+    true, light = judged.reference, judged.captures[-1].amplitude
+    images: list[tuple[str, Any, str]] = [] if light is None else [("amplitude", _visible(light), "grey")]
+    images += [(f"error of {called(name)}", e.depth - true, "error") for name, e in estimates.items()]
+    return panels(images, columns=min(len(images), 3))
+
+
+def _visible(light: Image) -> Image:
+    """Amplitude as a picture: the brightest hundredth is white, square roots lighten the rest."""
+    return np.asarray(np.sqrt(np.clip(np.nan_to_num(light) / max(float(np.nanpercentile(light, 99)), 1e-9), 0.0, 1.0)), np.float32)

@@ -40,7 +40,7 @@ def evaluate_bag(
     """Compare methods on every view of a bag, with the truth file if there is one, else with the session's own labels.
 
     Raises:
-        RefusedError: no frame can be used, no view has a reference, or a model was made for another camera.
+        RefusedError: no frame can be used, no view has a reference or as many captures as a method takes, or a model was made for another camera.
     """
     from tof_align.session import solve_session
 
@@ -53,12 +53,16 @@ def evaluate_bag(
     if not views:
         what = f"no frame of {reader.frame_count} can be used: {reader.last_error}"
         raise RefusedError(what, where="evaluate", todo="toftwin doctor lists what the bag lacks")
+    there = max(len(captures) for _, captures in views)
+    if there < most:
+        raise RefusedError(f"no view has {most} captures, the longest has {there}", where="evaluate", todo=f"pass --frames {there}")
     if truth is not None:
         judged, reference = by_truth(views, caster, truth), "the truth beside the bag"
     else:
         posed = solve_session([view for view, _ in views], caster, config.align).posed
         source = "TF or the board's corners alone" if config.align.mode == "robot" else "solved from the same frames"
-        judged, reference = by_label(views, posed, caster, config.label), f"the session's own labels (poses {source})"
+        reference = f"the session's own labels (poses {source}); an offset that is the same everywhere is in both and not seen"
+        judged = by_label(views, posed, caster, config.label)
     found = compare(judged, methods, caster.scene.names)
     return replace(found, result={**found.result, "scene": caster.scene.folder.name, "reference": reference})
 

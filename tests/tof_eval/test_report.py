@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import re
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from tests.tof_eval.made import CAMERA, capture, rendering
 from tof_eval.comparison import compare
 from tof_eval.methods import Raw, Rules
 from tof_eval.reference import Judged
-from tof_eval.report import best, sentence, write
+from tof_eval.report import write
 from tof_eval.tables import captures_table, methods_table
 from tof_preproc.config import PreprocConfig
 
@@ -43,16 +43,3 @@ def test_the_tables_are_in_millimetres_with_a_dash_where_nothing_is_known() -> N
     assert row[:6] == ["raw", "4.00", "4.00", "4.00", "100.0%", "99.600"]
     assert row[7] == "-", "no flying pixel was there"
     assert captures_table(found.result["methods"]).splitlines()[-1].split() == ["1", "99.600"]
-
-
-def test_the_sentence_names_the_best_method_and_its_price() -> None:
-    def method(error: float | None, complete: float) -> dict[str, Any]:
-        return {"equal_coverage": {"mae_mm": error}, "all": {"completeness": complete}}
-
-    three = {"raw": method(6.0, 1.0), "rules": method(4.0, 0.9), "model": method(2.0, 0.8)}
-    assert best(three) == "model"
-    assert (
-        sentence(three) == "model is best: its mean error is 2.00 mm where raw has 6.00 mm; it leaves 20 % of the pixels without a depth."
-    )
-    assert sentence({"raw": method(1.0, 1.0), "model": method(2.0, 1.0)}) == "Nothing improves on raw: its mean error is 1.00 mm."
-    assert sentence({"raw": method(None, 1.0)}).startswith("No pixel has a depth by every method")

@@ -72,6 +72,7 @@ def run(args: argparse.Namespace) -> int:
     from toftwin.evaluating import evaluate_bag, frame_bias
     from toftwin.inputs import source
     from toftwin.options import load_config
+    from toftwin.paths import session_name
     from toftwin.pipeline import PipelineConfig
 
     config = load_config(PipelineConfig, args)
@@ -83,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     with opened as (reader, scene):
         config = replace(config, align=posed_by_board(reader, config.align))
         evaluation = evaluate_bag(reader, Raycaster(scene), methods, config, truth=args.truth)
-    result = {**evaluation.result, "bag": Path(args.bag).name, "scene": evaluation.result["scene"] or str(args.scene or args.board)}
+    result = {**evaluation.result, "bag": session_name(args.bag), "scene": evaluation.result["scene"] or str(args.scene or args.board)}
     if args.out is not None:
         from tof_eval.report import write
 
