@@ -12,7 +12,7 @@ from tof_gap.tell import pictures
 from tof_gap.tell.plant import duration_s
 from tof_gap.tell.where import Bin
 from tof_gap.tell.words import interval, percent, sentence, size_in_words, todo, unexplained_words
-from tof_scene.world.words import lines
+from tof_scene.world.words import lines, of_views
 from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
         f"Simulation against camera: {title}",
         sentence=sentence(content),
         named=any(v not in ("none", "unknown") for v in content["verdict"]),
-        todo=todo(content, world),
+        todo=todo(content),
         gap=gap,
         before_mm=d.gap.above_mm(d.gap.before),
         after_mm=d.gap.above_mm(d.gap.after),
@@ -62,6 +62,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
         advice=content["advice"],
         not_testable=content["not_testable"],
         split=content["split"],
+        of_views=of_views,
         pose=content["pose"],
     )
     path = folder / "report.html"

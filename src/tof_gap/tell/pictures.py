@@ -31,7 +31,7 @@ CUBES = 130
 PIXELS = 2_000_000
 """Pixels of all views that fill these cubes: a hundred a cube and more."""
 SURE = 2.0
-"""Standard errors from which the mean gap of a cube of space has a colour: below, it is paper."""
+"""Standard errors from which the mean gap of a cube of space, or of a square of a view, has its full colour: a cube below is paper, a square paler."""
 
 
 def on_the_cad(d: Diagnosis, left: Sequence[Float], names: Sequence[str]) -> str:
@@ -114,34 +114,48 @@ def how_far(d: Diagnosis) -> str:
 def views(d: Diagnosis, left: Sequence[Float], most: int = 4) -> str:
     """Some views: amplitude for orientation, the gap before, the gap after, as means of neighbouring pixels; grey where nothing is compared."""
     chosen = np.unique(np.linspace(0, len(d.residual) - 1, min(most, len(d.residual))).round().astype(int))
-    gaps = [[1e3 * _smooth(maps[v]) for v in chosen] for maps in (d.residual, left)]
-    limit = max(1.0, float(np.nanquantile(np.abs(np.concatenate([g.ravel() for g in gaps[0]])), 0.98)))
+    gaps = [[_smooth(maps[v], d.floor2[v]) for v in chosen] for maps in (d.residual, left)]
+    limit = max(1.0, float(np.nanquantile(np.abs(np.concatenate([g.ravel() for g, _ in gaps[0]])), 0.98)))
     figure, grid = axes(11, 6.4, 3, len(chosen))
     image: Any = None
     for column, v in enumerate(chosen):
         light = np.sqrt(np.maximum(np.nan_to_num(d.evidence[v].frame.amplitude), 0.0))
         grid[0][column].imshow(light, cmap="gray", vmax=np.percentile(light, 99))
         for row in (1, 2):
-            grid[row][column].set_facecolor(NOT_COMPARED)
-            image = grid[row][column].imshow(gaps[row - 1][column], cmap=GAP_COLOURS, vmin=-limit, vmax=limit)
+            image = _gap_image(grid[row][column], *gaps[row - 1][column], limit)
         for row in range(3):
             grid[row][column].set_xticks([])
             grid[row][column].set_yticks([])
-        grid[0][column].set_title(f"view {v}", fontsize=9, color=INK)
+        grid[0][column].set_title(f"view {v + 1}", fontsize=9, color=INK)
     for row, label in enumerate(("amplitude", "gap before", "gap after")):
         grid[row][0].set_ylabel(label)
     figure.colorbar(image, ax=list(grid[1:].ravel()), label="measured minus simulated, mm", shrink=0.8)
     return figure_uri(figure)
 
 
-def _smooth(gap: Float) -> Float:
-    """Mean of the known pixels of each `SMOOTH_PX` x `SMOOTH_PX`, NaN where the pixel itself is not known: noise averages out, the gap stays."""
+def _gap_image(ax: Any, gap_mm: Float, noise_mm: Float, limit: float) -> Any:
+    """A map that is as pale as its noise makes it: paper at no gap, the colour of its value from `SURE` standard errors on."""
+    known = np.isfinite(gap_mm)
+    ax.set_facecolor(NOT_COMPARED)
+    ax.imshow(np.where(known, 1.0, np.nan), cmap="gray", vmin=0.0, vmax=1.0)
+    sure = np.clip(np.abs(gap_mm) / np.maximum(SURE * noise_mm, 1e-9), 0.0, 1.0)
+    return ax.imshow(gap_mm, cmap=GAP_COLOURS, vmin=-limit, vmax=limit, alpha=np.where(known, sure, 0.0))
+
+
+def _smooth(gap: Float, noise2: Float) -> tuple[Float, Float]:
+    """Mean of the known pixels of each `SMOOTH_PX` x `SMOOTH_PX` and its standard error, mm; NaN where the pixel itself is not known.
+
+    Args:
+        gap: (H, W) metres.
+        noise2: (H, W) or a number, variance of the noise of a pixel, metres squared.
+    """
     from scipy import ndimage
 
     known = np.isfinite(gap)
-    share = ndimage.uniform_filter(known.astype(float), SMOOTH_PX)
-    mean = ndimage.uniform_filter(np.where(known, gap, 0.0), SMOOTH_PX) / np.maximum(share, 1e-9)
-    return np.where(known, mean, np.nan)
+    share = np.maximum(ndimage.uniform_filter(known.astype(float), SMOOTH_PX), SMOOTH_PX**-2)
+    mean = ndimage.uniform_filter(np.where(known, gap, 0.0), SMOOTH_PX) / share
+    noise = ndimage.uniform_filter(np.where(known, noise2, 0.0), SMOOTH_PX) / share**2 / SMOOTH_PX**2
+    return 1e3 * np.where(known, mean, np.nan), 1e3 * np.sqrt(np.maximum(noise, 0.0))
 
 
 LABELS = {

@@ -29,6 +29,7 @@ class Region:
     name: str
     part: str
     share: float
+    gap_mm: float
     rmse_mm: float
     bias_mm: float
     pixels: int
@@ -65,10 +66,11 @@ def regions(
     whole = max(float(excess.sum()), 1e-18)
     named = _discoveries(np.array([r[4] for r in rows]), limits.where.false_discovery)
     out = []
-    for i, (n, e2, _, mean, _, part), share, seen in zip(ids, rows, excess / whole, named, strict=True):
+    for i, (n, e2, _, mean, _, part), over, share, seen in zip(ids, rows, excess, excess / whole, named, strict=True):
         if seen and share > 0:
             name = scene.parts[part].name
-            out.append(Region(int(i), f"{name}, face {int(i)}", name, float(share), 1e3 * float(np.sqrt(e2 / n)), 1e3 * mean, int(n)))
+            above, rmse = (1e3 * float(np.sqrt(square / n)) for square in (over, e2))
+            out.append(Region(int(i), f"{name}, face {int(i)}", name, float(share), above, rmse, 1e3 * mean, int(n)))
     return sorted(out, key=lambda r: -r.share)
 
 

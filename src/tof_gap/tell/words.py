@@ -23,6 +23,8 @@ GOES_WITH = {
     "hand": "the camera's place on the hand",
 }
 """Observables whose names say less than these words."""
+MOST_STATED = 3
+"""Sizes that are stated of an effect that is there several times."""
 
 
 def sentence(content: dict[str, Any]) -> str:
@@ -45,7 +47,7 @@ def sentence(content: dict[str, Any]) -> str:
     return f"Camera and simulation differ by {listed(names)}{which}.{away}{more}"
 
 
-def todo(content: dict[str, Any], world: Sequence[str]) -> list[str]:
+def todo(content: dict[str, Any]) -> list[str]:
     """What to do now, the most useful first; empty where nothing needs to be done."""
     lines = []
     if any(v not in ("none", "unknown") for v in content["verdict"]):
@@ -53,8 +55,14 @@ def todo(content: dict[str, Any], world: Sequence[str]) -> list[str]:
             "Use the fitted effects: pass sensor.yaml, which lies beside this page, as --sensor to toftwin label, correct, inspect or gap, "
             "or to toftwin sensor, which adds them to a simulator's ideal depth."
         )
-    if world:
+    moves = [f["moves"] for f in content["world"]["foreign"]]
+    if content["world"]["missing"] or not all(moves):
         lines.append("Correct the cell or scene.yaml where they disagree (see “What is not as the CAD has it”).")
+    if any(moves):
+        lines.append(
+            "Look at the views that show a moving object: keep people out of sight, and cover lamps and mirrors, whose light spreads in the lens. "
+            "These pixels are left out already."
+        )
     if "unknown" in content["verdict"]:
         lines.append(look(content["unexplained"]["where"]))
     return lines + [f"Capture: {line}." for line in content["advice"]]
@@ -68,11 +76,14 @@ def look(where: Sequence[str]) -> str:
 
 
 def size_in_words(cause: dict[str, Any], session_s: float) -> str:
-    """The fitted parameters of an effect, in words where a session of so many seconds has some for it, else by name."""
-    params, std = cause["params"], cause["params_std"]
-    if params and all(isinstance(p, dict) for p in params.values()):
-        return f"of {len(params)} parts"
-    return _stated(cause["effect"], params, session_s) or _by_name(params, std)
+    """The size of an effect in its own units, as a session of so many seconds can tell it; "" where millimetres say it best.
+
+    `params` of the cause are those of the effect, or by part or frequency where the effect is there several times.
+    """
+    params = cause["params"]
+    several = params and all(isinstance(p, dict) for p in params.values())
+    each = [_stated(cause["effect"], p, session_s) for p in (list(params.values())[:MOST_STATED] if several else [params])]
+    return ", and ".join(filter(None, dict.fromkeys(each)))
 
 
 def _stated(name: str, params: dict[str, Any], session_s: float) -> str:
@@ -85,15 +96,6 @@ def _stated(name: str, params: dict[str, Any], session_s: float) -> str:
     except (KeyError, TypeError, ToftwinError):
         return ""
     return effect.stated_in(session_s)
-
-
-def _by_name(params: dict[str, Any], std: dict[str, Any]) -> str:
-    shown = []
-    for name, value in params.items():
-        if isinstance(value, float | int):
-            error = f" ± {std[name]:.2g}" if isinstance(std.get(name), float) else ""
-            shown.append(f"{name} {value:.4g}{error}")
-    return ", ".join(shown[:6])
 
 
 def _off_edges(content: dict[str, Any]) -> str:

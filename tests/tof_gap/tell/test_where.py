@@ -39,6 +39,7 @@ def test_the_region_with_the_gap_has_its_share_and_bias() -> None:
     assert (found.id, found.part, found.name) == (9, "panel", "panel, face 9")
     assert found.share == pytest.approx(1.0, abs=0.01)
     assert found.bias_mm == pytest.approx(3.0, abs=0.02)
+    assert found.gap_mm == pytest.approx(3.0, abs=0.02), "above the noise"
     assert found.rmse_mm == pytest.approx(np.hypot(3, 2), abs=0.02)
     assert found.pixels == VIEWS * SHAPE[0] * SHAPE[1] // 2
 

@@ -26,8 +26,16 @@ def cause(effect: str, **params: Any) -> dict[str, Any]:
         ),
         (cause("depth_scale", scale=0.004), "+0.40 %"),
         (cause("quantization", step_m=0.005), "steps of 5.0 mm"),
-        (cause("multipath", strength=0.8), "strength 0.8"),
-        (cause("cad_deviation", panel={"x": 1.0}, rib={"x": 2.0}), "of 2 parts"),
+        (
+            cause(
+                "wiggling",
+                a={"sine_m": 5e-3, "modulation_mhz": 100.0, "harmonic": 4},
+                b={"sine_m": 2e-3, "modulation_mhz": 50.0, "harmonic": 4},
+            ),
+            "±5.0 mm every 0.37 m of range, and ±2.0 mm every 0.75 m of range",
+        ),
+        (cause("multipath", strength=0.8), ""),
+        (cause("cad_deviation", panel={"x": 1.0}, rib={"x": 2.0}), ""),
     ],
 )
 def test_a_size_is_in_words_where_there_are_some(found: dict[str, Any], words: str) -> None:
@@ -53,8 +61,11 @@ def test_no_time_constant_longer_than_the_session_is_stated(session_s: float, wo
     assert size_in_words(drift, session_s) == words
 
 
-def content(*verdict: str, where: tuple[str, ...] = (), advice: tuple[str, ...] = ()) -> dict[str, Any]:
-    return {"verdict": list(verdict), "unexplained": {"where": list(where)}, "advice": list(advice)}
+def content(
+    *verdict: str, where: tuple[str, ...] = (), advice: tuple[str, ...] = (), missing: tuple[str, ...] = (), moving: tuple[bool, ...] = ()
+) -> dict[str, Any]:
+    world = {"missing": [{"part": name} for name in missing], "foreign": [{"moves": moves} for moves in moving]}
+    return {"verdict": list(verdict), "unexplained": {"where": list(where)}, "advice": list(advice), "world": world}
 
 
 def test_an_interval_shows_no_more_than_all_of_the_gap() -> None:
@@ -68,18 +79,24 @@ def test_the_name_of_an_effect_is_written_as_a_reader_writes_it() -> None:
 
 
 def test_a_healthy_session_asks_for_nothing() -> None:
-    assert todo(content("none"), []) == []
+    assert todo(content("none")) == []
 
 
 def test_what_to_do_follows_the_verdict_the_world_and_the_advice() -> None:
-    lines = todo(content("unknown", "wiggling", where=("panel",), advice=("go closer",)), ["missing: pipe"])
+    lines = todo(content("unknown", "wiggling", where=("panel",), advice=("go closer",), missing=("pipe",)))
     assert ["--sensor" in lines[0], "scene.yaml" in lines[1], "Look at panel" in lines[2], lines[3]] == [
         True,
         True,
         True,
         "Capture: go closer.",
     ]
-    assert "--sensor" not in " ".join(todo(content("unknown"), []))
+    assert "--sensor" not in " ".join(todo(content("unknown")))
+
+
+@pytest.mark.parametrize(("moving", "words"), [((False,), ["Correct the cell"]), ((True,), ["Look at the views"]), ((False, True), ["Correct the cell", "Look at the views"])])  # fmt: skip
+def test_an_object_that_moves_is_no_fault_of_the_cell(moving: tuple[bool, ...], words: list[str]) -> None:
+    lines = todo(content("none", moving=moving))
+    assert [line[: len(w)] for line, w in zip(lines, words, strict=True)] == words
 
 
 LEFT = "neighbouring pixels still share an error of 0.32 mm RMS (means of blocks of pixels, all views)"
