@@ -35,28 +35,15 @@ class Fit:
     """A part's motion from the CAD.
 
     shift (3,): metres in the cell along the directions that the data determine, zero along the others; noise, outline, shared (3, 3): its
-    covariance by noise, by the width of the pixels at outlines, and by what pixels share (poses and the camera's errors); poses (3, 3): the
-    share of the poses in it; known (3, k): unit axes along which the place is known; ratio: log likelihood ratio of the displaced part over no part, from all pixels around it.
+    covariance by noise, by the width of the pixels at outlines, and by what pixels share (poses and the camera's errors); known (3, k): unit axes along which the place is known; ratio: log likelihood ratio of the displaced part over no part, from all pixels around it.
     """
 
     shift: Float
     noise: Float
     outline: Float
     shared: Float
-    poses: Float
     known: Float
     ratio: float
-
-    def relative_to(self, reference: Fit, config: InspectConfig) -> Fit:
-        """The motion since a reference session, in which the part stood in its place before the same camera from about the same views.
-
-        The camera's errors are the same in both and leave the difference; noise, outlines and poses of both sessions remain.
-        """
-        poses = self.poses + reference.poses
-        noise, outline = self.noise + reference.noise, self.outline + reference.outline
-        known = _known_axes(noise + outline + poses, config)
-        shift = known @ (known.T @ (self.shift - reference.shift))
-        return Fit(shift, noise, outline, poses, poses, known, self.ratio)
 
     @property
     def cov(self) -> Float:
@@ -112,11 +99,11 @@ def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Without, 
     motion = _smoothed(_patterned(motion, cost, steps=(1e-3, 5e-4, 2.5e-4)), cost, linear, config)
     gone = sum(misfit(p, p.behind) for p in patches)
     s = settle(motion, patches, alone, centre, config, errors)
-    known = _known_axes(s.noise + s.outline + s.shared, config)
-    return Fit(known @ (known.T @ s.motion[:3, 3]), s.noise, s.outline, s.shared, s.poses, known, gone - cost(motion))
+    known = known_axes(s.noise + s.outline + s.shared, config)
+    return Fit(known @ (known.T @ s.motion[:3, 3]), s.noise, s.outline, s.shared, known, gone - cost(motion))
 
 
-def _known_axes(cov: Float, config: InspectConfig) -> Float:
+def known_axes(cov: Float, config: InspectConfig) -> Float:
     """(3, k) axes of a covariance along which the place is known."""
     values, axes = np.linalg.eigh(cov)
     return axes[:, values < (UNKNOWN * config.search_mm * 1e-3) ** 2]

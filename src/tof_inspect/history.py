@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import gammaincinv
+from scipy.special import chdtri, digamma, fdtrc, polygamma
 
 from tof_core.errors import UsageError
 
@@ -18,16 +18,17 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
 
-LEAST = 4
-"""Sessions from which a trend is estimated: two parameters, and two sessions that may contradict."""
+LEAST = 5
+"""Sessions from which a trend is estimated: two parameters, and three that may contradict. The errors of a part often lie along one
+direction: of four sessions two lie on any line, and one part in sixty was named by chance."""
 CREEPS = 4.0
 """Chi of the rate (3 degrees of freedom) from which a part creeps; by chance in 1 of 900 parts."""
-SURE = 0.05
-"""Share of chance at either side of the interval in which the spread of the sessions puts the scale of their covariance."""
 LEAST_SCALE = 0.01
 """Least scale of variances: no session is ten times better than it states."""
 KNOWN_MM = 6.0
 """Standard deviation from which an axis states nothing: half of the largest displacement that is searched."""
+MANY, RAREST = 1e6, 1e-300
+"""Degrees of freedom that are as good as all, and the least chance that a double tells from none."""
 SCHEMA = "toftwin.inspection/"
 
 
@@ -35,8 +36,8 @@ SCHEMA = "toftwin.inspection/"
 class Trend:
     """A part over its sessions.
 
-    rate_mm (3,): displacement per session in the cell; std_mm: its standard deviation along the rate; chi: the rate over its covariance;
-    scale: spread of the sessions about the line, over their stated standard deviations;
+    rate_mm (3,): displacement per session in the cell; std_mm: its standard deviation along the rate; chi: of 3 degrees of freedom, as rare
+    by chance as the rate; scale: spread of the sessions about the line, over their stated standard deviations;
     now_mm: displacement that the trend states for the last session; left: sessions until it leaves its tolerance, None where it does not
     creep or is out already.
     """
@@ -96,7 +97,7 @@ def trends(sessions: Sequence[dict[str, Any]]) -> list[Trend]:
     """The trend of every part that was fitted in at least `LEAST` of the sessions; the largest chi first.
 
     A part's covariance holds what the camera does there, which repeats from session to session: it moves the start of the line and not
-    its rate. How much changes between sessions is measured by their spread about the lines, of all parts together.
+    its rate. How much changes between sessions is measured by their spread about the lines: that of the part, and that of all parts.
     """
     names = dict.fromkeys(p["name"] for s in sessions for p in s["parts"])
     lines = []
@@ -104,16 +105,49 @@ def trends(sessions: Sequence[dict[str, Any]]) -> list[Trend]:
         rows = [(k, p) for k, s in enumerate(sessions) for p in s["parts"] if p["name"] == name and p.get("shift_mm")]
         if len(rows) >= LEAST:
             lines.append(_line(name, np.array([k for k, _ in rows], float), [p for _, p in rows], len(sessions) - 1))
-    together = nearest_scale(1.0, sum(line.spread for line in lines), sum(line.free for line in lines))
-    return sorted((line.trend(nearest_scale(together, line.spread, line.free)) for line in lines), key=lambda t: -t.chi)
+    inflation = Inflation.of(np.array([line.spread for line in lines]), np.array([line.free for line in lines], float))
+    return sorted((line.trend(inflation) for line in lines), key=lambda t: -t.chi)
 
 
-def nearest_scale(believed: float, spread: float, free: int) -> float:
-    """Scale of variances next to the `believed` one that a chi-square `spread` with `free` degrees of freedom does not contradict."""
-    if free <= 0:
-        return believed
-    low, high = (spread / (2.0 * float(gammaincinv(0.5 * free, p))) for p in (1.0 - SURE, SURE))
-    return max(min(max(believed, low), high), LEAST_SCALE)
+@dataclass(frozen=True, slots=True)
+class Inflation:
+    """Ratio of the variances between sessions to the stated ones, which differs from part to part (Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3).
+
+    scale: of a usual part; free: how alike parts are, as degrees of freedom of an estimate that varies as much, inf where all have one
+    scale; total: degrees of freedom of all parts together.
+    """
+
+    scale: float
+    free: float
+    total: float
+
+    @classmethod
+    def of(cls, spread: Float, free: Float) -> Inflation:
+        """From the chi-squares `spread` (n,) of parts about their lines, with `free` (n,) degrees of freedom (Smyth's section 6.2)."""
+        spread, free = spread[free > 0], free[free > 0]
+        if not len(free):
+            return cls(1.0, np.inf, 0.0)
+        half = 0.5 * free
+        log = np.log(np.maximum(spread / free, LEAST_SCALE)) - digamma(half) + np.log(half)
+        differs = float(np.var(log) * len(log) / max(len(log) - 1, 1) - polygamma(1, half).mean())
+        if differs <= 0:
+            return cls(float(np.exp(log.mean())), np.inf, float(free.sum()))
+        prior = _trigamma_inverse(differs)
+        return cls(float(np.exp(log.mean() + digamma(prior) - np.log(prior))), 2.0 * prior, float(free.sum()))
+
+    def at(self, spread: float, free: float) -> tuple[float, float]:
+        """Scale of the variances of a part with its own spread, and the degrees of freedom of that scale."""
+        scale = self.scale if np.isinf(self.free) else (self.free * self.scale + spread) / (self.free + free)
+        return max(scale, LEAST_SCALE), min(self.free + free, self.total)
+
+
+def _trigamma_inverse(value: float) -> float:
+    """x with trigamma(x) = value (Newton's steps of 1 / trigamma, which is nearly straight; Smyth's appendix)."""
+    x = 0.5 + 1.0 / value
+    for _ in range(20):
+        here = float(polygamma(1, x))
+        x += here * (1.0 - here / value) / float(polygamma(2, x))
+    return x
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,16 +167,25 @@ class _Line:
     free: int
     tolerance: float
 
-    def trend(self, scale: float) -> Trend:
-        """With variances `scale` times as large as stated."""
+    def trend(self, inflation: Inflation) -> Trend:
+        """With variances as much larger than stated as the sessions show."""
+        scale, free = inflation.at(self.spread, self.free)
         cov = scale * self.cov
         size = float(np.linalg.norm(self.rate))
-        chi = float(np.sqrt(self.rate @ np.linalg.solve(cov, self.rate)))
+        chi = _chi(float(self.rate @ np.linalg.solve(cov, self.rate)), free)
         direction = self.rate / max(size, 1e-12)
         std = float(np.sqrt(direction @ cov @ direction))
         left = _left(self.now, self.rate, self.tolerance, chi)
         now = float(np.linalg.norm(self.now))
         return Trend(self.name, self.sessions, tuple(self.rate.tolist()), std, chi, float(np.sqrt(scale)), now, self.tolerance, left)
+
+
+def _chi(square: float, free: float) -> float:
+    """Chi of 3 degrees of freedom that is as rare as a squared rate over a covariance whose scale has `free` degrees of freedom."""
+    if free <= 0:
+        return 0.0
+    chance = float(fdtrc(3, min(free, MANY), square / 3.0))
+    return float(np.sqrt(chdtri(3, max(chance, RAREST))))
 
 
 def _line(name: str, number: Float, parts: Sequence[dict[str, Any]], last: int) -> _Line:

@@ -51,13 +51,12 @@ class _View:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Settled:
-    """A part's motion (4, 4), and the covariances (3, 3) of its shift: noise, outline, shared, poses as of `displaced.Fit`."""
+    """A part's motion (4, 4), and the covariances (3, 3) of its shift: noise, outline, shared as of `displaced.Fit`."""
 
     motion: Float
     noise: Float
     outline: Float
     shared: Float
-    poses: Float
 
 
 def settle(
@@ -113,8 +112,7 @@ def _uncertain(motion: Float, views: Sequence[_View], inverse: Float, centre: Fl
         maps[v.patch.view] = inverse @ (v.inner + v.outline) @ moved, inverse @ (v.J * v.w[:, None]).T @ v.patch.columns[v.at]
         pixel = (EDGE_PX * v.patch.pixel * p[2]) ** 2
         edges += inverse @ v.outline @ v.outline @ inverse * pixel
-    of_poses = {number: (A, np.zeros_like(C)) for number, (A, C) in maps.items()}
-    return Settled(motion, inverse * _inflation(views), edges, errors.cov(maps), errors.cov(of_poses))
+    return Settled(motion, inverse * _inflation(views), edges, errors.cov(maps))
 
 
 def _inflation(views: Sequence[_View]) -> float:

@@ -23,7 +23,7 @@ PART = replace(plate().part("block"), tolerance_mm=2.0)
 def fitted(mm: float, std: float, ratio: float = 0.0) -> Fit:
     """A part displaced along x, its place known by `std` along each axis."""
     none, shared = np.zeros((3, 3)), np.eye(3) * (1e-3 * std) ** 2
-    return Fit(np.array([1e-3 * mm, 0.0, 0.0]), none, none, shared, shared, np.eye(3), ratio)
+    return Fit(np.array([1e-3 * mm, 0.0, 0.0]), none, none, shared, np.eye(3), ratio)
 
 
 STAYS = fitted(0.0, 1.0)
