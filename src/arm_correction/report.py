@@ -94,7 +94,9 @@ def todo(c: Correction) -> list[str]:
         return ["Leave the hand where it is.", "Remove the cause, or bring the robot nearer to its mark, and capture again."]
     xyz = ", ".join(f"{v:.4f}" for v in c.T_frame_hand[:3, 3])
     xyzw = ", ".join(f"{v:.5f}" for v in se3.quat_from_matrix(c.T_frame_hand[:3, :3]))
-    lines = [f"Command the hand to ({xyz}) m, quaternion ({xyzw}) in {c.frame}, and capture again: the next proposal says what is left."]
+    lines = [
+        f"Command the hand to ({xyz}) m, quaternion xyzw ({xyzw}) in {c.frame}, and capture again: the next proposal says what is left."
+    ]
     return lines + [f"Not determined: {name}. Look at a surface that faces another way." for name in c.unknown]
 
 

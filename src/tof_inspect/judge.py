@@ -247,11 +247,11 @@ def decide(
             replace(place, judged=False, todo=place.todo or UNSEEN_TODO),
         )
     if p <= 1.0 - config.decide:
-        return _verdict(part, "absent", evidence, ratios, None, f"{by}: the background is visible in its place", config)
+        return _verdict(part, "absent", evidence, ratios, None, f"the background is visible in its place, by {by}", config)
     if fit.mm > part.tolerance_mm and fit.mm - part.tolerance_mm > config.displaced_sigma * fit.std_mm:
         why = f"{fit.mm:.1f} ± {fit.std_mm:.1f} mm from the CAD, tolerance {part.tolerance_mm:g} mm"
         return _verdict(part, "displaced", evidence, ratios, fit, why, config)
-    why = f"{by}: in its place" if place.judged else f"{by}: present, {place.words}"
+    why = f"in its place, by {by}" if place.judged else f"present by {by}, {place.words}"
     return _verdict(part, "present", evidence, ratios, fit, why, config, place)
 
 

@@ -50,6 +50,7 @@ def write(inspector: Inspector, found: Inspection, folder: Path, title: str, tre
     result = content(found, inspector.scene.digest) | {"trends": [t.to_dict() for t in trends]}
     (folder / "inspection.json").write_text(json.dumps(result, indent=1), encoding="utf-8")
     rows = [v.to_dict() | {"picture": picture(inspector, v, found.views, found.posed)} for v in found.verdicts]
+    light = any(v.amplitude is not None for v in found.views)
     rows.sort(key=lambda row: (ORDER[row["state"]], row["judged"], row["name"]))
     text = render_page(
         "tof_inspect",
@@ -60,6 +61,7 @@ def write(inspector: Inspector, found: Inspection, folder: Path, title: str, tre
         trends=[t.words() for t in trends if t.creeps],
         evidence=found.colour,
         parts=rows,
+        columns=[*(["amplitude"] if light else []), "measured depth", "CAD with the part", "CAD without it"],
         views=result["views"],
         all_accepted=all(v["accepted"] for v in result["views"]),
         scene=inspector.scene.digest[:12],
@@ -77,8 +79,10 @@ def sentence(verdicts: Sequence[PartVerdict]) -> str:
         *([f"displaced: {_named([f'{v.name} by {v.displaced_mm:.1f} mm' for v in of['displaced']])}"] if of["displaced"] else []),
     ]
     begin = "; ".join(wrong) if wrong else f"{len(of['present'])} of {len(verdicts)} parts are in their place"
+    placed = len(of["present"]) - sum(not v.judged for v in of["present"])
     unsure, unseen = [v for v in of["present"] if not v.judged], of["not_observable"]
     rest = [
+        *([f"{placed} in their place" if placed > 1 else "1 in its place"] if wrong and placed else []),
         *([f"{len(unsure)} present, but their tolerance cannot be judged" if len(unsure) > 1 else "1 present, but its tolerance cannot be judged"] if unsure else []),
         *([f"{len(unseen)} not observable"] if unseen else []),
     ]  # fmt: skip

@@ -87,10 +87,10 @@ def test_both_together_are_weighed_as_independent() -> None:
     for v in judged().values():
         assert v.log_ratio == pytest.approx(v.log_depth + v.log_colour)
         assert v.state == "present"
-        assert v.why.startswith("depth and colour: ")
+        assert "by depth and colour" in v.why
     for v in judged(("red", "same")).values():
         assert v.state == "absent"
-        assert v.why == "depth and colour: the background is visible in its place"
+        assert v.why == "the background is visible in its place, by depth and colour"
 
 
 def test_colour_is_evidence_for_the_place_in_the_cad_alone() -> None:

@@ -37,7 +37,7 @@ def test_page_and_json(tmp_path: Path) -> None:
     assert page.count("data:image/png;base64") >= 3
     assert "http" not in page
     assert data["evidence"] == "depth alone: no reference image in colour is given"
-    assert "log ratio of depth" in page
+    assert "<span>measured depth</span><span>CAD with the part</span>" in page
     assert "probability that it is there 0.0003" in page
     assert "probability that it is there above 0.9999" in page
 
