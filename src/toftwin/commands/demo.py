@@ -57,7 +57,8 @@ def run(args: argparse.Namespace) -> int:
 
         rows = {name: error.to_dict() for name, error in result.errors.rows}
         poses = {p.name: {"mm": p.millimetres.tolist(), "deg": p.degrees.tolist()} for p in result.errors.poses}
-        print(json.dumps({"depth": rows, "poses": poses, "honest": result.errors.honest, "seconds": result.seconds}, indent=1))
+        spent = {name: {"seconds": s.seconds, "processor": s.processor} for name, s in result.spent.items()}
+        print(json.dumps({"depth": rows, "poses": poses, "honest": result.errors.honest, "spent": spent}, indent=1))
         return 0
     print(summary(result))
     print(f"report: {args.out / 'report.html'}")

@@ -12,6 +12,7 @@ from tof_core.panels import panels
 from tof_core.reasons import Reason
 from tof_eval import pictures
 from tof_eval.report import sweep_plot, view_picture
+from tof_eval.words import called
 from tof_scene.raycast import Raycaster
 from tof_scene.render import render
 from tof_scene.scene_file import load_scene
@@ -44,7 +45,8 @@ def write_report(result: DemoResult, scene: Path) -> Path:
         rows=result.errors.rows,
         poses=[_pose_row(p) for p in result.errors.poses],
         honest=result.errors.honest,
-        seconds=result.seconds,
+        spent=result.spent,
+        called=called,
         replayed=result.replayed,
         labelled=result.labelled,
         effects=meta["effects"],
