@@ -97,7 +97,7 @@ def test_evaluate_against_the_truth(session: Path, tmp_path: Path, capsys: pytes
     assert result["methods"]["raw"]["all"]["mae_mm"] == pytest.approx(1e3 * np.nanmean(error), rel=1e-6)
     assert len(result["methods"]["model"]["captures"]) == 2
     html = (tmp_path / "report.html").read_text()
-    assert "The paper's figure 9" in html
+    assert "figure 9 of the paper" in html
     assert "http" not in html.replace("http-equiv", "")
     assert json.loads((tmp_path / "evaluation.json").read_text()) == result
 
