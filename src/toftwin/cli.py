@@ -90,8 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if not chosen:
             parser.print_help()
             return 2
-        if args.quiet:
-            set_quiet()
+        set_quiet(args.quiet)
         check_paths(args)
         set_command(argv)
         if "numpy" not in sys.modules:
