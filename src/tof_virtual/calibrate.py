@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from tof_core.arrays import Float
-    from tof_virtual.effect import Effect
+    from tof_virtual.effect import Effect, Moment
     from tof_virtual.session import Session
 
 ROUNDS = 5
@@ -28,11 +28,15 @@ NOTHING_M = 1e-7
 def calibrate(session: Session) -> None:
     """Set the size of every effect whose strength is stated as an error: alone, on captures spread over the session."""
     indices = np.unique(np.linspace(0, len(session.shutters) - 1, min(MOST_CAPTURES, len(session.shutters))).astype(int)).tolist()
+    bare: list[tuple[Moment, Float]] = []
     for effect in session.effects:
         if effect.natural:
             continue
-        error = _geometric(session, effect, indices) if effect.geometric or effect.tap_interval_s() else _measured(session, effect, indices)
-        _solve(effect, error)
+        if effect.geometric or effect.tap_interval_s():
+            _solve(effect, _geometric(session, effect, indices))
+        else:
+            bare = bare or _bare(session, indices)
+            _solve(effect, _measured(bare, effect))
     if any(e.geometric for e in session.effects):
         session.forget()
 
@@ -64,15 +68,19 @@ def _solve(effect: Effect, error: Callable[[], Float]) -> None:
             return
 
 
-def _measured(session: Session, effect: Effect, indices: Sequence[int]) -> Callable[[], Float]:
-    """Error of a noise-free camera with this effect alone."""
+def _bare(session: Session, indices: Sequence[int]) -> list[tuple[Moment, Float]]:
+    """Captures without effects, and the noise-free depth (P,) of each."""
     moments = [session.moment(i, ()) for i in indices]
-    plain = [expose(m, ()).depth for m in moments]
+    return [(m, expose(m, ()).depth) for m in moments]
+
+
+def _measured(bare: Sequence[tuple[Moment, Float]], effect: Effect) -> Callable[[], Float]:
+    """Error of a noise-free camera with this effect alone."""
 
     def error() -> Float:
-        for m in moments:
+        for m, _ in bare:
             m.lights.clear()
-        return np.concatenate([expose(m, (effect,)).depth - p for m, p in zip(moments, plain, strict=True)])
+        return np.concatenate([expose(m, (effect,)).depth - depth for m, depth in bare])
 
     return error
 

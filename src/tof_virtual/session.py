@@ -29,8 +29,9 @@ if TYPE_CHECKING:
     from tof_virtual.sight import Sight
     from tof_virtual.timeline import Shutter
 
-SIGHTS_KEPT = 8
-"""Size of the cache of rendered views, for the captures of a dwell and for the shares of the effects."""
+SIGHTS_KEPT = 12
+"""Size of the cache of rendered views, for the captures of a dwell and for the shares of the effects; as many as the sizes of effects are
+found on (`calibrate.MOST_CAPTURES`), which are recorded next."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
