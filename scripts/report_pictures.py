@@ -16,6 +16,7 @@ PAGES = {
     "report_gap": "gap/report.html",
     "report_inspect": "inspection/inspection.html",
     "report_correct": "correct/correction.html",
+    "report_evaluate": "evaluation/report.html",
 }
 """Pictures by name, and the page of each in the demo's folder; pages that are not there are left out."""
 WIDTH, HEIGHT, SHOWN = 1400, 1700, 800
