@@ -60,7 +60,7 @@ def todo(content: dict[str, Any]) -> list[str]:
         lines.append("Correct the cell or scene.yaml where they disagree (see “What is not as the CAD has it”).")
     if any(moves):
         lines.append(
-            "Look at the views that show a moving object: keep people out of sight, and cover lamps and mirrors, whose light spreads in the lens. "
+            "Look at the views with an object that others do not see: keep people out of sight, and cover lamps and mirrors, whose light spreads in the lens. "
             "These pixels are left out already."
         )
     if "unknown" in content["verdict"]:

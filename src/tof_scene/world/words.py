@@ -13,8 +13,10 @@ if TYPE_CHECKING:
     from tof_scene.world.surprises import Surprises
 
 
-MAY_BE = "; other views see through its place: a person, a view taken in motion, or the halo of a bright surface"
-"""What a moving object may be besides."""
+NOT_ALWAYS = "object in some views only"
+"""What other views see through: it moves, or it is none."""
+MAY_BE = " and in no other: a person, the blur of a moving view, or the halo of a lamp or a bright surface"
+"""What it may be."""
 SEE, SEES = "see what lies behind its place", "sees what lies behind its place"
 """The evidence that a part is missing, of several views and of one."""
 
@@ -42,7 +44,7 @@ def lines(world: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[str]:
     for f in sorted(world["foreign"], key=lambda f: -f["pixels"]):
         size = " x ".join(f"{100 * s:.0f}" for s in f["size_m"])
         at = ", ".join(f"{x:.2f}" for x in f["centre_m"])
-        what, may_be = ("moving object", MAY_BE) if f["moves"] else ("foreign object", "")
+        what, may_be = (NOT_ALWAYS, MAY_BE) if f["moves"] else ("foreign object", "")
         out.append(f"{what}: {size} cm at ({at}), seen in {of_views(f['views'])}{may_be}")
     return out
 

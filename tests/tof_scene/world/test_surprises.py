@@ -155,8 +155,8 @@ def test_what_one_view_alone_sees_moves() -> None:
     (crate,) = found.foreign
     assert (crate.moves, crate.views) == (True, (0,))
     (line,) = lines(described(found, cad.scene))
-    assert line.startswith("moving object: ")
-    assert line.endswith("a person, a view taken in motion, or the halo of a bright surface")
+    assert line.startswith("object in some views only: ")
+    assert line.endswith("a person, the blur of a moving view, or the halo of a lamp or a bright surface")
 
 
 @pytest.mark.parametrize(
