@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from tof_scene.render import Rendering
 
 LIGHT_M_PER_S = 299_792_458.0
+MOVING_M_S = 5e-3
+"""Speed from which a view counts as taken in motion: 0.1 mm within an exposure of 20 ms."""
+MOVING_RAD_S = float(np.radians(0.5))
+"""The same as a turn rate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +40,11 @@ class Context:
     twist: Float = field(default_factory=lambda: np.zeros(6))
     caster: Raycaster | None = None
     albedo: Float | None = None
+
+    @property
+    def moving(self) -> bool:
+        """Whether the view was taken at more than `MOVING_M_S` or `MOVING_RAD_S`: TF of an arm at rest trembles, too."""
+        return bool(np.linalg.norm(self.twist[:3]) > MOVING_M_S or np.linalg.norm(self.twist[3:]) > MOVING_RAD_S)
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)

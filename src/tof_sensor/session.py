@@ -15,10 +15,6 @@ if TYPE_CHECKING:
     from tof_sensor.effects.photon_law import PhotonLaw
     from tof_sensor.frame import Frame
 
-MOVING_M_S = 5e-3
-"""Speed from which a view counts as taken in motion: 0.1 mm within an exposure of 20 ms."""
-MOVING_RAD_S = float(np.radians(0.5))
-"""The same as a turn rate."""
 WARMING_K = 0.5
 """Change of temperature from which a drift can show: the resolution of a usual camera's thermometer."""
 WARMING_S = 60.0
@@ -74,11 +70,8 @@ class Session:
 
     @property
     def moving(self) -> bool:
-        """Whether a view was taken at `MOVING_M_S` or `MOVING_RAD_S` or more."""
-        twists = np.array([v.frame.context.twist for v in self.views])
-        return bool(
-            (np.linalg.norm(twists[:, :3], axis=1) > MOVING_M_S).any() or (np.linalg.norm(twists[:, 3:], axis=1) > MOVING_RAD_S).any()
-        )
+        """Whether a view was taken in motion."""
+        return any(v.frame.context.moving for v in self.views)
 
     @property
     def temperatures(self) -> Float:

@@ -14,5 +14,5 @@ if TYPE_CHECKING:
 
 
 def moving(views: Sequence[ViewEvidence]) -> bool:
-    """Whether a view was taken in motion (`tof_sensor.session` states from which speed)."""
+    """Whether a view was taken in motion (`tof_sensor.frame` states from which speed)."""
     return Session(tuple(SessionView(v.frame, v.pixels) for v in views)).moving

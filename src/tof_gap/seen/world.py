@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 def world_of(evidence: Sequence[ViewEvidence], caster: Raycaster, limits: WorldEvidence) -> Surprises:
     """What is not as the CAD has it, at the poses of the evidence; views that move are left out, since motion moves their edges."""
-    still = [k for k, v in enumerate(evidence) if not v.frame.context.twist.any()]
+    still = [k for k, v in enumerate(evidence) if not v.frame.context.moving]
     if not still:
         return Surprises(tuple(np.zeros(v.residual.shape, np.uint8) for v in evidence), (), ())
     found = find_surprises([_seen(evidence[k], limits) for k in still], caster, limits.world)

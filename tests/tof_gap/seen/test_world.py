@@ -3,13 +3,23 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import SHAPE, views
 from tof_core.camera import Camera
 from tof_core.capture import View
 from tof_core.reasons import Reason
-from tof_gap.seen.world import without_world
+from tof_gap.limits.seen import WorldEvidence
+from tof_gap.seen import world
+from tof_gap.seen.world import without_world, world_of
 from tof_scene.world.surprises import ABSENT, BEFORE, BEHIND, DISPLACED, NONE, OBJECT, Surprises
+
+if TYPE_CHECKING:
+    from tof_scene.raycast import Raycaster
 
 CAMERA = Camera(width=40, height=30, fx=40.0, fy=40.0, cx=19.5, cy=14.5)
 
@@ -36,3 +46,17 @@ def test_objects_and_absent_parts_are_taken_out_with_their_rim_and_sensor_errors
 def test_views_without_surprises_are_the_same_objects() -> None:
     one = view()
     assert without_world([one], Surprises((np.zeros(CAMERA.shape, np.uint8),), (), ()), rim_px=2)[0] is one
+
+
+@pytest.mark.parametrize(("mm_s", "looked_at"), [(0.0, True), (2.0, True), (20.0, False)])
+def test_the_trembling_of_an_arm_at_rest_is_no_motion(monkeypatch: pytest.MonkeyPatch, mm_s: float, looked_at: bool) -> None:  # noqa: FBT001
+    """At rest TF differs by tenths of a millimetre from one transform to the next."""
+    twist = np.array([1e-3 * mm_s, 0, 0, 0, 0, 0])
+    seen = [replace(v, frame=replace(v.frame, context=replace(v.frame.context, twist=twist))) for v in views(np.random.default_rng(1))]
+
+    def everything(found: list[Any], *_: object) -> Surprises:
+        return Surprises(tuple(np.full(SHAPE, OBJECT, np.uint8) for _ in found), (), ())
+
+    monkeypatch.setattr(world, "find_surprises", everything)
+    codes = world_of(seen, cast("Raycaster", None), WorldEvidence()).pixels
+    assert [bool((c == OBJECT).all()) for c in codes] == [looked_at] * len(seen)
