@@ -144,6 +144,13 @@ class MissingLimits:
         high=1.0,
         why="pose errors put some there without mixing",
     )
+    unfiltered_share: float = param(
+        0.5,
+        "the same share from which `flying_pixels` is named",
+        low=1e-6,
+        high=1.0,
+        why="an edge filter that works takes most mixed pixels; what it misses is no sign of its absence",
+    )
     step_mm: float = param(
         30.0, "depth step of an edge that can show mixing", unit="mm", low=1.0, why="ten standard deviations of usual noise"
     )

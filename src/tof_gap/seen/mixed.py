@@ -37,16 +37,16 @@ def mixing(views: Sequence[ViewEvidence], limits: MissingLimits) -> tuple[float,
 
 
 def flying_pixels(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | None:
-    """`flying_pixels` where pixels mix, with the footprint and modulation frequency whose mixture fits best."""
+    """`flying_pixels` where most of the pixels that mix are measured, with the footprint and modulation frequency whose mixture fits best."""
     found = mixing(views, limits)
-    if found is None:
+    if found is None or found[0] < limits.unfiltered_share:
         return None
-    share, number = found
+    number = found[1]
     edges = [Edge.of(v.frame) for v in views]
     tried = [FlyingPixels(share=1.0, modulation_mhz=f, footprint_px=w) for f in FLYING_MHZ for w in FOOTPRINTS_PX]
     best = min((_fitted(views, edges, effect, limits) for effect in tried), key=lambda fitted: fitted[1])[0]
     maps = np.stack([np.where(v.frame.valid, _mixture_map(v, edge, best), np.nan) for v, edge in zip(views, edges, strict=True)])
-    return Finding(best, float(min(1.0, share / limits.flying_share / 2)), {"share": float(1 / np.sqrt(number))}, maps, corrects=True)
+    return Finding(best, 1.0, {"share": float(1 / np.sqrt(number))}, maps, corrects=True)
 
 
 def _fitted(

@@ -54,7 +54,11 @@ def _found(recording: Recording, what: str, name: str, stream: Stream) -> Findin
     kind = recording.types[name].rpartition("/")[2] + (f" {encoding}" if encoding else "")
     line = f"{what} {name}: {kind}, {len(stream.stamps)} messages at {stream.rate:.3g} Hz"
     if what in ("depth", "points") and SLOW_HZ[0] < stream.rate < SLOW_HZ[1]:
-        return note("topic", line, "few captures a second: a view at rest averages those of half a second to two; let the driver publish this camera alone (spot_ros2: cameras_used: [hand])")
+        return note(
+            "topic",
+            line,
+            "few captures a second: a view at rest averages those of half a second to two; let the driver publish this camera alone (spot_ros2: cameras_used: [hand])",
+        )
     return ok("topic", line)
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -16,11 +17,14 @@ from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.line_noise import line_map, line_noise
 from tof_gap.seen.lost import _half_lost, brightest, lost, outliers_removed
-from tof_gap.seen.mixed import mixing
+from tof_gap.seen.mixed import flying_pixels, mixing
 from tof_gap.seen.noise import noise_effects
 from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
 from tof_gap.seen.stripes import beat
 from tof_gap.seen.wrapped import _common_size, phase_wrap
+
+if TYPE_CHECKING:
+    from tof_gap.seen.residual import ViewEvidence
 
 LIMITS, MISSING = NoiseLimits(), MissingLimits()
 
@@ -201,8 +205,8 @@ def test_holes_around_outliers_are_a_filter_s_and_single_pixels_are_not() -> Non
     assert not outliers_removed(rng().uniform(size=SHAPE) > 0.03, MISSING).any(), "lost at random"
 
 
-@pytest.mark.parametrize(("place", "mixes"), [(0.0, False), (1.0, False), (0.5, True)])
-def test_pixels_between_their_surfaces_are_mixed(place: float, *, mixes: bool) -> None:
+def at_an_edge(place: float, filtered: float = 0.0) -> list[ViewEvidence]:
+    """Views with an edge four pixels wide, measured at `place` between its surfaces; of a share of its rows nothing is measured."""
     out = []
     for v in views(rng()):
         edge = np.zeros(SHAPE, bool)
@@ -210,9 +214,21 @@ def test_pixels_between_their_surfaces_are_mixed(place: float, *, mixes: bool) -
         second = np.where(edge, v.frame.depth + 0.2, np.nan).astype(np.float32)
         mixed = np.where(edge, 0.3, 0.0).astype(np.float32)
         depth = np.where(edge, v.frame.depth + 0.2 * place, v.view.depth).astype(np.float32)
+        depth[: round(filtered * SHAPE[0]), 50:54] = np.nan
         frame = replace(v.frame, rendering=replace(v.rendering, second=second, mixed=mixed))
-        out.append(replace(v, frame=frame, view=replace(v.view, depth=depth)))
-    found = mixing(out, MISSING)
+        out.append(replace(v, frame=frame, view=replace(v.view, depth=depth), residual=(depth - v.frame.depth).astype(np.float32)))
+    return out
+
+
+@pytest.mark.parametrize(("filtered", "named"), [(0.3, True), (0.7, False)])
+def test_what_an_edge_filter_misses_is_no_flying_pixel(filtered: float, *, named: bool) -> None:
+    """The filter takes the first rows of an edge of mixed pixels."""
+    assert (flying_pixels(at_an_edge(0.5, filtered), MISSING) is not None) is named
+
+
+@pytest.mark.parametrize(("place", "mixes"), [(0.0, False), (1.0, False), (0.5, True)])
+def test_pixels_between_their_surfaces_are_mixed(place: float, *, mixes: bool) -> None:
+    found = mixing(at_an_edge(place), MISSING)
     assert (found is not None) is mixes
     if found is not None:
         assert found[0] == pytest.approx(1.0)
