@@ -11,6 +11,7 @@ import numpy as np
 
 from tof_align.folds import Folds, deal
 from tof_gap.solve.candidate import HAND_EYE
+from tof_sensor.effects.intrinsics import Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -54,10 +55,12 @@ class Selector:
     def share(self, member: int) -> float:
         """Share of the visible gap's energy that a candidate must explain.
 
-        Hand-eye hardly shows there, since arm errors absorb it; nor does what smears, whose pixels are in no fit (`conclude` judges its share).
+        Hand-eye hardly shows there, since arm errors absorb it; nor does what smears, whose pixels are in no fit (`conclude` judges its share);
+        nor a lens where the stated calibration leaves one free, which gives way to more than is stated.
         """
         effect = self.design.candidates[member].effect
-        if self.frees_hand([member]) or (effect is not None and effect.SMEARS):
+        lens_free = len(self.design.always) > 0 and isinstance(effect, Intrinsics)
+        if self.frees_hand([member]) or lens_free or (effect is not None and effect.SMEARS):
             return 0.0
         return self.config.unknown_share if self.is_free(member) else self.config.share
 

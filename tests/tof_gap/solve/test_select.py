@@ -24,6 +24,7 @@ from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.multipath import Multipath
 from tof_sensor.effects.range_offset import RangeOffset
@@ -244,3 +245,13 @@ def test_what_stands_in_for_hand_eye_leaves_nothing_for_it_to_explain(*, alike: 
     assert judge.score([], 1.0).score - alone.score > 100
     assert judge.score([1], 1.0).score < alone.score + SelectLimits().tie_gain
     assert list(stand_ins(judge, alone, 0)) == expected
+
+
+def test_a_lens_that_the_stated_calibration_half_absorbs_need_not_explain_a_share() -> None:
+    """What is left of it beside the free lens is little, also where the lens is off by more than is stated."""
+    names = [Candidate("wiggling", Wiggling(), ""), Candidate("intrinsics", Intrinsics(), ""), Candidate("lens", None, "")]
+    every = design(names, [3.0, 0.2, 0.0])
+    exact = replace(every, candidates=every.candidates[:2], groups=every.groups[:2])
+    stated = replace(exact, always=every.groups[2])
+    assert [exact.candidates[m].name for m in select(exact, SelectLimits()).chosen.members] == ["wiggling"]
+    assert [stated.candidates[m].name for m in select(stated, SelectLimits()).chosen.members] == ["wiggling", "intrinsics"]
