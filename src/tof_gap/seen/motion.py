@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tof_sensor.session import Session, SessionView
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -15,4 +13,4 @@ if TYPE_CHECKING:
 
 def moving(views: Sequence[ViewEvidence]) -> bool:
     """Whether a view was taken in motion (`tof_sensor.frame` states from which speed)."""
-    return Session(tuple(SessionView(v.frame, v.pixels) for v in views)).moving
+    return any(v.frame.context.moving for v in views)

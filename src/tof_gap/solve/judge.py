@@ -59,7 +59,7 @@ class Selector:
         nor a lens where the stated calibration leaves one free, which gives way to more than is stated.
         """
         effect = self.design.candidates[member].effect
-        lens_free = len(self.design.always) > 0 and isinstance(effect, Intrinsics)
+        lens_free = len(self.design.always) > 0 and self.design.candidates[member].name == Intrinsics.NAME
         if self.frees_hand([member]) or lens_free or (effect is not None and effect.SMEARS):
             return 0.0
         return self.config.unknown_share if self.is_free(member) else self.config.share

@@ -97,9 +97,11 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
     gone = _lost_pixels(found, len(scene.parts), missing)
     a_gap = before_mm > limit.mm
-    before = block_means(views, residual, floor2, limits.block_px, limit.block_pixels)
     # Parts share the noise of rows and stripes unevenly: beside it no part is judged by itself.
-    off = np.zeros(len(scene.parts), bool) if figures.alike_m else off_parts(means, before, len(scene.parts), len(views), limit)
+    off = np.zeros(len(scene.parts), bool)
+    if not figures.alike_m:
+        before = block_means(views, residual, floor2, limits.block_px, limit.block_pixels)
+        off = off_parts(means, before, len(scene.parts), len(views), limit)
     structured = (
         (size > np.hypot(limit.mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)
         or bool(off.any())
