@@ -25,24 +25,57 @@ ROOMS = {
         ("tests/arm_correction/test_limits.py",),
         bar=100.0,
     ),
+    "align": Room(
+        {
+            "tof_align.verdict": (),
+            "tof_align.robust": (),
+            "tof_align.observability": (),
+            "tof_align.parts": (),
+            "tof_align.approach": (),
+            "tof_align.system": ("camera_step", "camera_cov", "stand_off", "without_each_part"),
+            "tof_align.single": ("_conclude",),
+            "tof_align.session": ("_conclude", "_keep", "_disputed"),
+        },
+        tuple(
+            f"tests/tof_align/test_{name}.py"
+            for name in ("verdict", "robust", "observability", "parts", "approach", "system", "single", "session")
+        ),
+    ),
+    "gap": Room(
+        {
+            "tof_gap.solve.select": (),
+            "tof_gap.solve.judge": (),
+            "tof_gap.solve.small": (),
+            "tof_gap.solve.ties": (),
+            "tof_gap.solve.worth": (),
+            "tof_gap.solve.causes": (),
+            "tof_gap.solve.tolerance": (),
+            "tof_gap.solve.conclude": ("_small", "_mount", "_tied", "moves_camera", "less"),
+            "tof_gap.tell.account": (),
+            "tof_gap.tell.diagnosis": (),
+            "tof_gap.tell.floor": (),
+            "tof_gap.tell.shrink": (),
+        },
+        ("tests/tof_gap/solve", "tests/tof_gap/tell"),
+    ),
     "correction": Room(
         {
             "arm_correction.correction": ("propose", "step"),
             "arm_correction.unknown": (),
             "arm_correction.register": ("judge",),
+            "arm_correction.bias": (),
+            "arm_correction.reference": ("check", "check_scene"),
         },
-        (
-            "tests/arm_correction/test_limits.py",
-            "tests/arm_correction/test_correction.py",
-            "tests/arm_correction/test_register.py",
-        ),
+        tuple(f"tests/arm_correction/test_{name}.py" for name in ("limits", "correction", "register", "bias", "reference", "corrector")),
     ),
     "inspection": Room(
         {
-            "tof_inspect.judge": ("decide", "probability", "of", "_part", "inspect"),
+            "tof_inspect.judge": (),
             "tof_inspect.evidence": (),
+            "tof_inspect.displaced": (),
+            "tof_inspect.place": (),
         },
-        ("tests/tof_inspect/test_deciding.py", "tests/tof_inspect/test_judge.py"),
+        tuple(f"tests/tof_inspect/test_{name}.py" for name in ("deciding", "judge", "beside", "without")),
     ),
     "core": Room(
         {
@@ -52,16 +85,14 @@ ROOMS = {
             "tof_core.png": (),
             "tof_core.npz": (),
             "tof_core.unpack": ("unpack", "unzstd", "_count"),
+            "tof_core.stats": (),
+            "tof_core.se3": (),
         },
-        (
-            "tests/tof_core/test_tf.py",
-            "tests/tof_core/test_motion.py",
-            "tests/tof_core/test_bounded.py",
-        ),
+        tuple(f"tests/tof_core/test_{name}.py" for name in ("tf", "motion", "bounded", "stats", "se3", "small_things")),
     ),
     "label": Room(
-        {"tof_sim_label.gate": (), "tof_sim_label.sigma": ()},
-        ("tests/tof_sim_label/test_gate.py", "tests/tof_sim_label/test_sigma.py"),
+        {"tof_sim_label.gate": (), "tof_sim_label.sigma": (), "tof_sim_label.label": (), "tof_sim_label.split": ()},
+        tuple(f"tests/tof_sim_label/test_{name}.py" for name in ("gate", "sigma", "label", "split")),
     ),
-    "network": Room({"tof_infer.honesty": ()}, ("tests/tof_infer/test_honesty.py",)),
+    "network": Room({"tof_infer.honesty": (), "tof_infer.judge": ()}, ("tests/tof_infer/test_honesty.py", "tests/tof_infer/test_judge.py")),
 }

@@ -42,7 +42,7 @@ def calibrate(error: Float, log_scale: Float, own: Float | None = None) -> Calib
     at = np.array([np.median(log_scale[b]) for b in bins])
     slope = float(np.clip(np.polyfit(at, wanted, 1)[0], 0.5, 1.5)) if np.ptp(at) > 0.1 else 1.0
     offset = float(np.mean(wanted - slope * at))
-    small = (order if own is None else np.argsort(own))[: int(KNOWN * len(order)) + 1]
+    small = (order if own is None else np.argsort(own))[: int(KNOWN * len(order))]
     ratio = e[small] / Calibration(offset, slope).sigma(log_scale[small])
     return Calibration(offset + _best_shift(ratio), slope)
 

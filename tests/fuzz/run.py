@@ -112,7 +112,7 @@ def fuzz(name: str, out: Path, runs: int) -> int:
         f"-rss_limit_mb={MEMORY_MB}",
         f"-timeout={HANG_S}",
         f"-artifact_prefix={out}/",
-        "-max_len=4096",
+        f"-max_len={target.longest}",
         "-print_final_stats=1",
     ]
     atheris.Setup([sys.argv[0], *flags, str(corpus)], run)

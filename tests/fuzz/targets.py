@@ -19,12 +19,14 @@ class Target:
     module: has `NAME(folder) -> function of bytes` and `NAME_seeds(folder) -> list of bytes`, NAME being the target's.
     runs: executions that the bar asks for.
     watched: packages whose branches guide the fuzzer.
+    longest: bytes of an input at most; a door that takes a stream needs a short one, or most of the time goes into its length.
     """
 
     name: str
     module: str
     runs: int
     watched: tuple[str, ...]
+    longest: int = 4096
 
     def open(self, folder: Path) -> Callable[[bytes], None]:
         """The function; `folder` is scratch space of its own."""
@@ -48,7 +50,7 @@ DOORS = (
     Target("dataset", "files", 100_000, ("tof_core", "tof_sim_label")),
     Target("compressed", "documents", 10_000_000, ("tof_core",)),
     Target("parameters", "documents", 10_000_000, ("tof_core",)),
-    Target("tf", "documents", 10_000_000, ("tof_core.tf", "tof_core.tf_message", "tof_core.edge")),
+    Target("tf", "documents", 10_000_000, ("tof_core.tf", "tof_core.tf_message", "tof_core.edge"), longest=256),
     Target("reference", "documents", 100_000, ("tof_core.npz", "arm_correction.reference")),
     Target("gap", "documents", 100_000, ("tof_core.npz", "toftwin.viewing")),
     Target("onnx", "files", 100_000, ("tof_core", "tof_infer")),

@@ -60,9 +60,11 @@ def restore_what_a_target_patches(monkeypatch: pytest.MonkeyPatch) -> None:
     from rosbags.rosbag2 import storage_mcap
     from rosbags.serde import cdr, ros1
 
+    from tof_core import edge
     from tof_scene import scene_file
 
     for module, name in (
+        (edge, "BLOCK"),
         (difflib, "get_close_matches"),
         (scene_file, "load_mesh"),
         (storage_mcap, "parse_qos"),

@@ -61,3 +61,23 @@ def test_a_set_may_be_left_out_but_not_starved() -> None:
     assert [len(split.train), len(split.val), len(split.test)] == [2, 0, 2]
     with pytest.raises(DatasetError, match=r"2 station.*too few for 3 sets"):
         split_stations(Stations([0, 0, 1, 1]))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("share", [(0.0, 0.0, 0.0), (1.2, -0.1, 0.1), (-1.0, -1.0, -1.0)])
+def test_shares_are_positive(share: tuple[float, float, float]) -> None:
+    with pytest.raises(DatasetError, match="must be positive"):
+        split_stations(Stations([0, 1, 2, 3]), share)  # type: ignore[arg-type]
+
+
+def test_shares_count_by_their_ratio() -> None:
+    stations = Stations(np.repeat(np.arange(20), 2).tolist())
+    small, large = (split_stations(stations, share) for share in ((0.7, 0.15, 0.15), (70.0, 15.0, 15.0)))  # type: ignore[arg-type]
+    assert [len(large.train), len(large.val), len(large.test)] == [28, 6, 6]
+    np.testing.assert_array_equal(small.train, large.train)
+
+
+def test_a_large_station_fills_its_set() -> None:
+    """Stations of 60, 10 and 10 views for two sets of one half each: where the large one comes first, both others are in the other set."""
+    seed = next(s for s in range(20) if np.random.default_rng(s).permutation(3)[0] == 0)
+    split = split_stations(Stations([0] * 60 + [1] * 10 + [2] * 10), (0.5, 0.5, 0.0), seed)  # type: ignore[arg-type]
+    assert [len(split.train), len(split.val)] == [60, 20]
