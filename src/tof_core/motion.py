@@ -39,13 +39,13 @@ class StationTracker:
 
     def push(self, stamp_ns: int, T_cell_body: Float) -> int:  # noqa: ARG002 (a tracker that smooths would need it)
         """The station (0, 1, ...) of a capture at `stamp_ns` with the body at `T_cell_body`."""
-        if self._first is None or self._moved(T_cell_body):
+        if self._first is None or self._moved(self._first, T_cell_body):
             self._first = T_cell_body
             self._station += 1
         return self._station
 
-    def _moved(self, T_cell_body: Float) -> bool:
-        metres, degrees = se3.distance(self._first if self._first is not None else T_cell_body, T_cell_body)
+    def _moved(self, first: Float, T_cell_body: Float) -> bool:
+        metres, degrees = se3.distance(first, T_cell_body)
         return metres * 1e3 > self._config.tolerance_mm or degrees > self._config.tolerance_deg
 
     def reset(self) -> None:

@@ -163,7 +163,7 @@ class TransformBuffer:
         """The frames from target to source, both included."""
         with self._lock:
             up, down = self._branches(target.lstrip("/"), source.lstrip("/"))
-            top = self._edges[up[-1]].parent if up else self._edges[down[-1]].parent if down else target.lstrip("/")
+            top = self._edges[up[-1]].parent if up else target.lstrip("/")
         return (*up, top, *reversed(down))
 
     def latest(self, target: str, source: str) -> int:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -70,3 +70,38 @@ def test_a_region_without_depth_is_no_reference() -> None:
         capture_reference(view, CONFIG.weights, region=np.zeros(view.depth.shape, bool))
     with pytest.raises(UsageError, match="region is"):
         capture_reference(view, CONFIG.weights, region=np.ones((3, 3), bool))
+
+
+@pytest.mark.parametrize(
+    ("changes", "same"),
+    [
+        ({"fx": 150.14}, True),
+        ({"fx": 150.5}, False),
+        ({"fy": 149.5}, False),
+        ({"cx": 79.3}, True),
+        ({"cx": 80.0}, False),
+        ({"cy": 60.0}, False),
+        ({"distortion": (0.0, 0.0, 0.0, 0.0, 0.0)}, True),
+        ({"distortion": (0.0, 0.0, 9e-5, 0.0, 0.0)}, True),
+        ({"distortion": (0.0, 0.0, 2e-4, 0.0, 0.0)}, False),
+        ({"height": 119}, False),
+    ],
+)
+def test_a_camera_is_the_same_within_a_thousandth_and_a_fifth_of_a_pixel(changes: dict[str, Any], *, same: bool) -> None:
+    kept, view = reference(section()), seen(section(), FIRST)
+    view = replace(view, camera=replace(CAMERA, **changes))
+    if same:
+        kept.check(view)
+    else:
+        with pytest.raises(RefusedError, match="another camera|the view 160x119"):
+            kept.check(view)
+
+
+@pytest.mark.parametrize(("mine", "its", "fits"), [("abc", "abc", True), ("abc", "", True), ("", "abc", True), ("", "", True), ("abc", "xyz", False)])
+def test_a_scene_without_a_digest_fits_any(mine: str, its: str, *, fits: bool) -> None:
+    kept = replace(reference(section()), scene=mine)
+    if fits:
+        kept.check_scene(its)
+    else:
+        with pytest.raises(RefusedError, match="another scene"):
+            kept.check_scene(its)

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import struct
+import zipfile
+import zlib
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 from backports import zstd
 
+from tof_core import npz
 from tof_core.bounds import LARGEST_RASTER
 from tof_core.errors import BagError, DatasetError, DecodeError
 from tof_core.npz import read_npz
@@ -64,6 +67,14 @@ def test_a_png_whose_chunk_states_a_gigabyte_is_refused_before_it_is_read() -> N
     np.testing.assert_array_equal(decode_png(data + b"trailing"), 1)
 
 
+def test_a_png_whose_pixels_are_damaged_is_refused() -> None:
+    """The header says 7 pixels more a row than were packed, and its checksum fits: the decoder gives up, or another size comes out."""
+    data = png(np.ones((4, 5), np.uint16))
+    head = data[12:16] + struct.pack(">I", 12) + data[20:29]
+    with pytest.raises(DecodeError, match="damaged PNG"):
+        decode_png(data[:12] + head + struct.pack(">I", zlib.crc32(head)) + data[33:])
+
+
 def test_the_limit_of_a_raster_is_exact() -> None:
     check_raster(LARGEST_RASTER, 1)
     for width, height in ((LARGEST_RASTER + 1, 1), (0, 1), (-1, 5)):
@@ -105,3 +116,35 @@ def test_arrays_that_are_damaged_are_refused(tmp_path: Path) -> None:
             read_npz(tmp_path / "y.npz")
     with pytest.raises(FileNotFoundError):
         read_npz(tmp_path / "none.npz")
+
+
+def stated(folder: Path, *shapes: tuple[int, ...]) -> Path:
+    """An .npz file of arrays of ten bytes each, whose headers state these shapes."""
+    with zipfile.ZipFile(folder / "stated.npz", "w") as archive:
+        for number, shape in enumerate(shapes):
+            text = f"{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}}}\n".encode()
+            archive.writestr(f"a{number}.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text + bytes(range(10)))
+    return folder / "stated.npz"
+
+
+def test_a_header_states_the_size_that_its_array_has(tmp_path: Path) -> None:
+    np.testing.assert_array_equal(read_npz(stated(tmp_path, (2, 5)))["a0"], np.arange(10).reshape(2, 5))
+    for shape, size in (((9,), 9), ((11,), 11), ((-2, -5), 10), ((2, -5, -1), 10)):
+        with pytest.raises(DatasetError, match=f"array a0 has not the {size} bytes"):
+            read_npz(stated(tmp_path, shape))
+
+
+def test_all_arrays_together_have_a_limit_which_is_that_of_the_file_where_that_is_larger(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = stated(tmp_path, (10,), (10,))
+    monkeypatch.setattr(npz, "LARGEST_ARRAYS", 0)
+    assert len(read_npz(path)) == 2, "twenty bytes in a file of some hundred"
+    np.savez_compressed(path, a=np.zeros(1000, np.uint8), b=np.zeros(1000, np.uint8))
+    for most, names, reads in ((1999, (), False), (2000, (), True), (1999, ("b",), True)):
+        monkeypatch.setattr(npz, "LARGEST_ARRAYS", most)
+        if reads:
+            assert sum(a.nbytes for a in read_npz(path, names).values()) <= most
+        else:
+            with pytest.raises(DatasetError, match="arrays of more than 1999 bytes"):
+                read_npz(path, names)

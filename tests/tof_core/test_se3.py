@@ -106,7 +106,26 @@ def test_points_are_moved() -> None:
     np.testing.assert_allclose(se3.apply(T, [[1.0, 0, 0], [0, 1.0, 0]]), [[1, 3, 3], [0, 2, 3]], atol=1e-12)
 
 
-@pytest.mark.parametrize("T", [np.eye(3), np.full((4, 4), np.nan), np.diag([1.0, 1, 1.1, 1]), np.diag([1.0, 1, -1, 1])])
+def changed(row: int, column: int, value: float) -> Float:
+    """The identity but for one entry."""
+    T = np.eye(4)
+    T[row, column] = value
+    return T
+
+
+@pytest.mark.parametrize(
+    "T",
+    [
+        np.eye(3),
+        np.full((4, 4), np.nan),
+        changed(0, 3, np.nan),
+        np.diag([1.0, 1, 1.1, 1]),
+        np.diag([1.0, 1, -1, 1]),
+        changed(3, 0, 1e-6),
+        changed(3, 1, -1e-6),
+        changed(0, 1, 2e-4),
+    ],
+)
 def test_what_is_no_rigid_motion_is_refused_by_name(T: Float) -> None:
     with pytest.raises(TransformError, match="initial pose"):
         se3.as_se3("initial pose", T)
@@ -122,3 +141,9 @@ def test_a_rounded_rotation_is_made_orthogonal() -> None:
 def test_a_quaternion_without_direction_is_refused() -> None:
     with pytest.raises(TransformError, match="no direction"):
         se3.from_quat([0, 0, 0], [0, 0, 0, 0])
+
+
+def test_a_cross_product_matrix_of_each_vector() -> None:
+    v, w = np.array([[1.0, 2.0, 3.0], [-4.0, 0.5, 6.0]]), np.array([0.3, -0.7, 1.1])
+    assert se3.skew(v).shape == (2, 3, 3)
+    np.testing.assert_allclose(se3.skew(v) @ w, np.cross(v, w))

@@ -18,6 +18,7 @@ from tof_core.stats import (
     robust_std,
     robust_stds,
     second_differences,
+    touched,
     trimmed_std,
 )
 
@@ -130,3 +131,21 @@ def test_of_pairs_the_smaller_ones_count_and_half_of_the_equal_ones() -> None:
 def test_hats_are_one_at_their_knot_and_constant_beyond_the_ends() -> None:
     columns = hats(np.array([-1.0, 0.0, 0.25, 1.0, 3.0, 9.0]), [0.0, 1.0, 3.0])
     np.testing.assert_allclose(columns, [[1.0, 0, 0], [1.0, 0, 0], [0.75, 0.25, 0], [0.0, 1.0, 0], [0.0, 0, 1.0], [0.0, 0, 1.0]])
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 50.0])
+def test_trimmed_std_goes_with_the_scale(scale: float) -> None:
+    samples = np.random.default_rng(4).normal(2.0, 1.0, 5000)
+    assert trimmed_std(scale * samples) == pytest.approx(scale * trimmed_std(samples))
+
+
+def test_touched_are_entries_above_a_tenth_of_nearly_the_largest() -> None:
+    """Of 201 sizes other than 0 the 99.5 % quantile is the largest but one: 2, so 0.201 is touched and 0.199 is not."""
+    values = np.concatenate([np.zeros(500), np.full(99, -2.0), np.full(50, 0.201), np.full(51, -0.199), [1000.0]])
+    np.testing.assert_array_equal(touched(values), np.abs(values) > 0.2)
+
+
+def test_a_map_of_zeros_is_touched_nowhere() -> None:
+    assert not touched(np.zeros(4)).any()
+    assert touched(np.array([0.0, 1e-9])).tolist() == [False, True]
+    assert touched(np.zeros(0)).shape == (0,)
