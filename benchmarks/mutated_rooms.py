@@ -75,7 +75,7 @@ ROOMS = {
             "tof_inspect.displaced": (),
             "tof_inspect.place": (),
         },
-        tuple(f"tests/tof_inspect/test_{name}.py" for name in ("deciding", "judge", "beside", "without")),
+        tuple(f"tests/tof_inspect/test_{name}.py" for name in ("deciding", "judge", "evidence", "place", "displaced")),
     ),
     "core": Room(
         {

@@ -93,11 +93,13 @@ def test_a_camera_is_the_same_within_a_thousandth_and_a_fifth_of_a_pixel(changes
     if same:
         kept.check(view)
     else:
-        with pytest.raises(RefusedError, match="another camera|the view 160x119"):
+        with pytest.raises(RefusedError, match=r"another camera|the view 160x119"):
             kept.check(view)
 
 
-@pytest.mark.parametrize(("mine", "its", "fits"), [("abc", "abc", True), ("abc", "", True), ("", "abc", True), ("", "", True), ("abc", "xyz", False)])
+@pytest.mark.parametrize(
+    ("mine", "its", "fits"), [("abc", "abc", True), ("abc", "", True), ("", "abc", True), ("", "", True), ("abc", "xyz", False)]
+)
 def test_a_scene_without_a_digest_fits_any(mine: str, its: str, *, fits: bool) -> None:
     kept = replace(reference(section()), scene=mine)
     if fits:

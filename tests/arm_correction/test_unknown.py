@@ -26,7 +26,7 @@ def corner(count: int = 120) -> tuple[Float, Float, Float]:
     """Points on three faces of a corner, their normals, and the derivative of n . point by a right perturbation."""
     rng = np.random.default_rng(2)
     normal = np.eye(3)[np.arange(count) % 3] * -1.0
-    points = rng.uniform(-0.3, 0.3, (count, 3)) + [0, 0, 0.8]
+    points = rng.uniform(-0.3, 0.3, (count, 3)) + np.array([0, 0, 0.8])
     return points, normal, np.concatenate([normal, np.cross(points, normal)], axis=1)
 
 

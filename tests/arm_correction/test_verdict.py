@@ -124,7 +124,16 @@ def test_support_is_enough_or_not(off: int, *, accepted: bool) -> None:
 
 @pytest.mark.parametrize(
     ("sigma_mm", "off_mm", "agrees"),
-    [(0.1, 2.9, True), (0.1, 3.1, False), (1.0, 3.9, True), (1.0, 4.1, False), (5.0, 7.9, True), (5.0, -7.9, True), (5.0, 8.1, False), (5.0, -8.1, False)],
+    [
+        (0.1, 2.9, True),
+        (0.1, 3.1, False),
+        (1.0, 3.9, True),
+        (1.0, 4.1, False),
+        (5.0, 7.9, True),
+        (5.0, -7.9, True),
+        (5.0, 8.1, False),
+        (5.0, -8.1, False),
+    ],
 )
 def test_agreeing_is_within_four_sigmas_between_three_and_eight_millimetres(sigma_mm: float, off_mm: float, *, agrees: bool) -> None:
     found = said(Given(residuals(off=10, by=1e-3 * off_mm), std=sigma_mm * STD))

@@ -56,7 +56,9 @@ def test_a_message_of_the_largest_size_is_read_and_one_byte_more_is_not() -> Non
         unzstd(zstd.compress(CONTENT), len(CONTENT) - 1)
 
 
-@pytest.mark.parametrize(("storage", "ratio", "reads"), [(1, 1, False), (2 * len(CONTENT), 0, True), (2 * len(CONTENT) - 1, 0, False), (0, 10_000, True)])
+@pytest.mark.parametrize(
+    ("storage", "ratio", "reads"), [(1, 1, False), (2 * len(CONTENT), 0, True), (2 * len(CONTENT) - 1, 0, False), (0, 10_000, True)]
+)
 def test_storage_files_are_unpacked_together_up_to_the_limit_or_to_a_multiple_of_their_size(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, storage: int, ratio: int, *, reads: bool
 ) -> None:

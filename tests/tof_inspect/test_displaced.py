@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The fit of one part's place: its figures, its search, and its refinement on costs with a known minimum."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tof_core import se3
+from tof_inspect.config import InspectConfig
+from tof_inspect.displaced import Fit, _offsets, _patterned, _smoothed
+from tof_inspect.patch import at
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tof_core.arrays import Float
+
+CONFIG = InspectConfig()
+
+
+def fit(shift_mm: tuple[float, float, float], known: Float) -> Fit:
+    """Standard deviations along x, y, z by noise 1, 2, 3, by outlines 2, 2, 2, by what is shared 2, 1, 6 mm: 3, 3 and 7 together."""
+    noise, outline, shared = (np.diag(np.array(mm) * 1e-3) ** 2 for mm in ((1.0, 2.0, 3.0), (2.0, 2.0, 2.0), (2.0, 1.0, 6.0)))
+    return Fit(1e-3 * np.array(shift_mm), noise, outline, shared, known, 0.0)
+
+
+def test_the_distance_has_the_deviation_along_itself() -> None:
+    both = np.eye(3)
+    assert fit((3.0, 4.0, 0.0), both).mm == pytest.approx(5.0)
+    assert fit((3.0, 4.0, 0.0), both).std_mm == pytest.approx(3.0)
+    assert fit((0.0, 0.0, -2.0), both).std_mm == pytest.approx(7.0)
+    assert fit((1.0, 0.0, 1.0), both).std_mm == pytest.approx(np.sqrt((9 + 49) / 2))
+
+
+def test_without_a_shift_it_is_the_largest_along_a_known_axis() -> None:
+    assert fit((0.0, 0.0, 0.0), np.eye(3)).std_mm == pytest.approx(7.0)
+    assert fit((0.0, 0.0, 0.0), np.eye(3)[:, :2]).std_mm == pytest.approx(3.0)
+    assert fit((1e-7, 0.0, 0.0), np.eye(3)).std_mm == pytest.approx(7.0)
+    assert fit((2e-6, 0.0, 0.0), np.eye(3)).std_mm == pytest.approx(3.0)
+    assert np.isnan(fit((0.0, 0.0, 0.0), np.zeros((3, 0))).std_mm)
+
+
+def test_figures_along_the_known_axes() -> None:
+    shift, std = fit((3.0, -4.0, 5.0), np.eye(3)[:, [2, 1]]).axes_mm()
+    np.testing.assert_allclose(shift, [5.0, -4.0])
+    np.testing.assert_allclose(std, [7.0, 3.0])
+
+
+def test_the_search_begins_in_26_directions_at_two_distances() -> None:
+    offsets = np.array(_offsets(0.01))
+    assert offsets.shape == (52, 3)
+    np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), np.repeat([0.004, 0.009], 26))
+    directions = {tuple(np.sign(np.round(o, 6))) for o in offsets}
+    assert len(directions) == 26
+
+
+def bowl(x: float, y: float, z: float) -> Callable[[Float], float]:
+    """A cost with its minimum where the part has moved by these metres."""
+    return lambda motion: float(np.abs(motion[:3, 3] - [x, y, z]).sum())
+
+
+@pytest.mark.parametrize("where", [(0.005, -0.003, 0.0), (-0.007, 0.001, 0.002), (0.0, 0.0, -0.006), (0.0, 0.0, 0.0)])
+def test_the_pattern_search_ends_within_its_last_step(where: tuple[float, float, float]) -> None:
+    found = _patterned(np.eye(4), bowl(*where))
+    assert np.abs(found[:3, 3] - where).max() <= 0.5e-3 + 1e-12
+    np.testing.assert_array_equal(found[:3, :3], np.eye(3))
+    finer = _patterned(found, bowl(*where), steps=(5e-4, 2.5e-4, 1e-4))
+    assert np.abs(finer[:3, 3] - where).max() <= 1e-4
+
+
+def test_the_pattern_search_steps_three_times_at_most_of_each_size() -> None:
+    np.testing.assert_allclose(_patterned(np.eye(4), bowl(0.5, 0.0, 0.0))[:3, 3], [3 * 7e-3, 0.0, 0.0])
+
+
+def test_what_is_as_good_is_not_moved() -> None:
+    np.testing.assert_array_equal(_patterned(at(np.array([1e-3, 0, 0])), lambda _: 1.0), at(np.array([1e-3, 0, 0])))
+
+
+WANTED = np.array([2e-3, -1e-3, 3e-3, 0.01, -0.02, 0.015])
+
+
+def linear(count: int, weight: float = 1e12) -> Callable[[Float], tuple[Float, Float, Float]]:
+    """Residuals that vanish at the motion exp(WANTED)."""
+    J = np.tile(np.eye(6), (count // 6 + 1, 1))[:count]
+
+    def at_motion(motion: Float) -> tuple[Float, Float, Float]:
+        return J @ se3.log(se3.exp(WANTED) @ se3.inverse(motion)), J, np.full(count, weight)
+
+    return at_motion
+
+
+def away(motion: Float) -> float:
+    return float(np.linalg.norm(se3.log(se3.inverse(se3.exp(WANTED)) @ motion)))
+
+
+def test_the_refinement_finds_place_and_turn() -> None:
+    np.testing.assert_allclose(_smoothed(np.eye(4), away, linear(24), CONFIG), se3.exp(WANTED), atol=1e-6)
+
+
+def test_a_refinement_that_costs_more_is_not_kept() -> None:
+    np.testing.assert_array_equal(_smoothed(np.eye(4), lambda m: -away(m), linear(24), CONFIG), np.eye(4))
+
+
+@pytest.mark.parametrize(("count", "moves"), [(12, True), (11, False)])
+def test_twelve_residuals_are_needed(count: int, *, moves: bool) -> None:
+    found = _smoothed(np.eye(4), away, linear(count), CONFIG)
+    assert (away(found) < 1e-5) is moves
+
+
+def test_a_prior_of_the_search_and_of_six_degrees_holds_it() -> None:
+    """Data as sure as the prior, on each axis by itself, move it half of the way."""
+    prior = np.repeat([1e-3 * CONFIG.search_mm, np.radians(6.0)], 3) ** -2.0
+    J = np.tile(np.eye(6), (4, 1))
+
+    def at_motion(motion: Float) -> tuple[Float, Float, Float]:
+        return J @ (WANTED - se3.log(motion)), J, np.tile(prior / 4, 4)
+
+    np.testing.assert_allclose(se3.log(_smoothed(np.eye(4), away, at_motion, CONFIG)), WANTED / 2, atol=2e-5)
