@@ -35,7 +35,7 @@ PATIENCE, LEAST_S = 4.0, 5.0
 """A mutant whose test takes so many times its processor time without a fault, and seconds more, is found: it does not end."""
 HANGS_S = 120.0
 """Seconds of the clock after which a test that waits is ended."""
-LONGEST_S = 5.0
+LONGEST_S = 2.0
 """Processor time of a test beyond which it is not asked: a decision is held by a test of its own, not by a whole pipeline."""
 
 

@@ -238,7 +238,7 @@ def judge(matcher: Matcher, T: Float, misfit: float, *, far: bool, rivalry: floa
     trust, limits = matcher.config.trust, matcher.config.register
     e, J, sigma, tilt, points = matcher.linearise(T)
     unknown, cov = Unknown.all_(), np.diag(np.repeat([1.0, 1.0], 3))
-    width = max(limits.kernel * robust_std(e), 4e-3) if len(e) else 4e-3
+    width = max(limits.kernel * robust_std(e), 4e-3)
     weight = tukey(e, width) / sigma**2
     if int((weight > 0).sum()) >= 30:
         unknown, cov = unknown_directions(e, J, weight, tilt, points, trust)
@@ -247,7 +247,7 @@ def judge(matcher: Matcher, T: Float, misfit: float, *, far: bool, rivalry: floa
     shown = e > -HIDDEN_M
     overlap, support = int(shown.sum()) / max(len(matcher.points), 1), float(agree[shown].mean()) if shown.any() else 0.0
     rms = float(np.sqrt((e[agree] ** 2).mean())) if agree.any() else float("nan")
-    moved = T if unknown.rank == 6 else smallest_motion(T, unknown.null)
+    moved = smallest_motion(T, unknown.null)
     reason = ""
     if len(e) < trust.min_pixels:
         reason = f"low support: only {len(e)} pixels see what the reference sees (at least {trust.min_pixels})"

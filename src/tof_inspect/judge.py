@@ -244,7 +244,7 @@ def decide(
             None,
             f"undecided: probability {p:.2f}",
             config,
-            replace(place, judged=False, todo=place.todo or UNSEEN_TODO),
+            replace(place, todo=place.todo or UNSEEN_TODO),
         )
     if p <= 1.0 - config.decide:
         return _verdict(part, "absent", evidence, ratios, None, f"the background is visible in its place, by {by}", config)

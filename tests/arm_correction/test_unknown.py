@@ -179,23 +179,23 @@ def test_beyond_the_knots_the_outermost_count() -> None:
     np.testing.assert_allclose(out.sum(axis=1), 1.0)
 
 
-def biased(unknown: Unknown, share: float = 1.0) -> tuple[Float, float]:
-    """The covariance by a bias that moves the pose along x by `share` of it, and shows beside it in residuals of 3 mm; its size."""
+def biased(unknown: Unknown, share: float = 1.0, axis: int = 0) -> tuple[Float, float]:
+    """The covariance by a bias that moves the pose along an axis by `share` of it, and shows beside it in residuals of 3 mm; its size."""
     rng = np.random.default_rng(7)
     Q = np.linalg.qr(rng.normal(size=(240, 7)))[0]
     J, shows = Q[:, :6] * SCALE, Q[:, 6]
     weight = np.full(240, 4e8)
-    D = np.stack([share * J[:, 0] + shows, 1e-7 * rng.normal(size=240)], axis=1)
+    D = np.stack([share * J[:, axis] + shows, 1e-7 * rng.normal(size=240)], axis=1)
     e = 3e-3 * shows
     size = _size(np.array([np.sqrt(4e8) * 3e-3]), np.array([np.sqrt(4e8)]), 2.0)
     return bias_covariance(e, J, weight, D, unknown, 2.0), size
 
 
 def test_the_bias_that_a_pose_takes_has_the_size_that_residuals_state() -> None:
-    for share in (1.0, 0.5):
-        cov, size = biased(Unknown(np.zeros((0, 6)), ()), share)
+    for share, axis in ((1.0, 0), (0.5, 2), (-0.5, 4)):
+        cov, size = biased(Unknown(np.zeros((0, 6)), ()), share, axis)
         expected = np.zeros((6, 6))
-        expected[0, 0] = (share * size) ** 2
+        expected[axis, axis] = (share * size) ** 2
         np.testing.assert_allclose(cov, expected, atol=1e-12)
         assert 2e-3 < size < 5e-3
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.tof_align.made import ROBOT
 from tof_align.config import VerdictConfig
-from tof_align.observability import most_disputed, observe, observe_block, pinned
+from tof_align.observability import _tidy, describe, most_disputed, observe, observe_block, pinned, spread
 from tof_core import se3
 
 EYE, ORIGIN = np.eye(4), np.zeros(3)
@@ -121,3 +121,93 @@ def test_what_the_data_leave_open_is_not_disputed() -> None:
     assert most_disputed(seen, EYE, 0.0 * wall, wall, prior)[0] < 0.01
     nothing = observe(0.0 * wall, ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5)
     assert most_disputed(nothing, EYE, 0.0 * wall, wall, prior) == (1.0, "")
+
+
+@pytest.mark.parametrize(
+    ("direction", "words"),
+    [
+        ([1, 0, 0, 0, 0, 0], "slides along cell x"),
+        ([0, -1, 0, 0, 0, 0], "slides along cell y"),
+        ([0, 0.1, 0.99, 0, 0, 0.04], "slides along cell z"),
+        ([0, 0.2, 0.98, 0, 0, 0], "slides along cell (0.00, 0.20, 0.98)"),
+        ([0, 0.6, -0.8, 0, 0, 0], "slides along cell (-0.00, -0.60, 0.80)"),
+        ([0, 0, 0, 0, 0, -1], "turns about cell z"),
+        ([0, 0.04, 0, 0, 0, 1], "turns about cell z"),
+        ([0.6, 0, 0, 0, 0, 0.8], "turns about cell z through (1.00, 2.22, 3.00) m"),
+        ([0, 0, 0.1, 0, 0.3, 0], "turns about cell y through (1.10, 2.00, 3.00) m"),
+        ([0, 0, 0.3, 0, 0, 1], "slides along and turns about cell z"),
+        ([0, 0, -0.3, 0, 0, 1], "slides along and turns about cell z"),
+        ([0, 0, 0.15, 0, 0, 1], "turns about cell z"),
+    ],
+)
+def test_a_direction_in_words(direction: list[float], words: str) -> None:
+    """Turns are in metres at a lever of 0.3 m, about a centre at (1, 2, 3) m."""
+    assert describe(np.array(direction, float), np.array([1.0, 2.0, 3.0]), 0.3) == words
+
+
+def corner() -> tuple[np.ndarray, np.ndarray]:
+    """Points on three faces away from the origin, and their normals."""
+    parts = [plane(n, np.array([0.8, 0.3, 0.5]) + 0.2 * n) for n in np.eye(3)]
+    return np.concatenate([p for p, _ in parts]), np.concatenate([n for _, n in parts])
+
+
+def test_what_the_data_know_is_counted_about_the_centre_with_turns_at_the_lever() -> None:
+    points, normals = corner()
+    frame, centre = se3.exp([0.4, -0.2, 0.9, 0.3, 1.0, -0.5]), np.array([0.7, 0.4, 0.6])
+    to_frame = se3.adjoint(frame)
+    seen = observe(to_frame.T @ info_of(points, normals) @ to_frame, 1e-6 * np.eye(6), frame, centre, lever=0.2, ratio=1e9)
+    J = np.concatenate([normals, np.cross(points - centre, normals) / 0.2], axis=1) / 1e-3
+    np.testing.assert_allclose(seen.data_std, np.sort(1 / np.sqrt(np.linalg.eigvalsh(J.T @ J))), rtol=1e-6)
+    assert (seen.rank, seen.lever) == (6, 0.2)
+    assert seen.at(centre).shape == (0, 6)
+
+
+@pytest.mark.parametrize(
+    ("axis", "data", "words"),
+    [
+        (0, 0.04, "slides along cell x (data ±40 mm, robot ±50 mm)"),
+        (1, 9.9, "slides along cell y (data ±9.9e+03 mm, robot ±50 mm)"),
+        (2, 10.1, "slides along cell z (data nothing, robot ±50 mm)"),
+        (3, np.radians(1.5), "turns about cell x (data ±1.5°, robot ±2°)"),
+        (4, np.radians(179.0), "turns about cell y (data ±1.8e+02°, robot ±2°)"),
+        (5, np.radians(181.0), "turns about cell z (data nothing, robot ±2°)"),
+    ],
+)
+def test_deviations_are_said_in_millimetres_and_degrees(axis: int, data: float, words: str) -> None:
+    info = np.full(6, 1e10)
+    info[axis] = data**-2
+    assert observe(np.diag(info), ROOT, EYE, ORIGIN, lever=0.3, ratio=0.5).names == (words,)
+
+
+def test_the_deviation_along_a_direction_is_that_of_the_gaussian() -> None:
+    turn = se3.so3_exp([0.3, -0.2, 0.9])
+    std = np.array([1.0, 2.0, 5.0])
+    direction = np.array([0.6, 0.0, 0.8])
+    cov = turn @ np.diag(std**2) @ turn.T
+    assert spread(direction, turn, std) == pytest.approx(np.sqrt(direction @ cov @ direction))
+
+
+def test_pinning_holds_the_place_of_the_centre() -> None:
+    """A wall away from the origin: its middle may slide and turn about its normal, and is put back there."""
+    centre = np.array([0.5, 0.7, -0.4])
+    seen = observe(info_of(*plane(np.array([1.0, 0, 0]), centre)), ROOT, EYE, centre, lever=0.3, ratio=0.5)
+    motion = se3.exp([0.001, 0.002, 0.003, 0.004, 0.0005, 0.0])
+    H, b = pinned(seen, motion, motion)
+    final = motion @ se3.exp(np.linalg.lstsq(H, b, rcond=1e-9)[0])
+    left = se3.apply(final, centre) - centre
+    assert np.abs(left[1:]).max() < 3e-5
+    assert abs(se3.so3_log(final[:3, :3])[0]) < 1e-5
+    assert np.linalg.norm(H) > 1e11
+    whole = observe(1e9 * np.eye(6), ROOT, EYE, centre, lever=0.3, ratio=0.5)
+    np.testing.assert_array_equal(pinned(whole, motion, motion)[0], np.zeros((6, 6)))
+    np.testing.assert_array_equal(pinned(whole, motion, motion)[1], np.zeros(6))
+
+
+def test_mixed_open_directions_are_told_as_slides_and_turns_along_the_axes() -> None:
+    """Whatever basis the eigenvectors have: slides first, then turns, each along an axis of the cell."""
+    rng = np.random.default_rng(6)
+    mix = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    tidy = _tidy(mix @ np.eye(6)[[0, 2, 4]])
+    np.testing.assert_allclose(np.abs(tidy), np.eye(6)[[0, 2, 4]], atol=1e-9)
+    np.testing.assert_allclose(np.abs(_tidy(mix @ np.eye(6)[[3, 4, 5]])), np.eye(6)[[3, 4, 5]], atol=1e-9)
+    assert _tidy(np.zeros((0, 6))).shape == (0, 6)

@@ -3,15 +3,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.tof_align.made import CONFIG, one_view, section
+from tests.tof_align.pixel_rows import view_of
+from tof_align import robust
 from tof_align.discrepancy import LOCAL
 from tof_align.discrepancy import SHARED as SHARED_KINDS
 from tof_align.linearise import Linearised, linearise
 from tof_align.pixels import take_pixels
-from tof_align.robust import first_look, tukey, weigh
+from tof_align.robust import first_look, kernel_width, tukey, weigh
 from tof_core import se3
 from tof_core.stats import robust_std
 
@@ -62,3 +66,59 @@ def test_the_first_look_takes_a_free_pose_out(lin: Linearised) -> None:
 def linearise_at_an_error(error: np.ndarray) -> Linearised:
     view, truth = one_view(section(), np.zeros(6))
     return linearise(take_pixels(view, CONFIG.weights), truth.T_cell_camera @ se3.exp(error), section(), CONFIG.weights)
+
+
+def test_the_kernel_is_that_of_the_noise_or_of_the_residuals_or_its_least() -> None:
+    config = replace(CONFIG.weights, kernel=4.0, kernel_floor_mm=3.0)
+    sigma = np.array([1e-3, 5e-3, 1e-4])
+    even = np.array([-2e-3, 0.0, 2e-3])  # their robust spread is 1.4826 x 2 mm
+    np.testing.assert_allclose(kernel_width(view_of(even, sigma), even, config), [4 * 2.9652e-3, 20e-3, 4 * 2.9652e-3])
+    np.testing.assert_allclose(kernel_width(view_of(even, sigma), np.zeros(3), config), [4e-3, 20e-3, 3e-3])
+
+
+def test_a_weight_is_the_inverse_of_noise_and_of_what_neighbours_share(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what range explains a twentieth is taken to be wrong, of one view's own bends three tenths, of the surface's nothing."""
+    monkeypatch.setattr(robust, "inflation", lambda *_: 2.0)
+    config = replace(CONFIG.weights, kernel_floor_mm=1e6)
+    error, sigma = np.linspace(-1e-3, 1e-3, 50), np.linspace(1e-3, 2e-3, 50)
+    view = view_of(error, sigma, raster=(20, 32))
+    explained = np.zeros((50, len(SHARED_KINDS) + len(LOCAL)))
+    shares = {"range": 0.05, "amplitude": 0.05, "image": 0.05, "bend": 0.3, "smooth": 0.3}
+    rng, misfit2 = np.random.default_rng(3), 0.0
+    for k, kind in enumerate((*SHARED_KINDS, *LOCAL)):
+        explained[:, k] = rng.normal(0, 1e-3 * (k + 1), 50)
+        misfit2 += (shares.get(kind, 0.0) * explained[:, k].std()) ** 2
+    beyond = np.linspace(0, 5e-3, 50)
+    patch = 20 * 32 / 16
+    np.testing.assert_allclose(weigh(view, error, config), 1.0 / (2 * sigma**2), rtol=1e-9)
+    np.testing.assert_allclose(
+        weigh(view, error, config, explained, beyond), 1.0 / (2 * sigma**2 + patch * (misfit2 + beyond**2)), rtol=1e-9
+    )
+    np.testing.assert_allclose(weigh(view, error, config, None, beyond), 1.0 / (2 * sigma**2 + patch * beyond**2), rtol=1e-9)
+    assert weigh(view_of([]), np.zeros(0), config).shape == (0,)
+
+
+def test_the_first_look_is_one_robust_step_of_least_squares() -> None:
+    rng = np.random.default_rng(4)
+    J = rng.normal(size=(60, 6))
+    residual = J @ rng.normal(0, 1e-3, 6) + rng.normal(0, 1e-3, 60) + 2e-3
+    residual[:6] += 0.05
+    scale = np.median(np.abs(residual - np.median(residual))) + 1e-4
+    root = 1 / (1 + (residual / (3.0 * scale)) ** 2)
+    A = root[:, None] * J
+    ridge = np.sqrt(1e-6 * (A**2).sum() / 6) * np.eye(6)
+    xi = np.linalg.lstsq(np.concatenate([A, ridge]), np.concatenate([root * residual, np.zeros(6)]), rcond=None)[0]
+    np.testing.assert_allclose(first_look(view_of(residual, jacobian=J), SHARED), residual - J @ xi, atol=1e-12)
+
+
+@pytest.mark.parametrize(("count", "looks"), [(12, True), (11, False)])
+def test_of_fewer_than_twelve_pixels_no_step_is_taken(count: int, *, looks: bool) -> None:
+    view = view_of(np.linspace(-1e-3, 2e-3, count))
+    assert (np.abs(first_look(view, SHARED) - view.residual).max() > 1e-6) is np.bool_(looks)
+
+
+def test_a_view_of_one_plane_has_a_finite_first_look() -> None:
+    J = np.zeros((40, 6))
+    J[:, 2] = 1.0
+    left = first_look(view_of(np.full(40, 3e-3), jacobian=J), SHARED)
+    np.testing.assert_allclose(left, 0.0, atol=1e-7)

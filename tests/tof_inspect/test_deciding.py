@@ -109,7 +109,7 @@ def test_agreement_is_the_share_within_a_centimetre_or_four_sigmas() -> None:
     made = see(seen(plate()), SURE, Raycaster(plate()), CONFIG)
     clear = np.isfinite(made.whole.depth) & (made.whole.mixed < 0.02) & (made.whole.incidence < np.radians(75.0))
     assert clear.sum() > 1000
-    for error, noise, share in ((0.0099, 1e-3, 1.0), (0.0101, 1e-3, 0.0), (0.0199, 5e-3, 1.0), (0.0201, 5e-3, 0.0)):
+    for error, noise, share in ((0.0099, 1e-3, 1.0), (0.0101, 1e-3, 0.0), (0.0199, 5e-3, 1.0), (0.0201, 5e-3, 0.0), (-0.0101, 1e-3, 0.0)):
         off = replace(made.view, depth=(made.whole.depth.astype(float) + error))  # type: ignore[arg-type]
         assert agreement(replace(made, view=off, noise=np.full(clear.shape, noise))) == share
 
@@ -187,7 +187,7 @@ def test_a_view_that_disagrees_with_the_cad_is_left_out(share: float, *, agrees:
 def test_a_view_is_useful_from_a_third_of_the_pixels_on() -> None:
     inspector = Inspector(Raycaster(plate()), CONFIG)
     made = see(seen(plate()), SURE, inspector.caster, CONFIG)
-    assert len(inspector._useful([made] * 4, evidence(9, 10, 11, 0))) == 2
+    assert len(inspector._useful([made] * 4, evidence(9, 10, 11, 30))) == 3
 
 
 def test_agreement_leaves_out_edges_grazing_pixels_and_what_is_missing() -> None:

@@ -76,6 +76,7 @@ def test_an_axis_less_certain_than_half_of_the_search_is_unknown(share: float, *
     assert np.isfinite(found.std_mm) is np.bool_(known)
     assert known_axes(fit(mm, 0.0, 0.0, axis=2).cov, CONFIG).shape == (3, 3 if known else 2)
     if not known:
+        assert not found.judged
         assert found.words == "place along z unknown: tolerance 2 mm cannot be judged"
         assert found.todo.startswith("add a view from")
 
