@@ -48,15 +48,17 @@ ROOMS = {
             "tof_gap.solve.small": (),
             "tof_gap.solve.ties": (),
             "tof_gap.solve.worth": (),
-            "tof_gap.solve.causes": (),
+            "tof_gap.solve.causes": ("confidence", "smooth_ones"),
             "tof_gap.solve.tolerance": (),
-            "tof_gap.solve.conclude": ("_small", "_mount", "_tied", "moves_camera", "less"),
             "tof_gap.tell.account": (),
             "tof_gap.tell.diagnosis": (),
             "tof_gap.tell.floor": (),
             "tof_gap.tell.shrink": (),
         },
-        ("tests/tof_gap/solve", "tests/tof_gap/tell"),
+        (
+            *(f"tests/tof_gap/solve/test_{name}.py" for name in ("choosing", "confirmed", "select", "tolerance")),
+            *(f"tests/tof_gap/tell/test_{name}.py" for name in ("account", "told", "sums", "shrink", "floor")),
+        ),
     ),
     "correction": Room(
         {

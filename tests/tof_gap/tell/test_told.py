@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an account takes from the detectors and from the figures, with each of them given; and the floor of a pixel by hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tof_gap.limits.report import ReportLimits
+from tof_gap.seen import detected, missing, noise
+from tof_gap.seen.finding import Finding
+from tof_gap.tell import account as room
+from tof_gap.tell.account import _findings, _gap, _named_m, _rough_m, account
+from tof_gap.tell.diagnosis import Diagnosis, doubted
+from tof_gap.tell.floor import _beside, shown2
+from tof_gap.tell.shrink import Errors, Shrink
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.interference import Interference
+from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.noise import Noise
+from tof_sensor.effects.phase_wrap import PhaseWrap
+
+NOTHING: Any = None
+NONE = Errors(0.0, 0.0, 0.0)
+
+
+def gap_of(shrink: float) -> Shrink:
+    return Shrink(NONE, NONE, 0.0, shrink, (0.0, 1.0))
+
+
+BY = {(): 0.0, ("a",): 0.6, ("b",): 0.2, ("a", "b"): 0.7}
+"""How far effects shrink the gap."""
+
+
+@dataclass
+class Counted:
+    """Stands for the figures of two effects and two views."""
+
+    residual: list[Any]
+    maps: tuple[str, ...] = ("a", "b")
+
+    def shrink(self, names: list[str]) -> Shrink:
+        return gap_of(BY[tuple(sorted(names))])
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Finding, ...]]:
+    """The findings that figures are asked for."""
+    asked: list[tuple[Finding, ...]] = []
+
+    def figures(_solved: Any, findings: tuple[Finding, ...], *_: object) -> Any:
+        asked.append(findings)
+        return Counted([np.zeros((2, 2)), np.ones((2, 2))])
+
+    monkeypatch.setattr(room, "figures", figures)
+    monkeypatch.setattr(room, "give_back", lambda: None)
+    monkeypatch.setattr(room, "_findings", lambda *_: (FOUND,))
+    return asked
+
+
+FOUND, RAY = Finding(Noise(extra_m=0.001), 1.0), Finding(Dropout(threshold=0.1), 1.0, share=np.full((2, 2, 2), 0.5))
+GIVEN = Finding(PhaseWrap(), 1.0, share=np.stack([np.full((2, 2), 0.25), np.full((2, 2), 0.125)]))
+SOLVED: Any = SimpleNamespace(
+    named=[SimpleNamespace(name=n, verdict=n, effects=(SimpleNamespace(ROUGH=rough),)) for n, rough in (("a", 0.04), ("b", 0.09))],
+    sizes={"a": 3e-3, "b": 4e-3},
+)
+CONFIG: Any = SimpleNamespace(report=ReportLimits())
+
+
+def test_a_cause_is_what_it_does_alone_and_what_is_left_without_it(counted: list[Any]) -> None:
+    found = account(SOLVED, CONFIG, NOTHING)
+    assert [(c.named.name, c.alone.shrink, c.left_out, c.size_m) for c in found.causes] == [("a", 0.6, 0.2, 3e-3), ("b", 0.2, 0.6, 4e-3)]
+    assert found.gap.shrink == 0.7
+    assert found.findings == (FOUND,) == counted[0]
+
+
+def test_what_was_found_before_depth_was_fitted_belongs_to_the_residual(counted: list[Any]) -> None:
+    found = account(SOLVED, CONFIG, NOTHING, given=(GIVEN, FOUND), along_ray=RAY)
+    assert found.findings == (GIVEN, FOUND, RAY, FOUND)
+    np.testing.assert_array_equal(found.figures.residual[0], np.full((2, 2), 0.75))
+    np.testing.assert_array_equal(found.figures.residual[1], np.full((2, 2), 1.625))
+    only = account(SOLVED, CONFIG, NOTHING, given=(GIVEN,), alone=True)
+    assert only.findings == (GIVEN,)
+    assert account(SOLVED, CONFIG, NOTHING, alone=True).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("findings", "names", "states"), [((FOUND,), [], False), ((), [], True), ((FOUND,), ["a"], True), ((), ["a"], True)]
+)
+def test_noise_and_loss_alone_shrink_no_bias(counted: list[Any], findings: tuple[Finding, ...], names: list[str], *, states: bool) -> None:
+    made = account(SOLVED, CONFIG, NOTHING).figures
+    gap = _gap(made, findings, names)
+    assert (gap.shrink is not None) is states
+    assert (gap.ci95 is not None) is states
+
+
+def test_sizes_of_named_effects_add_in_squares() -> None:
+    assert _named_m(SOLVED) == pytest.approx(5e-3)
+    assert _rough_m(SOLVED) == pytest.approx(np.sqrt(0.04 * 9e-6 + 0.09 * 16e-6))
+
+
+def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
+    """Each detector says what is given; what they were told is kept."""
+    told: dict[str, Any] = {}
+
+    def says(name: str, default: Any) -> Any:
+        def ask(*args: Any, **more: Any) -> Any:
+            told[name] = (*args, *more.values())
+            return given.get(name, default)
+
+        return ask
+
+    monkeypatch.setattr(detected, "detected_effects", says("light", []))
+    monkeypatch.setattr(detected, "explained", lambda left, light: (left, light))
+    monkeypatch.setattr(room, "foreign_light", says("foreign", None))
+    monkeypatch.setattr(room, "foreign_lamp", says("lamp", None))
+    monkeypatch.setattr(missing, "missing_effects", says("gone", []))
+    monkeypatch.setattr(noise, "noise_effects", says("noise", []))
+    return told
+
+
+def findings_of(*, motion: bool = False, left_out: frozenset[str] = frozenset()) -> tuple[Finding, ...]:
+    solved: Any = SimpleNamespace(**vars(SOLVED), bare="bare", arms="arms", arms_sd="sd", names=lambda name: motion and name == Motion.NAME)
+    config: Any = SimpleNamespace(noise=SimpleNamespace(foreign_light="fl", foreign_lamp="lamp"), missing="missing", report=ReportLimits())
+    return _findings(solved, config, None, left_out)
+
+
+LIGHT = Finding(Interference(burst_m=0.001), 0.9, posed_m=2e-3)
+
+
+def test_foreign_light_is_a_finding_that_noise_does_not_name_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = detectors(monkeypatch, foreign=LIGHT, noise=[FOUND])
+    assert findings_of() == (LIGHT, FOUND)
+    assert told["foreign"] == ("bare", "arms", "sd", "fl", pytest.approx(5e-3))
+    assert told["noise"][2] == {"interference"}
+    told = detectors(monkeypatch, noise=[FOUND])
+    assert findings_of() == (FOUND,)
+    assert told["noise"][2] == frozenset()
+
+
+@pytest.mark.parametrize(("posed_m", "named"), [(1.33e-3, False), (1.35e-3, True)])
+def test_foreign_light_must_exceed_what_inexact_maps_leave(monkeypatch: pytest.MonkeyPatch, posed_m: float, *, named: bool) -> None:
+    """Roots of 4 and 9 % of 3 and 4 mm together: 1.34 mm."""
+    light = Finding(Interference(burst_m=0.001), 0.9, posed_m=posed_m)
+    detectors(monkeypatch, foreign=light)
+    assert findings_of() == ((light,) if named else ())
+
+
+@pytest.mark.parametrize(
+    ("motion", "left_out"),
+    [(True, frozenset()), (False, frozenset({"interference"})), (False, frozenset({"hand_eye"})), (True, frozenset({"hand_eye"}))],
+)
+def test_arm_errors_say_nothing_of_light_beside_motion_and_without_an_arm(
+    monkeypatch: pytest.MonkeyPatch, left_out: frozenset[str], *, motion: bool
+) -> None:
+    told = detectors(monkeypatch, foreign=LIGHT)
+    assert findings_of(motion=motion, left_out=left_out) == ()
+    assert "foreign" not in told
+    assert told["gone"][-1] is motion
+    assert ("lamp" in told) is ("interference" not in left_out)
+
+
+@pytest.mark.parametrize(("foreign", "posed_m"), [(None, 0.0), (LIGHT, 2e-3)])
+def test_a_lamp_whose_place_is_known_is_the_foreign_light(monkeypatch: pytest.MonkeyPatch, foreign: Any, posed_m: float) -> None:
+    named = Finding(Interference(burst_m=0.004), 0.95)
+    lamp = SimpleNamespace(finding=lambda views, limits: named if (views, limits) == ("bare", "fl") else None)
+    told = detectors(monkeypatch, foreign=foreign, lamp=lamp)
+    (found,) = findings_of()
+    assert (found.effect, found.posed_m) == (named.effect, posed_m)
+    assert told["noise"][2] == {"interference"}
+
+
+def test_what_a_filter_removed_is_no_loss_and_failed_merging_is_told_to_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = Finding(Noise(extra_m=0.002), 0.9, own_noise=np.ones((2, 2), bool))
+    removed, kept = Finding(PhaseWrap(), 0.6), Finding(PhaseWrap(), 0.9, corrects=True)
+    for gone, scatter, unmerged, expected in (
+        ([removed], [own], True, (own,)),
+        ([removed], [FOUND], True, (FOUND, removed)),
+        ([kept], [own], False, (own, kept)),
+        ([], [own], False, (own,)),
+    ):
+        told = detectors(monkeypatch, gone=gone, noise=scatter, light=[])
+        assert findings_of() == expected
+        assert told["noise"][-1] is unmerged
+
+
+@pytest.mark.parametrize(("structured", "share", "is_doubted"), [(True, 0.01, True), (True, -0.01, False), (False, 0.5, False)])
+def test_much_that_is_structured_and_unexplained_is_doubt(structured: bool, share: float, is_doubted: bool) -> None:  # noqa: FBT001
+    limits = ReportLimits()
+    left: Any = SimpleNamespace(structured=structured, share=limits.unexplained.doubt + share)
+    assert doubted(left, limits) is is_doubted
+
+
+@pytest.mark.parametrize("suspected", [False, True])
+def test_a_confidence_is_the_share_of_wins_times_that_of_such_names_that_were_right(*, suspected: bool) -> None:
+    limits = ReportLimits()
+    told: Any = SimpleNamespace(config=CONFIG, doubted=suspected, unexplained=SimpleNamespace(share=0.2))
+    cause: Any = SimpleNamespace(named=SimpleNamespace(confidence=0.9))
+    right = limits.confidence.suspected if suspected else limits.confidence.asserted * 0.8
+    assert Diagnosis.confidence(told, cause) == pytest.approx(0.9 * right)
+
+
+def test_noise_beside_its_neighbours_by_hand() -> None:
+    """Second differences over the root of six, along row and column, where all three are known."""
+    values = np.array([[0.0, 1.0, 0.0, 0.0], [2.0, 5.0, 2.0, np.nan], [0.0, 1.0, 6.0, 0.0]])
+    stated = np.full((3, 4), 9.0)
+    by_row = {(0, 1): -2.0, (0, 2): 1.0, (1, 1): -6.0, (2, 1): 4.0, (2, 2): -11.0}
+    by_column = {(1, 0): -4.0, (1, 1): -8.0, (1, 2): 2.0}
+    expected = stated.copy()
+    for at in {*by_row, *by_column}:
+        squares = [d[at] ** 2 / 6 for d in (by_row, by_column) if at in d]
+        expected[at] = np.mean(squares)
+    np.testing.assert_allclose(_beside(values, stated), expected)
+
+
+@pytest.mark.parametrize(("known", "scale"), [(0.1, 1.1), (10.0, None)])
+def test_the_noise_shown_by_all_views_together_is_bounded(known: float, scale: float | None) -> None:
+    """Two views, of which one shows sixteen times its stated variance and one none: together eight times."""
+    rng = np.random.default_rng(3)
+    rough, flat = rng.normal(0, 4e-3, (30, 30)), np.zeros((30, 30))
+    rough[0, 0] = np.nan
+    stated = [np.full((30, 30), 1e-6)] * 2
+    shown = shown2([rough, flat], stated, known)
+    assert np.all(shown[1][1:-1, 1:-1] == 0.0)
+    counts = np.isfinite(rough)
+    together = (shown[0][counts].sum() + shown[1].sum()) / (counts.sum() + 900) / 1e-6
+    assert together == pytest.approx(scale or together)
+    if scale is None:
+        np.testing.assert_allclose(shown[0], _beside(rough, stated[0]))
+    few = shown2([rough * 1e-3, flat], stated, 0.1)
+    assert (few[0][counts].sum() + few[1].sum()) / (counts.sum() + 900) / 1e-6 == pytest.approx(0.9)
+
+
+def test_where_nothing_is_shown_the_stated_noise_stands() -> None:
+    stated = [np.full((5, 5), 2.0)]
+    np.testing.assert_array_equal(shown2([np.zeros((5, 5))], [np.zeros((5, 5))], 0.1)[0], 0.0)
+    assert shown2([np.full((5, 5), np.nan)], stated, 0.1) == stated
