@@ -68,7 +68,7 @@ def _body_nodes(function: ast.FunctionDef) -> Iterator[tuple[ast.expr | ast.stmt
     waiting: list[tuple[ast.AST, range]] = [(node, _lines(node)) for node in function.body]
     while waiting:
         node, lines = waiting.pop(0)
-        if isinstance(node, ast.Raise | ast.JoinedStr | ast.Assert | ast.arguments) or _is_identity(node):
+        if isinstance(node, ast.Raise | ast.JoinedStr | ast.Assert | ast.arguments) or _decides_nothing(node):
             continue
         if isinstance(node, ast.stmt):
             lines = _lines(node)
@@ -85,9 +85,10 @@ def _lines(statement: ast.stmt) -> range:
     return range(statement.lineno, max(body[0].lineno - 1, statement.lineno) + 1 if body else end + 1)
 
 
-def _is_identity(node: ast.AST) -> bool:
-    """`np.eye(n)`: another n either fails at once or, where a part of it is read, is the same."""
-    return isinstance(node, ast.Call) and ast.unparse(node.func) == "np.eye"
+def _decides_nothing(node: ast.AST) -> bool:
+    """`np.eye(n)`: another n either fails at once or, where a part of it is read, is the same. `strict` of `zip` asserts equal lengths."""
+    strict = isinstance(node, ast.keyword) and node.arg == "strict"
+    return strict or (isinstance(node, ast.Call) and ast.unparse(node.func) == "np.eye")
 
 
 def _changes(node: ast.expr | ast.stmt) -> Iterator[tuple[str, ast.AST]]:

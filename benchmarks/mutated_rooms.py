@@ -38,7 +38,18 @@ ROOMS = {
         },
         tuple(
             f"tests/tof_align/test_{name}.py"
-            for name in ("verdict", "robust", "observability", "parts", "approaching", "approach", "system", "single", "session")
+            for name in (
+                "verdict",
+                "robust",
+                "observability",
+                "parts",
+                "approaching",
+                "approach",
+                "concluding",
+                "system",
+                "single",
+                "session",
+            )
         ),
     ),
     "gap": Room(

@@ -131,15 +131,15 @@ class Inspector:
         """
         clean, solution = self._solved(views, progress)
         seen, parts = self._seen(clean, solution.posed), {}
-        shapes, left = [v.depth.shape for v in clean], Left.of(solution)
+        errors = self._errors(clean, solution.posed, solution)
         for name in self.names:
             progress(f"{name} in the reference session")
             index, without = self.scene.index(name), self.without(name)
-            errors = SessionErrors.of(solution, shapes, index, self.align.discrepancy, left)
-            evidence = [weigh(s, without, index, self.config, errors) for s in seen]
+            shared = errors(index)
+            evidence = [weigh(s, without, index, self.config, shared) for s in seen]
             useful = self._useful(seen, evidence)
             if sum(e.pixels for e in evidence) >= self.config.min_pixels:
-                fit = fit_part(self.scene.part(name), useful or seen, self.alone(name), without, self.config, errors)
+                fit = fit_part(self.scene.part(name), useful or seen, self.alone(name), without, self.config, shared)
                 parts[name] = Standing(fit, np.array([s.posed.T_cell_camera[:3, 3] for s in useful or seen]))
         return ReferenceSession(parts)
 
@@ -185,20 +185,19 @@ class Inspector:
         """
         seen = self._seen(views, posed)
         colours, note = self._colours(seen)
-        shapes, left = [v.depth.shape for v in views], None if solution is None else Left.of(solution)
-
-        def errors(part: int) -> SharedErrors:
-            return (
-                PosesAlone(posed)
-                if solution is None or left is None
-                else SessionErrors.of(solution, shapes, part, self.align.discrepancy, left)
-            )
-
+        errors = self._errors(views, posed, solution)
         verdicts = []
         for name in self.names:
             progress(name)
             verdicts.append(self._part(self.scene.part(name), seen, colours, errors(self.scene.index(name))))
         return Inspection(tuple(verdicts), tuple(views), tuple(posed), note)
+
+    def _errors(self, views: Sequence[View], posed: Sequence[Posed], solution: SessionSolution | None) -> Callable[[int], SharedErrors]:
+        """What the pixels of a part share, by its index."""
+        if solution is None:
+            return lambda _: PosesAlone(posed)
+        shapes, left = [v.depth.shape for v in views], Left.of(solution)
+        return lambda part: SessionErrors.of(solution, shapes, part, self.align.discrepancy, left)
 
     def _colours(self, seen: Sequence[Seen]) -> tuple[Colours | None, str]:
         """Colour beside depth, or why there is none."""

@@ -27,7 +27,7 @@ def outer(a: int = 3, *, b=5) -> float:
     )
     def inner(c):
         return min(c, total)
-    return inner(not a)
+    return inner(not a), zip(b, b, strict=True)
 
 def other():
     return 1

@@ -143,6 +143,7 @@ def test_a_step_of_four_standard_deviations_is_the_largest(factor: float, *, acc
     assert verdict.accepted is accepted
     assert verdict.step == pytest.approx(factor * 4.0)
     assert verdict.step_deg == pytest.approx(factor * 8.0 * np.sqrt(3), rel=1e-6)
+    assert verdict.step_mm == pytest.approx(1e3 * np.linalg.norm(far[:3, 3]))
     assert judge(BAD, GOOD, EYE, far, None, (), CONFIG).accepted, "nothing is known of the robot's error"
     assert judge(BAD, GOOD, EYE, far, None, (), CONFIG).step == 0.0
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pytest
@@ -54,6 +54,7 @@ def test_the_first_choice_with_twenty_pixels_is_weighed_or_the_last() -> None:
     np.testing.assert_array_equal(_clearest([few, all_]), np.arange(60))
     np.testing.assert_array_equal(_clearest([all_, few]), np.arange(60))
     np.testing.assert_array_equal(_clearest([few, few & False]), [])
+    np.testing.assert_array_equal(_clearest([few, few & False, few]), np.arange(19))
 
 
 def test_the_outermost_ring_is_left_out() -> None:
@@ -133,7 +134,14 @@ def test_pixels_without_a_depth_are_no_evidence() -> None:
 
 
 class Biased(PosesAlone):
-    """The camera is known to measure 5 mm too far along z in view 3."""
+    """The camera is known to measure 5 mm too far along z in view 3; its columns are functions of the distance along the ray."""
+
+    radial: ClassVar[list[Float]] = []
+
+    def columns(self, view: int, radial: Float, log_amplitude: Float, index: Any) -> Float:
+        assert np.isnan(log_amplitude).all()
+        self.radial.append(radial)
+        return np.zeros((len(index), 0))
 
     def bias(self, view: int, columns: Float) -> Float:
         assert view == 3
@@ -145,6 +153,7 @@ def test_the_known_error_of_the_camera_is_taken_off() -> None:
     plain, made = weighed()
     index = scene.index("block")
     found = weigh(made, Split(scene).without(index), index, CONFIG, Biased([SURE] * 4))
+    np.testing.assert_allclose(Biased.radial[-1], plain.measured * made.view.camera.ray_length().ravel()[plain.index], rtol=1e-6)
     np.testing.assert_allclose(found.measured, plain.measured - 5e-3, atol=1e-9)
 
 

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The end of a session's solution, with its pieces given: which views have a say in a station's base, and where it is held."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tests.tof_align.made import CONFIG, ROBOT
+from tof_align import session as room
+from tof_align import verdict as verdicts
+from tof_align.observability import observe
+from tof_align.session import _disputed, _keep
+from tof_align.verdict import Fit, Information
+from tof_core import se3
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+
+EYE = np.eye(4)
+OPEN = observe(np.diag([1e8, 1e-8, 1e8, 1e8, 1e8, 1e8]), np.diag(ROBOT), EYE, np.zeros(3), lever=0.3, ratio=0.5)
+KNOWN = observe(1e8 * np.eye(6), np.diag(ROBOT), EYE, np.zeros(3), lever=0.3, ratio=0.5)
+
+
+def information(agreeing: float) -> Information:
+    """A view that knows all six directions equally; of x only a share agrees."""
+    return Information(1e8 * np.diag([agreeing, 1, 1, 1, 1, 1]), 1e8 * np.eye(6))
+
+
+def disputed(monkeypatch: pytest.MonkeyPatch, supports: tuple[float, ...], shares: tuple[float, ...], mode: str = "session") -> Any:
+    """Two stations, the views dealt to them in turn; a camera is where its base is."""
+    fits, infos = (iter(each) for each in (supports, shares))
+    monkeypatch.setattr(verdicts, "fit_of", lambda *_: Fit(1000, next(fits), 1e-3, 1e-3))
+    monkeypatch.setattr(verdicts, "information_of", lambda *_: information(next(infos)))
+    station = np.arange(len(supports)) % 2
+    rig = SimpleNamespace(station=station, links=lambda _: (np.eye(6, 12), np.eye(6)), frame=lambda _: EYE)
+    system: Any = SimpleNamespace(rig=rig, views=[None] * len(supports), weights=[None] * len(supports))
+    config: Any = replace(CONFIG, mode=mode)
+    return _disputed(system, [np.zeros(0)] * len(supports), [KNOWN, KNOWN], config)
+
+
+def test_a_station_s_views_dispute_a_direction_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = disputed(monkeypatch, (0.9, 0.9, 0.9, 0.9), (0.2, 1.0, 0.6, 1.0))
+    assert first == (pytest.approx(0.4, abs=1e-3), "slides along cell x")
+    assert second[0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("support", "share"), [(0.5, 0.6), (0.499, 1.0)])
+def test_a_view_that_fits_nowhere_has_no_say(monkeypatch: pytest.MonkeyPatch, support: float, share: float) -> None:
+    shares = (0.2, 1.0, 1.0, 1.0) if support >= 0.5 else (1.0, 1.0, 1.0)
+    assert disputed(monkeypatch, (support, 0.9, 0.9, 0.9), shares)[0][0] == pytest.approx(share, abs=1e-3)
+
+
+def test_the_robot_s_own_information_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no view has a say, the prior alone is left, which disputes nothing."""
+    assert [d[0] for d in disputed(monkeypatch, (0.1, 0.1), ())] == pytest.approx([1.0, 1.0])
+
+
+def test_without_a_session_nothing_is_disputed(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert disputed(monkeypatch, (0.9, 0.9), (0.1, 0.1), mode="per_view") == [(1.0, ""), (1.0, "")]
+
+
+def kept(seen: list[Any], moved: Float) -> Any:
+    """Two stations with unit information about twelve unknowns that want to move by one each; the second base has moved."""
+    asked: dict[str, Any] = {}
+    system: Any = SimpleNamespace(
+        normal=lambda _: SimpleNamespace(info=np.zeros(13)),
+        rig=SimpleNamespace(frame=lambda _: EYE, B=[EYE, moved]),
+    )
+    answer: Any = SimpleNamespace(sizes="sizes")
+
+    def solve(_normal: Any, sizes: Any, pull: Any) -> str:
+        asked.update(sizes=sizes, H=pull[0], b=pull[1])
+        return "again"
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(room, "solve", solve)
+        return _keep(system, None, answer, seen), asked, answer
+
+
+def test_where_all_is_known_the_answer_stands() -> None:
+    found, asked, answer = kept([KNOWN, KNOWN], EYE)
+    assert found is answer
+    assert asked == {}
+
+
+def test_a_base_is_held_along_what_the_data_leave_open() -> None:
+    """The second station's y is open, and it has moved by 3 mm there: it is pulled back by as much, and nothing else is."""
+    moved = se3.exp([0.001, 0.003, 0, 0, 0, 0])
+    found, asked, _ = kept([KNOWN, OPEN], moved)
+    assert (found, asked["sizes"]) == ("again", "sizes")
+    strength = asked["H"][7, 7]
+    assert strength > 1e9
+    expected = np.zeros(13)
+    expected[7] = -0.003 * strength
+    np.testing.assert_allclose(asked["b"], expected, atol=1e-6 * strength)
+    other = asked["H"].copy()
+    other[7, 7] = 0.0
+    np.testing.assert_allclose(other, 0.0, atol=1e-6 * strength)
