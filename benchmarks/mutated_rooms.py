@@ -67,7 +67,7 @@ ROOMS = {
             "tof_gap.tell.shrink": (),
         },
         (
-            *(f"tests/tof_gap/solve/test_{name}.py" for name in ("choosing", "confirmed", "select", "tolerance")),
+            *(f"tests/tof_gap/solve/test_{name}.py" for name in ("choosing", "confirmed", "scores", "select", "tolerance")),
             *(f"tests/tof_gap/tell/test_{name}.py" for name in ("account", "told", "sums", "shrink", "floor")),
         ),
     ),
