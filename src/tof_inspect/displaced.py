@@ -85,15 +85,15 @@ def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Without, 
     patches = [p for s in seen if (p := patch_of(s, alone.vertices, reach, bare, config, errors)) is not None]
     thinned = [p.thinned() for p in patches]
 
-    def cost(motion: Float, step: int = 1) -> float:
+    def cost(motion: Float, of: Sequence[Patch] | None = None) -> float:
         if np.linalg.norm(motion[:3, 3]) > 1.3 * reach:
             return float("inf")
-        return cost_of(motion, thinned if step > 1 else patches, alone, centre) * step * step
+        return cost_of(motion, patches if of is None else of, alone, centre)
 
     def linear(motion: Float) -> tuple[Float, Float, Float]:
         return _all_linearised(motion, patches, alone, centre)
 
-    start = min((np.zeros(3), *_offsets(config.search_mm * 1e-3)), key=lambda t: cost(at(t), 2))
+    start = min((np.zeros(3), *_offsets(reach)), key=lambda t: cost(at(t), thinned))
     motion = _patterned(at(start), cost)
     patches = [p.softened(moved_hits(motion, p, alone, centre)[0]) for p in patches]
     motion = _smoothed(_patterned(motion, cost, steps=(1e-3, 5e-4, 2.5e-4)), cost, linear, config)

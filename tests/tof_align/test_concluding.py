@@ -14,7 +14,9 @@ from tests.tof_align.made import CONFIG, ROBOT
 from tof_align import session as room
 from tof_align import verdict as verdicts
 from tof_align.observability import observe
+from tof_align.parts import PART
 from tof_align.session import _disputed, _keep
+from tof_align.system import FREE_PART_M, SessionSystem
 from tof_align.verdict import Fit, Information
 from tof_core import se3
 
@@ -101,3 +103,33 @@ def test_a_base_is_held_along_what_the_data_leave_open() -> None:
     other = asked["H"].copy()
     other[7, 7] = 0.0
     np.testing.assert_allclose(other, 0.0, atol=1e-6 * strength)
+
+
+def test_without_a_part_s_vote_the_cameras_stand_where_a_solution_without_its_prior_has_them() -> None:
+    """Eighteen shared unknowns, of which the last twelve are two parts' motions, and two views with arms of their own."""
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(18, 18))
+    sizes = {f"{PART}3": 2e-3, f"{PART}7": 5e-2}
+    prior = np.repeat([2e-3, 5e-2], 6) ** -2.0
+    info = root @ root.T * 1e3 + np.diag([*np.zeros(6), *prior])
+    cov, x = np.linalg.inv(info), rng.normal(size=18)
+    gain = rng.normal(size=(2, 9, 18))
+    shared, arm = rng.normal(size=(2, 6, 6)), rng.normal(size=(2, 6, 4))
+    where = np.stack([rng.permutation(18), rng.permutation(18)])
+    system: Any = SimpleNamespace(
+        _part_columns=np.arange(6, 18).reshape(2, 6),
+        views=[None, None],
+        basis=SimpleNamespace(parts=SimpleNamespace(index=np.array([3, 7]))),
+        rig=SimpleNamespace(links=lambda v: (shared[v], arm[v])),
+    )
+    answer: Any = SimpleNamespace(sizes=sizes, cov=cov, x=x, where=where, gain=gain)
+    found = SessionSystem.without_each_part(system, answer)
+    for p, size in enumerate((2e-3, 5e-2)):
+        own = slice(6 + 6 * p, 12 + 6 * p)
+        free = info.copy()
+        free[own, own] -= np.eye(6) * (size**-2 - FREE_PART_M**-2)
+        step = np.linalg.solve(free, info @ x) - x
+        for v in range(2):
+            mine = step[where[v]]
+            expected = shared[v] @ mine[:6] - arm[v] @ (gain[v] @ mine)[:4]
+            np.testing.assert_allclose(found[p, v], expected, rtol=1e-6, atol=1e-9)

@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from tof_core import se3
+from tof_inspect import displaced as room
 from tof_inspect.config import InspectConfig
-from tof_inspect.displaced import Fit, _offsets, _patterned, _smoothed
+from tof_inspect.displaced import Fit, _offsets, _patterned, _smoothed, fit_part
 from tof_inspect.patch import at
 
 if TYPE_CHECKING:
@@ -119,3 +121,73 @@ def test_a_prior_of_the_search_and_of_six_degrees_holds_it() -> None:
         return J @ (WANTED - se3.log(motion)), J, np.tile(prior / 4, 4)
 
     np.testing.assert_allclose(se3.log(_smoothed(np.eye(4), away, at_motion, CONFIG)), WANTED / 2, atol=2e-5)
+
+
+class Dents:
+    """Stands for what a part's pixels cost: a dent of 1 at its place, one of `depth` at `where`; thinned pixels see only the deeper one."""
+
+    def __init__(self, where: tuple[float, float, float], depth: float = 3.0) -> None:
+        self.where, self.depth, self.farthest = np.array(where), depth, 0.0
+
+    def cost(self, motion: Float, patches: list[str], *_: object) -> float:
+        t = motion[:3, 3]
+        self.farthest = max(self.farthest, float(np.linalg.norm(t)))
+        near = [1.0 - 500 * np.linalg.norm(t), self.depth - 500 * np.linalg.norm(t - self.where)]
+        assert patches in (["thin", "thin"], ["soft", "soft"], ["whole", "whole"])
+        return 10.0 - float(near[1] if patches == ["thin", "thin"] else max(near))
+
+
+def fitted(monkeypatch: pytest.MonkeyPatch, dents: Dents, open_axis: bool = False) -> Fit:  # noqa: FBT001, FBT002
+    """The fit of a part to two of three views, the third of which does not show it; the last step moves nothing."""
+
+    class Whole(str):
+        __slots__ = ()
+
+        behind = "behind"
+
+        def thinned(self) -> str:
+            return "thin"
+
+        def softened(self, _: object) -> Whole:
+            return Whole("soft")
+
+    settled: list[Float] = []
+
+    def settle(motion: Float, *_: object) -> Any:
+        settled.append(motion)
+        noise = np.diag([1e-8, 1e-8, 1.0 if open_axis else 1e-8])
+        return SimpleNamespace(motion=motion, noise=noise, outline=2 * np.eye(3) * 1e-8, shared=3 * np.eye(3) * 1e-8)
+
+    monkeypatch.setattr(room, "patch_of", lambda s, *_: Whole("whole") if s else None)
+    monkeypatch.setattr(room, "cost_of", dents.cost)
+    monkeypatch.setattr(room, "moved_hits", lambda *_: ("hits",))
+    monkeypatch.setattr(room, "misfit", lambda _patch, behind: {"behind": 20.0}[behind])
+    monkeypatch.setattr(room, "_all_linearised", lambda *_: (np.zeros(0), np.zeros((0, 6)), np.zeros(0)))
+    monkeypatch.setattr(room, "settle", settle)
+    part, alone = SimpleNamespace(vertices=np.zeros((3, 3))), SimpleNamespace(vertices=None)
+    return fit_part(part, [True, None, True], alone, None, CONFIG, None)  # type: ignore[arg-type, list-item]
+
+
+@pytest.mark.parametrize("where", [(0.0103, 0.0, 0.0), (0.0, -0.0046, 0.001), (-0.006, 0.006, 0.006)])
+def test_a_part_is_found_far_from_its_place_to_an_eighth_of_a_millimetre(
+    monkeypatch: pytest.MonkeyPatch, where: tuple[float, float, float]
+) -> None:
+    found = fitted(monkeypatch, Dents(where))
+    assert np.abs(found.shift - where).max() <= 0.13e-3
+    # 40 without the part at all; 7 and what the last eighth of a millimetre costs with it.
+    assert found.ratio == pytest.approx(40.0 - 7.0 - 500 * np.linalg.norm(found.shift - where))
+    np.testing.assert_allclose(found.cov, 6e-8 * np.eye(3))
+
+
+def test_no_farther_than_the_search_and_a_third(monkeypatch: pytest.MonkeyPatch) -> None:
+    dents = Dents((0.03, 0.0, 0.0), depth=50.0)
+    found = fitted(monkeypatch, dents)
+    assert dents.farthest <= 1.3 * 0.012
+    assert found.shift[0] == pytest.approx(1.3 * 0.012, abs=0.3e-3)
+
+
+def test_along_what_is_not_known_a_part_has_not_moved(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = fitted(monkeypatch, Dents((-0.006, 0.006, 0.006)), open_axis=True)
+    np.testing.assert_allclose(found.shift, [-0.006, 0.006, 0.0], atol=0.13e-3)
+    assert found.shift[2] == 0.0
+    assert found.known.shape == (3, 2)
