@@ -67,7 +67,7 @@ ROOMS = {
             "tof_gap.tell.shrink": (),
         },
         (
-            *(f"tests/tof_gap/solve/test_{name}.py" for name in ("choosing", "confirmed", "scores", "select", "tolerance")),
+            *(f"tests/tof_gap/solve/test_{name}.py" for name in ("choosing", "ties", "confirmed", "scores", "select", "tolerance")),
             *(f"tests/tof_gap/tell/test_{name}.py" for name in ("account", "told", "sums", "shrink", "floor")),
         ),
     ),
@@ -104,7 +104,7 @@ ROOMS = {
             "tof_core.stats": (),
             "tof_core.se3": (),
         },
-        tuple(f"tests/tof_core/test_{name}.py" for name in ("tf", "motion", "bounded", "unpack", "stats", "se3")),
+        tuple(f"tests/tof_core/test_{name}.py" for name in ("edge", "tf", "motion", "bounded", "unpack", "stats", "se3")),
     ),
     "label": Room(
         {"tof_sim_label.gate": (), "tof_sim_label.sigma": (), "tof_sim_label.label": (), "tof_sim_label.split": ()},

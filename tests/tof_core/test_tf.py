@@ -7,12 +7,12 @@ from types import SimpleNamespace as Message
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tof_core import se3, tf
 from tof_core.bounds import MOST_FRAMES
-from tof_core.edge import BLOCK, Edge
+from tof_core.edge import BLOCK
 from tof_core.errors import TransformError
 from tof_core.tf import TransformBuffer
 from tof_core.tf_message import StampedTransform
@@ -129,22 +129,6 @@ def test_a_live_buffer_keeps_history_for_the_stated_time() -> None:
     buffer.lookup("a", "b", 9_999 * 10 * MS - 900 * MS)
     with pytest.raises(TransformError, match="starts"):
         buffer.lookup("a", "b", 0)
-
-
-@given(st.permutations(range(700)))
-@settings(max_examples=20)
-def test_samples_in_any_order_are_found_again(order: list[int]) -> None:
-    """More samples than a block holds: each stamp is exact, each middle between two is their mean."""
-    edge = Edge("a", static=False)
-    for i in order:
-        edge.put(i * MS, (float(i), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-    assert len(edge) == 700
-    assert [edge.at(i * MS, MS)[0] for i in range(700)] == list(range(700))
-    assert [edge.at(i * MS + MS // 2, MS)[0] for i in range(699)] == [i + 0.5 for i in range(699)]
-    assert (edge.newest, edge.reached) == (699 * MS, 698 * MS)
-    for stamp, says in ((-MS, "starts 1 ms after"), (700 * MS, "ends 1 ms before")):
-        with pytest.raises(TransformError, match=says):
-            edge.at(stamp, MS)
 
 
 def test_a_full_tree_names_its_limit_and_some_frames() -> None:
@@ -281,17 +265,6 @@ def test_a_live_tree_full_of_static_frames_takes_no_more(monkeypatch: pytest.Mon
         buffer.add("cell", child, 0, A, static=True)
     with pytest.raises(TransformError, match="has more than 2 frames"):
         buffer.add("cell", "three", 0, A)
-
-
-def test_stamps_sent_again_replace_theirs_wherever_they_lie() -> None:
-    edge = Edge("a", static=False)
-    for x in (1.0, 2.0):
-        for i in range(BLOCK):
-            edge.put((i + BLOCK // 2) % BLOCK * MS, (x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-    assert len(edge) == BLOCK
-    assert {edge.at(i * MS, MS)[0] for i in range(BLOCK)} == {2.0}
-    edge.put((BLOCK - 1) * MS, (3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-    assert len(edge) == BLOCK
 
 
 def test_what_does_not_move_has_no_newest_stamp() -> None:

@@ -3,95 +3,17 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.tof_gap.scored import Judge, effect, hypothesis, named
 from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve import select as room
-from tof_gap.solve import small as small_room
-from tof_gap.solve import ties as ties_room
 from tof_gap.solve.judge import Hypothesis
 from tof_gap.solve.select import _best_addition, _exchange, _grown, _lacking, _plain, _prune, _rough, _steady
-from tof_gap.solve.small import without_small
-from tof_gap.solve.ties import stand_ins
 from tof_gap.solve.worth import rescored, visible_m, worth
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-VIEWS = 6
-NOTHING = 1000.0
-"""Held-out chi-square of no effect at all."""
-
-
-class Judge:
-    """Stands for a selector: candidates by letter, the score of every hypothesis by the letters of its members."""
-
-    def __init__(
-        self,
-        scores: Mapping[str, float],
-        names: Sequence[str] | None = None,
-        *,
-        effects: Mapping[str, Any] | None = None,
-        free: str = "",
-        hand: str = "",
-        implausible: Sequence[str] = (),
-        **limits: float,
-    ) -> None:
-        self.letters = sorted({letter for members in scores for letter in members})
-        self.scores, self.free, self.hand, self.implausible = scores, free, hand, set(implausible)
-        self.config = SelectLimits(**limits)  # type: ignore[arg-type]
-        self.scored: list[str] = []
-        called = names or self.letters
-        candidates = [
-            SimpleNamespace(name=name, effect=(effects or {}).get(letter), free=None)
-            for letter, name in zip(self.letters, called, strict=True)
-        ]
-        self.design: Any = SimpleNamespace(
-            candidates=candidates,
-            system=SimpleNamespace(pixels=np.full(4, 25.0), sigma=2e-3),
-            without=lambda members, name: tuple(m for m in members if candidates[m].name != name),
-        )
-
-    def text(self, members: Sequence[int]) -> str:
-        return "".join(sorted(self.letters[m] for m in members))
-
-    def score(self, members: Sequence[int], inflate: float) -> Hypothesis:
-        self.scored.append(self.text(members))
-        whole = self.scores[self.text(members)] if members else NOTHING
-        return Hypothesis(tuple(members), np.full(VIEWS, whole / VIEWS), inflate)
-
-    def inflation(self, members: Sequence[int]) -> float:
-        return 1.0 + len(members)
-
-    def plausible(self, hypothesis: Hypothesis) -> bool:
-        return self.text(hypothesis.members) not in self.implausible
-
-    def repeats(self, member: int, members: Sequence[int]) -> bool:
-        return self.design.candidates[member].name in {self.design.candidates[m].name for m in members}
-
-    def gain(self, member: int) -> float:
-        return self.config.hand_gain if self.letters[member] in self.hand else self.config.gain
-
-    def share(self, _: int) -> float:
-        return self.config.share
-
-    def is_free(self, member: int) -> bool:
-        return self.letters[member] in self.free
-
-    def frees_hand(self, members: Sequence[int]) -> bool:
-        return any(self.letters[m] in self.hand for m in members)
-
-
-def hypothesis(judge: Any, text: str, inflate: float = 1.0) -> Hypothesis:
-    return judge.score([judge.letters.index(letter) for letter in text], inflate)  # type: ignore[no-any-return]
-
-
-def named(judge: Any, found: Hypothesis | None) -> str | None:
-    return None if found is None else judge.text(found.members)
 
 
 @pytest.fixture(autouse=True)
@@ -228,10 +150,6 @@ def test_everything_may_be_dropped() -> None:
     assert _prune(judge, hypothesis(judge, "a")).members == ()
 
 
-def effect(**facts: Any) -> Any:
-    return SimpleNamespace(**{"REST": "", "LACKS": 0.0, "LACKS_ON_A_PART": 0.0, "ROUGH": 0.0, "SMEARS": False, **facts})
-
-
 @pytest.mark.parametrize(
     ("own", "rest", "kept"),
     [
@@ -288,104 +206,3 @@ def test_effects_are_added_until_none_wins_or_five_are_named(monkeypatch: pytest
     same: Any = Judge(scores, ["x", "y", "x", "y", "x", "y", "x"], most=2)
     monkeypatch.setattr(same, "repeats", lambda member, members: member in members)
     assert len(_grown(same, ()).members) in {2, 3, 4, 5, 6, 7}
-
-
-@pytest.mark.parametrize(
-    ("small", "left", "kept", "told"),
-    [
-        (40.0, 100.0, "abc", ()),  # 40 of 840: less than 15 %, and yet more than 15 % of the 100 that are left
-        (14.0, 100.0, "ab", ()),  # ... and not: but alone it is too little to be told
-        (70.0, 600.0, "ab", ("c",)),
-    ],
-)
-def test_a_third_effect_that_explains_little_is_told_where_it_is_much_of_all(
-    small: float, left: float, kept: str, told: tuple[str, ...]
-) -> None:
-    scores = {"abc": left, "ab": left + small, "ac": left + 400.0, "bc": left + 400.0}
-    judge: Any = Judge(scores, least_mm=0.1)
-    found, small_ones = without_small(judge, hypothesis(judge, "abc"))
-    assert named(judge, found) == kept
-    assert small_ones == (told if small > 0.06 * (NOTHING - left) else ())
-
-
-def test_two_effects_are_believed_however_small() -> None:
-    judge: Any = Judge({"ab": 500.0, "a": 501.0, "b": 900.0})
-    assert named(judge, without_small(judge, hypothesis(judge, "ab"))[0]) == "ab"
-
-
-@pytest.mark.parametrize("kind", ["free", "hand"])
-def test_free_functions_and_hand_eye_are_not_counted_but_what_they_explain_is(kind: str) -> None:
-    """c wins 70: 15 % of 470, but not of the 1070 that d's 600 make it."""
-    scores = {"abcd": 300.0, "abd": 370.0, "acd": 500.0, "bcd": 500.0, "abc": 900.0, "ab": 950.0}
-    judge: Any = Judge(scores, least_mm=0.01, **{kind: "d"})  # type: ignore[arg-type]
-    assert named(judge, without_small(judge, hypothesis(judge, "abcd"))[0]) == "abcd", "70 of 300 left are enough"
-    more: Any = Judge(scores, least_mm=0.01, small_left=1.0, **{kind: "d"})  # type: ignore[arg-type]
-    assert named(more, without_small(more, hypothesis(more, "abcd"))[0]) == "abd"
-    three: Any = Judge({"abd": 300.0, "ad": 310.0, "bd": 310.0, "ab": 900.0}, **{kind: "d"})  # type: ignore[arg-type]
-    assert named(three, without_small(three, hypothesis(three, "abd"))[0]) == "abd"
-
-
-def test_small_ones_below_the_tolerance_are_not_told() -> None:
-    """c's 70 of 100 pixels are 1.7 mm RMS."""
-    scores = {"abc": 600.0, "ab": 670.0, "ac": 1000.0, "bc": 1000.0}
-    for least, told in ((1.6, ("c",)), (1.7, ())):
-        judge: Any = Judge(scores, least_mm=least)
-        assert without_small(judge, hypothesis(judge, "abc"))[1] == told
-
-
-def test_of_two_parts_of_one_effect_the_second_is_no_effect_more() -> None:
-    judge: Any = Judge({"abc": 600.0, "ab": 610.0}, ["x", "y", "y"])
-    assert without_small(judge, hypothesis(judge, "abc"))[1] == ()
-    assert small_room._names(judge, hypothesis(judge, "abc")) == ["x", "y"]
-
-
-@pytest.mark.parametrize(
-    ("other", "rest", "tied"),
-    [
-        (506.0, {}, (1,)),
-        (506.1, {}, ()),
-        (450.0, {}, (1,)),
-        (450.0, {"implausible": ("b",)}, ()),
-        (450.0, {"free": "b"}, ()),
-        (450.0, {"names": ["x", "x"]}, ()),
-    ],
-)
-def test_what_explains_nearly_as_much_in_its_place_is_a_tie(
-    monkeypatch: pytest.MonkeyPatch, other: float, rest: dict[str, Any], tied: tuple[int, ...]
-) -> None:
-    monkeypatch.setattr(ties_room, "_hides", lambda *_: True)
-    judge: Any = Judge({"a": 500.0, "b": other}, **rest)
-    assert stand_ins(judge, hypothesis(judge, "a"), 0) == tied
-
-
-def test_of_several_forms_the_best_is_named_and_the_best_effect_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ties_room, "_hides", lambda *_: True)
-    judge: Any = Judge({"a": 500.0, "b": 504.0, "c": 503.0, "d": 502.0, "e": 505.0}, ["w", "x", "x", "y", "x"])
-    assert stand_ins(judge, hypothesis(judge, "a"), 0) == (3, 2)
-
-
-def test_what_does_not_hide_it_or_contains_it_is_no_tie(monkeypatch: pytest.MonkeyPatch) -> None:
-    scores = {"a": 500.0, "b": 500.0, "c": 500.0}
-    monkeypatch.setattr(ties_room, "_hides", lambda judge, _current, _place, _member, other, _rest: judge.letters[other] != "b")
-    judge: Any = Judge(scores, effects={"c": effect(REST="a")})
-    assert stand_ins(judge, hypothesis(judge, "a"), 0) == ()
-    plain: Any = Judge(scores, effects={"c": effect(REST="z")})
-    assert stand_ins(plain, hypothesis(plain, "a"), 0) == (2,)
-
-
-@pytest.mark.parametrize(("left", "hides"), [(24.9, True), (25.1, False)])
-def test_a_map_is_hidden_where_another_leaves_a_quarter_of_it(monkeypatch: pytest.MonkeyPatch, left: float, *, hides: bool) -> None:
-    """Beside the rest alone 100 of the map's energy show."""
-    judge: Any = Judge({"abc": 1.0, "ac": 1.0})
-    judge.design.groups = ("A", "B", "C")
-    judge.design.system.left_of = lambda target, theta, columns, inflate: {(2,): 100.0, (2, 1): left}[columns]
-    judge.columns = tuple
-    judge.fit = lambda _: None
-    monkeypatch.setattr(ties_room, "coefficients", lambda *_: "theta")
-    assert ties_room._hides(judge, hypothesis(judge, "ac"), 0, 0, 1, [2]) is hides
-
-
-@pytest.mark.parametrize(("beside", "hides"), [(13.9, True), (14.1, False)])
-def test_hand_eye_is_hidden_where_it_wins_too_little_beside_another(beside: float, *, hides: bool) -> None:
-    judge: Any = Judge({"bc": 500.0, "abc": 500.0 - beside, "ac": 1.0}, hand="a")
-    assert ties_room._hides(judge, hypothesis(judge, "ac"), 0, 0, 1, [2]) is hides

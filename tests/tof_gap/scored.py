@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A selector whose scores are given: what the steps of the selection do is then known."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_gap.limits.solve import SelectLimits
+from tof_gap.solve.judge import Hypothesis
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+VIEWS = 6
+NOTHING = 1000.0
+"""Held-out chi-square of no effect at all."""
+
+
+class Judge:
+    """Stands for a selector: candidates by letter, the score of every hypothesis by the letters of its members."""
+
+    def __init__(
+        self,
+        scores: Mapping[str, float],
+        names: Sequence[str] | None = None,
+        *,
+        effects: Mapping[str, Any] | None = None,
+        free: str = "",
+        hand: str = "",
+        implausible: Sequence[str] = (),
+        **limits: float,
+    ) -> None:
+        self.letters = sorted({letter for members in scores for letter in members})
+        self.scores, self.free, self.hand, self.implausible = scores, free, hand, set(implausible)
+        self.config = SelectLimits(**limits)  # type: ignore[arg-type]
+        self.scored: list[str] = []
+        called = names or self.letters
+        candidates = [
+            SimpleNamespace(name=name, effect=(effects or {}).get(letter), free=None)
+            for letter, name in zip(self.letters, called, strict=True)
+        ]
+        self.design: Any = SimpleNamespace(
+            candidates=candidates,
+            system=SimpleNamespace(pixels=np.full(4, 25.0), sigma=2e-3),
+            without=lambda members, name: tuple(m for m in members if candidates[m].name != name),
+        )
+
+    def text(self, members: Sequence[int]) -> str:
+        return "".join(sorted(self.letters[m] for m in members))
+
+    def score(self, members: Sequence[int], inflate: float) -> Hypothesis:
+        self.scored.append(self.text(members))
+        whole = self.scores[self.text(members)] if members else NOTHING
+        return Hypothesis(tuple(members), np.full(VIEWS, whole / VIEWS), inflate)
+
+    def inflation(self, members: Sequence[int]) -> float:
+        return 1.0 + len(members)
+
+    def plausible(self, hypothesis: Hypothesis) -> bool:
+        return self.text(hypothesis.members) not in self.implausible
+
+    def repeats(self, member: int, members: Sequence[int]) -> bool:
+        return self.design.candidates[member].name in {self.design.candidates[m].name for m in members}
+
+    def gain(self, member: int) -> float:
+        return self.config.hand_gain if self.letters[member] in self.hand else self.config.gain
+
+    def share(self, _: int) -> float:
+        return self.config.share
+
+    def is_free(self, member: int) -> bool:
+        return self.letters[member] in self.free
+
+    def frees_hand(self, members: Sequence[int]) -> bool:
+        return any(self.letters[m] in self.hand for m in members)
+
+
+def hypothesis(judge: Any, text: str, inflate: float = 1.0) -> Hypothesis:
+    return judge.score([judge.letters.index(letter) for letter in text], inflate)  # type: ignore[no-any-return]
+
+
+def named(judge: Any, found: Hypothesis | None) -> str | None:
+    return None if found is None else judge.text(found.members)
+
+
+def effect(**facts: Any) -> Any:
+    return SimpleNamespace(**{"REST": "", "LACKS": 0.0, "LACKS_ON_A_PART": 0.0, "ROUGH": 0.0, "SMEARS": False, **facts})
