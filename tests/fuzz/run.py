@@ -8,6 +8,7 @@ A finding ends the run with the file to put into tests/fuzz/found/NAME once it i
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import subprocess
 import sys
@@ -20,6 +21,8 @@ from tests.fuzz.targets import TARGETS
 REPOSITORY = Path(__file__).resolve().parents[2]
 MEMORY_MB = 1024
 HANG_S = 10
+PATIENCE_S = 60.0 * HANG_S
+"""Of the clock, after which a timeout is believed that does not end when it is tried again."""
 SLICE = 500_000
 """Executions of one process. Atheris itself keeps some 800 bytes of each (the same calls without it keep none), which is not to count."""
 PULSE = re.compile(r"^#(\d+)\s|^Done (\d+) runs|^stat::number_of_executed_units: +(\d+)")
@@ -35,8 +38,11 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=0.0, help="stop a target after so long (default: never)")
     parser.add_argument("--out", type=Path, default=REPOSITORY / "out" / "fuzz")
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--input", type=Path, help=argparse.SUPPRESS)
     args = parser.parse_args()
     names = list(TARGETS) if args.target == "all" else [args.target]
+    if args.input:
+        return again(names[0], args.input)
     if args.child:
         return fuzz(names[0], args.out / names[0], args.runs)
     try:
@@ -59,12 +65,33 @@ def watch(name: str, out: Path, runs: int, seconds: float) -> int:
         done += more
         tally.write_text(str(before + done))
         new = (p for p in out.glob("*-*") if p.stat().st_mtime > time.time() - (time.monotonic() - start) - 1)
-        findings = sorted(p.name for p in new if p.name.partition("-")[0] in ("crash", "timeout", "oom"))
+        findings = sorted(p.name for p in new if p.name.partition("-")[0] in ("crash", "oom") or _hangs(name, p))
         if not more:
             break
     told = ", ".join(findings) or "nothing found"
     say(f"{name}: {done} executions in {time.monotonic() - start:.0f} s, {before + done} of {runs} in all; {told}")
     return int(bool(findings))
+
+
+def _hangs(name: str, path: Path) -> bool:
+    """Whether a timeout is one in processor time: where others have the core, a call of milliseconds may take ten seconds of the clock."""
+    if not path.name.startswith("timeout-"):
+        return False
+    before = os.times()
+    command = [sys.executable, "-m", "tests.fuzz.run", "--target", name, "--input", str(path)]
+    try:
+        subprocess.run(command, cwd=REPOSITORY, check=False, timeout=PATIENCE_S, stderr=subprocess.DEVNULL)
+    except subprocess.TimeoutExpired:
+        return True
+    after = os.times()
+    return after.children_user + after.children_system - before.children_user - before.children_system > HANG_S
+
+
+def again(name: str, path: Path) -> int:
+    """Call a target with one input."""
+    with tempfile.TemporaryDirectory() as folder:
+        TARGETS[name].open(Path(folder))(path.read_bytes())
+    return 0
 
 
 def _slice(name: str, out: Path, runs: int, seconds: float) -> int:

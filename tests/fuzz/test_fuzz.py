@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import os
 import random
+import subprocess
 from pathlib import Path
 
 import pytest
 
+from tests.fuzz import run
 from tests.fuzz.targets import DOORS, TARGETS
 
 FOUND = Path(__file__).parent / "found"
@@ -45,12 +48,12 @@ def test_foreign_bytes_give_a_result_or_one_line(name: str, tmp_path: Path, monk
         pytest.importorskip("onnx", reason="making a network needs the extra `train`")
     restore_what_a_target_patches(monkeypatch)
     target, rng = TARGETS[name], random.Random(0)
-    run = target.open(tmp_path)
+    call = target.open(tmp_path)
     seeds = target.seeds(tmp_path)
     for data in [b"", *seeds, *(path.read_bytes() for path in sorted((FOUND / name).glob("*")))]:
-        run(data)
+        call(data)
     for _ in range(MUTATIONS[name]):
-        run(mutated(rng.choice(seeds), rng))
+        call(mutated(rng.choice(seeds), rng))
 
 
 def restore_what_a_target_patches(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -80,3 +83,26 @@ def test_what_is_found_is_of_a_target() -> None:
 
 def test_every_door_has_a_name_of_its_own() -> None:
     assert len(TARGETS) == len(DOORS)
+
+
+@pytest.mark.parametrize(("processor_s", "hangs"), [(3.0, False), (9.0, False), (11.0, True), (None, True)])
+def test_a_timeout_is_a_finding_where_the_processor_was_busy_with_it(
+    monkeypatch: pytest.MonkeyPatch, processor_s: float | None, *, hangs: bool
+) -> None:
+    """Beside busy processes a call of milliseconds may take ten seconds of the clock; None: it does not end at all."""
+    spent = [0.0]
+
+    def call(command: list[str], **_: object) -> None:
+        if processor_s is None:
+            raise subprocess.TimeoutExpired(command, 600.0)
+        spent[0] = processor_s
+
+    monkeypatch.setattr(subprocess, "run", call)
+    monkeypatch.setattr(os, "times", lambda: os.times_result((0.0, 0.0, 0.75 * spent[0], 0.25 * spent[0], 0.0)))
+    assert run._hangs("packed", Path("timeout-0")) is hangs
+    assert not run._hangs("packed", Path("slow-unit-0"))
+
+
+def test_an_input_is_tried_again_by_itself(tmp_path: Path) -> None:
+    (tmp_path / "timeout-0").write_bytes(b"\x00")
+    assert run.again("compressed", tmp_path / "timeout-0") == 0
