@@ -216,3 +216,45 @@ def test_a_descent_after_a_slide_is_kept_where_it_is_better(monkeypatch: pytest.
 def test_a_slide_must_be_two_per_cent_better(monkeypatch: pytest.MonkeyPatch) -> None:
     assert slides(monkeypatch, lambda x: 0.02 - (0.0005 if x > 0.09 else 0.0)) == (0.1, 2)
     assert slides(monkeypatch, lambda x: 0.02 - (0.0003 if x > 0.09 else 0.0)) == (0.0, 1)
+
+
+def descent(monkeypatch: pytest.MonkeyPatch, errors: Float, step_m: float, kernel: float = 0.15) -> tuple[list[float], float]:
+    """Kernels of the steps of a descent whose residuals stay as they are and whose steps go along x, and where it ends."""
+    kernels: list[float] = []
+
+    def step(_views: object, _local: object, _motion: object, _std: object, kernel: float, independent: float) -> Float:
+        assert independent == LIMITS.independent
+        kernels.append(kernel)
+        return np.array([step_m, 0, 0, 0, 0, 0])
+
+    monkeypatch.setattr(room, "linearise", lambda *_: view_of(errors))
+    monkeypatch.setattr(room, "_step", step)
+    monkeypatch.setattr(room, "_score", lambda _looks, poses, *_: float(poses[0, 0, 3]))
+    descend = room._descent([pixels(np.ones(3))], EYE[None], EYE, STD, Wall(), CONFIG)  # type: ignore[arg-type]
+    motion, score = descend(EYE, kernel)
+    assert score == pytest.approx(motion[0, 3])
+    return kernels, score
+
+
+def test_a_kernel_narrows_to_what_the_residuals_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By 0.7 a step, no further than three robust deviations of what lies within it, and never below 4 mm."""
+    even = np.tile([0.02, -0.02], 6)
+    spread = 3 * 1.4826 * 0.02
+    kernels, end = descent(monkeypatch, even, 1e-3)
+    np.testing.assert_allclose(kernels, [0.15, 0.105, *[spread] * 22], rtol=1e-4)
+    assert end == pytest.approx(0.024)
+    outliers = np.concatenate([even, np.full(5, 0.5)])
+    np.testing.assert_allclose(descent(monkeypatch, outliers, 1e-3)[0][2:], [spread] * 22, rtol=1e-4)
+    none = descent(monkeypatch, np.zeros(12), 1e-3)[0]
+    np.testing.assert_allclose(none, np.maximum(0.15 * 0.7 ** np.arange(24), 0.004))
+
+
+@pytest.mark.parametrize(("step_mm", "steps"), [(0.19, 5), (0.21, 24)])
+def test_a_descent_ends_where_it_stands_still_with_a_narrow_kernel(monkeypatch: pytest.MonkeyPatch, step_mm: float, steps: int) -> None:
+    """0.15 m narrow to below 30 mm in five steps."""
+    assert len(descent(monkeypatch, np.zeros(12), 1e-3 * step_mm)[0]) == steps
+
+
+@pytest.mark.parametrize(("count", "steps"), [(6, 24), (5, 0)])
+def test_six_residuals_are_needed_for_a_step(monkeypatch: pytest.MonkeyPatch, count: int, steps: int) -> None:
+    assert len(descent(monkeypatch, np.zeros(count), 1e-3)[0]) == steps

@@ -133,3 +133,16 @@ def test_without_a_part_s_vote_the_cameras_stand_where_a_solution_without_its_pr
             mine = step[where[v]]
             expected = shared[v] @ mine[:6] - arm[v] @ (gain[v] @ mine)[:4]
             np.testing.assert_allclose(found[p, v], expected, rtol=1e-6, atol=1e-9)
+
+
+def test_a_view_counts_beside_what_the_robot_knows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A view that knows x as well as the robot does, and agrees in nothing of it: half of what is known of x is disputed."""
+    x = ROBOT[0] ** -2.0
+    weak = Information(np.diag([0.0, *[1e8] * 5]), np.diag([x, *[1e8] * 5]))
+    monkeypatch.setattr(verdicts, "fit_of", lambda *_: Fit(1000, 0.9, 1e-3, 1e-3))
+    monkeypatch.setattr(verdicts, "information_of", lambda *_: weak)
+    rig = SimpleNamespace(station=np.zeros(1, int), links=lambda _: (np.eye(6, 12), np.eye(6)), frame=lambda _: EYE)
+    system: Any = SimpleNamespace(rig=rig, views=[None], weights=[None])
+    config = replace(CONFIG, mode="session")
+    np.testing.assert_allclose(config.priors.base, ROBOT)
+    assert _disputed(system, [np.zeros(0)], [KNOWN], config)[0] == (pytest.approx(0.5), "slides along cell x")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.tof_align.made import ROBOT
 from tof_align.config import VerdictConfig
-from tof_align.observability import _tidy, describe, most_disputed, observe, observe_block, pinned, spread
+from tof_align.observability import Observability, _tidy, describe, most_disputed, observe, observe_block, pinned, spread
 from tof_core import se3
 
 EYE, ORIGIN = np.eye(4), np.zeros(3)
@@ -211,3 +211,10 @@ def test_mixed_open_directions_are_told_as_slides_and_turns_along_the_axes() -> 
     np.testing.assert_allclose(np.abs(tidy), np.eye(6)[[0, 2, 4]], atol=1e-9)
     np.testing.assert_allclose(np.abs(_tidy(mix @ np.eye(6)[[3, 4, 5]])), np.eye(6)[[3, 4, 5]], atol=1e-9)
     assert _tidy(np.zeros((0, 6))).shape == (0, 6)
+
+
+def test_a_turn_about_one_point_is_a_turn_and_a_slide_at_another() -> None:
+    turn = Observability(np.eye(6)[5:], ("turns about cell z",), np.ones(6), np.array([0.5, 0.0, 0.0]), 0.3)
+    there = turn.at(np.array([1.5, 0.0, 0.0]))[0]
+    expected = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.3]) / np.hypot(1.0, 0.3)
+    np.testing.assert_allclose(there * np.sign(there[5]), expected, atol=1e-12)
