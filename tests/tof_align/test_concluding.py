@@ -145,4 +145,6 @@ def test_a_view_counts_beside_what_the_robot_knows(monkeypatch: pytest.MonkeyPat
     system: Any = SimpleNamespace(rig=rig, views=[None], weights=[None])
     config = replace(CONFIG, mode="session")
     np.testing.assert_allclose(config.priors.base, ROBOT)
-    assert _disputed(system, [np.zeros(0)], [KNOWN], config)[0] == (pytest.approx(0.5), "slides along cell x")
+    ((share, direction),) = _disputed(system, [np.zeros(0)], [KNOWN], config)
+    assert share == pytest.approx(0.5)
+    assert direction == "slides along cell x"
