@@ -70,7 +70,8 @@ def test_curvature_decides_where_it_is_sure_and_a_wide_plane_where_it_is_not(
 
 
 @pytest.mark.parametrize(
-    ("suspicion", "wide", "ends"), [(0.005, None, 1), (0.5, False, 1), (0.5, None, 5), (0.98, None, 5), (1 - SURE, None, 5)]
+    ("suspicion", "wide", "ends"),
+    [(0.005, None, 1), (0.005, True, 1), (SURE, None, 5), (0.5, False, 1), (0.5, None, 5), (0.98, None, 5), (1 - SURE, None, 5)],
 )
 def test_the_check_ends_after_an_answer_or_five_views_without_one(
     monkeypatch: pytest.MonkeyPatch, suspicion: float, *, wide: bool | None, ends: int
