@@ -123,12 +123,12 @@ def quantities(observables: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(GOES_WITH.get(q, q.split("_")[0]) for q in observables))
 
 
-def unexplained_words(u: Unexplained, *, suspected: bool = False, edges: bool = False) -> str:
-    """What is left, how it is measured, where, and what it goes with; suspected: beside effects that are not asserted; edges: they count."""
+def unexplained_words(u: Unexplained, *, suspected: bool = False) -> str:
+    """What is left away from edges, how it is measured, where, and what it goes with; suspected: beside effects that are not asserted."""
     where = f"most on {listed(u.where)}" if u.where else "on no part in particular"
     goes = f"; it goes with {listed(quantities(u.depends_on))}" if u.depends_on else ""
     after = f"With the {'suspected' if suspected else 'named'} effects simulated"
-    return f"{after}, neighbouring pixels still share an error of {u.rmse_mm:.2f} mm RMS (means of blocks of pixels, all views{', edges too' if edges else ''}), {where}{goes}."
+    return f"{after}, neighbouring pixels still share an error of {u.rmse_mm:.2f} mm RMS (means of blocks of pixels away from edges, all views), {where}{goes}."
 
 
 def spaced(name: str) -> str:
