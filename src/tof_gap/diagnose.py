@@ -14,12 +14,12 @@ from tof_core.errors import RefusedError
 from tof_core.memory import give_back
 from tof_gap.seen.photons import own_law
 from tof_gap.solve.apart import set_apart
-from tof_gap.solve.brief import solve_moving
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.candidates import not_testable
 from tof_gap.solve.conclude import conclude, less
 from tof_gap.solve.joint import without
 from tof_gap.solve.radial import gate
+from tof_gap.solve.stray import solve_agreeing
 from tof_gap.solved import Split
 from tof_gap.tell.account import account, unfounded, without_causes
 from tof_gap.tell.diagnosis import Diagnosis, doubted
@@ -84,15 +84,15 @@ def diagnose(
     check_enough(views, along_ray, config.solve.views)
     world, begun = set_apart(begun, caster, config)
     progress("poses and effects together")
-    joint, config = solve_moving(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
+    joint, config, views, stray = solve_agreeing(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
     split = dealt(joint.chain, config.solve)
     progress("noise, loss and edges; the gap on held-out views")
     read = partial(account, config=config, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, law=law)
-    found = read(conclude(joint, begun.views, caster, config, split, rng))
+    found = read(conclude(joint, views, caster, config, split, rng))
     while (taken := unfounded(found, config.noise.foreign_light)) is not None:
         joint = without(joint, taken, config)
         del found  # Images of all views are most of what a session needs in memory.
-        found = read(conclude(joint, begun.views, caster, config, split, rng))
+        found = read(conclude(joint, views, caster, config, split, rng))
     del joint, begun
     give_back()
     progress("what no named effect explains")
@@ -106,6 +106,7 @@ def diagnose(
         law_beside(found, config),
         config,
         described(world, caster.scene),
+        stray,
     )
 
 

@@ -73,6 +73,21 @@ class JointLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class StrayLimits:
+    """Views whose pose contradicts the robot, and are left out."""
+
+    sigma: float = param(
+        4.0,
+        "arm error, RMS over its six components in the robot's standard deviations",
+        low=1.0,
+        why="as a single pose is refused (`align.verdict.max_step`); 2.4 at most in 30 sessions of other cameras",
+    )
+    share: float = param(
+        0.1, "share of the views that may be left out", low=0.0, high=1.0, why="more have a cause in common, which is to be found"
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class SelectLimits:
     """When an effect is believed."""
 
@@ -155,3 +170,4 @@ class SolveLimits:
     gate: GateLimits = section(GateLimits, "distance along the ray, or depth")
     start: StartLimits = section(StartLimits, "first poses")
     joint: JointLimits = section(JointLimits, "linearisation")
+    stray: StrayLimits = section(StrayLimits, "views that contradict the robot")

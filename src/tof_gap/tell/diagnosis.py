@@ -30,7 +30,8 @@ class Diagnosis:
     verdict: effects, `none`, `unknown`, sorted; account: what was read off the solution, with its poses, maps and figures;
     explainable: share of the gap that any model could explain, None without a gap; unexplained: what no named effect explains;
     not_testable: effects that the session cannot test, with the reason; law: photon law of the noise beside what was named of it,
-    None where too little is seen; world: missing parts and foreign objects (`tof_scene.world.words.described`).
+    None where too little is seen; world: missing parts and foreign objects (`tof_scene.world.words.described`); stray: views that
+    contradict the robot and were left out.
     """
 
     verdict: tuple[str, ...]
@@ -41,6 +42,7 @@ class Diagnosis:
     law: PhotonLaw | None
     config: GapConfig
     world: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=lambda: {"missing": (), "foreign": ()})
+    stray: tuple[int, ...] = ()
 
     @property
     def solved(self) -> Solved:

@@ -53,9 +53,7 @@ def write_page(d: Diagnosis, content: dict[str, Any], folder: Path, title: str, 
         meaning={name: effect.MEANING for name, effect in EFFECTS.items()},
         words=[w["sentence"] for w in content["words"]],
         promise=content.get("promise"),
-        left=unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
-        if d.unexplained.structured
-        else "",
+        left=unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes)) if d.unexplained.structured else "",
         against=content.get("against"),
         small=content["small"],
         world=world,

@@ -68,7 +68,7 @@ def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str],
             "not_testable": d.not_testable,
             "pose": _pose(d),
             "advice": advice,
-            "split": {"fit_views": list(d.split.fit), "held_out_views": list(d.split.held_out)},
+            "split": {"fit_views": list(d.split.fit), "held_out_views": list(d.split.held_out), "stray_views": list(d.stray)},
         }
         | ({} if kept is None else {"promise": kept.to_dict()})
     )

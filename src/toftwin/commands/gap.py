@@ -189,6 +189,7 @@ def summary(d: Diagnosis) -> str:
     """A few lines for a terminal."""
     from tof_gap.tell.words import interval, look, percent, unexplained_words
     from tof_scene.world.words import lines as world_lines
+    from tof_scene.world.words import of_views
 
     g = d.gap
     agrees = d.verdict == ("none",)
@@ -210,9 +211,11 @@ def summary(d: Diagnosis) -> str:
     lines += [cause_line(c, d) for c in d.causes]
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in d.findings]
     if d.unexplained.structured:
-        left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes), edges=g.off_edges_mm is not None)
+        left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
         lines.append(f"unexplained: {left} To do: {look(d.unexplained.where)}")
     lines += world_lines(d.world)
+    if d.stray:
+        lines.append(f"left out: {of_views(d.stray)}, whose depth fits the CAD only where the arm cannot have been")
     lines += [f"not testable: {name} ({why})" for name, why in d.not_testable.items()]
     return "\n".join(lines)
 
