@@ -38,7 +38,7 @@ HAND = "hand"
 class Unexplained:
     """What is left above the floor.
 
-    rmse_mm: RMS of block means above the floor; structured: whether that is more than the named effects' maps leave;
+    rmse_mm: RMS of block means above the floor, by information; structured: whether that is more than the named effects' maps leave;
     share: of the gap's energy above the floor, what is left or goes to free functions of an observable, 0 where nothing is structured;
     depends_on: quantities that it varies with, most first; where: parts that carry it, most first.
     """
@@ -52,7 +52,11 @@ class Unexplained:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockMeans:
-    """Per block of one part (b,): pixels, mean error in metres, its variance in m^2 if errors were white, the part, and the view."""
+    """Per block of one part (b,): pixels, mean error in metres, its variance in m^2 if errors were white, the part, and the view.
+
+    A block counts by its information, the inverse of that variance, as it does in the fit: pixels of weak light, with ten times the noise
+    of others, are no place to judge a camera by millimetres.
+    """
 
     pixels: Ints
     mean: Float
@@ -65,11 +69,22 @@ class BlockMeans:
         """(b,) m^2 by which the squared mean exceeds that of white errors."""
         return np.asarray(self.mean**2 - self.white2)
 
+    @property
+    def size2(self) -> float:
+        """m^2: mean excess by information."""
+        return max(float(np.average(self.excess2, weights=1.0 / self.white2)), 0.0) if len(self.pixels) else 0.0
+
     def of_parts(self, parts: int, views: int) -> tuple[Float, Float]:
-        """(views, parts) sums of the excess over pixels, m^2, and the pixels."""
-        at, shape = self.view * parts + self.part, (views, parts)
-        sums = [np.asarray(np.bincount(at, w, views * parts), float).reshape(shape) for w in (self.pixels * self.excess2, self.pixels)]
-        return sums[0], sums[1]
+        """(views, parts) sums of the excess times information, and of information, 1/m^2."""
+        return self._sums(self.excess2 / self.white2, parts, views), self._sums(1.0 / self.white2, parts, views)
+
+    def pixels_of(self, parts: int, views: int) -> Float:
+        """(parts,) pixels."""
+        return np.asarray(self._sums(self.pixels, parts, views).sum(axis=0))
+
+    def _sums(self, each: Float | Ints, parts: int, views: int) -> Float:
+        """(views, parts) sums over the blocks."""
+        return np.asarray(np.bincount(self.view * parts + self.part, each, views * parts), float).reshape(views, parts)
 
 
 def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits) -> Unexplained:
@@ -87,7 +102,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     means = block_means(views, left, floor2, limits.block_px, limit.block_pixels)
     if len(means.pixels) == 0:
         return Unexplained(0.0, structured=False, depends_on=(), where=())
-    size = 1e3 * float(np.sqrt(max(float(np.average(means.excess2, weights=means.pixels)), 0.0)))
+    size = 1e3 * float(np.sqrt(means.size2))
     before_mm = gap.shown_mm[0]
     before2 = max(before_mm**2, 1e-9)
     gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
@@ -96,14 +111,15 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     gross = 0.0 if gross_named else min(gross_share(v, _explained(figures), reach) for v in (views, solved.linearised))
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
     gone = _lost_pixels(found, len(scene.parts), missing)
+    least_mm = limit.mm if solved.maps else limit.alone_mm
     a_gap = before_mm > limit.mm
     # Parts share the noise of rows and stripes unevenly: beside it no part is judged by itself.
     off = np.zeros(len(scene.parts), bool)
     if not figures.alike_m:
         before = block_means(views, residual, floor2, limits.block_px, limit.block_pixels)
-        off = off_parts(means, before, len(scene.parts), len(views), limit)
+        off = off_parts(means, before, len(scene.parts), len(views), limit, least_mm * 1e-3)
     structured = (
-        (size > np.hypot(limit.mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)
+        (size > np.hypot(least_mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)
         or bool(off.any())
         or gross > limit.gross_share
         or bool(depends_on or (a_gap and solved.small_together) or gone.any())
@@ -111,7 +127,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     )
     if not structured:
         return Unexplained(size, structured=False, depends_on=(), where=())
-    spread = np.bincount(means.part, means.pixels * np.maximum(means.excess2, 0), len(scene.parts))
+    spread = np.bincount(means.part, np.maximum(means.excess2, 0) / means.white2, len(scene.parts))
     energy = gone if gone.any() else spread * off if off.any() else spread
     order = [int(i) for i in np.argsort(-energy) if energy[i] > limit.part_share * energy.sum()]
     return Unexplained(
@@ -128,14 +144,15 @@ def away_from_edges(views: Sequence[ViewEvidence], errors: Sequence[Float]) -> l
     return [np.where(v.edge, np.nan, e) for v, e in zip(views, errors, strict=True)]
 
 
-def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limit: UnexplainedLimits) -> Mask:
-    """(parts,) parts whose own pixels are off by `mm` and by `share` of what they were, RMS above the floor, also without the view that has most."""
-    after, pixels = left.of_parts(parts, views)
+def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limit: UnexplainedLimits, least_m: float) -> Mask:
+    """(parts,) parts whose own pixels are off by `least_m` and by `share` of what they were, RMS above the floor, also without the view that has most."""
+    (after, known), pixels = left.of_parts(parts, views), left.pixels_of(parts, views)
     most = np.argmax(after, axis=0), np.arange(parts)
-    enough = pixels.sum(axis=0) > limit.part_pixels * pixels.sum()
-    n = np.maximum(pixels.sum(axis=0) - pixels[most], 1)
-    size2, was2 = (after.sum(axis=0) - after[most]) / n, before.of_parts(parts, views)[0].sum(axis=0) / np.maximum(pixels.sum(axis=0), 1)
-    return np.asarray(enough & (size2 > (limit.mm * 1e-3) ** 2) & (size2 > limit.share * was2))
+    enough = pixels > limit.part_pixels * pixels.sum()
+    least = 1.0  # 1/m^2, where a part has no block: then nothing is divided by nothing
+    size2 = (after.sum(axis=0) - after[most]) / np.maximum(known.sum(axis=0) - known[most], least)
+    was2 = before.of_parts(parts, views)[0].sum(axis=0) / np.maximum(known.sum(axis=0), least)
+    return np.asarray(enough & (size2 > least_m**2) & (size2 > limit.share * was2))
 
 
 def _share(left2: float, free2: float, before2: float) -> float:
