@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from tof_gap.seen.pattern import single_pixels, without_pattern
 from tof_gap.seen.residual import single
 from tof_gap.tell.floor import floor2, shown2
-from tof_gap.tell.shrink import Shrink, above_noise_mm, blocks, measure
+from tof_gap.tell.shrink import Shrink, blocks, measure
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -92,13 +92,13 @@ class Figures:
         """
         if FlyingPixels.NAME not in self.maps:
             return None
-        away = [np.where(self.edge[v], np.nan, b) for v, b in zip(self.held, before, strict=True)]
-        return above_noise_mm(blocks(away, after, floors, self.limits.block_px))
+        away = away_from_edges([self.edge[v] for v in self.held], before)
+        return blocks(away, after, floors, self.limits.block_px).above_mm
 
     @cached_property
     def floors_shown(self) -> list[Float]:
         """(H, W) m^2 of each held-out view: the floor with the noise that its own pixels show."""
-        steady = [np.where(self.edge[v], np.nan, self._left(v)) for v in self.held]
+        steady = away_from_edges([self.edge[v] for v in self.held], [self._left(v) for v in self.held])
         shown = shown2(steady, [self.noise2[v] for v in self.held], 2.0 * self.limits.shrink.noise_known)
         return [self.floors[v] - self.noise2[v] + s for v, s in zip(self.held, shown, strict=True)]
 
@@ -135,6 +135,11 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
         rng=rng,
         limits=limits,
     )
+
+
+def away_from_edges(edges: Sequence[Mask], errors: Sequence[Float]) -> list[Float]:
+    """(H, W) metres per view, NaN at edges, where half a pixel of pose decides."""
+    return [np.where(edge, np.nan, e) for edge, e in zip(edges, errors, strict=True)]
 
 
 def between(view: ViewEvidence) -> Mask:

@@ -59,7 +59,7 @@ class Shrink:
 
     def above_mm(self, errors: Errors) -> float:
         """RMS in mm of errors on the held-out views without noise and pose posterior: what is gap and not noise."""
-        return float(np.sqrt(max(errors.rmse**2 - self.floor_mm**2, 0.0)))
+        return above_noise_mm(errors.rmse, self.floor_mm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,13 +81,21 @@ class HeldOut:
         mean, absolute, square = sums / max(n, 1.0)
         return Errors(1e3 * float(np.sqrt(square)), 1e3 * float(absolute), 1e3 * float(mean))
 
+    @property
+    def floor_mm(self) -> float:
+        """RMS in mm of the floor."""
+        return 1e3 * float(np.sqrt(self.floor2.sum() / max(self.n.sum(), 1.0)))
 
-def above_noise_mm(held_out: HeldOut) -> tuple[float, float]:
-    """RMS in mm before and after, above the floor."""
-    floor2 = float(held_out.floor2.sum() / max(held_out.n.sum(), 1.0))
-    rmse2 = [(1e-3 * held_out.errors(which).rmse) ** 2 for which in ("before", "after")]
-    before, after = (1e3 * float(np.sqrt(max(r - floor2, 0.0))) for r in rmse2)
-    return before, after
+    @property
+    def above_mm(self) -> tuple[float, float]:
+        """RMS in mm before and after, above the floor."""
+        before, after = (above_noise_mm(self.errors(which).rmse, self.floor_mm) for which in ("before", "after"))
+        return before, after
+
+
+def above_noise_mm(rmse_mm: float, floor_mm: float) -> float:
+    """RMS in mm without noise and pose posterior: what is gap and not noise."""
+    return float(np.sqrt(max(rmse_mm**2 - floor_mm**2, 0.0)))
 
 
 def blocks(before: Sequence[Float], after: Sequence[Float], floor2: Sequence[Float], block_px: int) -> HeldOut:
@@ -119,7 +127,7 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
     camera's errors beyond what they usually take: the true effects leave it. Where nothing is removed, nothing shrinks.
     """
     before, after = held_out.errors("before"), held_out.errors("after")
-    floor2 = float(held_out.floor2.sum() / max(held_out.n.sum(), 1.0))
+    floor2 = (1e-3 * held_out.floor_mm) ** 2
     healthy2 = (limits.healthy_mm * 1e-3) ** 2
     value = _shrink(before.rmse, after.rmse, floor2, healthy2, limits.above_floor)
     ci = None
@@ -136,7 +144,7 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
         half = [float(np.hypot(max(side, limits.resolution), floor)) for side in (value - low, high - value)]
         hidden = max((limits.healthy_most_mm * 1e-3) ** 2 - healthy2, 0.0) / whole
         ci = (value - half[0] - hidden, max(value + half[1] + unsure2 / whole, 1.0))
-    return Shrink(before, after, 1e3 * float(np.sqrt(floor2)), value, ci)
+    return Shrink(before, after, held_out.floor_mm, value, ci)
 
 
 def _drawn(held_out: HeldOut, rng: np.random.Generator, rounds: int) -> Float:

@@ -12,6 +12,7 @@ from scipy.ndimage import binary_dilation
 from tof_core.stats import blocks
 from tof_gap.seen.lost import brightest, expected, lost
 from tof_gap.seen.residual import gross_bound, single
+from tof_gap.tell.figures import away_from_edges
 from tof_gap.tell.where import by_quantity
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
@@ -88,7 +89,7 @@ class BlockMeans:
 
 
 def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits) -> Unexplained:
-    """Judge what the named effects leave away from edges, against the floor; at edges half a pixel of pose decides.
+    """Judge what the named effects leave away from edges, against the floor.
 
     It is structured where block means exceed what white noise gives them, of all pixels or of a part's. Where a named noise is shared by neighbours (steps, rows,
     stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias and than the named effects, away from edges, unless
@@ -98,7 +99,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, floor2 = solved.evidence, figures.floors
-    residual, left = away_from_edges(views, figures.residual), away_from_edges(views, figures.left())
+    residual, left = (away_from_edges(figures.edge, errors) for errors in (figures.residual, figures.left()))
     means = block_means(views, left, floor2, limits.block_px, limit.block_pixels)
     if len(means.pixels) == 0:
         return Unexplained(0.0, structured=False, depends_on=(), where=())
@@ -137,11 +138,6 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         where=tuple(scene.parts[i].name for i in order[: limit.parts]),
         share=_share(size**2, (1e3 * solved.unnamed_m) ** 2, before2),
     )
-
-
-def away_from_edges(views: Sequence[ViewEvidence], errors: Sequence[Float]) -> list[Float]:
-    """(H, W) metres per view, NaN at edges."""
-    return [np.where(v.edge, np.nan, e) for v, e in zip(views, errors, strict=True)]
 
 
 def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limit: UnexplainedLimits, least_m: float) -> Mask:

@@ -64,11 +64,11 @@ def todo(content: dict[str, Any]) -> list[str]:
             "These pixels are left out already."
         )
     if "unknown" in content["verdict"]:
-        lines.append(look(content["unexplained"]["where"]))
+        lines.append(where_to_look(content["unexplained"]["where"]))
     return lines + [f"Capture: {line}." for line in content["advice"]]
 
 
-def look(where: Sequence[str]) -> str:
+def where_to_look(where: Sequence[str]) -> str:
     """What to do about what is left, on these parts."""
     if where:
         return f"Look at {listed(where[:3])}: what is left there is no effect known here. Is it as drawn, in its place, glossy, wet or transparent?"

@@ -187,7 +187,7 @@ def meaning_of(verdict: Sequence[str]) -> str:
 
 def summary(d: Diagnosis) -> str:
     """A few lines for a terminal."""
-    from tof_gap.tell.words import interval, look, percent, unexplained_words
+    from tof_gap.tell.words import interval, percent, unexplained_words, where_to_look
     from tof_scene.world.words import lines as world_lines
     from tof_scene.world.words import of_views
 
@@ -212,7 +212,7 @@ def summary(d: Diagnosis) -> str:
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in d.findings]
     if d.unexplained.structured:
         left = unexplained_words(d.unexplained, suspected=d.doubted and bool(d.causes))
-        lines.append(f"unexplained: {left} To do: {look(d.unexplained.where)}")
+        lines.append(f"unexplained: {left} To do: {where_to_look(d.unexplained.where)}")
     lines += world_lines(d.world)
     if d.stray:
         lines.append(f"left out: {of_views(d.stray)}, whose depth fits the CAD only where the arm cannot have been")

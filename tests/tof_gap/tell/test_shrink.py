@@ -8,7 +8,7 @@ import pytest
 
 from tof_gap.limits.report import ReportLimits, ShrinkLimits
 from tof_gap.tell import shrink
-from tof_gap.tell.shrink import Errors, HeldOut, Shrink, above_noise_mm, blocks, measure
+from tof_gap.tell.shrink import Errors, HeldOut, Shrink, blocks, measure
 
 RNG = np.random.default_rng(8)
 LIMITS = ShrinkLimits()
@@ -109,10 +109,10 @@ def test_the_interval_is_the_same_however_many_sets_of_blocks_are_drawn_at_once(
 
 
 def test_the_gap_above_the_noise_is_the_root_of_the_difference_of_squares() -> None:
-    before, after = above_noise_mm(sums(*maps(0.004, 0.002, 0.5)))
+    before, after = sums(*maps(0.004, 0.002, 0.5)).above_mm
     assert before == pytest.approx(4.0, abs=0.1)
     assert after == pytest.approx(2.0, abs=0.1)
-    assert above_noise_mm(sums(*maps(0.004, 0.002, 0.0)))[1] < 0.3
+    assert sums(*maps(0.004, 0.002, 0.0)).above_mm[1] < 0.3
 
 
 @pytest.mark.parametrize(("off_edges_mm", "share"), [((4.0, 2.0), 0.75), ((0.0, 0.0), None), (None, None)])

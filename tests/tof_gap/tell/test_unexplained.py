@@ -56,6 +56,7 @@ def account(seen: tuple[ViewEvidence, ...], left: list[np.ndarray], before_mm: f
         left=lambda: left,
         floors=[np.full(SHAPE, NOISE_M**2)] * VIEWS,
         residual=left,
+        edge=[v.edge for v in seen],
         alike_m=0.0,
         unsure2=np.zeros(SHAPE),
     )

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tof_gap.tell.unexplained import Unexplained
-from tof_gap.tell.words import interval, look, sentence, size_in_words, spaced, todo, unexplained_words
+from tof_gap.tell.words import interval, sentence, size_in_words, spaced, todo, unexplained_words, where_to_look
 
 
 def cause(effect: str, **params: Any) -> dict[str, Any]:
@@ -124,8 +124,8 @@ def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
 
 
 def test_what_is_left_is_looked_for_on_its_parts() -> None:
-    assert look(("door", "sill")).startswith("Look at door and sill: ")
-    assert look(()).startswith("Look at the maps of the report: ")
+    assert where_to_look(("door", "sill")).startswith("Look at door and sill: ")
+    assert where_to_look(()).startswith("Look at the maps of the report: ")
 
 
 def test_the_gap_away_from_edges_stands_beside_one_that_few_pixels_at_edges_make() -> None:
