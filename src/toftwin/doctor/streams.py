@@ -57,7 +57,7 @@ def _found(recording: Recording, what: str, name: str, stream: Stream) -> Findin
         return note(
             "topic",
             line,
-            "few captures a second: a view at rest averages those of half a second to two; let the driver publish this camera alone (spot_ros2: cameras_used: [hand])",
+            "few captures a second: a view at rest averages those of half a second to two; where the camera runs freely, let the driver publish it alone (spot_ros2: cameras_used: [hand])",
         )
     return ok("topic", line)
 
@@ -107,13 +107,13 @@ def pauses(name: str, stream: Stream, transforms: TransformBuffer, camera: str) 
     lost = [k for k in long if k not in driven]
     if driven:
         yield ok(
-            "stamps", f"{name} pauses {len(driven)} times while the camera moves, up to {gaps[driven].max():.1f} s: views of one session"
+            "stamps", f"{name} pauses {len(driven)} times, up to {gaps[driven].max():.1f} s; the camera is elsewhere after each: views of one session"
         )
     if lost:
         yield note(
             "stamps",
-            f"{name} pauses {len(lost)} times, up to {gaps[lost].max():.1f} s{', while the camera stands' if driven else ''}",
-            "frames were lost before recording: see the logs of recorder and driver",
+            f"{name} pauses {len(lost)} times, up to {gaps[lost].max():.1f} s{'; the camera is where it was after each' if driven else ''}",
+            "nothing to do where the camera is triggered by software; otherwise frames were lost before recording: see the logs of recorder and driver",
         )
 
 
