@@ -44,7 +44,12 @@ class Context:
     @property
     def moving(self) -> bool:
         """Whether the view was taken at more than `MOVING_M_S` or `MOVING_RAD_S`: TF of an arm at rest trembles, too."""
-        return bool(np.linalg.norm(self.twist[:3]) > MOVING_M_S or np.linalg.norm(self.twist[3:]) > MOVING_RAD_S)
+        return in_motion(self.twist)
+
+
+def in_motion(twist: Float) -> bool:
+    """Whether a camera of this velocity (6,), m/s and rad/s, takes a view in motion."""
+    return bool(np.linalg.norm(twist[:3]) > MOVING_M_S or np.linalg.norm(twist[3:]) > MOVING_RAD_S)
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)

@@ -57,7 +57,7 @@ def diagnose_bag(
 ) -> tuple[Diagnosis, Raycaster]:
     """Read every view unfiltered, remove the bias of the effects in `known`, and diagnose the rest."""
     progress("reading views")
-    views = raw_views(reader, config)
+    views = raw_views(reader, config, config.gap.moving_views)
     caster = Raycaster(scene)
     if isinstance(reader, BoardSource):
         return diagnose_before_board(reader.session, views, caster, config, known=known, left_out=left_out, progress=progress), caster

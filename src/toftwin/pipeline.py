@@ -12,6 +12,7 @@ from tof_core.motion import StationTracker
 from tof_core.progress import progress
 from tof_preproc.stream_config import StreamConfig
 from tof_sim_label.config import LabelConfig
+from toftwin.thinned import thinned
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -70,7 +71,8 @@ def _noted(captures: Iterable[Capture], taken: list[Capture]) -> Iterator[Captur
         yield capture
 
 
-def raw_views(reader: BagReader | BoardSource, config: StreamConfig) -> list[View]:
-    """All views of a bag averaged but unfiltered, as a diagnosis of the sensor needs them."""
+def raw_views(reader: BagReader | BoardSource, config: StreamConfig, moving: int | None = None) -> list[View]:
+    """Views of a bag averaged but unfiltered, as a diagnosis of the sensor needs them: all at rest, and at most so many `moving` ones (None: all)."""
     unfiltered = replace(config, preproc=replace(config.preproc, order="accumulate"))
-    return [replace(view, colour=None, noise=None) for view in ViewStream(reader, unfiltered)]
+    views = (replace(view, colour=None, noise=None) for view in ViewStream(reader, unfiltered))
+    return list(views) if moving is None else thinned(views, moving)
