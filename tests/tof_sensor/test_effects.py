@@ -79,6 +79,13 @@ def test_late_charge_goes_with_inverse_amplitude() -> None:
     np.testing.assert_allclose(walk.bias(frame) * frame.length, 0.004 * 2.0 / frame.amplitude, rtol=1e-12)
 
 
+def test_pile_up_goes_with_amplitude() -> None:
+    frame = plane_frame()
+    early = AmplitudeBias(direct_m=-0.004, reference=2.0, form="direct")
+    np.testing.assert_allclose(early.bias(frame) * frame.length, -0.004 * frame.amplitude / 2.0, rtol=1e-12)
+    np.testing.assert_array_equal(AmplitudeBias(direct_m=-0.004, reference=2.0).bias(frame), 0.0)
+
+
 def test_ambient_light_fills_a_far_pixel_more_than_the_lamp_does() -> None:
     """At 2 m ambient light of 0.25 / m^2 doubles the light of the lamp: late charge is half the share that it is in the dark."""
     frame = plane_frame()

@@ -281,7 +281,11 @@ def test_publishers_that_we_cannot_hear_are_named_with_the_policy() -> None:
 
 def test_a_pause_while_the_camera_moves_is_a_drive_between_views(tmp_path: Path) -> None:
     said = findings(tmp_path, Robot(pause=30, drives=True))
-    assert any("pauses 1 times, up to 2.1 s; the camera is elsewhere after each: views of one session" in f.what for f in said if f.level is Level.OK)
+    assert any(
+        "pauses 1 times, up to 2.1 s; the camera is elsewhere after each: views of one session" in f.what
+        for f in said
+        if f.level is Level.OK
+    )
     assert not any("frames were lost" in f.todo for f in said)
 
 

@@ -94,9 +94,21 @@ class SelectLimits:
     gain: float = param(
         30.0, "held-out chi-square that an effect must win; one tried in n forms pays 2 ln n besides", low=1.0, why="inexact maps win some"
     )
-    hand_gain: float = param(14.0, "the same for hand-eye", low=1.0, why="its evidence are the arm errors, whose prior is known")
+    hand_gain: float = param(
+        14.0,
+        "the same for hand-eye, and for a lens that the stated calibration leaves free",
+        low=1.0,
+        why="the evidence are errors of the arm and of the lens, whose priors are known",
+    )
     share: float = param(
         0.015, "of the visible gap's energy, what an effect must explain", low=0.0, high=1.0, why="less changes a gap of 3 mm by 0.02 mm"
+    )
+    own_mm: float = param(
+        0.1,
+        "error that an effect's own terms explain beyond the effect of which it is a form, RMS over all pixels",
+        unit="mm",
+        low=0.0,
+        why="a tenth of what a healthy camera errs by; an offset leaves 0.05 mm to the logarithm of amplitude",
     )
     absorbed: float = param(
         0.1,

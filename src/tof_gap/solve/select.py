@@ -135,7 +135,8 @@ def _plain(judge: Selector, current: Hypothesis) -> Hypothesis:
         trial = judge.score([*current.members[:place], rest, *current.members[place + 1 :]], current.inflate)
         own = float(visible_m(judge, current, trial.score - current.score))
         total = float((worth(judge, current)[1] ** 2).sum())
-        if not judge.repeats(rest, current.members) and own**2 < judge.share(member) * total and judge.plausible(trial):
+        least2 = max(judge.share(member) * total, (judge.config.own_mm * 1e-3) ** 2)
+        if not judge.repeats(rest, current.members) and own**2 < least2 and judge.plausible(trial):
             current = rescored(judge, trial.members)
     return current
 

@@ -100,7 +100,8 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, floor2 = solved.evidence, figures.floors
     residual, left = (away_from_edges(figures.edge, errors) for errors in (figures.residual, figures.left()))
-    means = block_means(views, left, floor2, limits.block_px, limit.block_pixels)
+    noise2 = _noise2(found)
+    means = block_means(views, left, noise2, limits.block_px, limit.block_pixels)
     if len(means.pixels) == 0:
         return Unexplained(0.0, structured=False, depends_on=(), where=())
     size = 1e3 * float(np.sqrt(means.size2))
@@ -117,14 +118,14 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     # Parts share the noise of rows and stripes unevenly: beside it no part is judged by itself.
     off = np.zeros(len(scene.parts), bool)
     if not figures.alike_m:
-        before = block_means(views, residual, floor2, limits.block_px, limit.block_pixels)
+        before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
         off = off_parts(means, before, len(scene.parts), len(views), limit, least_mm * 1e-3)
     structured = (
         (size > np.hypot(least_mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)
         or bool(off.any())
         or gross > limit.gross_share
         or bool(depends_on or (a_gap and solved.small_together) or gone.any())
-        or (a_gap and misfit(residual, left, _noise2(found), limits.shrink.noise_known) > limit.misfit)
+        or (a_gap and misfit(residual, left, noise2, limits.shrink.noise_known) > limit.misfit)
     )
     if not structured:
         return Unexplained(size, structured=False, depends_on=(), where=())

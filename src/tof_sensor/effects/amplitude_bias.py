@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class AmplitudeBias(Effect):
-    """dr = c + a ln(Q / A0) + b ln(Q / A0)^2 + d A0 / Q with Q = A (1 + k r^2) (Lindner 2010; docs/effects.md).
+    """dr = c + a ln(Q / A0) + b ln(Q / A0)^2 + d A0 / Q + e Q / A0 with Q = A (1 + k r^2) (Lindner 2010; docs/effects.md).
 
-    The logarithms follow published walk errors, the inverse charge that arrives late whatever the light. `form` says which of them a
-    fit may use: `log` the first three, `inverse` c, a and d. c is the bias at the amplitude A0: where none is stated to be free of bias,
+    The logarithms follow published walk errors, the inverse charge that arrives late whatever the light, the last term photons that
+    hide later ones (pile-up). `form` says which of them a fit may use: `log` the first three, `inverse` c, a and d, `direct` c, a, b and e. c is the bias at the amplitude A0: where none is stated to be free of bias,
     every A0 describes the same bias. Q is the light that fills the pixel: the lamp's, of amplitude A, and the ambient light's, which does
     not fall with the range r.
     """
@@ -39,8 +39,8 @@ class AmplitudeBias(Effect):
     SEPARATED_BY: ClassVar[str] = "surfaces of different albedo at one distance"
     ACTIONS: ClassVar = (BRIGHTER, NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
-    LINEAR: ClassVar[tuple[str, ...]] = ("at_reference_m", "per_ln_m", "per_ln2_m", "inverse_m")
-    OWN: ClassVar[tuple[str, ...]] = ("per_ln_m", "per_ln2_m", "inverse_m")
+    LINEAR: ClassVar[tuple[str, ...]] = ("at_reference_m", "per_ln_m", "per_ln2_m", "inverse_m", "direct_m")
+    OWN: ClassVar[tuple[str, ...]] = ("per_ln_m", "per_ln2_m", "inverse_m", "direct_m")
     REST: ClassVar[str] = "range_offset"
     FINER: ClassVar[tuple[Finer, ...]] = (Finer("ambient", 3.0), Finer("ambient", 0.5))
 
@@ -48,18 +48,21 @@ class AmplitudeBias(Effect):
     per_ln_m: float = param(0.0, "bias per e-fold of amplitude", unit="m", low=-0.05, high=0.05)
     per_ln2_m: float = param(0.0, "curvature of the law", unit="m", low=-0.05, high=0.05)
     inverse_m: float = param(0.0, "bias by late charge at the reference", unit="m", low=-0.1, high=0.1)
-    form: str = param("log", "terms of a fit", choices=("log", "inverse"))
+    direct_m: float = param(0.0, "bias in proportion to the light, at the reference", unit="m", low=-0.1, high=0.1)
+    form: str = param("log", "terms of a fit", choices=("log", "inverse", "direct"))
     reference: float = param(1.0, "amplitude to which the bias refers, in the camera's unit", low=1e-12)
     ambient: float = param(0.0, "ambient light over the lamp's at 1 m", unit="1/m^2", low=0.0, high=10.0)
 
     def columns(self, frame: Frame) -> Float:
-        """One, log of the light, its square, and inverse light, along z; 0 where no light came back and for terms that `form` lacks."""
+        """One, log of the light, its square, inverse light, and light, along z; 0 where no light came back and for terms that `form` lacks."""
         light = frame.amplitude * (1 + self.ambient * np.nan_to_num(frame.radial) ** 2)
         log = np.log(np.maximum(light, 1e-12) / self.reference)
         seen = frame.valid & (frame.amplitude > 0)
         zero = np.zeros_like(log)
-        inverse = np.minimum(np.exp(-log), DARKEST)
-        terms = (np.ones_like(log), log, zero, inverse) if self.form == "inverse" else (np.ones_like(log), log, log * log, zero)
+        square = zero if self.form == "inverse" else log * log
+        inverse = np.minimum(np.exp(-log), DARKEST) if self.form == "inverse" else zero
+        direct = np.exp(log) if self.form == "direct" else zero
+        terms = (np.ones_like(log), log, square, inverse, direct)
         return stack([np.where(seen, term, 0) / frame.length for term in terms], frame)
 
     @classmethod
@@ -69,9 +72,9 @@ class AmplitudeBias(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Either form, about the session's median amplitude, in the dark and in ambient light."""
-        for form in ("log", "inverse"):
-            for ambient in (0.0, AMBIENT):
+        """Each form, about the session's median amplitude, in the dark and in ambient light; photons that hide others are the lamp's alone."""
+        for form in ("log", "inverse", "direct"):
+            for ambient in (0.0, AMBIENT) if form != "direct" else (0.0,):
                 yield Form(cls(reference=session.median_amplitude, form=form, ambient=ambient), f"{form}, ambient light {ambient:g}")
 
 

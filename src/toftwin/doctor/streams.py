@@ -107,7 +107,8 @@ def pauses(name: str, stream: Stream, transforms: TransformBuffer, camera: str) 
     lost = [k for k in long if k not in driven]
     if driven:
         yield ok(
-            "stamps", f"{name} pauses {len(driven)} times, up to {gaps[driven].max():.1f} s; the camera is elsewhere after each: views of one session"
+            "stamps",
+            f"{name} pauses {len(driven)} times, up to {gaps[driven].max():.1f} s; the camera is elsewhere after each: views of one session",
         )
     if lost:
         yield note(

@@ -13,6 +13,7 @@ from tof_align.chain import Chain
 from tof_align.columns import ColumnSystem
 from tof_align.config import Priors
 from tof_align.mixed import Normal
+from tof_core.config import updated
 from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve.candidate import HAND_EYE, Candidate
 from tof_gap.solve.columns import Design
@@ -255,3 +256,19 @@ def test_a_lens_that_the_stated_calibration_half_absorbs_need_not_explain_a_shar
     stated = replace(exact, always=every.groups[2])
     assert [exact.candidates[m].name for m in select(exact, SelectLimits()).chosen.members] == ["wiggling"]
     assert [stated.candidates[m].name for m in select(stated, SelectLimits()).chosen.members] == ["wiggling", "intrinsics"]
+
+
+def test_a_wrong_lens_beside_a_free_one_wins_against_a_known_prior() -> None:
+    every = design([Candidate("intrinsics", Intrinsics(), ""), Candidate("lens", None, "")], [0.0, 0.0])
+    exact = replace(every, candidates=every.candidates[:1], groups=every.groups[:1])
+    stated = replace(exact, always=every.groups[1])
+    limits = SelectLimits()
+    assert [Selector(d, limits).gain(0) for d in (exact, stated)] == [limits.gain, limits.hand_gain]
+
+
+@pytest.mark.parametrize(("own_mm", "expected"), [(0.1, ["amplitude_bias"]), (1e6, ["range_offset"])])
+def test_a_bias_with_amplitude_whose_own_terms_explain_little_is_an_offset(own_mm: float, expected: list[str]) -> None:
+    """Its column is nearly that of the offset; `own_mm` is below and above what the rest explains."""
+    d = design(plain(RangeOffset(), AmplitudeBias()), [0.0, 3.0], copies=(0, 1))
+    limits = updated(SelectLimits(), {"own_mm": own_mm})
+    assert names(d, select(d, limits).chosen.members) == expected
