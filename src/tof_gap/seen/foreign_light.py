@@ -26,12 +26,13 @@ ALONG, ACROSS = 2, (0, 1)
 def foreign_light(
     views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, limits: ForeignLightLimits, named_m: float = 0.0
 ) -> Finding | None:
-    """`interference` where captures are off along the view, each by its own amount, and not across it.
+    """`interference` where captures are off along the view, each by its own amount, and not across it, and have a field besides.
 
     Another camera's modulated light adds a phasor with a phase of its own in every capture (docs/effects.md). Most of what the
     phasor adds to depth looks like a step of the camera along its view, and the arm's error takes it. No other effect is random
-    from capture to capture: an arm that errs does so across the view too. Weak foreign light stays within the arm's prior; what the
-    arm does not take is then a smooth field in nearly every view.
+    from capture to capture: an arm that errs does so across the view too. What the arm does not take is a smooth field in nearly
+    every view; a mount that gives way leaves none. Weak foreign light stays within the arm's prior: then the field must exceed what
+    inexact maps of named effects leave.
 
     Args:
         views: at the solution's poses, less all smooth bias.
@@ -40,16 +41,11 @@ def foreign_light(
         limits: from which chance on the effect is believed.
         named_m: metres, sizes of the named effects together (root of the sum of squares).
     """
-    square = (arms / arms_sd) ** 2
-    along, across = float(square[:, ALONG].sum()), float(square[:, ACROSS].sum())
-    count = len(views)
-    by_prior = chdtrc(count, along)
-    by_arm = fdtrc(2 * count, count, along / count / max(across / (2 * count), 1e-12)) if across > 0 else 0.0
-    certain = by_prior < limits.chance and by_arm < limits.chance_across
-    if not certain and by_arm > limits.chance_across_fields:
+    beyond = along_the_view(arms, arms_sd, limits)
+    if not beyond and _by_arm(arms, arms_sd) > limits.chance_across_fields:
         return None
     fields = [field(v, limits) for v in views]
-    if not certain and _with_field(views, fields, named_m, limits) < limits.field_views:
+    if _with_field(views, fields, 0.0 if beyond else named_m, limits) < limits.field_views:
         return None
     size = float(np.sqrt(np.mean(arms[:, ALONG] ** 2)))
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
@@ -57,6 +53,19 @@ def foreign_light(
     return Finding(
         interference(views, size, duty=1.0), CONFIDENT, share=share, common=np.stack(fields), note=note, posed_m=size, structure=True
     )
+
+
+def along_the_view(arms: Float, arms_sd: Float, limits: ForeignLightLimits) -> bool:
+    """Whether arm errors (V, 6) along the view exceed what the robot's prior allows, and what the errors across the view suggest."""
+    along = float(((arms / arms_sd)[:, ALONG] ** 2).sum())
+    return bool(chdtrc(len(arms), along) < limits.chance and _by_arm(arms, arms_sd) < limits.chance_across)
+
+
+def _by_arm(arms: Float, arms_sd: Float) -> float:
+    """Chance of the errors along the view given those across it."""
+    square, count = (arms / arms_sd) ** 2, len(arms)
+    along, across = float(square[:, ALONG].sum()), float(square[:, ACROSS].sum())
+    return float(fdtrc(2 * count, count, along / count / max(across / (2 * count), 1e-12))) if across > 0 else 0.0
 
 
 def drifts_by_chance(drift: Sequence[Float], posed_m: float, limits: ForeignLightLimits) -> bool:

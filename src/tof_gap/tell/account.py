@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.foreign_lamp import foreign_lamp
-from tof_gap.seen.foreign_light import drifts_by_chance, foreign_light
+from tof_gap.seen.foreign_light import along_the_view, drifts_by_chance, foreign_light
 from tof_gap.tell.figures import figures
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
@@ -49,7 +49,8 @@ class Account:
     """Everything that is read off one solution.
 
     causes: effects of the solution with what each does on held-out views; findings: effects that noise, loss or edges show;
-    figures: the arrays behind every figure; gap: before and after all effects that are asserted.
+    figures: the arrays behind every figure; gap: before and after all effects that are asserted; pushed: whether arm errors along
+    the view exceed what the robot's prior allows, with nothing that explains it.
     """
 
     solved: Solved
@@ -57,6 +58,7 @@ class Account:
     findings: tuple[Finding, ...]
     figures: Figures
     gap: Shrink
+    pushed: bool = False
 
     def names(self, *, causes: bool) -> set[str]:
         """Name of every finding, and verdict of every cause, where `causes` and what was read off structure may be asserted."""
@@ -106,7 +108,10 @@ def account(
         Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink, solved.sizes[n.name])
         for n in solved.named
     )
-    return Account(solved, causes, findings, counted, gap)
+    pushed = not (alone or _arms_silent(solved, left_out)) and not any(isinstance(f.effect, Interference) for f in findings)
+    return Account(
+        solved, causes, findings, counted, gap, pushed and along_the_view(solved.arms, solved.arms_sd, config.noise.foreign_light)
+    )
 
 
 def unfounded(found: Account, limits: ForeignLightLimits) -> str | None:
@@ -141,8 +146,7 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     light = detected.detected_effects(left, config.noise, law, left_out)
     beside = detected.explained(left, light)
     blurred = solved.names(Motion.NAME)
-    # Arm errors say nothing while motion shifts edges, and where there is no arm: then hand-eye is not considered either.
-    silent = blurred or {Interference.NAME, HandEye.NAME} & left_out
+    silent = _arms_silent(solved, left_out) or Interference.NAME in left_out
     foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light, _named_m(solved))
     if foreign is not None and foreign.posed_m < _rough_m(solved):
         foreign = None
@@ -154,6 +158,11 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     unmerged = any(map(_fails_to_merge, gone))
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
     return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone])))
+
+
+def _arms_silent(solved: Solved, left_out: AbstractSet[str]) -> bool:
+    """Whether arm errors say nothing: while motion shifts edges, and where there is no arm, as then hand-eye is not considered either."""
+    return solved.names(Motion.NAME) or HandEye.NAME in left_out
 
 
 def _named_m(solved: Solved) -> float:

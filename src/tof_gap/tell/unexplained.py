@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 LOST = "lost pixels"
 HAND = "hand"
-"""What arm errors that all views share depend on: the place of the camera on the hand."""
+"""What arm errors that all views share, or that lie along the view, depend on: the place of the camera on the hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,8 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias and than the named effects, away from edges, unless
     `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` or a noise was named; an error
     that only a free function of an observable describes; small effects that explain much only together; a joint fit that leaves a share
-    of what it was to explain; arm errors that are alike in every view.
+    of what it was to explain; arm errors that are alike in every view, or lie along the view
+    beyond what the robot allows.
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, floor2 = solved.evidence, figures.floors
@@ -111,7 +112,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     # What appears and vanishes beside edges while the hand moves is in no model of motion.
     reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
     gross = 0.0 if gross_named else min(gross_share(v, _explained(figures), reach) for v in (views, solved.linearised))
-    depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms else solved.depends_on
+    depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms or found.pushed else solved.depends_on
     gone = _lost_pixels(found, len(scene.parts), missing)
     least_mm = limit.mm if solved.maps else limit.alone_mm
     a_gap = before_mm > limit.mm

@@ -10,7 +10,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_gap.limits.seen import ForeignLightLimits
-from tof_gap.seen.foreign_light import drifts_by_chance, field, foreign_light
+from tof_gap.seen.foreign_light import along_the_view, drifts_by_chance, field, foreign_light
 from tof_sensor.effects.interference import Interference
 
 if TYPE_CHECKING:
@@ -26,10 +26,12 @@ def arms(across_m: float, along_m: float) -> Float:
     return np.asarray(np.random.default_rng(3).normal(0, 1, (VIEWS, 6)) * size)
 
 
-def test_captures_that_are_off_along_the_view_alone_show_interference() -> None:
+def test_captures_that_are_off_along_the_view_and_have_fields_show_interference() -> None:
     errors = arms(0.001, 0.004)
-    found = foreign_light(views(np.random.default_rng(1)), errors, SD, LIMITS)
+    assert foreign_light(views(np.random.default_rng(1)), errors, SD, LIMITS) is None, "a mount that gives way leaves no field"
+    found = foreign_light(views(np.random.default_rng(1), own_fields(0.002)), errors, SD, LIMITS, named_m=0.02)
     assert found is not None
+    assert along_the_view(errors, SD, LIMITS)
     assert isinstance(found.effect, Interference)
     assert found.effect.burst_m == pytest.approx(np.sqrt(np.mean(errors[:, 2] ** 2)))
     assert found.posed_m == found.effect.burst_m
@@ -39,6 +41,7 @@ def test_captures_that_are_off_along_the_view_alone_show_interference() -> None:
 @pytest.mark.parametrize(("across_m", "along_m"), [(0.001, 0.001), (0.004, 0.004), (0.0003, 0.001)])
 def test_an_arm_as_good_as_stated_or_bad_in_all_directions_shows_none(across_m: float, along_m: float) -> None:
     assert foreign_light(views(np.random.default_rng(1)), arms(across_m, along_m), SD, LIMITS) is None
+    assert not along_the_view(arms(across_m, along_m), SD, LIMITS)
 
 
 def own_fields(size_m: float) -> Float:

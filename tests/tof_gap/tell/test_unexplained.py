@@ -64,7 +64,7 @@ def account(seen: tuple[ViewEvidence, ...], left: list[np.ndarray], before_mm: f
         evidence=seen, linearised=seen, bare=seen, unnamed_m=0.0, depends_on=(), small_together=(), arms_alike=0.0, maps={}
     )
     error = Errors(before_mm, before_mm, 0.0)
-    found: dict[str, Any] = {"findings": (), "gap": Shrink(error, error, 1e3 * NOISE_M, None, None)}
+    found: dict[str, Any] = {"findings": (), "pushed": False, "gap": Shrink(error, error, 1e3 * NOISE_M, None, None)}
     for name, value in changes.items():
         for owner in (figures, solved):
             if hasattr(owner, name):
@@ -129,12 +129,13 @@ def test_the_size_is_that_of_the_block_means_above_the_floor() -> None:
         ({"small_together": ("wiggling",)}, True),
         ({"arms_alike": 22.4}, False),
         ({"arms_alike": 22.6}, True),
+        ({"pushed": True}, True),
     ],
 )
 def test_what_the_solution_states_makes_it_unknown(changes: dict[str, Any], *, structured: bool) -> None:
     found = look(account(session(), left_over(0.0), **changes), parts(1), ReportLimits(), MissingLimits())
     assert found.structured is structured
-    if "arms_alike" in changes:
+    if {"arms_alike", "pushed"} & changes.keys():
         assert found.depends_on == (("hand",) if structured else ())
 
 
