@@ -31,12 +31,6 @@ class GapConfig:
         why="keeps the equations solvable; larger errors show when it is under test",
     )
     hand_deg: float = param(0.005, "the same, rotation", unit="deg", low=1e-5, why="the same")
-    moving_views: int = param(
-        40,
-        "views in motion that are used, spread over the bag",
-        low=1,
-        why="a recorder that runs while the robot drives makes a view of every frame; each costs as much as one at rest, and forty show motion",
-    )
     calibration: Calibration = section(Calibration, "largest errors of the stated calibration (calibration.yaml beside scene.yaml)")
     evidence: EvidenceLimits = section(EvidenceLimits, "which pixels count")
     world: WorldEvidence = section(WorldEvidence, "when the world is not as the CAD has it")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.config import section
+from tof_core.config import param, section
 from tof_gap.config import GapConfig
 from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.session import diagnose_session
@@ -41,6 +41,12 @@ TURN_DEG = 0.9
 class GapPipelineConfig(PipelineConfig):
     """Settings of the pipeline and of the diagnosis."""
 
+    moving_views: int = param(
+        40,
+        "views in motion that are used, spread over the bag",
+        low=1,
+        why="a recorder that runs while the robot drives makes a view of every frame; each costs as much as one at rest, and forty show motion",
+    )
     gap: GapConfig = section(GapConfig, "when an effect is believed")
     against: AgainstLimits = section(AgainstLimits, "when a simulator differs from the camera")
     retrain: RetrainConfig = section(RetrainConfig, "training with the fitted sensor")
@@ -57,7 +63,7 @@ def diagnose_bag(
 ) -> tuple[Diagnosis, Raycaster]:
     """Read every view unfiltered, remove the bias of the effects in `known`, and diagnose the rest."""
     progress("reading views")
-    views = raw_views(reader, config, config.gap.moving_views)
+    views = raw_views(reader, config, config.moving_views)
     caster = Raycaster(scene)
     if isinstance(reader, BoardSource):
         return diagnose_before_board(reader.session, views, caster, config, known=known, left_out=left_out, progress=progress), caster

@@ -108,7 +108,9 @@ def test_forms_follow_what_the_session_has() -> None:
     assert [(e.tau_s, e.housing_s) for e in standing] == [(0.0, 0.0), (60.0, 0.0)]
     usual = float(np.median(plane_frame().amplitude))
     walks = [form.effect for form in AmplitudeBias.hypotheses(session())]
-    assert walks == [AmplitudeBias(reference=usual, form=form, ambient=k) for form in ("log", "inverse") for k in (0.0, 0.3)]
+    assert walks == [AmplitudeBias(reference=usual, form=form, ambient=k) for form in ("log", "inverse") for k in (0.0, 0.3)] + [
+        AmplitudeBias(reference=usual, form="direct")
+    ]
     assert [form.note for form in CadDeviation.hypotheses(session())] == ["plane"]  # nothing is seen of the other part
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tof_gap.limits.report import ShrinkLimits
 from tof_gap.tell import shrink as room
-from tof_gap.tell.shrink import Errors, HeldOut, Shrink, _drawn, _shrink, above_noise_mm, blocks, measure
+from tof_gap.tell.shrink import Errors, HeldOut, Shrink, _drawn, _shrink, blocks, measure
 
 LIMITS = ShrinkLimits()
 HEALTHY2, HIDDEN2 = (1e-3 * LIMITS.healthy_mm) ** 2, (1e-3 * LIMITS.healthy_most_mm) ** 2 - (1e-3 * LIMITS.healthy_mm) ** 2
@@ -34,11 +34,11 @@ def test_errors_are_root_mean_square_mean_absolute_and_mean_in_millimetres() -> 
     assert (weighted.rmse, weighted.mae, weighted.bias) == pytest.approx((1.5, 0.75, 0.75))
     nothing = HeldOut(np.zeros(0), np.zeros((3, 0)), np.zeros((3, 0)), np.zeros(0))
     assert nothing.errors("after") == Errors(0.0, 0.0, 0.0)
-    assert above_noise_mm(nothing) == (0.0, 0.0)
+    assert nothing.above_mm == (0.0, 0.0)
 
 
 def test_what_is_above_the_noise() -> None:
-    assert above_noise_mm(sums((5.0, 5.0), (0.5, 0.5), floor_mm=3.0)) == pytest.approx((4.0, 0.0))
+    assert sums((5.0, 5.0), (0.5, 0.5), floor_mm=3.0).above_mm == pytest.approx((4.0, 0.0))
     made = Shrink(Errors(5.0, 5.0, 5.0), Errors(2.0, 2.0, 2.0), 3.0, 0.5, None)
     assert made.shown_mm == pytest.approx((4.0, 0.0))
     assert made.off_edges is None

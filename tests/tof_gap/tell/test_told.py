@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tof_gap.limits.report import ReportLimits
+from tof_gap.limits.seen import ForeignLightLimits
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.finding import Finding
 from tof_gap.tell import account as room
@@ -67,8 +68,24 @@ GIVEN = Finding(PhaseWrap(), 1.0, share=np.stack([np.full((2, 2), 0.25), np.full
 SOLVED: Any = SimpleNamespace(
     named=[SimpleNamespace(name=n, verdict=n, effects=(SimpleNamespace(ROUGH=rough),)) for n, rough in (("a", 0.04), ("b", 0.09))],
     sizes={"a": 3e-3, "b": 4e-3},
+    names=lambda _: False,
+    arms=np.ones((20, 6)),
+    arms_sd=np.ones((20, 6)),
 )
-CONFIG: Any = SimpleNamespace(report=ReportLimits())
+CONFIG: Any = SimpleNamespace(report=ReportLimits(), noise=SimpleNamespace(foreign_light=ForeignLightLimits()))
+
+
+@pytest.mark.parametrize(
+    ("along", "left_out", "pushed"), [(1.0, (), False), (3.0, (), True), (3.0, ("interference",), True), (3.0, ("hand_eye",), False)]
+)
+def test_arms_that_err_along_the_view_alone_are_pushed(
+    counted: list[Any], along: float, left_out: tuple[str, ...], *, pushed: bool
+) -> None:
+    """Where nothing explains it; without an arm, hand-eye is not considered, and its errors say nothing."""
+    del counted
+    arms = np.ones((20, 6)) * np.array([1, 1, along, 1, 1, 1])
+    solved: Any = SimpleNamespace(**{**vars(SOLVED), "arms": arms})
+    assert account(solved, CONFIG, NOTHING, left_out=frozenset(left_out)).pushed is pushed
 
 
 def test_a_cause_is_what_it_does_alone_and_what_is_left_without_it(counted: list[Any]) -> None:
@@ -124,7 +141,9 @@ def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
 
 
 def findings_of(*, motion: bool = False, left_out: frozenset[str] = frozenset()) -> tuple[Finding, ...]:
-    solved: Any = SimpleNamespace(**vars(SOLVED), bare="bare", arms="arms", arms_sd="sd", names=lambda name: motion and name == Motion.NAME)
+    solved: Any = SimpleNamespace(
+        **{**vars(SOLVED), "bare": "bare", "arms": "arms", "arms_sd": "sd", "names": lambda name: motion and name == Motion.NAME}
+    )
     config: Any = SimpleNamespace(noise=SimpleNamespace(foreign_light="fl", foreign_lamp="lamp"), missing="missing", report=ReportLimits())
     return _findings(solved, config, None, left_out)
 
