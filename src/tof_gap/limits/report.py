@@ -82,6 +82,12 @@ class UnexplainedLimits:
     part_pixels: float = param(
         0.01, "of the session's pixels, those of a part that is judged by itself", low=0.0, high=1.0, why="smaller ones are edges all over"
     )
+    noise_share: float = param(
+        0.2,
+        "of the noise of the part's pixels, the RMS that is left on it",
+        low=0.0,
+        why="a healthy camera errs by 0.11 to 0.16 of it on dark and far parts; a pane before the camera leaves 0.45",
+    )
     part_share: float = param(0.1, "of what is left, share of a part that is reported", low=0.0, high=1.0, why="brevity")
     parts: int = param(4, "parts that are reported", low=1, why="brevity")
     quantity_share: float = param(0.1, "of what is left, share that a quantity's bin means carry", low=0.0, high=1.0, why="brevity")

@@ -43,7 +43,8 @@ def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limi
     note = (
         f"the camera's filter removed {in_percent(float(gone.mean()))} of the pixels, around outliers in weak light; their jump is not seen"
     )
-    return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note)
+    # An effect without a name may make outliers, too.
+    return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, structure=True)
 
 
 def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:

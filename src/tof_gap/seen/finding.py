@@ -29,7 +29,7 @@ class Finding:
     of noise that neighbours share and that the poses took; `own_noise` (H, W): pixels with a noise of their own, which are in no figure;
     `size`, `remedy`: in words, where the evidence says more than the effect's parameters; `parts`: indices of those that carry most of it;
     `rare`: whether pixels are lost that are neither lost at random nor all that there is in the dark, as a filter around outliers takes them;
-    `structure`: whether it was read off structure of residuals or of arm errors, which an effect without a name may leave too.
+    `structure`: whether it was read off structure of residuals, of arm errors, or of holes around outliers, which an effect without a name may leave too.
     """
 
     effect: Effect

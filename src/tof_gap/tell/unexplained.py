@@ -143,14 +143,15 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
 
 
 def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limit: UnexplainedLimits, least_m: float) -> Mask:
-    """(parts,) parts whose own pixels are off by `least_m` and by `share` of what they were, RMS above the floor, also without the view that has most."""
+    """(parts,) parts whose own pixels are off by `least_m`, by `noise_share` of their noise and by `share` of what they were, RMS above the floor, also without the view that has most."""
     (after, known), pixels = left.of_parts(parts, views), left.pixels_of(parts, views)
     most = np.argmax(after, axis=0), np.arange(parts)
     enough = pixels > limit.part_pixels * pixels.sum()
     least = 1.0  # 1/m^2, where a part has no block: then nothing is divided by nothing
     size2 = (after.sum(axis=0) - after[most]) / np.maximum(known.sum(axis=0) - known[most], least)
     was2 = before.of_parts(parts, views)[0].sum(axis=0) / np.maximum(known.sum(axis=0), least)
-    return np.asarray(enough & (size2 > least_m**2) & (size2 > limit.share * was2))
+    noise2 = pixels / np.maximum(known.sum(axis=0), least)
+    return np.asarray(enough & (size2 > least_m**2) & (size2 > limit.noise_share**2 * noise2) & (size2 > limit.share * was2))
 
 
 def _share(left2: float, free2: float, before2: float) -> float:

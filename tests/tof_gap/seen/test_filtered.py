@@ -57,6 +57,7 @@ def test_holes_of_a_filter_in_weak_light_are_failed_unwrapping() -> None:
     assert isinstance(found.effect, PhaseWrap)
     assert 0 < found.effect.share < SINGLE_PIXELS
     assert found.effect.makes_outliers
+    assert found.structure, "an effect without a name may make outliers, too"
     assert not found.corrects  # The filter left no pixel that is off by a period.
     assert "filter" in found.note
 
