@@ -86,7 +86,7 @@ class UnexplainedLimits:
         0.2,
         "of the noise of the part's pixels, the RMS that is left on it",
         low=0.0,
-        why="a healthy camera errs by 0.11 to 0.16 of it on dark and far parts; a pane before the camera leaves 0.45",
+        why="healthy cameras err by 0.10 to 0.16 of it on dark and far parts; a pane, a ghost or gloss leaves 0.4 and more",
     )
     part_share: float = param(0.1, "of what is left, share of a part that is reported", low=0.0, high=1.0, why="brevity")
     parts: int = param(4, "parts that are reported", low=1, why="brevity")
