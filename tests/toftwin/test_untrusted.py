@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 SOURCES = sorted((Path(__file__).parents[2] / "src").rglob("*.py"))
-DDS_PORTS = range(7000, 33000)
-"""Where DDS listens for discovery and data, for domains up to 101; sockets above only send."""
+DDS_PORTS = range(7000, 32768)
+"""Where DDS listens for discovery and data, for domains up to 101; Linux gives the ports above to sockets that only send."""
 
 
 def scene(folder: Path, mesh: str) -> Path:
