@@ -61,5 +61,9 @@ def without_world(views: Sequence[View], world: Surprises, rim_px: int) -> list[
 def _without(view: View, gone: Mask, rim_px: int) -> View:
     if not gone.any():
         return view
-    gone = binary_dilation(gone, np.ones((3, 3), bool), iterations=rim_px)
+    return taken_out(view, binary_dilation(gone, np.ones((3, 3), bool), iterations=rim_px))
+
+
+def taken_out(view: View, gone: Mask) -> View:
+    """The view without these pixels (H, W)."""
     return replace(view, depth=np.where(gone, np.float32(np.nan), view.depth), reason=np.where(gone, np.uint8(Reason.NOT_CAD), view.reason))

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.reasons import Reason
+from tof_gap.seen.world import taken_out
 from tof_gap.solve.brief import solve_moving
 from tof_gap.solve.judge import Selector
 from tof_gap.solve.start import Start, observe
@@ -57,8 +56,4 @@ def stray_views(arms: Float, limits: StrayLimits) -> Mask:
 
 def without_pixels(views: Sequence[View], which: Mask) -> list[View]:
     """The views, those of `which` (V,) without depth."""
-    return [_emptied(v) if out else v for v, out in zip(views, which, strict=True)]
-
-
-def _emptied(view: View) -> View:
-    return replace(view, depth=np.full_like(view.depth, np.nan), reason=np.where(view.valid, np.uint8(Reason.NOT_CAD), view.reason))
+    return [taken_out(v, v.valid) if out else v for v, out in zip(views, which, strict=True)]

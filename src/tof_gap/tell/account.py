@@ -108,10 +108,9 @@ def account(
         Cause(n, counted.shrink([n.name]), counted.shrink([m for m in counted.maps if m != n.name]).shrink, solved.sizes[n.name])
         for n in solved.named
     )
-    pushed = not (alone or _arms_silent(solved, left_out)) and not any(isinstance(f.effect, Interference) for f in findings)
-    return Account(
-        solved, causes, findings, counted, gap, pushed and along_the_view(solved.arms, solved.arms_sd, config.noise.foreign_light)
-    )
+    silent = alone or _arms_silent(solved, left_out) or any(isinstance(f.effect, Interference) for f in findings)
+    pushed = not silent and along_the_view(solved.arms, solved.arms_sd, config.noise.foreign_light)
+    return Account(solved, causes, findings, counted, gap, pushed)
 
 
 def unfounded(found: Account, limits: ForeignLightLimits) -> str | None:

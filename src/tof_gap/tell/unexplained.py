@@ -73,7 +73,7 @@ class BlockMeans:
     @property
     def size2(self) -> float:
         """m^2: mean excess by information."""
-        return max(float(np.average(self.excess2, weights=1.0 / self.white2)), 0.0) if len(self.pixels) else 0.0
+        return max(float(np.average(self.excess2, weights=1.0 / self.white2)), 0.0)
 
     def of_parts(self, parts: int, views: int) -> tuple[Float, Float]:
         """(views, parts) sums of the excess times information, and of information, 1/m^2."""
@@ -95,8 +95,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias and than the named effects, away from edges, unless
     `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` or a noise was named; an error
     that only a free function of an observable describes; small effects that explain much only together; a joint fit that leaves a share
-    of what it was to explain; arm errors that are alike in every view, or lie along the view
-    beyond what the robot allows.
+    of what it was to explain; arm errors that are alike in every view, or lie along the view beyond what the robot allows.
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, floor2 = solved.evidence, figures.floors

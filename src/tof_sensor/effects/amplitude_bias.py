@@ -25,9 +25,9 @@ class AmplitudeBias(Effect):
     """dr = c + a ln(Q / A0) + b ln(Q / A0)^2 + d A0 / Q + e Q / A0 with Q = A (1 + k r^2) (Lindner 2010; docs/effects.md).
 
     The logarithms follow published walk errors, the inverse charge that arrives late whatever the light, the last term photons that
-    hide later ones (pile-up). `form` says which of them a fit may use: `log` the first three, `inverse` c, a and d, `direct` c, a, b and e. c is the bias at the amplitude A0: where none is stated to be free of bias,
-    every A0 describes the same bias. Q is the light that fills the pixel: the lamp's, of amplitude A, and the ambient light's, which does
-    not fall with the range r.
+    hide later ones (pile-up). `form` says which of them a fit may use: `log` the first three, `inverse` c, a and d, `direct` c, a, b
+    and e. c is the bias at the amplitude A0: where none is stated to be free of bias, every A0 describes the same bias. Q is the light
+    that fills the pixel: the lamp's, of amplitude A, and the ambient light's, which does not fall with the range r.
     """
 
     NAME: ClassVar[str] = "amplitude_bias"
