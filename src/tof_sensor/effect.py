@@ -90,8 +90,6 @@ class Effect(ABC):
     LINEAR: ClassVar[tuple[str, ...]] = ()
     OWN: ClassVar[tuple[str, ...]] = ()
     """Of `LINEAR`, those without which it would be another effect: an offset, or stamps that are late."""
-    REST: ClassVar[str] = ""
-    """Name of the effect that it is without its `OWN` terms."""
     LOCAL: ClassVar[bool] = True
     """Whether a pixel's bias depends on that pixel alone, so that `Frame.take` may thin the view."""
     ROUGH: ClassVar[float] = 0.0
@@ -134,6 +132,11 @@ class Effect(ABC):
     def remedy(self) -> str:
         """What a plant does about it, of these parameters."""
         return self.REMEDY
+
+    @property
+    def rest(self) -> str:
+        """Name of the effect that this form is without its own terms, empty where it is none."""
+        return ""
 
     @property
     def rivals(self) -> tuple[str, ...]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an effect that nobody named would look like: an error along the ray that is some function of one observable."""
+"""Errors along the ray that are some function of one observable: forms of the effect that owns the observable, or of none."""
 
 from __future__ import annotations
 
@@ -9,10 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.stats import hats
+from tof_gap.solve.candidate import Candidate
+from tof_sensor.curve import CurveEffect, Knots
 from tof_sensor.geometry import cell_points
+from tof_sensor.registry import PHYSICAL_ORDER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from collections.abc import Set as AbstractSet
 
     from tof_core.arrays import Float, Ints
     from tof_gap.seen.residual import ViewEvidence
@@ -20,6 +24,10 @@ if TYPE_CHECKING:
 KNOTS = {"range_m": 12, "incidence_deg": 12, "amplitude": 12, "time_s": 5}
 USUAL_KNOTS = 7
 """Linear pieces between so many knots, at equal numbers of pixels: no form is assumed. Time has no more values than views."""
+EVEN_KNOTS = {"range_m": 6, "amplitude": 6}
+"""Knots besides, at equal distances: a curve is steepest in the dark and near by, where few pixels are."""
+APART = 0.02
+"""Of the span of all knots, the least distance of two: closer ones are not told apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +35,7 @@ class FreeFunction:
     """An error along the ray that is any function of the observable `quantity`, piecewise linear between `knots`, 0 in the mean.
 
     `means` are those of the function's hats over the session's pixels: what is common to all pixels is an offset, and no dependence. It stands among the hypotheses so that named effects do not stand in for one that is missing from the vocabulary.
+    `STRAY_LIGHT` is a function of range over the pixel's own light: light of one phase that lies over the whole image.
     """
 
     quantity: str
@@ -35,34 +44,73 @@ class FreeFunction:
 
     def columns(self, view: ViewEvidence) -> Float:
         """(n, knots) on a view's drawn pixels: metres of z for a metre along the ray at each knot."""
-        value = observed(view, self.quantity, view.pixels)
-        centred = hats(value, self.knots) - self.means
-        return np.asarray(np.nan_to_num(centred) / view.frame.length.ravel()[view.pixels, None])
+        return self._at(view, view.pixels)
 
     def share(self, values: Float, view: ViewEvidence) -> Float:
         """(H, W) metres of z for `values` (knots,), metres along the ray at the knots."""
-        value = observed(view, self.quantity, np.arange(view.residual.size)).reshape(view.residual.shape)
-        return np.asarray(np.nan_to_num(np.interp(value, self.knots, values) - values @ self.means) / view.frame.length)
+        every = np.arange(view.residual.size)
+        return np.asarray((self._at(view, every) @ values).reshape(view.residual.shape))
+
+    def _at(self, view: ViewEvidence, at: Ints) -> Float:
+        """(n, knots) metres of z at pixels (flat indices)."""
+        centred = _bends(view, self.quantity, self.knots, at) - self.means
+        return np.asarray(np.nan_to_num(centred) / view.frame.length.ravel()[at, None])
 
 
 UNKNOWN = "unknown"
-"""Name of what a free function explains."""
+"""Name of what a free function explains that is no form of an effect."""
+OWNERS = {kind.CURVE_OF: kind for kind in PHYSICAL_ORDER if issubclass(kind, CurveEffect)}
+"""By observable the effect of which any function of it is a form."""
 
 
-def free_functions(views: Sequence[ViewEvidence]) -> list[FreeFunction]:
-    """One for each observable that varies over the session's pixels."""
+def curves(views: Sequence[ViewEvidence], asked: AbstractSet[str]) -> list[Candidate]:
+    """Any function of each observable that varies over the session's pixels: of the effect that owns it, if that is `asked` for, else of none."""
     out = []
     for name in OBSERVABLES:
-        seen = np.concatenate([observed(v, name, v.pixels) for v in views])
-        knots = (
-            np.unique(np.quantile(seen[np.isfinite(seen)], np.linspace(0.01, 0.99, KNOTS.get(name, USUAL_KNOTS))))
-            if np.isfinite(seen).any()
-            else np.zeros(0)
-        )
-        if len(knots) > 2:
-            means = hats(seen[np.isfinite(seen)], knots).mean(axis=0)
-            out.append(FreeFunction(name, tuple(knots.tolist()), tuple(means.tolist())))
+        over = knots_of(views, name)
+        if over is None:
+            continue
+        owner = OWNERS.get(name)
+        if owner is not None and owner.NAME in asked:
+            out.append(Candidate(owner.NAME, owner.curve(over), f"any function of {name}"))
+        else:
+            out.append(Candidate(UNKNOWN, None, name, FreeFunction(name, over.at, over.means)))
     return out
+
+
+def knots_of(views: Sequence[ViewEvidence], name: str) -> Knots | None:
+    """Knots over what the session's drawn pixels have of an observable; None where it does not vary."""
+    base = RANGE if name == STRAY_LIGHT else name
+    if name == STRAY_LIGHT and knots_of(views, AMPLITUDE) is None:
+        return None
+    seen = np.concatenate([observed(v, base, v.pixels) for v in views])
+    seen = seen[np.isfinite(seen)]
+    if not len(seen):
+        return None
+    quantiles = np.quantile(seen, np.linspace(0.01, 0.99, KNOTS.get(name, USUAL_KNOTS)))
+    even = np.linspace(quantiles[0], quantiles[-1], EVEN_KNOTS.get(name, 2))
+    knots = _spaced(np.unique([*quantiles, *even]))
+    if len(knots) < LEAST_KNOTS:
+        return None
+    bends = np.concatenate([_bends(v, name, knots, v.pixels) for v in views])
+    return Knots(tuple(knots.tolist()), tuple(bends[np.isfinite(bends).all(axis=1)].mean(axis=0).tolist()))
+
+
+def _spaced(ascending: Float) -> Float:
+    """Knots of which none is closer to the one before than `APART` of their span."""
+    kept: list[float] = []
+    for knot in ascending:
+        if not kept or knot - kept[-1] > APART * np.ptp(ascending):
+            kept.append(float(knot))
+    return np.array(kept)
+
+
+def _bends(view: ViewEvidence, name: str, knots: Sequence[float] | Float, at: Ints) -> Float:
+    """(n, knots) hats at pixels (flat indices), over the pixel's own light where the function is one of stray light; NaN where unknown."""
+    if name != STRAY_LIGHT:
+        return hats(observed(view, name, at), knots)
+    light = view.frame.amplitude.ravel()[at]
+    return hats(observed(view, RANGE, at), knots) * np.where(light > 0, 1.0 / np.maximum(light, 1e-12), np.nan)[:, None]
 
 
 def observed(view: ViewEvidence, name: str, at: Ints) -> Float:
@@ -87,6 +135,9 @@ def observed(view: ViewEvidence, name: str, at: Ints) -> Float:
             return np.asarray(cell_points(view.frame).reshape(-1, 3)[at, PLACE.index(name)])
 
 
+RANGE, AMPLITUDE, STRAY_LIGHT = "range_m", "amplitude", "stray_light"
+LEAST_KNOTS = 3
+"""Fewer are a constant or a straight line."""
 PLACE = ("x_m", "y_m", "z_m")
-OBSERVABLES = ("range_m", "incidence_deg", "amplitude", "row", "column", "time_s", "concavity", *PLACE)
+OBSERVABLES = ("range_m", "incidence_deg", "amplitude", "row", "column", "time_s", "concavity", STRAY_LIGHT, *PLACE)
 """What an error may depend on; temperature and speed change with the view, as time does."""

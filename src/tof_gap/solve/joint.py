@@ -15,10 +15,9 @@ from tof_gap.seen.edges import smear
 from tof_gap.seen.mixed import mixing
 from tof_gap.seen.motion import moving
 from tof_gap.seen.residual import ViewEvidence, gather, without_geometry
-from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.candidates import candidates
 from tof_gap.solve.columns import ColumnStore, build
-from tof_gap.solve.free import UNKNOWN, free_functions
+from tof_gap.solve.free import curves
 from tof_gap.solve.select import narrowed, select
 from tof_gap.solve.settle import settled
 from tof_gap.solve.shapes import refined
@@ -68,9 +67,9 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     if not joint.design.candidates:
         return replace(joint, views=tuple(map(without_geometry, joint.views)))
     give_back()
-    # Named effects go first, each in its best shape; then errors that no effect explains may compete.
+    # Formulas go first, each in its best shape; then any function of an observable may compete.
     finer = refined(store, joint.design, joint.selection, joint.chain, config)
-    free = [Candidate(UNKNOWN, None, f.quantity, f) for f in free_functions(joint.views)]
+    free = curves(joint.views, joint.asked)
     design = build(store, [*joint.design.candidates, *finer, *free], joint.chain, config.hand_sd, config.lens_sd)
     del store  # Columns of all hypotheses are half a gigabyte of a long session, and a selection needs their products alone.
     joint = replace(joint, design=design)

@@ -122,7 +122,7 @@ class Selector:
         sd = np.sqrt(np.diag(solution.theta_cov))
         for candidate, group, at in self.design.placed(hypothesis.members):
             effect = candidate.effect
-            if effect is None or len(effect.LINEAR) != len(group):
+            if effect is None or effect.free_form or len(effect.LINEAR) != len(group):
                 continue
             own = at.start + np.array([effect.LINEAR.index(name) for name in effect.OWN], np.int64)
             if (

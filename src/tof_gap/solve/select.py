@@ -12,6 +12,7 @@ from tof_gap.solve.judge import Hypothesis, Selector
 from tof_gap.solve.small import without_small
 from tof_gap.solve.ties import stand_ins
 from tof_gap.solve.worth import coefficients, rescored, visible_m, worth
+from tof_sensor.curve import CurveEffect
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,7 +58,7 @@ def _grown(judge: Selector, members: Sequence[int]) -> Hypothesis:
         better = _best_addition(judge, current)
         if better is None:
             break
-        current = _exchange(judge, better)
+        current = _curved(judge, _exchange(judge, better))
     return _plain(judge, _prune(judge, current))
 
 
@@ -103,6 +104,27 @@ def _exchange(judge: Selector, current: Hypothesis) -> Hypothesis:
     return rescored(judge, current.members)
 
 
+def _curved(judge: Selector, current: Hypothesis) -> Hypothesis:
+    """Formulas give way to a curve of the same effect that explains clearly more: what they leave would be taken for another effect."""
+    candidates = judge.design.candidates
+    for place, member in enumerate(current.members):
+        if judge.is_free(member) or _has_no_formula(judge, member):
+            continue
+        curve = next((i for i, c in enumerate(candidates) if c.name == candidates[member].name and _has_no_formula(judge, i)), None)
+        if curve is None or curve in current.members:
+            continue
+        trial = judge.score([*current.members[:place], curve, *current.members[place + 1 :]], current.inflate)
+        won = float((current.held_out - trial.held_out).sum())
+        if won > judge.config.unknown and won > judge.config.unknown_share * worth(judge, current)[0][place]:
+            current = rescored(judge, trial.members)
+    return current
+
+
+def _has_no_formula(judge: Selector, member: int) -> bool:
+    effect = judge.design.candidates[member].effect
+    return isinstance(effect, CurveEffect) and effect.free_form
+
+
 def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
     """Drop members whose absence costs little."""
     while current.members:
@@ -125,13 +147,13 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
 
 
 def _plain(judge: Selector, current: Hypothesis) -> Hypothesis:
-    """Members whose own terms explain too little to be believed give way to the effect of which they are a form (`Effect.REST`)."""
+    """Members whose own terms explain too little to be believed give way to the effect of which they are a form (`Effect.rest`)."""
     names = [c.name for c in judge.design.candidates]
     for place, member in enumerate(current.members):
         effect = judge.design.candidates[member].effect
-        if effect is None or effect.REST not in names:
+        if effect is None or effect.rest not in names:
             continue
-        rest = names.index(effect.REST)
+        rest = names.index(effect.rest)
         trial = judge.score([*current.members[:place], rest, *current.members[place + 1 :]], current.inflate)
         own = float(visible_m(judge, current, trial.score - current.score))
         total = float((worth(judge, current)[1] ** 2).sum())

@@ -36,7 +36,7 @@ def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ..
 
 def _contains(effect: Effect | None, name: str) -> bool:
     """Whether the effect is, without its own terms, the one of that name: it explains as much whatever there is."""
-    return effect is not None and name == effect.REST
+    return effect is not None and name == effect.rest
 
 
 def _hides(judge: Selector, current: Hypothesis, place: int, member: int, other: int, rest: Sequence[int]) -> bool:

@@ -21,6 +21,7 @@ GOES_WITH = {
     "z_m": PLACE,
     "temperature_c": "temperature",
     "hand": "the camera's place on the hand",
+    "stray_light": "stray light over the returned light",
 }
 """Observables whose names say less than these words."""
 MOST_STATED = 3

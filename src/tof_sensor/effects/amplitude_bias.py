@@ -10,7 +10,8 @@ import numpy as np
 
 from tof_core.config import param
 from tof_sensor.action import BRIGHTER, FARTHER, NEARER
-from tof_sensor.effect import Effect, Finer, Form, stack
+from tof_sensor.curve import CurveEffect
+from tof_sensor.effect import Finer, Form, stack
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,13 +22,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class AmplitudeBias(Effect):
-    """dr = c + a ln(Q / A0) + b ln(Q / A0)^2 + d A0 / Q + e Q / A0 with Q = A (1 + k r^2) (Lindner 2010; docs/effects.md).
+class AmplitudeBias(CurveEffect):
+    """dr = c + a ln(Q / A0) + b ln(Q / A0)^2 + s (r / 1 m) ln(Q / A0) + d A0 / Q + e Q / A0 with Q = A (1 + k r^2) (Lindner 2010; docs/effects.md).
 
-    The logarithms follow published walk errors, the inverse charge that arrives late whatever the light, the last term photons that
-    hide later ones (pile-up). `form` says which of them a fit may use: `log` the first three, `inverse` c, a and d, `direct` c, a, b
-    and e. c is the bias at the amplitude A0: where none is stated to be free of bias, every A0 describes the same bias. Q is the light
-    that fills the pixel: the lamp's, of amplitude A, and the ambient light's, which does not fall with the range r.
+    The logarithms follow published walk errors, whose slope may change with the range r; the inverse is charge that arrives late whatever
+    the light, the last term photons that hide later ones (pile-up). `form` says which of them a fit may use: `log` the first three,
+    `slope` those and s, `inverse` c, a and d, `direct` c, a, b and e. c is the bias at the amplitude A0: where none is stated to be free
+    of bias, every A0 describes the same bias. Q is the light that fills the pixel: the lamp's, of amplitude A, and the ambient light's,
+    which does not fall with r. With `knots`, dr is any function of ln A.
     """
 
     NAME: ClassVar[str] = "amplitude_bias"
@@ -39,30 +41,48 @@ class AmplitudeBias(Effect):
     SEPARATED_BY: ClassVar[str] = "surfaces of different albedo at one distance"
     ACTIONS: ClassVar = (BRIGHTER, NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
-    LINEAR: ClassVar[tuple[str, ...]] = ("at_reference_m", "per_ln_m", "per_ln2_m", "inverse_m", "direct_m")
-    OWN: ClassVar[tuple[str, ...]] = ("per_ln_m", "per_ln2_m", "inverse_m", "direct_m")
-    REST: ClassVar[str] = "range_offset"
+    LINEAR: ClassVar[tuple[str, ...]] = ("at_reference_m", "per_ln_m", "per_ln2_m", "slope_m", "inverse_m", "direct_m")
+    OWN: ClassVar[tuple[str, ...]] = ("per_ln_m", "per_ln2_m", "slope_m", "inverse_m", "direct_m")
+    CURVE_OF: ClassVar[str] = "amplitude"
     FINER: ClassVar[tuple[Finer, ...]] = (Finer("ambient", 3.0), Finer("ambient", 0.5))
 
     at_reference_m: float = param(0.0, "bias at the reference", unit="m", low=-0.2, high=0.2)
     per_ln_m: float = param(0.0, "bias per e-fold of amplitude", unit="m", low=-0.05, high=0.05)
     per_ln2_m: float = param(0.0, "curvature of the law", unit="m", low=-0.05, high=0.05)
+    slope_m: float = param(0.0, "by how much the bias per e-fold grows with a metre of range", unit="m", low=-0.05, high=0.05)
     inverse_m: float = param(0.0, "bias by late charge at the reference", unit="m", low=-0.1, high=0.1)
     direct_m: float = param(0.0, "bias in proportion to the light, at the reference", unit="m", low=-0.1, high=0.1)
-    form: str = param("log", "terms of a fit", choices=("log", "inverse", "direct"))
+    form: str = param("log", "terms of a fit", choices=("log", "slope", "inverse", "direct"))
     reference: float = param(1.0, "amplitude to which the bias refers, in the camera's unit", low=1e-12)
     ambient: float = param(0.0, "ambient light over the lamp's at 1 m", unit="1/m^2", low=0.0, high=10.0)
+    knots: tuple[float, ...] = ()
+    values: tuple[float, ...] = ()
+
+    @property
+    def rest(self) -> str:
+        """A constant."""
+        return "range_offset"
+
+    def observable(self, frame: Frame) -> Float:
+        """ln A, A in the camera's unit; NaN where no light came back."""
+        return np.log(np.where(frame.amplitude > 0, frame.amplitude, np.nan))
 
     def columns(self, frame: Frame) -> Float:
-        """One, log of the light, its square, inverse light, and light, along z; 0 where no light came back and for terms that `form` lacks."""
+        """One, log of the light, its square, log times range, inverse light, and light, along z, 0 for terms that `form` lacks; or the curve's.
+
+        0 where no light came back.
+        """
+        if self.knots:
+            return self.curve_columns(frame)
         light = frame.amplitude * (1 + self.ambient * np.nan_to_num(frame.radial) ** 2)
         log = np.log(np.maximum(light, 1e-12) / self.reference)
         seen = frame.valid & (frame.amplitude > 0)
         zero = np.zeros_like(log)
         square = zero if self.form == "inverse" else log * log
         inverse = np.minimum(np.exp(-log), DARKEST) if self.form == "inverse" else zero
+        slope = log * np.nan_to_num(frame.radial) if self.form == "slope" else zero
         direct = np.exp(log) if self.form == "direct" else zero
-        terms = (np.ones_like(log), log, square, inverse, direct)
+        terms = (np.ones_like(log), log, square, slope, inverse, direct)
         return stack([np.where(seen, term, 0) / frame.length for term in terms], frame)
 
     @classmethod
@@ -72,9 +92,9 @@ class AmplitudeBias(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Each form, about the session's median amplitude, in the dark and in ambient light; photons that hide others are the lamp's alone."""
-        for form in ("log", "inverse", "direct"):
-            for ambient in (0.0, AMBIENT) if form != "direct" else (0.0,):
+        """Each form, about the session's median amplitude; two of them in ambient light, too: photons that hide others are the lamp's alone."""
+        for form in ("log", "slope", "inverse", "direct"):
+            for ambient in (0.0, AMBIENT) if form in ("log", "inverse") else (0.0,):
                 yield Form(cls(reference=session.median_amplitude, form=form, ambient=ambient), f"{form}, ambient light {ambient:g}")
 
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from tof_core.config import param
 from tof_sensor.action import LATER
-from tof_sensor.effect import Effect, Finer, Form, stack
+from tof_sensor.curve import CurveEffect
+from tof_sensor.effect import Finer, Form, stack
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,11 +23,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class TemperatureDrift(Effect):
-    """dr = k (T - T0) + w exp(-t / tau) + h exp(-t / tau_h) (docs/effects.md).
+class TemperatureDrift(CurveEffect):
+    """dr = k (T - T0) + w exp(-t / tau) + h exp(-t / tau_h) + r (g + p (T - T0) + q exp(-t / tau)) (docs/effects.md).
 
     The first term is what follows the thermometer. The others are what warms up faster or slower than it: the lamp's driver leads a
     thermometer in the housing by minutes, and the housing lags. Without a thermometer they stand alone. t counts from the session's start.
+    A clock or a line of delays that drifts errs in proportion to the range r: the last three, which no fit has beside the others. With `knots`,
+    dr is any function of t, as a fan that starts, or a compensation by a table, makes it.
     """
 
     NAME: ClassVar[str] = "temperature_drift"
@@ -36,14 +39,28 @@ class TemperatureDrift(Effect):
     SEPARATED_BY: ClassVar[str] = "the same pose recorded over half an hour"
     ACTIONS: ClassVar = (LATER,)
     FINER: ClassVar[tuple[Finer, ...]] = (Finer("tau_s", 1.0, 7),)
-    LINEAR: ClassVar[tuple[str, ...]] = ("drift_m", "warmup_m", "housing_m")
+    LINEAR: ClassVar[tuple[str, ...]] = ("drift_m", "warmup_m", "housing_m", "reference_share", "drift_share", "warmup_share")
+    CURVE_OF: ClassVar[str] = "time_s"
 
     drift_m: float = param(0.0, "per kelvin of the thermometer", unit="m", low=-0.1, high=0.1)
     warmup_m: float = param(0.0, "at the session's start, beside what the thermometer shows", unit="m", low=-0.2, high=0.2)
     housing_m: float = param(0.0, "at the session's start, of a second and slower warm-up", unit="m", low=-0.2, high=0.2)
+    reference_share: float = param(0.0, "error in proportion to range at the reference, beside a share that drifts", low=-0.2, high=0.2)
+    drift_share: float = param(0.0, "of the range, per kelvin of the thermometer", low=-0.1, high=0.1)
+    warmup_share: float = param(0.0, "of the range, at the session's start", low=-0.2, high=0.2)
+    gain: bool = param(False, "whether a fit has the terms in proportion to range, and not the others")
     reference_c: float = param(25.0, "temperature without drift", unit="degC", low=-40.0, high=120.0)
     tau_s: float = param(0.0, "time constant of the warm-up; 0: none beside the thermometer", unit="s", low=0.0, high=1e5)
     housing_s: float = param(0.0, "time constant of the second warm-up; 0: none", unit="s", low=0.0, high=1e5)
+    knots: tuple[float, ...] = ()
+    values: tuple[float, ...] = ()
+
+    @property
+    def rest(self) -> str:
+        """A constant share of the range, or of a curve a constant: neither drifts."""
+        if self.gain:
+            return "depth_scale"
+        return "range_offset" if self.knots else ""
 
     @property
     def stated(self) -> str:
@@ -52,7 +69,15 @@ class TemperatureDrift(Effect):
 
     def stated_in(self, session_s: float) -> str:
         """The same of a session; what fades more slowly than the session lasts, by what it was at the session's start and end."""
+        if self.knots:
+            return f"{1e3 * self.swing_m:.1f} mm between the extremes, in no regular course"
         shown = [f"{1e3 * self.drift_m:+.1f} mm a kelvin of the thermometer"] if self.drift_m else []
+        shown += [f"{100 * self.drift_share:+.2f} % of the range a kelvin of the thermometer"] if self.drift_share else []
+        shown += (
+            [f"{100 * self.warmup_share:+.2f} % of the range at the start, fading with a time constant of {self.tau_s / 60:.1f} min"]
+            if self.warmup_share
+            else []
+        )
         fading = [(start_m, tau) for start_m, tau in ((self.warmup_m, self.tau_s), (self.housing_m, self.housing_s)) if start_m and tau]
         for start_m, tau in fading:
             shown += (
@@ -65,13 +90,20 @@ class TemperatureDrift(Effect):
             )
         return " and ".join(shown)
 
+    def observable(self, frame: Frame) -> Float:
+        """() seconds since the session's first capture."""
+        return np.array(frame.context.time_s)
+
     def columns(self, frame: Frame) -> Float:
-        """Three constants per view, along z; 0 for what is unknown."""
+        """Three constants per view and three shares of the range, along z, 0 for what is unknown or no part of the fit; or the curve's."""
+        if self.knots:
+            return self.curve_columns(frame)
         context = frame.context
-        warm = context.temperature - self.reference_c
-        left = [float(np.exp(-context.time_s / tau)) if tau > 0 else 0.0 for tau in (self.tau_s, self.housing_s)]
-        one = np.where(frame.valid, 1.0 / frame.length, 0.0)
-        return stack([one * (warm if np.isfinite(warm) else 0.0), *(one * share for share in left)], frame)
+        warm = context.temperature - self.reference_c if np.isfinite(context.temperature) else 0.0
+        warmup, housing = (float(np.exp(-context.time_s / tau)) if tau > 0 else 0.0 for tau in (self.tau_s, self.housing_s))
+        one = np.where(frame.valid, 0.0 if self.gain else 1.0 / frame.length, 0.0)
+        range_ = np.where(frame.valid & self.gain, frame.depth, 0.0)
+        return stack([one * warm, one * warmup, one * housing, range_, range_ * warm, range_ * warmup], frame)
 
     @classmethod
     def lacks(cls, session: Session) -> str:
@@ -95,6 +127,10 @@ class TemperatureDrift(Effect):
             yield Form(cls(reference_c=mean, tau_s=tau), f"tau {tau:g} s")
         for tau, slower in itertools.combinations(changing, 2):
             yield Form(cls(reference_c=mean, tau_s=tau, housing_s=slower), f"tau {tau:g} s and {slower:g} s")
+        if known:
+            yield Form(cls(reference_c=mean, gain=True), "gain, thermometer")
+        for tau in changing:
+            yield Form(cls(reference_c=mean, tau_s=tau, gain=True), f"gain, tau {tau:g} s")
 
 
 TIME_CONSTANTS_S = (60.0, 300.0, 1200.0)

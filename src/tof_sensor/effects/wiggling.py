@@ -10,7 +10,8 @@ import numpy as np
 
 from tof_core.config import param
 from tof_sensor.action import FARTHER, NEARER
-from tof_sensor.effect import Effect, Finer, Form, stack
+from tof_sensor.curve import CurveEffect
+from tof_sensor.effect import Finer, Form, stack
 from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
@@ -22,12 +23,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Wiggling(Effect):
+class Wiggling(CurveEffect):
     """dr = s sin(k phi) + c cos(k phi), phi = 4 pi f (r + a u + d v) / c0 (Lindner 2010; docs/effects.md).
 
     Four taps alias the 3rd and 5th harmonic into k = 4 (period c0 / 8 f), three taps into k = 3. The wave follows the phase that a pixel
     measures: it runs ahead over the columns (u, shares of the image's width) and rows (v) by the skew of the demodulation clock and by the
-    place of the lamp. The factory takes both out of range, and not out of the wave.
+    place of the lamp. The factory takes both out of range, and not out of the wave. With `knots`, dr is any function of r without a mean,
+    as a table of the range's calibration leaves that was measured on another unit: the mean is an offset, which is an effect of its own.
     """
 
     NAME: ClassVar[str] = "wiggling"
@@ -46,6 +48,8 @@ class Wiggling(Effect):
         Finer("modulation_mhz", 0.012, 9),
     )
     LINEAR: ClassVar[tuple[str, ...]] = ("sine_m", "cosine_m")
+    CURVE_OF: ClassVar[str] = "range_m"
+    CENTRED: ClassVar[bool] = True
 
     sine_m: float = param(0.0, "amplitude of sin(k phi)", unit="m", low=-0.1, high=0.1)
     cosine_m: float = param(0.0, "amplitude of cos(k phi)", unit="m", low=-0.1, high=0.1)
@@ -60,10 +64,15 @@ class Wiggling(Effect):
     across_m: float = param(0.0, "range by which the phase runs ahead from the left border to the right one", unit="m", low=-0.5, high=0.5)
     down_m: float = param(0.0, "the same from the upper border to the lower one", unit="m", low=-0.5, high=0.5)
     harmonic: int = param(4, "aliased harmonic, = number of taps", low=1, high=16)
+    knots: tuple[float, ...] = ()
+    values: tuple[float, ...] = ()
+    means: tuple[float, ...] = ()
 
     @property
     def stated(self) -> str:
-        """Amplitude and period."""
+        """Amplitude and period; of a curve how far it swings, and over what range."""
+        if self.knots:
+            return f"{1e3 * self.swing_m:.1f} mm between the extremes, over ranges of {self.knots[0]:.2f} to {self.knots[-1]:.2f} m, in no regular wave"
         return f"±{1e3 * np.hypot(self.sine_m, self.cosine_m):.1f} mm every {self.period_m:.2f} m of range"
 
     @property
@@ -71,8 +80,14 @@ class Wiggling(Effect):
         """Metres of range after which the error repeats."""
         return LIGHT_M_PER_S / (2e6 * self.modulation_mhz * self.harmonic)
 
+    def observable(self, frame: Frame) -> Float:
+        """Range, metres."""
+        return frame.radial
+
     def columns(self, frame: Frame) -> Float:
-        """Sine and cosine of the aliased phase, along z."""
+        """Sine and cosine of the aliased phase, along z; or the curve's."""
+        if self.knots:
+            return self.curve_columns(frame)
         camera, rays = frame.camera, frame.rays
         ahead = self.across_m * camera.fx / camera.width * rays[..., 0] + self.down_m * camera.fy / camera.height * rays[..., 1]
         phase = 2 * np.pi * (frame.radial + ahead) / self.period_m
