@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_core.capture import View
 
+    Curve = Callable[["Seen"], Float]  # (H, W) error along the ray of a view, in any unit: `grafted` gives it its size
+
 LEAST_M, MOST_M = 2e-3, 6e-3
 """Spread (standard deviation over all pixels) of a grafted error, from half to twice 3 mm."""
 
@@ -38,10 +40,6 @@ class Seen:
     radial: Float
     amplitude: Float
     seconds: float
-
-
-Curve = Callable[[Seen], "Float"] if TYPE_CHECKING else object
-"""(H, W) error along the ray of a view, in any unit: `grafted` gives it its size."""
 
 
 def points(rng: np.random.Generator, low: float, high: float, count: int) -> Callable[[Float], Float]:

@@ -100,17 +100,18 @@ def test_forms_follow_what_the_session_has() -> None:
 
     pairs = [(60.0, 300.0), (60.0, 1200.0), (300.0, 1200.0)]
     alone = [(60.0, 0.0), (300.0, 0.0), (1200.0, 0.0)]
-    assert [(e.tau_s, e.housing_s) for e in drifts(Context(time_s=0.0), Context(time_s=90.0))] == [*alone, *pairs]
+    timed = drifts(Context(time_s=0.0), Context(time_s=90.0))
+    assert [(e.tau_s, e.housing_s, e.gain) for e in timed] == [(*t, False) for t in (*alone, *pairs)] + [(*t, True) for t in alone]
     warm = drifts(Context(temperature=30.0), Context(temperature=34.0))
-    assert warm == [TemperatureDrift(reference_c=32.0, tau_s=tau, housing_s=slow) for tau, slow in ((0.0, 0.0), *alone, *pairs)]
+    constants = [TemperatureDrift(reference_c=32.0, tau_s=tau, housing_s=slow) for tau, slow in ((0.0, 0.0), *alone, *pairs)]
+    assert warm == constants + [TemperatureDrift(reference_c=32.0, tau_s=tau, gain=True) for tau in (0.0, 60.0, 300.0, 1200.0)]
     # While the thermometer stands, a warm-up of 300 s that changes by 26 % in 90 s is mostly a range offset.
     standing = drifts(Context(temperature=30.0), Context(temperature=30.0, time_s=90.0))
-    assert [(e.tau_s, e.housing_s) for e in standing] == [(0.0, 0.0), (60.0, 0.0)]
+    assert [(e.tau_s, e.gain) for e in standing] == [(0.0, False), (60.0, False), (0.0, True), (60.0, True)]
     usual = float(np.median(plane_frame().amplitude))
     walks = [form.effect for form in AmplitudeBias.hypotheses(session())]
-    assert walks == [AmplitudeBias(reference=usual, form=form, ambient=k) for form in ("log", "inverse") for k in (0.0, 0.3)] + [
-        AmplitudeBias(reference=usual, form="direct")
-    ]
+    tried = [("log", 0.0), ("log", 0.3), ("slope", 0.0), ("inverse", 0.0), ("inverse", 0.3), ("direct", 0.0)]
+    assert walks == [AmplitudeBias(reference=usual, form=form, ambient=k) for form, k in tried]
     assert [form.note for form in CadDeviation.hypotheses(session())] == ["plane"]  # nothing is seen of the other part
 
 

@@ -163,13 +163,13 @@ def test_terms_that_explain_too_little_give_way_to_the_effect_that_is_left_witho
     own: float, rest: dict[str, Any], kept: str
 ) -> None:
     """Without a 900 are left, without b 400, of 200: a shows 700 and b 200."""
-    of = {"a": effect(REST="b" if "names" in rest else "c"), "b": effect()}
+    of = {"a": effect(rest="b" if "names" in rest else "c"), "b": effect()}
     judge: Any = Judge({"ab": 200.0, "b": 900.0, "a": 400.0, "bc": 200.0 + own, "bb": 200.0 + own, "c": 500.0}, effects=of, **rest)
     assert named(judge, _plain(judge, hypothesis(judge, "ab"))) == kept
 
 
 def test_of_an_effect_without_such_a_rest_nothing_gives_way() -> None:
-    judge: Any = Judge({"a": 500.0}, effects={"a": effect(REST="missing")})
+    judge: Any = Judge({"a": 500.0}, effects={"a": effect(rest="missing")})
     before = hypothesis(judge, "a")
     assert _plain(judge, before) is before
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An error that nobody named is a function of what it depends on, and stays out of the way of effects that have a name."""
+"""A function of an observable is a form of the effect that owns the observable, or of none, and stays out of the way of formulas."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from tof_align.folds import deal
 from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import ColumnStore, build
-from tof_gap.solve.free import UNKNOWN, free_functions, observed
+from tof_gap.solve.free import OWNERS, STRAY_LIGHT, FreeFunction, curves, knots_of, observed
 from tof_gap.solve.select import select
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.range_offset import RangeOffset
@@ -22,18 +23,27 @@ from tof_sensor.effects.wiggling import Wiggling
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
+    from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solve.select import Selection
 
 HAND_SD = np.full(6, 1e-5)
+ASKED = frozenset({"wiggling"})
+"""Effects whose observables are theirs: a bias of amplitude is asked by none of these tests but its own."""
 NAMED = (RangeOffset(), DepthScale(), FixedPattern(), *(Wiggling(modulation_mhz=f) for f in (60.0, 80.0, 100.0)))
 
 
 def selection(extra: Float) -> tuple[Selection, list[Candidate]]:
     """What is chosen where `extra` (V, H, W) metres along the ray are added to photon noise."""
     seen = views(np.random.default_rng(5), extra)
-    tested = [Candidate(e.NAME, e) for e in NAMED] + [Candidate(UNKNOWN, None, f.quantity, f) for f in free_functions(seen)]
+    tested = [Candidate(e.NAME, e) for e in NAMED] + curves(seen, ASKED)
     store = ColumnStore(seen, deal([0] * VIEWS, SelectLimits().folds))
     return select(build(store, tested, chain(), HAND_SD), SelectLimits()), tested
+
+
+def free_function(view: ViewEvidence, name: str) -> FreeFunction:
+    over = knots_of([view], name)
+    assert over is not None
+    return FreeFunction(name, over.at, over.means)
 
 
 def radial() -> Float:
@@ -41,14 +51,14 @@ def radial() -> Float:
 
 
 def test_observables_that_do_not_vary_are_no_hypotheses() -> None:
-    names = {f.quantity for f in free_functions(views(np.random.default_rng(0)))}
-    assert {"range_m", "amplitude", "incidence_deg", "row", "column"} <= names
+    names = {c.note for c in curves(views(np.random.default_rng(0)), frozenset())}
+    assert {"range_m", "amplitude", "incidence_deg", "row", "column", STRAY_LIGHT} <= names
     assert "concavity" not in names  # Nobody looked at the sky of a lone plane.
 
 
 def test_columns_are_metres_along_the_ray_at_the_knots_with_the_mean_of_the_session_taken_off() -> None:
     view = views(np.random.default_rng(0))[3]
-    free = next(f for f in free_functions([view]) if f.quantity == "range_m")
+    free = free_function(view, "range_m")
     columns = free.columns(view)
     length = CAMERA.ray_length().ravel()[view.pixels]
     np.testing.assert_allclose((columns * length[:, None]).mean(axis=0), 0.0, atol=1e-12)
@@ -59,6 +69,47 @@ def test_columns_are_metres_along_the_ray_at_the_knots_with_the_mean_of_the_sess
     middle = np.argmin(np.abs(at - free.knots[4]))
     mean = float(np.dot(free.means, values))
     assert columns[middle] @ values * length[middle] == pytest.approx(values[4] - mean, abs=0.01)
+
+
+def test_functions_of_light_time_and_range_are_forms_of_effects_where_those_are_asked() -> None:
+    assert {name: kind.NAME for name, kind in OWNERS.items()} == {
+        "amplitude": "amplitude_bias",
+        "time_s": "temperature_drift",
+        "range_m": "wiggling",
+    }
+    seen = views(np.random.default_rng(0))
+    owned = {c.name: c for c in curves(seen, frozenset({"amplitude_bias", "wiggling"})) if c.effect is not None}
+    assert sorted(owned) == ["amplitude_bias", "wiggling"]
+    light = owned["amplitude_bias"].effect
+    assert isinstance(light, AmplitudeBias)
+    assert knots_of(seen, "amplitude") == (light.knots, knots_of(seen, "amplitude")[1])  # type: ignore[index]
+    left_out = {c.note: c for c in curves(seen, frozenset({"wiggling"}))}
+    assert left_out["amplitude"].name == "unknown"  # an effect that is left out owns nothing
+    assert isinstance(left_out["amplitude"].free, FreeFunction)
+
+
+def test_knots_are_at_equal_numbers_of_pixels_and_at_equal_distances_and_none_close_to_another() -> None:
+    seen = views(np.random.default_rng(0))
+    over = knots_of(seen, "amplitude")
+    assert over is not None
+    value = np.concatenate([observed(v, "amplitude", v.pixels) for v in seen])
+    low, high = np.quantile(value, [0.01, 0.99])
+    assert over.at[0] == pytest.approx(low)
+    assert over.at[-1] == pytest.approx(high)
+    assert np.diff(over.at).min() > 0.02 * (high - low)
+    assert np.diff(over.at).max() <= 0.2 * (high - low) + 1e-12  # six even knots
+    assert sum(over.means) == pytest.approx(1.0)
+
+
+def test_stray_light_is_a_function_of_range_over_the_pixels_own_light() -> None:
+    view = views(np.random.default_rng(0))[3]
+    stray = free_function(view, STRAY_LIGHT)
+    columns = stray.columns(view) * CAMERA.ray_length().ravel()[view.pixels, None] + stray.means
+    light = view.frame.amplitude.ravel()[view.pixels]
+    np.testing.assert_allclose(columns.sum(axis=1), 1.0 / light)
+    at = observed(view, "range_m", view.pixels)
+    far = at >= stray.knots[-1]
+    np.testing.assert_allclose(columns[far, -1], 1.0 / light[far])
 
 
 def test_an_error_that_has_a_name_is_named() -> None:

@@ -91,9 +91,9 @@ def test_of_several_forms_the_best_is_named_and_the_best_effect_first(monkeypatc
 def test_what_does_not_hide_it_or_contains_it_is_no_tie(monkeypatch: pytest.MonkeyPatch) -> None:
     scores = {"a": 500.0, "b": 500.0, "c": 500.0}
     monkeypatch.setattr(ties_room, "_hides", lambda judge, _current, _place, _member, other, _rest: judge.letters[other] != "b")
-    judge: Any = Judge(scores, effects={"c": effect(REST="a")})
+    judge: Any = Judge(scores, effects={"c": effect(rest="a")})
     assert stand_ins(judge, hypothesis(judge, "a"), 0) == ()
-    plain: Any = Judge(scores, effects={"c": effect(REST="z")})
+    plain: Any = Judge(scores, effects={"c": effect(rest="z")})
     assert stand_ins(plain, hypothesis(plain, "a"), 0) == (2,)
 
 
