@@ -12,8 +12,10 @@ from tests.tof_gap.scored import Judge, effect, hypothesis, named
 from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve import select as room
 from tof_gap.solve.judge import Hypothesis
-from tof_gap.solve.select import _best_addition, _exchange, _grown, _lacking, _plain, _prune, _rough, _steady
+from tof_gap.solve.select import _best_addition, _curved, _exchange, _grown, _lacking, _plain, _prune, _rough, _steady
 from tof_gap.solve.worth import rescored, visible_m, worth
+from tof_sensor.curve import Knots
+from tof_sensor.effects.amplitude_bias import AmplitudeBias
 
 
 @pytest.fixture(autouse=True)
@@ -172,6 +174,36 @@ def test_of_an_effect_without_such_a_rest_nothing_gives_way() -> None:
     judge: Any = Judge({"a": 500.0}, effects={"a": effect(rest="missing")})
     before = hypothesis(judge, "a")
     assert _plain(judge, before) is before
+
+
+CURVE = AmplitudeBias.curve(Knots((0.0, 1.0, 2.0), (0.0, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize(
+    ("left", "limits", "kept"),
+    [
+        (474.0, {}, "b"),  # 26 of chi-square: more than a free function pays
+        (476.0, {}, "a"),
+        (484.0, {"unknown": 1.0}, "b"),  # 16, more than 3 % of the 500 that the formula explains
+        (486.0, {"unknown": 1.0}, "a"),
+    ],
+)
+def test_a_formula_gives_way_to_a_curve_of_its_effect_that_explains_clearly_more(left: float, limits: dict[str, float], kept: str) -> None:
+    judge: Any = Judge({"a": 500.0, "b": left}, ["x", "x"], effects={"a": AmplitudeBias(), "b": CURVE}, **limits)
+    assert named(judge, _curved(judge, hypothesis(judge, "a"))) == kept
+
+
+@pytest.mark.parametrize(
+    ("names", "effects"),
+    [
+        (["x", "y"], {"a": AmplitudeBias(), "b": CURVE}),  # a curve of another effect
+        (["x", "x"], {"a": CURVE, "b": CURVE}),  # a curve already
+        (["x", "x"], {"a": AmplitudeBias(), "b": AmplitudeBias(form="inverse")}),  # another formula: additions and exchanges judge that
+    ],
+)
+def test_nothing_but_a_formula_gives_way_to_nothing_but_its_own_curve(names: list[str], effects: dict[str, Any]) -> None:
+    judge: Any = Judge({"a": 500.0, "b": 100.0}, names, effects=effects)
+    assert named(judge, _curved(judge, hypothesis(judge, "a"))) == "a"
 
 
 def test_maps_lack_what_is_along_them(monkeypatch: pytest.MonkeyPatch) -> None:
