@@ -20,17 +20,19 @@ from benchmarks.board_grafts import TABLE_COUNTS, TURN_COUNTS, TURN_M, WIGGLE_CO
 from benchmarks.gap_check.examine import DATA_SHEET
 from benchmarks.gap_check.record import BAGS, SEALED
 from tof_core.cores import one_thread
+from tof_scene.render import render
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tof_core.arrays import Float
     from tof_core.capture import View
+    from tof_scene.raycast import Raycaster
 
     Curve = Callable[["Seen"], Float]  # (H, W) error along the ray of a view, in any unit: `grafted` gives it its size
 
 LEAST_M, MOST_M = 2e-3, 6e-3
-"""Spread (standard deviation over all pixels) of a grafted error, from half to twice 3 mm."""
+"""Spread (standard deviation over the pixels on the CAD) of a grafted error, from half to twice 3 mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,20 +157,25 @@ KINDS: dict[str, tuple[Callable[[np.random.Generator, dict[str, tuple[float, flo
 }
 
 
-def grafted(views: Sequence[View], kind: str, rng: np.random.Generator) -> tuple[list[View], float]:
-    """The views with an error of this kind, and its spread in metres."""
+def grafted(views: Sequence[View], caster: Raycaster, kind: str, rng: np.random.Generator) -> tuple[list[View], float]:
+    """The views with an error of this kind, and its spread in metres over the pixels that see the CAD where the robot says the camera is."""
     start = min(v.stamp_ns for v in views)
     length = views[0].camera.ray_length()
-    seen = [Seen(v.depth * length, np.asarray(v.amplitude, float), (v.stamp_ns - start) * 1e-9) for v in views if v.amplitude is not None]
-    curve = KINDS[kind][0](rng, spans(seen))
+    seen, on_cad = [], []
+    for v in views:
+        assert v.robot is not None
+        assert v.amplitude is not None
+        seen.append(Seen(v.depth * length, np.asarray(v.amplitude, float), (v.stamp_ns - start) * 1e-9))
+        on_cad.append(np.isfinite(render(caster, v.camera, v.robot.T_cell_camera).depth) & np.isfinite(v.depth))
+    curve = KINDS[kind][0](
+        rng, spans([replace(s, radial=s.radial[at], amplitude=s.amplitude[at]) for s, at in zip(seen, on_cad, strict=True)])
+    )
     size = float(np.exp(rng.uniform(np.log(LEAST_M), np.log(MOST_M)))) * rng.choice([-1, 1])
     with np.errstate(divide="ignore", invalid="ignore"):
         shapes = [np.where(np.isfinite(s.radial), curve(s), np.nan) for s in seen]
-    spread = float(np.nanstd(np.concatenate([s.ravel() for s in shapes])))
-    return [
-        replace(v, depth=(v.depth + size / spread * np.nan_to_num(s) / length).astype(np.float32))
-        for v, s in zip(views, shapes, strict=True)
-    ], abs(size)
+    spread = float(np.nanstd(np.concatenate([s[at] for s, at in zip(shapes, on_cad, strict=True)])))
+    wrong = [(v.depth + size / spread * np.nan_to_num(s) / length).astype(np.float32) for v, s in zip(views, shapes, strict=True)]
+    return [replace(v, depth=depth) for v, depth in zip(views, wrong, strict=True)], abs(size)
 
 
 def answer(bag: Path, kind: str, seed: int) -> tuple[list[str], float]:
@@ -184,8 +191,9 @@ def answer(bag: Path, kind: str, seed: int) -> tuple[list[str], float]:
     with opened(bag / "bag", bag / "scene" / "scene.yaml", config) as (reader, scene):
         assert scene is not None
         views = raw_views(reader, config, config.moving_views)
-        wrong, size_m = grafted(views, kind, np.random.default_rng(seed))
-        found = diagnose_session(wrong, Raycaster(scene), config.gap, config.align, known=load_model(bag / "scene" / DATA_SHEET))
+        caster = Raycaster(scene)
+        wrong, size_m = grafted(views, caster, kind, np.random.default_rng(seed))
+        found = diagnose_session(wrong, caster, config.gap, config.align, known=load_model(bag / "scene" / DATA_SHEET))
     return list(found.verdict), size_m
 
 

@@ -188,7 +188,7 @@ CURVE = AmplitudeBias.curve(Knots((0.0, 1.0, 2.0), (0.0, 0.0, 0.0)))
         (486.0, {"unknown": 1.0}, "a"),
     ],
 )
-def test_a_formula_gives_way_to_a_curve_of_its_effect_that_explains_clearly_more(left: float, limits: dict[str, float], kept: str) -> None:
+def test_a_formula_gives_way_to_a_curve_of_its_effect_that_explains_clearly_more(left: float, limits: dict[str, Any], kept: str) -> None:
     judge: Any = Judge({"a": 500.0, "b": left}, ["x", "x"], effects={"a": AmplitudeBias(), "b": CURVE}, **limits)
     assert named(judge, _curved(judge, hypothesis(judge, "a"))) == kept
 
