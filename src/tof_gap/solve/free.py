@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
     from tof_gap.seen.residual import ViewEvidence
 
-KNOTS = {"range_m": 12, "incidence_deg": 12, "amplitude": 12, "time_s": 5}
+KNOTS = {"range_m": 12, "incidence_deg": 12, "amplitude": 12, "time_s": 9}
 USUAL_KNOTS = 7
-"""Linear pieces between so many knots, at equal numbers of pixels: no form is assumed. Time has no more values than views."""
+"""Linear pieces between so many knots, at equal numbers of pixels: no form is assumed. Over time there is at most one for two views."""
 EVEN_KNOTS = {"range_m": 6, "amplitude": 6}
 """Knots besides, at equal distances: a curve is steepest in the dark and near by, where few pixels are."""
 APART = 0.02
@@ -87,7 +87,10 @@ def knots_of(views: Sequence[ViewEvidence], name: str) -> Knots | None:
     seen = seen[np.isfinite(seen)]
     if not len(seen):
         return None
-    quantiles = np.quantile(seen, np.linspace(0.01, 0.99, KNOTS.get(name, USUAL_KNOTS)))
+    count = KNOTS.get(name, USUAL_KNOTS)
+    if name == TIME:
+        count = min(count, len(views) // 2)
+    quantiles = np.quantile(seen, np.linspace(0.01, 0.99, count))
     even = np.linspace(quantiles[0], quantiles[-1], EVEN_KNOTS.get(name, 2))
     knots = _spaced(np.unique([*quantiles, *even]))
     if len(knots) < LEAST_KNOTS:
@@ -135,7 +138,7 @@ def observed(view: ViewEvidence, name: str, at: Ints) -> Float:
             return np.asarray(cell_points(view.frame).reshape(-1, 3)[at, PLACE.index(name)])
 
 
-RANGE, AMPLITUDE, STRAY_LIGHT = "range_m", "amplitude", "stray_light"
+RANGE, AMPLITUDE, TIME, STRAY_LIGHT = "range_m", "amplitude", "time_s", "stray_light"
 LEAST_KNOTS = 3
 """Fewer are a constant or a straight line."""
 PLACE = ("x_m", "y_m", "z_m")

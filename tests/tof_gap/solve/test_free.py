@@ -101,6 +101,14 @@ def test_knots_are_at_equal_numbers_of_pixels_and_at_equal_distances_and_none_cl
     assert sum(over.means) == pytest.approx(1.0)
 
 
+def test_time_has_a_knot_for_two_views_at_most() -> None:
+    seen = views(np.random.default_rng(0))
+    over = knots_of(seen, "time_s")
+    assert over is not None
+    assert len(over.at) == min(9, VIEWS // 2)
+    assert knots_of(seen[:4], "time_s") is None  # two knots are a straight line
+
+
 def test_stray_light_is_a_function_of_range_over_the_pixels_own_light() -> None:
     view = views(np.random.default_rng(0))[3]
     stray = free_function(view, STRAY_LIGHT)
