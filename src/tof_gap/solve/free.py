@@ -27,7 +27,7 @@ USUAL_KNOTS = 7
 EVEN_KNOTS = {"range_m": 6, "amplitude": 6}
 """Knots besides, at equal distances: a curve is steepest in the dark and near by, where few pixels are."""
 APART = 0.02
-"""Of the span of all knots, the least distance of two: closer ones are not told apart."""
+"""Of the span of all knots, the least distance of two: closer ones cannot be separated."""
 
 
 @dataclass(frozen=True, slots=True)
