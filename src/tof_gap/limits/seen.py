@@ -79,9 +79,6 @@ class EvidenceLimits:
     """Which pixels count."""
 
     pixels: int = param(3000, "pixels of a view used in fits, drawn evenly", low=200, high=200_000, why="time and memory")
-    pixels_of_part: int = param(
-        100, "pixels of each part in a view besides, where it has as many", low=0, high=200_000, why="a clamp of 250 pixels bends, too"
-    )
     gross_mm: float = param(
         60.0, "residual that no bias reaches", unit="mm", low=5.0, high=1e4, why="bias of a ToF camera is millimetres to a few centimetres"
     )

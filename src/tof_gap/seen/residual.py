@@ -83,7 +83,7 @@ def gather(
         return _of_view(view, frame, limits, filled, wider_px, code_of(source, limits.level))
 
     rng = np.random.default_rng(limits.seed)  # One draw after the other: the same pixels whichever view is ready first.
-    return tuple(replace(v, pixels=drawn(v, limits.pixels, rng)) for v in in_threads(one, views, renderings, recorded or views))
+    return tuple(replace(v, pixels=drawn(v.smooth, limits.pixels, rng)) for v in in_threads(one, views, renderings, recorded or views))
 
 
 def code_of(view: View, limits: LevelLimits) -> float:
@@ -145,18 +145,7 @@ def _unknown(frame: Frame) -> Image:
     return np.broadcast_to(np.float32(np.nan), frame.depth.shape)
 
 
-def drawn(view: ViewEvidence, pixels: int, rng: np.random.Generator) -> Ints:
-    """(n,) flat indices of the pixels to fit, in order: `pixels` of the view, and of each part `pixels_of_part` if it has as many.
-
-    Small parts have their own effects (`cad_deviation`, `subsurface`), which a few of their pixels do not show.
-    """
-    index = np.flatnonzero(view.smooth)
-    taken = rng.choice(index, min(pixels, len(index)), replace=False)
-    part = view.rendering.part.ravel()
-    rest = np.setdiff1d(index, taken, assume_unique=True)
-    for one in np.unique(part[rest]):
-        short = view.limits.pixels_of_part - int(np.count_nonzero(part[taken] == one))
-        if one >= 0 and short > 0:
-            own = rest[part[rest] == one]
-            taken = np.concatenate([taken, rng.choice(own, min(short, len(own)), replace=False)])
-    return np.sort(taken)
+def drawn(smooth: Mask, pixels: int, rng: np.random.Generator) -> Ints:
+    """(n,) flat indices of the pixels to fit, in order."""
+    index = np.flatnonzero(smooth)
+    return np.sort(rng.choice(index, min(pixels, len(index)), replace=False))

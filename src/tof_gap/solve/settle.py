@@ -26,7 +26,7 @@ def settled(joint: Joint, config: GapConfig) -> Joint:
     White noise limits the poses of a good camera: four times the pixels halve the error of its labels.
     """
     rng = np.random.default_rng(config.evidence.seed)
-    views = tuple(replace(v, pixels=drawn(v, config.solve.joint.settle_pixels, rng)) for v in joint.views)
+    views = tuple(replace(v, pixels=drawn(v.smooth, config.solve.joint.settle_pixels, rng)) for v in joint.views)
     denser = sum(len(v.pixels) for v in views) / max(sum(len(v.pixels) for v in joint.views), 1)
     chosen, ties = joint.selection.chosen, joint.selection.ties
     kept = list(dict.fromkeys([*chosen.members, *(other for of_one in ties for other in of_one)]))

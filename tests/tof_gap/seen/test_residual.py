@@ -11,7 +11,7 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, rendering, views
 from tof_gap.limits.seen import BlurLimits, EvidenceLimits
 from tof_gap.seen.edges import edge_band, excluded, smear, streaks
-from tof_gap.seen.residual import compact, drawn, gather, without_geometry
+from tof_gap.seen.residual import compact, gather, without_geometry
 from tof_sensor.frame import Context, Frame, ideal_frame
 
 LIMITS, BLUR = EvidenceLimits(), BlurLimits()
@@ -140,24 +140,3 @@ def test_a_second_surface_is_kept_only_where_a_pixel_has_one() -> None:
     assert np.isnan(one.second).all()
     assert two.mixed is mixed
     assert (two.second == 1).all()
-
-
-@pytest.mark.parametrize(("asked", "least"), [(0, 0), (100, 100), (400, 252)])
-def test_of_a_small_part_as_many_pixels_are_drawn_as_are_asked_of_it_or_all_that_it_has(asked: int, least: int) -> None:
-    view = views(np.random.default_rng(1))[0]
-    part = view.rendering.part.copy()
-    part[40:54, 30:48] = 1
-    view = replace(
-        view,
-        frame=replace(view.frame, rendering=replace(view.rendering, part=part)),
-        limits=replace(view.limits, pixels_of_part=asked),
-        smooth=np.ones(SHAPE, bool),
-    )
-    pixels = drawn(view, 500, np.random.default_rng(0))
-    assert len(np.unique(pixels)) == len(pixels)
-    own = int(np.count_nonzero(part.ravel()[pixels] == 1))
-    assert own >= least
-    assert len(pixels) - own == np.count_nonzero(part.ravel()[drawn(replace(view, limits=LIMITS), 500, np.random.default_rng(0))] == 0)
-    if asked == 0:
-        assert len(pixels) == 500
-        assert own < 20  # 252 of 9632 pixels
