@@ -106,6 +106,8 @@ class Effect(ABC):
     """Whether it is a member of the chain of poses, which the solution frees in place of columns."""
     SMEARS: ClassVar[bool] = False
     """Whether it moves what edges show, and by that the poses that edges hold."""
+    AT_EDGES: ClassVar[bool] = False
+    """Whether it errs most at edges, which are in no fit: its size is that of its map on all pixels."""
     FINER: ClassVar[tuple[Finer, ...]] = ()
     """Passes of the search around its best form, in turn."""
     REACH_M: ClassVar[float] = 0.05

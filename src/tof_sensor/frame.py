@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 LIGHT_M_PER_S = 299_792_458.0
 MOVING_M_S = 5e-3
 """Speed from which a view counts as taken in motion: 0.1 mm within an exposure of 20 ms."""
+GRAZING = 0.1
+"""Cosine of incidence below which surfaces count as seen at this one: what grazes more is in no fit."""
 MOVING_RAD_S = float(np.radians(0.5))
 """The same as a turn rate."""
 
@@ -112,6 +114,15 @@ class Frame:
     def radial(self) -> Float:
         """(H, W) metres along the pixel's ray."""
         return self.depth * self.length
+
+    @property
+    def surroundings_m2(self) -> Float:
+        """(H, W) m^2: range squared over the cosine of incidence; 0 off the CAD.
+
+        The lamp's light off a surface falls with both. Light of the surroundings, which comes from all sides, does not: at one amplitude
+        of the lamp's, there is as much more of it.
+        """
+        return np.nan_to_num(self.radial**2 / np.maximum(np.cos(self.rendering.incidence.astype(np.float64)), GRAZING))
 
     @property
     def points(self) -> Float:

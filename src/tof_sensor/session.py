@@ -27,13 +27,14 @@ PART_PIXELS = 150
 class NoiseBins:
     """Temporal noise by amplitude, in bins of every view, each (n,).
 
-    view: its index; amplitude: mean, camera's unit; range2: mean squared range, m^2; variance: of one capture, m^2 along the ray;
-    samples: their number.
+    view: its index; amplitude: mean, camera's unit; range2: mean squared range, m^2; surroundings2: mean of `Frame.surroundings_m2`;
+    variance: of one capture, m^2 along the ray; samples: their number.
     """
 
     view: Float
     amplitude: Float
     range2: Float
+    surroundings2: Float
     variance: Float
     samples: Float
 

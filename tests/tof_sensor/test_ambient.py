@@ -35,16 +35,21 @@ def session(beyond: Float | float, law: PhotonLaw | None = LAW, views: int = VIE
     """Bins of the law's noise, known to 3 %, and `beyond` (m^2, per view and bin) besides."""
     amplitude = np.tile(np.geomspace(100.0, 10_000.0, BINS), (views, 1))
     range2 = np.linspace(0.25, 1.5, views)[:, None] * np.ones(BINS)
-    variance = (LAW.variance(amplitude, range2) + beyond) * np.random.default_rng(1).normal(1.0, 0.03, amplitude.shape)
+    surroundings2 = range2 / np.random.default_rng(2).uniform(0.4, 1.0, range2.shape)
+    variance = (LAW.variance(amplitude, surroundings2) + beyond) * np.random.default_rng(1).normal(1.0, 0.03, amplitude.shape)
     view = np.repeat(np.arange(float(views)), BINS)
-    return Session((), law=law, noise=NoiseBins(view, amplitude.ravel(), range2.ravel(), variance.ravel(), np.full(view.size, 2000.0)))
+    return Session(
+        (),
+        law=law,
+        noise=NoiseBins(view, amplitude.ravel(), range2.ravel(), surroundings2.ravel(), variance.ravel(), np.full(view.size, 2000.0)),
+    )
 
 
 def light(surface_m: float, uniform_m: float) -> Float:
     """Variance of foreign light in the bins of `session`."""
     noise = session(0.0).noise
     assert noise is not None
-    return Ambient(surface_m, uniform_m, LAW.reference).variance(noise.amplitude, noise.range2).reshape(VIEWS, BINS)
+    return Ambient(surface_m, uniform_m, LAW.reference).variance(noise.amplitude, noise.surroundings2).reshape(VIEWS, BINS)
 
 
 def test_noise_off_surfaces_goes_with_range_and_of_every_pixel_with_amplitude_alone() -> None:
@@ -79,6 +84,23 @@ def test_light_off_the_surfaces_is_no_noise_of_the_read_out() -> None:
     assert found.effect.rivals == ()
     assert found.note.endswith("times that of the photon law in --sensor")
     assert found.effect.remedy == Ambient.REMEDY
+
+
+def test_offsets_of_pixels_beside_it_do_not_hide_foreign_light() -> None:
+    """A pattern of 1 mm is noise to its neighbours, as large in bright light as in the dark."""
+    found = Ambient.detect(session(light(4e-3, 0.0) + 1e-3**2))
+    assert found is not None
+    assert isinstance(found.effect, Ambient)
+    assert found.effect.surface_m == pytest.approx(4e-3, rel=0.1)
+
+
+def test_of_two_surfaces_with_the_same_amplitude_the_oblique_one_returns_more_foreign_light() -> None:
+    frame = plane_frame(amplitude=np.full(CAMERA.shape, 100.0))
+    cosine = np.cos(frame.rendering.incidence.astype(float))
+    noise = Ambient(surface_m=2e-3, reference=100.0).noise(frame) * frame.length
+    np.testing.assert_allclose(noise, 2e-3 * frame.radial / np.sqrt(cosine), rtol=1e-6)
+    law = PhotonLaw(floor_m=0.0, shot_m=0.0, far_m=2e-3, reference=100.0)
+    np.testing.assert_allclose(law.apply(frame, np.random.default_rng(0)).sigma * frame.length, noise, rtol=1e-6)
 
 
 @pytest.mark.parametrize(

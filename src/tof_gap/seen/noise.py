@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.photons import LawFit
+    from tof_gap.seen.pixel_noise import NoisyPixels
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.seen.stripes import Beat
     from tof_sensor.effects.photon_law import PhotonLaw
@@ -66,7 +68,7 @@ def noise_effects(
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:
         return []
-    usual = law is not None and np.median(b.variance / law.variance(b.amplitude, b.range2)) < 1.0 + limits.law_excess
+    usual = law is not None and np.median(b.variance / law.variance(b.amplitude, b.surroundings2)) < 1.0 + limits.law_excess
     own = _noise(views, b, None if dark or usual or unmerged else fit_law(b, step, limits), step, limits)
     return [] if own is None else [own]
 
@@ -118,11 +120,10 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
             parts[name] = size_m
             common = np.stack([line_map(v, axis, limits.lines) for v in views]) + (0.0 if common is None else common)
     # Offsets of single pixels are noise to their neighbours: no pixel stands out from noise that is not known.
-    pixels = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
-    of_pixels = over_mean * float(pixels.size_m * np.sqrt(pixels.share))
-    beyond_chance = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
-    few = beyond_chance and of_pixels > limits.extra_mm * 1e-3
-    if few:
+    pixels = _noisy(views, limits)
+    of_pixels = 0.0 if pixels is None else over_mean * float(pixels.size_m * np.sqrt(pixels.share))
+    few = pixels is not None and of_pixels > limits.extra_mm * 1e-3
+    if pixels is not None and few:
         parts[f"of {in_percent(pixels.share)} of the pixels"] = of_pixels
     size = float(np.sqrt(sum(p * p for p in parts.values())))
     if size <= 0:
@@ -136,8 +137,20 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
         _of_means(views, size),
         common=common,
         note=how,
-        own_noise=pixels.where if few else None,
+        own_noise=None if pixels is None or not few else pixels.where,
     )
+
+
+def _noisy(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPixels | None:
+    """Pixels with a noise of their own, None where they may be so by chance; offsets of pixels, which are noise to their neighbours, are none."""
+    found = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
+    return found if found.share > limits.pixel_share and found.chance < limits.pixels.chance else None
+
+
+def without_noisy_pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Sequence[ViewEvidence]:
+    """The views less the pixels with a noise of their own: what light does to noise is read off the others."""
+    found = _noisy(views, limits)
+    return views if found is None else [replace(v, smooth=v.smooth & ~found.where) for v in views]
 
 
 def _stripes(views: Sequence[ViewEvidence], wave: Beat, reference: float, limits: NoiseLimits) -> Finding:
@@ -151,7 +164,7 @@ def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mas
     """Views noisier than the others: `interference` where the excess falls with the camera's own light, else `noise` in bursts."""
     note = f"{int(hit.sum())} of {len(views)} views hit"
     in_hit = hit[b.view.astype(int)]
-    excess = (b.variance - fitted.law.variance(b.amplitude, b.range2))[in_hit]
+    excess = (b.variance - fitted.law.variance(b.amplitude, b.surroundings2))[in_hit]
     weak = (fitted.law.reference / b.amplitude[in_hit]) ** 2
     # The misfit, relative, of an excess that is constant and of one that goes with 1 / A^2.
     relative = [np.log(np.maximum(excess, 1e-12) / x) for x in (np.ones_like(weak), weak)]

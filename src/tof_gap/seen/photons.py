@@ -42,17 +42,17 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
         d2 = second_differences(np.where(v.smooth, v.residual, np.nan) * v.frame.length, axis=1)
         light = v.frame.amplitude[:, 1:-1]
         seen = np.isfinite(d2) & (light > 0)
-        x, a, r2 = d2[seen], light[seen], (v.frame.radial[:, 1:-1] ** 2)[seen]
+        x, a, r2, around2 = d2[seen], light[seen], (v.frame.radial[:, 1:-1] ** 2)[seen], v.frame.surroundings_m2[:, 1:-1][seen]
         if len(x) < limits.view_samples:
             continue
         edges = np.quantile(a, np.linspace(0, 1, bins + 1))
         which = np.clip(np.searchsorted(edges, a, side="right") - 1, 0, bins - 1)
         rows += [
-            (i, a[which == b].mean(), r2[which == b].mean(), v.view.captures * trimmed_std(x[which == b]) ** 2, (which == b).sum())
-            for b in range(bins)
-            if (which == b).sum() >= limits.bin_samples
+            (i, a[of].mean(), r2[of].mean(), around2[of].mean(), v.view.captures * trimmed_std(x[of]) ** 2, of.sum())
+            for of in (which == b for b in range(bins))
+            if of.sum() >= limits.bin_samples
         ]
-    table = np.array(rows, float).reshape(-1, 5)
+    table = np.array(rows, float).reshape(-1, 6)
     return NoiseBins(*table.T)
 
 
@@ -66,7 +66,7 @@ class LawFit:
 
     def ratio(self, b: NoiseBins) -> Float:
         """(n,) variance of each bin over the law's."""
-        return np.asarray(b.variance / np.maximum(self.law.variance(b.amplitude, b.range2), 1e-14))
+        return np.asarray(b.variance / np.maximum(self.law.variance(b.amplitude, b.surroundings2), 1e-14))
 
 
 def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits) -> LawFit:
@@ -81,7 +81,7 @@ def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits) -> LawFit:
     target = np.maximum(b.variance - own, 0.0)
     weight = np.sqrt(b.samples / 2) / np.maximum(usual, 1e-12)
     keep, c, log = np.ones(len(target), bool), np.zeros(4), np.zeros(len(target))
-    X = np.stack([np.ones_like(ratio), ratio, ratio * b.range2, ratio**2], axis=1)
+    X = np.stack([np.ones_like(ratio), ratio, ratio * b.surroundings2, ratio**2], axis=1)
     for _ in range(ROUNDS):
         c, _ = nnls(X[keep] * weight[keep, None], target[keep] * weight[keep])
         log = np.log(np.maximum(b.variance, 1e-14) / np.maximum(X @ c + own, 1e-14))
@@ -96,7 +96,7 @@ def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits) -> LawFit:
 
 def variance_of_mean(law: PhotonLaw, view: ViewEvidence) -> Float:
     """(H, W) m^2 along the ray: what the law of one capture leaves in the mean of a view's captures."""
-    return law.variance(view.frame.amplitude, np.nan_to_num(view.frame.radial) ** 2) / view.view.captures
+    return law.variance(view.frame.amplitude, view.frame.surroundings_m2) / view.view.captures
 
 
 def constant_part(fitted: LawFit, step_m: float) -> float:

@@ -35,13 +35,13 @@ def calibrated(one: Named, stated: Calibration, camera: Camera) -> bool:
 def sizes_m(maps: Mapping[str, Sequence[Float]], views: Sequence[ViewEvidence], held_out: Sequence[int]) -> dict[str, float]:
     """Of each map, (H, W) metres per view, the size in metres that the held-out views confirm.
 
-    What smears errs most at edges, which are in no fit: as much of its map is taken for true there as elsewhere.
+    What errs most at edges (`Effect.AT_EDGES`) is in no fit there: as much of its map is taken for true there as elsewhere.
     """
     left = {k: views[k].residual - sum((np.nan_to_num(m[k]) for m in maps.values()), np.zeros(views[k].residual.shape)) for k in held_out}
     out = {}
     for name, by_view in maps.items():
         fitted, errors = (np.concatenate([np.nan_to_num(m[k][views[k].smooth]) for k in held_out]) for m in (by_view, left))
-        everywhere = np.concatenate([_one_surface(by_view[k], views[k]) for k in held_out]) if _smears(name) else fitted
+        everywhere = np.concatenate([_one_surface(by_view[k], views[k]) for k in held_out]) if _errs_at_edges(name) else fitted
         out[name] = float(np.sqrt(confirmed(fitted, errors) * mean_square(everywhere)))
     return out
 
@@ -71,8 +71,8 @@ def mean_square(effect: Float) -> float:
     return float(np.mean(effect[affected] ** 2)) if affected.any() else 0.0
 
 
-def _smears(name: str) -> bool:
-    return name in EFFECTS and EFFECTS[name].SMEARS
+def _errs_at_edges(name: str) -> bool:
+    return name in EFFECTS and EFFECTS[name].AT_EDGES
 
 
 def _one_surface(effect: Float, view: ViewEvidence) -> Float:

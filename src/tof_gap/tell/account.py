@@ -142,7 +142,7 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     What a filter in the camera removed is no `dropout`.
     """
     left = solved.bare
-    light = detected.detected_effects(left, config.noise, law, left_out)
+    light = detected.detected_effects(noise.without_noisy_pixels(left, config.noise), config.noise, law, left_out)
     beside = detected.explained(left, light)
     blurred = solved.names(Motion.NAME)
     silent = _arms_silent(solved, left_out) or Interference.NAME in left_out

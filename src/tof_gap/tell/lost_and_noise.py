@@ -45,7 +45,7 @@ def noise_apart(
         return None
     sigma2 = []
     for law, frames in ((real.law, own), (simulated.law, other)):
-        sigma2.append(np.concatenate([law.variance(f.amplitude[s], f.radial[s] ** 2) for f, s in zip(frames, seen, strict=True)]))
+        sigma2.append(np.concatenate([law.variance(f.amplitude[s], f.surroundings_m2[s]) for f, s in zip(frames, seen, strict=True)]))
     part = np.concatenate([f.rendering.part[s] for f, s in zip(own, seen, strict=True)])
     level = [1e3 * float(np.sqrt(np.median(v))) for v in sigma2]
     apart = _by_part(np.sqrt(sigma2[0]) - np.sqrt(sigma2[1]), part, parts)

@@ -39,10 +39,10 @@ BETTER = 0.8
 
 @dataclass(frozen=True, slots=True)
 class Ambient(Effect):
-    """sigma_r^2 = surface^2 r^2 A0 / A + uniform^2 (A0 / A)^2, beyond the photon law (Lange and Seitz 2001; docs/effects.md).
+    """sigma_r^2 = surface^2 (r^2 / cos theta) A0 / A + uniform^2 (A0 / A)^2, beyond the photon law (Lange and Seitz 2001; docs/effects.md).
 
-    A count B of foreign photons has the noise B / 2 A^2 in phase. Light that surfaces give back has B ~ albedo ~ A r^2; light
-    that reaches every pixel alike has one B.
+    A count B of foreign photons has the noise B / 2 A^2 in phase. Light of the surroundings that surfaces give back has
+    B ~ albedo ~ A r^2 / cos theta; light that reaches every pixel alike has one B.
     """
 
     NAME: ClassVar[str] = "ambient"
@@ -53,7 +53,9 @@ class Ambient(Effect):
     EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
     MODULATED: ClassVar[bool] = True
 
-    surface_m: float = param(0.0, "noise of foreign light off the surface at the reference amplitude and 1 m", unit="m", low=0.0, high=0.2)
+    surface_m: float = param(
+        0.0, "noise of foreign light off the surface, at the reference amplitude, 1 m and head-on", unit="m", low=0.0, high=0.2
+    )
     uniform_m: float = param(0.0, "noise of foreign light on every pixel alike at the reference amplitude", unit="m", low=0.0, high=0.2)
     reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
 
@@ -72,14 +74,14 @@ class Ambient(Effect):
         """Shade; where it may be the read-out, find out by that."""
         return READ_OUT if self.like_read_out else self.REMEDY
 
-    def variance(self, amplitude: Float, range2: Float) -> Float:
-        """m^2 along the ray at amplitudes and squared ranges (m^2)."""
+    def variance(self, amplitude: Float, surroundings2: Float) -> Float:
+        """m^2 along the ray at amplitudes and squared ranges over the cosine of incidence (`Frame.surroundings_m2`)."""
         ratio = self.reference / np.maximum(amplitude, 1e-12)
-        return np.asarray(self.surface_m**2 * range2 * ratio + (self.uniform_m * ratio) ** 2)
+        return np.asarray(self.surface_m**2 * surroundings2 * ratio + (self.uniform_m * ratio) ** 2)
 
     def noise(self, frame: Frame) -> Float:
         """(H, W) metres of z."""
-        return np.asarray(np.sqrt(self.variance(frame.amplitude, np.nan_to_num(frame.radial) ** 2)) / frame.length)
+        return np.asarray(np.sqrt(self.variance(frame.amplitude, frame.surroundings_m2)) / frame.length)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Add the noise of the foreign photons."""
@@ -111,20 +113,22 @@ class Ambient(Effect):
         law, bins = session.law, session.noise
         if law is None or bins is None or len(bins.view) < LEAST_BINS:
             return None
-        predicted = law.variance(bins.amplitude, bins.range2)
+        predicted = law.variance(bins.amplitude, bins.surroundings2)
         excess = bins.variance - predicted
         relative = excess / predicted
         of_view = np.array([np.median(relative[bins.view == v]) for v in np.unique(bins.view)])
         if np.median(relative) < LEAST_EXCESS or (of_view > 0.5 * LEAST_EXCESS).mean() < LEAST_SHARE:
             return None
         ratio = law.reference / bins.amplitude
-        foreign = np.stack([bins.range2 * ratio, ratio**2], axis=1)
+        # Offsets of single pixels are noise to their neighbours, of one size in all light: beside foreign light as beside the camera's own.
+        one = np.ones_like(ratio)
+        foreign = np.stack([bins.surroundings2 * ratio, ratio**2, one], axis=1)
         # The camera's own: noise of one size, own light that is modulated less, the law times a factor.
-        own = np.stack([np.ones_like(ratio), ratio, predicted], axis=1)
+        own = np.stack([one, ratio, predicted], axis=1)
         fitted = _fitted(foreign, excess, bins)
         if _misfit(foreign @ fitted, excess, predicted) > BETTER * _misfit(own @ _fitted(own, excess, bins), excess, predicted):
             return None
-        surface, uniform = np.sqrt(fitted)
+        surface, uniform, _ = np.sqrt(fitted)
         effect = cls(surface_m=min(float(surface), 0.2), uniform_m=min(float(uniform), 0.2), reference=law.reference)
         times = float(np.sqrt(1.0 + np.median(relative)))
         either = ", from foreign light or the camera's read-out" if effect.like_read_out else ""

@@ -49,6 +49,7 @@ class LensScatter(Effect):
     FINER: ClassVar[tuple[Finer, ...]] = (Finer("modulation_mhz", 0.1),)
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("halo", "middle", "veil")
+    AT_EDGES: ClassVar[bool] = True
 
     halo: float = param(0.0, "share of the light that lands nearby", low=-0.1, high=0.5)
     middle: float = param(0.0, "share that lands over a fifth of the image", low=-0.1, high=0.5)

@@ -55,6 +55,7 @@ class Motion(Effect):
     ROUGH: ClassVar[float] = 0.1  # What appears and vanishes along the flow is not in the picture of the mean time.
     SMEARS: ClassVar[bool] = True
     FINER: ClassVar[tuple[Finer, ...]] = (Finer("tap_s", 0.5), Finer("modulation_mhz", 0.2), Finer("tap_s", 0.15))
+    AT_EDGES: ClassVar[bool] = True
 
     axial_s: float = param(0.0, "time by which the depth is late", unit="s", low=-0.5, high=0.5)
     edge: float = param(0.0, "the taps' differences, 1 in full where the taps' phase is the distance's", low=-2.5, high=2.5)

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PhotonLaw(Effect):
-    """sigma^2 = floor^2 + (shot^2 + far^2 r^2) A0 / A + ambient^2 (A0 / A)^2, along the ray r (docs/effects.md).
+    """sigma^2 = floor^2 + (shot^2 + far^2 r^2 / cos theta) A0 / A + ambient^2 (A0 / A)^2, along the ray r, at incidence theta (docs/effects.md).
 
-    Foreign light off a surface is the same from near and far while own light falls with r^2: at one amplitude A the farther
-    surface is the brighter, hence `far_m`.
+    Light of the surroundings off a surface is the same from near and far and from any side, while own light falls with r^2 and with the
+    cosine: at one amplitude A the farther and the more oblique surface is the brighter, hence `far_m`.
     """
 
     NAME: ClassVar[str] = "photon_law"
@@ -33,15 +33,17 @@ class PhotonLaw(Effect):
     floor_m: float = param(0.0003, "noise that no light removes", unit="m", low=0.0, high=0.05)
     shot_m: float = param(0.001, "photon noise at the reference amplitude", unit="m", low=0.0, high=0.1)
     ambient_m: float = param(0.0, "ambient and read noise at the reference amplitude", unit="m", low=0.0, high=0.1)
-    far_m: float = param(0.0, "noise of ambient light off the surface at the reference amplitude and 1 m", unit="m", low=0.0, high=0.1)
+    far_m: float = param(
+        0.0, "noise of ambient light off the surface, at the reference amplitude, 1 m and head-on", unit="m", low=0.0, high=0.1
+    )
     reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Noise by amplitude."""
-        variance = self.variance(frame.amplitude, np.nan_to_num(frame.radial) ** 2)
+        variance = self.variance(frame.amplitude, frame.surroundings_m2)
         return with_noise(frame, np.sqrt(variance) / frame.length, rng)
 
-    def variance(self, amplitude: Float, range2: Float) -> Float:
-        """m^2 along the ray at amplitudes and squared ranges (m^2)."""
+    def variance(self, amplitude: Float, surroundings2: Float) -> Float:
+        """m^2 along the ray at amplitudes and squared ranges over the cosine of incidence (`Frame.surroundings_m2`)."""
         ratio = self.reference / np.maximum(amplitude, 1e-12)
-        return np.asarray(self.floor_m**2 + (self.shot_m**2 + self.far_m**2 * range2) * ratio + (self.ambient_m * ratio) ** 2)
+        return np.asarray(self.floor_m**2 + (self.shot_m**2 + self.far_m**2 * surroundings2) * ratio + (self.ambient_m * ratio) ** 2)

@@ -40,7 +40,7 @@ def test_law_of_shot_and_ambient_is_found_without_a_floor() -> None:
     amplitude = np.geomspace(100, 10000, 40)
     ratio = np.median(amplitude) / amplitude
     variance = 0.001**2 * ratio + 0.0005**2 * ratio**2
-    law = fit_law(NoiseBins(np.zeros(40), amplitude, np.ones(40), variance, np.full(40, 2000.0)), 0.0, LIMITS).law
+    law = fit_law(NoiseBins(np.zeros(40), amplitude, np.ones(40), np.ones(40), variance, np.full(40, 2000.0)), 0.0, LIMITS).law
     assert np.hypot(law.shot_m, law.far_m) == pytest.approx(0.001, rel=0.02)  # All at 1 m: near and far light are one.
     assert law.ambient_m == pytest.approx(0.0005, rel=0.02)
     assert law.floor_m < 1e-4
@@ -50,14 +50,14 @@ def test_a_bin_that_hardly_ever_changes_does_not_make_the_law() -> None:
     amplitude = np.geomspace(100, 10000, 40)
     variance = 0.001**2 * np.median(amplitude) / amplitude
     variance[-1] = 5e-15  # Too bright to scatter beyond the depth code's step.
-    b = NoiseBins(np.zeros(40), amplitude, np.ones(40), variance, np.full(40, 2000.0))
+    b = NoiseBins(np.zeros(40), amplitude, np.ones(40), np.ones(40), variance, np.full(40, 2000.0))
     np.testing.assert_allclose(fit_law(b, 0.0, LIMITS).ratio(b)[:-1], 1.0, atol=0.15)
 
 
 def test_ambient_light_of_far_surfaces_is_no_burst() -> None:
     amplitude, range2 = np.tile(np.geomspace(100, 10000, 20), 4), np.repeat([0.25, 0.5, 1.0, 2.0], 20)
     variance = (0.0005**2 + 0.0012**2 * range2) * np.median(amplitude) / amplitude
-    b = NoiseBins(np.repeat(np.arange(4.0), 20), amplitude, range2, variance, np.full(80, 2000.0))
+    b = NoiseBins(np.repeat(np.arange(4.0), 20), amplitude, range2, range2, variance, np.full(80, 2000.0))
     fitted = fit_law(b, 0.0, LIMITS)
     np.testing.assert_allclose(fitted.ratio(b), 1.0, atol=0.02)
     assert fitted.law.far_m == pytest.approx(0.0012, rel=0.02)
@@ -67,7 +67,7 @@ def test_constant_scatter_shows_as_a_floor() -> None:
     amplitude = np.geomspace(100, 10000, 40)
     variance = 0.003**2 + 0.001**2 * np.median(amplitude) / amplitude
     assert fit_law(
-        NoiseBins(np.zeros(40), amplitude, np.ones(40), variance, np.full(40, 2000.0)), 0.001, LIMITS
+        NoiseBins(np.zeros(40), amplitude, np.ones(40), np.ones(40), variance, np.full(40, 2000.0)), 0.001, LIMITS
     ).law.floor_m == pytest.approx(0.003, rel=0.05)
 
 
@@ -153,7 +153,7 @@ def test_noise_that_grows_towards_the_end_of_a_pulse_s_gates_is_no_burst() -> No
     burst = np.isin(np.arange(12), (1, 5, 9))
     for extra in (0.0, 1.0):
         variance = 0.001**2 * 2000.0 / amplitude * gated * (1 + extra * burst[view])
-        b = NoiseBins(view.astype(float), amplitude, range_m**2, variance, np.full(144, 2000.0))
+        b = NoiseBins(view.astype(float), amplitude, range_m**2, range_m**2, variance, np.full(144, 2000.0))
         ratio = view_ratio(b, quiet_law(b, 0.0, 12, LIMITS), 12, LIMITS)
         assert _stand_out(np.log(ratio), LIMITS).tolist() == (burst & (extra > 0)).tolist()
 
