@@ -74,6 +74,9 @@ class Judge:
     def is_free(self, member: int) -> bool:
         return self.letters[member] in self.free
 
+    def against_priors(self, member: int) -> bool:
+        return self.letters[member] in self.hand
+
     def frees_hand(self, members: Sequence[int]) -> bool:
         return any(self.letters[m] in self.hand for m in members)
 

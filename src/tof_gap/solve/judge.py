@@ -50,7 +50,7 @@ class Selector:
 
     def gain(self, member: int) -> float:
         """Held-out chi-square that a candidate must win: less where it wins against a prior that is known, and not against pixels."""
-        return self.config.hand_gain if self.frees_hand([member]) or self._lens_free(member) else self.config.gain
+        return self.config.hand_gain if self.against_priors(member) else self.config.gain
 
     def share(self, member: int) -> float:
         """Share of the visible gap's energy that a candidate must explain.
@@ -59,13 +59,17 @@ class Selector:
         nor a lens where the stated calibration leaves one free, which gives way to more than is stated.
         """
         effect = self.design.candidates[member].effect
-        if self.frees_hand([member]) or self._lens_free(member) or (effect is not None and effect.SMEARS):
+        if self.against_priors(member) or (effect is not None and effect.SMEARS):
             return 0.0
         return self.config.unknown_share if self.is_free(member) else self.config.share
 
-    def _lens_free(self, member: int) -> bool:
-        """Whether it is a wrong lens beside one that every hypothesis frees within the stated calibration."""
-        return len(self.design.always) > 0 and self.design.candidates[member].name == Intrinsics.NAME
+    def against_priors(self, member: int) -> bool:
+        """Whether what it wins are errors of arm or lens against their priors, and hardly pixels.
+
+        Hand-eye is such, and a wrong lens beside one that every hypothesis frees within the stated calibration: what it does not explain, they absorb.
+        """
+        lens = len(self.design.always) > 0 and self.design.candidates[member].name == Intrinsics.NAME
+        return lens or self.frees_hand([member])
 
     def columns(self, members: Iterable[int]) -> Ints:
         """Columns of a hypothesis."""

@@ -48,7 +48,7 @@ def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> S
     ends = [_grown(judge, members) for members in dict.fromkeys([(), tuple(begun)])]
     best = min(ends, key=lambda end: judge.score(end.members, ends[0].inflate).score)
     current, small = without_small(judge, best)
-    return _described(judge, current, small)
+    return _described(judge, _prune(judge, current), small)
 
 
 def _grown(judge: Selector, members: Sequence[int]) -> Hypothesis:

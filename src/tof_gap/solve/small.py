@@ -24,7 +24,7 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
             name: max(judge.score(judge.design.without(current.members, name), current.inflate).score - current.score, 0.0)
             for name in names
         }
-        others = [i for i, m in enumerate(current.members) if judge.is_free(m) or judge.frees_hand([m])]
+        others = [i for i, m in enumerate(current.members) if judge.is_free(m) or judge.against_priors(m)]
         beside = float(worth(judge, current)[0][others].clip(0.0).sum()) if others else 0.0
         least = min(lost, key=lost.__getitem__)
         if lost[least] >= min(judge.config.small_share * (sum(lost.values()) + beside), judge.config.small_left * current.score):
@@ -40,5 +40,5 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
 
 
 def _names(judge: Selector, current: Hypothesis) -> list[str]:
-    """Names of the effects, once each; hand-eye, whose evidence are the arms, is not among them."""
-    return sorted({judge.design.candidates[m].name for m in current.members if not judge.is_free(m) and not judge.frees_hand([m])})
+    """Names of the effects, once each, without those that win against priors of arm and lens: pixels do not show how large these are."""
+    return sorted({judge.design.candidates[m].name for m in current.members if not judge.is_free(m) and not judge.against_priors(m)})

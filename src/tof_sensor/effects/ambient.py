@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tof_sensor.session import NoiseBins, Session
 
 LEAST_EXCESS = 0.35
-"""Median variance beyond the law, as a share of the law's, from which foreign light may be named: noise 16 % above the law. Two healthy
+"""Median variance of foreign light, as a share of the law's, from which foreign light may be named: noise 16 % above the law. Two healthy
 sessions of one camera agree to better than that; scenes of other albedos ask the law where it was not fitted."""
 LEAST_SHARE = 0.75
 """Share of the views that must have half of that excess: foreign light does not come in bursts."""
@@ -33,8 +33,9 @@ READ_OUT = (
     "longer dwells help against both"
 )
 """What to do where foreign light and read-out noise cannot be distinguished."""
-BETTER = 0.8
-"""Misfit of foreign light over that of the camera's own noise in any mixture, above which the excess is no foreign light."""
+BETTER = 0.9
+"""Misfit of foreign light beside the camera's own noise over that of own noise alone, above which the excess need be no foreign light: two
+terms more fit a tenth better by chance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,24 +116,23 @@ class Ambient(Effect):
             return None
         predicted = law.variance(bins.amplitude, bins.surroundings2)
         excess = bins.variance - predicted
-        relative = excess / predicted
-        of_view = np.array([np.median(relative[bins.view == v]) for v in np.unique(bins.view)])
-        if np.median(relative) < LEAST_EXCESS or (of_view > 0.5 * LEAST_EXCESS).mean() < LEAST_SHARE:
-            return None
+        of_view = np.array([np.median((excess / predicted)[bins.view == v]) for v in np.unique(bins.view)])
         ratio = law.reference / bins.amplitude
-        # Offsets of single pixels are noise to their neighbours, of one size in all light: beside foreign light as beside the camera's own.
-        one = np.ones_like(ratio)
-        foreign = np.stack([bins.surroundings2 * ratio, ratio**2, one], axis=1)
-        # The camera's own: noise of one size, own light that is modulated less, the law times a factor.
-        own = np.stack([one, ratio, predicted], axis=1)
-        fitted = _fitted(foreign, excess, bins)
-        if _misfit(foreign @ fitted, excess, predicted) > BETTER * _misfit(own @ _fitted(own, excess, bins), excess, predicted):
+        # The camera's own: noise of one size, as offsets of pixels are to their neighbours; own light that is modulated less; the law times a factor.
+        own = np.stack([np.ones_like(ratio), ratio, predicted], axis=1)
+        foreign = np.stack([bins.surroundings2 * ratio, ratio**2], axis=1)
+        either = np.concatenate([own, foreign], axis=1)
+        fitted = _fitted(either, excess, bins)
+        light = foreign @ fitted[own.shape[1] :]
+        if np.median(light / predicted) < LEAST_EXCESS or (of_view > 0.5 * LEAST_EXCESS).mean() < LEAST_SHARE:
             return None
-        surface, uniform, _ = np.sqrt(fitted)
+        if _misfit(either @ fitted, excess, predicted) > BETTER * _misfit(own @ _fitted(own, excess, bins), excess, predicted):
+            return None
+        surface, uniform = np.sqrt(fitted[own.shape[1] :])
         effect = cls(surface_m=min(float(surface), 0.2), uniform_m=min(float(uniform), 0.2), reference=law.reference)
-        times = float(np.sqrt(1.0 + np.median(relative)))
-        either = ", from foreign light or the camera's read-out" if effect.like_read_out else ""
-        return Detection(effect, 0.95, note=f"noise {times:.1f} times that of the photon law in --sensor{either}")
+        times = float(np.sqrt(1.0 + np.median(light / predicted)))
+        or_own = ", from foreign light or the camera's read-out" if effect.like_read_out else ""
+        return Detection(effect, 0.95, note=f"noise {times:.1f} times that of the photon law in --sensor{or_own}")
 
 
 def _fitted(X: Float, excess: Float, bins: NoiseBins) -> Float:
