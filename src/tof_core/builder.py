@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.camera import radial_to_z
+from tof_core.cameras import Cameras
 from tof_core.capture import Capture, Colour
 from tof_core.decode import (
-    camera_from_info,
     check_size,
     decode_amplitude,
     decode_colour,
@@ -102,7 +102,7 @@ class CaptureBuilder:
         self.camera: Camera | None = None
         self._wait_ns, self._ahead_ns = wait_s * 1e9, round(ahead_s * 1e9)
         self._join_ns, self._colour_join_ns = round(options.join_s * 1e9), round(options.colour_join_s * 1e9)
-        self._cameras: dict[bytes, Camera] = {}
+        self._cameras = Cameras()
         self.reset()
 
     def reset(self) -> None:
@@ -117,12 +117,12 @@ class CaptureBuilder:
 
     def info(self, msg: Any) -> None:
         """A CameraInfo of the depth camera; the newest one holds."""
-        self.camera = self._camera_of(msg, self.topics.info or "camera_info", self.topics.depth)
+        self.camera = self._cameras.of(msg, self.topics.info or "camera_info", rectified=is_rectified(self.topics.depth))
 
     def colour_info(self, msg: Any) -> None:
         """A CameraInfo of the colour camera; an uncalibrated one leaves colour without a camera."""
         try:
-            self._colour_camera = self._camera_of(msg, self.topics.colour_info, self.topics.colour)
+            self._colour_camera = self._cameras.of(msg, self.topics.colour_info, rectified=is_rectified(self.topics.colour))
         except CameraError as error:
             self._colour_camera, self.last_error = None, str(error)
 
@@ -292,9 +292,3 @@ class CaptureBuilder:
         except TransformError as error:
             self.last_error = str(error)
             return None
-
-    def _camera_of(self, msg: Any, where: str, image_topic: str) -> Camera:
-        """The camera of a CameraInfo; the same numbers give the same object, so its rays are computed once."""
-        camera = camera_from_info(msg, where, rectified=is_rectified(image_topic))
-        key = repr(camera).encode()
-        return self._cameras.setdefault(key, camera)

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The cameras that CameraInfo messages describe: an equal message is read once, and equal numbers give the same camera."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core.decode import camera_from_info
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable
+
+    from tof_core.camera import Camera
+
+MOST = 16
+"""Messages that are remembered; a camera sends the same one with each frame."""
+
+
+class Cameras:
+    """Cameras by their numbers, so that the rays of each are computed once."""
+
+    def __init__(self) -> None:
+        """None yet."""
+        self._read: dict[Hashable, Camera] = {}
+        self._known: dict[str, Camera] = {}
+
+    def of(self, msg: Any, where: str, *, rectified: bool) -> Camera:
+        """The camera of a `sensor_msgs/CameraInfo`; errors as of `camera_from_info`."""
+        said = (rectified, *_said(msg))
+        if (camera := self._read.get(said)) is None:
+            camera = camera_from_info(msg, where, rectified=rectified)
+            camera = self._known.setdefault(repr(camera), camera)
+            if len(self._read) >= MOST:
+                self._read.clear()
+            self._read[said] = camera
+        return camera
+
+
+def _said(msg: Any) -> tuple[Hashable, ...]:
+    """All of a message that `camera_from_info` reads, in a tenth of its time."""
+    roi = msg.roi
+    return (
+        msg.header.frame_id,
+        msg.distortion_model,
+        *(msg.width, msg.height, msg.binning_x, msg.binning_y, roi.x_offset, roi.y_offset, roi.width, roi.height),
+        *(np.asarray(numbers, float).tobytes() for numbers in (msg.k, msg.p, msg.d)),
+    )
