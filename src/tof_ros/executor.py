@@ -31,8 +31,8 @@ SELDOM_S = 0.1
 """Period in which a busy node looks for service calls and for events of DDS (incompatible QoS): three quarters of what a node has to wait for are such,
 and each wait names all of it. An idle node waits for all."""
 
-MOST = 16
-"""Messages of one topic that a turn after a rest takes at most: timers and services have their turn, too, and 800 a second are heard at 20 ms."""
+LONGEST_S = 0.05
+"""How long a turn after a rest goes on taking messages at most, one more of each topic: timers and services have their turn, too."""
 
 
 class DirectExecutor(Executor):
@@ -137,9 +137,9 @@ class DirectExecutor(Executor):
             time.sleep(rest_s)
             others = [(kind, entity) for kind, entity in ready if kind != "subscription"]
             ready = [("subscription", topic) for node in self.get_nodes() for topic in node.subscriptions] + others
-        for _ in range(MOST if self.rest_s else 1):
-            ready = [(kind, entity) for kind, entity in ready if self._take(kind, entity)]
-            if not ready:
+        ends = time.monotonic() + LONGEST_S if self.rest_s else float("-inf")
+        while ready := [(kind, entity) for kind, entity in ready if self._take(kind, entity)]:
+            if time.monotonic() > ends:
                 return
 
     def _take(self, kind: str, entity: Any) -> bool:

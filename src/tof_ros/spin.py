@@ -30,8 +30,7 @@ class Spinner:
         self._error: BaseException | None = None
         threads = getattr(node, "threads", 1)
         self._executor = MultiThreadedExecutor(threads, context=node.context) if threads > 1 else CHOICE.executor(node.context)
-        if isinstance(self._executor, DirectExecutor):
-            self._executor.rest_s = rest_s or getattr(node, "rest_s", 0.0)
+        self.rest(rest_s or getattr(node, "rest_s", 0.0))
         self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, name=node.get_name(), daemon=True)
         self._thread.start()
@@ -43,6 +42,11 @@ class Spinner:
             pass
         except BaseException as error:  # noqa: BLE001  (handed to whoever waits)
             self._error = error
+
+    def rest(self, seconds: float) -> None:
+        """Pause so long after each turn from the next one on; rclpy's own executors know no pause."""
+        if isinstance(self._executor, DirectExecutor):
+            self._executor.rest_s = seconds
 
     @property
     def _helpers(self) -> tuple[Spinner, ...]:

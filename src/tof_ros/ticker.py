@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 class Ticker:
-    """Calls an action every `PERIOD_S` seconds of the wall clock, from `start` until the action says that nothing waits."""
+    """Calls an action every `period_s` seconds of the wall clock, from `start` until the action says that nothing waits."""
 
-    def __init__(self, node: RoomNode[Any], action: Callable[[], bool]) -> None:
+    def __init__(self, node: RoomNode[Any], action: Callable[[], bool], period_s: float = PERIOD_S) -> None:
         """`action` returns whether something still waits; it runs in the node's thread."""
         self._action = action
-        self._timer = node.timer(PERIOD_S, self._tick)
+        self._timer = node.timer(period_s, self._tick)
         self._timer.cancel()
 
     def start(self) -> None:

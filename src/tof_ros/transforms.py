@@ -12,7 +12,7 @@ from tf2_msgs.msg import TFMessage
 from tof_core.errors import TransformError
 from tof_core.tf_message import read_transforms
 from tof_ros import qos
-from tof_ros.patience import NEVER
+from tof_ros.patience import ALWAYS, NEVER
 from tof_ros.spin import Spinner
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 REST_S = 0.04
 """Pause between two looks at `/tf`, which then takes all that came: at 75 messages a second a wait for each cost as much as a filter, a look
 0.2 ms. A frame waits for transforms 40 ms after its stamp anyway; 2500 messages a second would fill the queue."""
+IDLE_REST_S = 0.1
+"""The same while nothing waits for TF, for a node to which that matters little: 1000 messages a second would fill the queue."""
 
 
 class TransformListener:
@@ -33,11 +35,21 @@ class TransformListener:
     that labels for longer would lose what its frames need.
     """
 
-    def __init__(self, node: RoomNode[Any], buffer: TransformBuffer, on_change: Callable[[], None], awaited: Callable[[], int]) -> None:
+    def __init__(
+        self,
+        node: RoomNode[Any],
+        buffer: TransformBuffer,
+        on_change: Callable[[], None],
+        awaited: Callable[[], int],
+        *,
+        idle_rest_s: float = REST_S,
+    ) -> None:
         """Subscribe as tf2 does: `/tf` reliable and volatile, `/tf_static` latched, 100 deep.
 
-        `on_change` runs in the node's thread; `awaited`, which runs in another, is the stamp that TF must have reached to be of use.
+        `on_change` runs in the node's thread; `awaited`, which runs in another, is the stamp that TF must have reached to be of use, `ALWAYS`
+        where nothing waits: then the listener looks every `idle_rest_s` seconds.
         """
+        self._idle_rest_s = idle_rest_s
         self._node, self._buffer, self._log, self._awaited = node, buffer, node.get_logger(), awaited
         self._wake = node.create_guard_condition(on_change)
         self._heard = float("-inf")
@@ -50,10 +62,10 @@ class TransformListener:
             use_global_arguments=False,
             start_parameter_services=False,
         )
+        self._spinner = Spinner(ears, REST_S)
         topics = (node.resolve_topic_name("/tf"), node.resolve_topic_name("/tf_static"))
         ears.create_subscription(TFMessage, topics[0], lambda cdr: self._add(cdr, static=False), qos.TF, raw=True)
         ears.create_subscription(TFMessage, topics[1], lambda cdr: self._add(cdr, static=True), qos.TF_STATIC, raw=True)
-        self._spinner = Spinner(ears, REST_S)
         node.helpers.append(self._spinner)
 
     @property
@@ -81,7 +93,9 @@ class TransformListener:
         self.messages += 1
         if not static:
             self._heard = time.monotonic()
-        if static or reached >= self._awaited():
+        awaited = self._awaited()
+        self._spinner.rest(self._idle_rest_s if awaited == ALWAYS else REST_S)
+        if static or reached >= awaited:
             self._wake.trigger()
 
     def _refuse(self, why: str) -> None:

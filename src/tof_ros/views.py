@@ -22,7 +22,7 @@ from tof_ros.interfaces import own_message
 from tof_ros.joiner import StampJoiner
 from tof_ros.patience import NEVER, Patience
 from tof_ros.ticker import Ticker
-from tof_ros.transforms import TransformListener
+from tof_ros.transforms import IDLE_REST_S, TransformListener
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -77,7 +77,7 @@ class ViewFeed:
         self._waiting: deque[tuple[int, dict[str, Any]]] = deque()
         self._arrivals: dict[int, float] = {}
         self._patience, self._overdue = Patience(patience_s), NEVER
-        self._transforms = TransformListener(node, chain.transforms, self.advance, lambda: self._patience.oldest)
+        self._transforms = TransformListener(node, chain.transforms, self.advance, lambda: self._patience.oldest, idle_rest_s=IDLE_REST_S)
         node.at_stop.append(self.close)
         for part in parts:
             topic = f"preproc/{topics.get(part, part)}"

@@ -20,6 +20,7 @@ from tof_ros import messages
 from tof_ros.depth_output import DepthOutput
 from tof_ros.managed import ManagedNode
 from tof_ros.markers import GREEN, ORANGE, colour, part_markers
+from tof_ros.patience import PERIOD_S
 from tof_ros.placing import Frames, Placing
 from tof_ros.recorder import RecordService
 from tof_ros.ticker import Ticker
@@ -57,6 +58,8 @@ SKIPPED = "skipped"
 """Among the verdicts: a dwell that has no label because `live.share` was used up."""
 LONGEST_PATH = 1000
 """Poses: a day of views, 60 kB a message."""
+SETTLE_TICKS = 5
+"""How often a node looks, within `live.settle_s`, whether it has passed: each look wakes the node."""
 CONFIG = LabelNodeConfig
 
 
@@ -99,7 +102,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._labelled = time.monotonic()
         self._path = Path(header=messages.header(0, self._cell))
         self._feed = ViewFeed(self, self._chain, live.patience_s, self._take, self._placing.camera)
-        self._ticker = Ticker(self, self._settle)
+        self._ticker = Ticker(self, self._settle, max(live.settle_s / SETTLE_TICKS, PERIOD_S))
         self._spare = SpareTime(live.share) if live.share else None
         if self._spare is not None:
             self.at_stop.append(self._spare.close)
@@ -163,7 +166,7 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._depth.offer(label.depth, head)
         for name, (array, encoding) in images.items():
             self.offer(self._outputs[name], partial(messages.image, array, encoding, head))
-        self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
+        self.offer(self._outputs["camera_info"], lambda: messages.camera_info(view.camera, head))
         self.offer(
             self._outputs["points"], lambda: messages.points(view.camera.points(label.depth).astype(np.float32), head, view.amplitude)
         )

@@ -336,6 +336,33 @@ def test_a_node_that_rests_takes_all_messages_of_its_rest_in_one_turn(context: A
     assert max(map(abs, ahead)) <= 3  # no topic is emptied before the others have their turn
 
 
+def test_a_turn_after_a_rest_ends_though_messages_keep_coming(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    import rclpy
+    from std_msgs.msg import Header
+
+    from tof_ros.executor import DirectExecutor
+
+    monkeypatch.setattr("tof_ros.executor.LONGEST_S", 0.0)
+    executor, heard = DirectExecutor(context=context), list[str]()
+    executor.rest_s = 0.1
+    with spun(context, "mouth_without_end") as (mouth, _):
+        ears = rclpy.create_node("patient_ears", context=context, start_parameter_services=False)
+        executor.add_node(ears)
+        ears.create_subscription(Header, "without_end", lambda m: heard.append(m.frame_id), 100)
+        out = mouth.create_publisher(Header, "without_end", 100)
+        assert wait_for(out.get_subscription_count)
+        for k in range(5):
+            out.publish(Header(frame_id=str(k)))
+        counts, end = list[int](), time.monotonic() + 10.0
+        while len(heard) < 5 and time.monotonic() < end:
+            executor.spin_once(0.5)
+            counts.append(len(heard))
+        executor.shutdown()
+        ears.destroy_node()
+    assert heard == ["0", "1", "2", "3", "4"]
+    assert max(b - a for a, b in zip([0, *counts], counts, strict=False)) == 1
+
+
 def test_a_busy_node_looks_for_events_of_dds_too(context: Any) -> None:
     from rclpy.qos import QoSProfile, ReliabilityPolicy
     from std_msgs.msg import Header
