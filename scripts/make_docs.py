@@ -71,7 +71,7 @@ def node_page(name: str) -> str:
 
 
 TYPED = {
-    "Dwell": "the dwell and the station of the view, number of captures, temperature; in place of `dwell`",
+    "Dwell": "the dwell and the station of the view, number of captures, temperature, and whether the dwell has `ended`: where that shows after its last view was published, once more with that view's stamp; in place of `dwell`",
     "InspectionVerdict": "verdict, probability, displacement and tolerance of each part; in place of `verdict`",
     "CorrectionProposal": "target, motion, covariance and reason, one message a registration, refused ones too; in place of `verdict`",
     "GapReport": "gap, floor, usual gap and alarm of each view; in place of `report`",

@@ -78,6 +78,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
             need_tf=self.config.live.need_tf,
             view_every=self.config.live.view_every,
         )
+        self._stream.on_ended = partial(self._publish_dwell, ended=True)
         ahead_ns = round(self.config.still.window_s * 1e9)
         self._tf = TransformListener(self, self._stream.transforms, self._advance, lambda: self._patience.oldest + ahead_ns)
         self._outputs = {name: self.output(name, kind) for name, kind in (OUTPUTS | UNFILTERED).items()}
@@ -121,6 +122,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         self._arrivals[stamp_ns(message)] = arrived
         self._patience.start(stamp_ns(message))
         self._ticker.start()
+        self._stream.want_unfiltered(wanted=any(self._outputs[name].get_subscription_count() for name in UNFILTERED))
         take(message)
         self._advance()
 
@@ -138,7 +140,6 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
 
     def _advance(self, *, final: bool = False) -> None:
         """Publish what has become ready."""
-        self._stream.want_unfiltered(wanted=any(self._outputs[name].get_subscription_count() for name in UNFILTERED))
         for processed in self._stream.ready(final=final):
             self._publish(processed)
         if self._hold.oldest != (held := self._stream.held_ns):
@@ -172,7 +173,7 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
             return
         if processed.unfiltered is not None:
             self._publish_images(processed.unfiltered, UNFILTERED_TOPICS)
-        self._publish_view(processed.view)
+        self._publish_view(processed.view, last=processed.last)
         self.done(processed.stamp_ns, arrived)
 
     def _publish_images(self, view: View, topics: Mapping[str, str]) -> None:
@@ -182,11 +183,11 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
             if (array := getattr(view, name)) is not None:
                 self.offer(self._outputs[topic], partial(messages.image, array, IMAGES[name], head))
 
-    def _publish_view(self, view: View) -> None:
+    def _publish_view(self, view: View, *, last: bool) -> None:
         head = messages.header(view.stamp_ns, view.camera.frame_id)
         self._depth.offer(view.depth, head)
         self._publish_images(view, FILTERED_TOPICS)
-        self._outputs["camera_info"].publish(messages.camera_info(view.camera, head))
+        self.offer(self._outputs["camera_info"], lambda: messages.camera_info(view.camera, head))
         self.offer(
             self._outputs["points"], lambda: messages.points(view.camera.points(view.depth).astype(np.float32), head, view.amplitude)
         )
@@ -196,10 +197,14 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
             lambda: messages.time_reference(view.stamp_ns, view.dwell_ns, about, view.camera.frame_id),
             now="dwell_info",
         )
+        self._publish_dwell(view, ended=last)
+
+    def _publish_dwell(self, view: View, *, ended: bool) -> None:
+        """The dwell of a view; once more where its end shows after the view was published."""
         if self._dwell_info is not None and self._dwell_info.get_subscription_count():
             from tof_ros.results import dwell
 
-            self._dwell_info.publish(dwell(view, head))
+            self._dwell_info.publish(dwell(view, messages.header(view.stamp_ns, view.camera.frame_id), ended=ended))
 
     def on_config(self, config: PreprocNodeConfig) -> None:
         """New filters take effect with the next frame."""

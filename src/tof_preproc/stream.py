@@ -16,7 +16,7 @@ from tof_core.robot import RobotChain
 from tof_preproc.preprocessor import Preprocessor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from tof_core.capture import Capture, View
     from tof_core.tf import TransformBuffer
@@ -32,7 +32,10 @@ KEPT, ACCUMULATED = "kept", "accumulated"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Processed:
-    """Result of one frame: a running view, or (`view` None) why there is none of its own; `unfiltered` where that is wanted."""
+    """Result of one frame: a running view, or (`view` None) why there is none of its own; `unfiltered` where that is wanted.
+
+    `last`: no later view belongs to its dwell. Where that shows after the view was given out, `PreprocStream.on_ended` says so.
+    """
 
     stamp_ns: int
     fate: str
@@ -40,6 +43,7 @@ class Processed:
     unfiltered: View | None = None
     capture: Capture | None = None
     why: str = ""
+    last: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +68,9 @@ class PreprocStream:
         """Nothing received yet; `view_every`: captures of a dwell from one view to the next, 0 for its last view alone."""
         self._view_every = view_every
         self._held: Held | None = None
+        self._open: View | None = None
+        self.on_ended: Callable[[View], None] = lambda _view: None
+        """Called with the last view of a dwell once another has begun, unless the view was given out as the last."""
         self.config, self.transforms = config, transforms
         self.chain = RobotChain(transforms, config.input.cell_frame, config.input.body_frame)
         self.builder = CaptureBuilder(config.input, self.chain, topics, need_tf=need_tf, wait_s=math.inf, ahead_s=config.still.window_s)
@@ -77,7 +84,7 @@ class PreprocStream:
 
     def reset(self) -> None:
         """Start afresh: the clock was set back, or the user asked."""
-        self._held = None
+        self._held = self._open = None
         self.builder.reset()
         self.preprocessor.reset()
         self.want_unfiltered(wanted=self._unfiltered is not None, anew=True)
@@ -93,7 +100,8 @@ class PreprocStream:
 
     def configure(self, config: PreprocConfig) -> None:
         """Other filters from the next frame on; the dwell begins anew."""
-        self.release()
+        self.release(last=True)
+        self._end_open()
         self.preprocessor = Preprocessor(config)
         self.want_unfiltered(wanted=self._unfiltered is not None, anew=True)
 
@@ -119,11 +127,17 @@ class PreprocStream:
         held = () if self._held is None else (self._held.capture,)
         return self.builder.waiting | {capture.stamp_ns for capture in (*self._ready, *held)}
 
-    def release(self) -> None:
-        """The capture that is held gets its view: nothing follows, or not soon."""
+    def release(self, *, last: bool = False) -> None:
+        """The capture that is held gets its view: nothing follows (`last`), or not soon."""
         if self._held is not None:
-            self._fates.append(self._viewed(self._held))
+            self._fates.append(self._viewed(self._held, last=last))
             self._held = None
+
+    def _end_open(self) -> None:
+        """The dwell whose views were given out has ended."""
+        view, self._open = self._open, None
+        if view is not None:
+            self.on_ended(view)
 
     def give_up(self, stamp_ns: int) -> None:
         """Give out frames up to this stamp without waiting for their missing parts."""
@@ -170,19 +184,22 @@ class PreprocStream:
         before, out = self._held, []
         if before is not None:
             goes_on = before.dwell is dwell
-            out.append(Processed(before.capture.stamp_ns, ACCUMULATED) if goes_on else self._viewed(before))
+            out.append(Processed(before.capture.stamp_ns, ACCUMULATED) if goes_on else self._viewed(before, last=True))
+        if self._open is not None and self._open.dwell_ns != dwell.first.stamp_ns:
+            self._end_open()
         unfiltered = None if self._unfiltered is None else self._unfiltered.add(capture, still=still, station=station)
         held = Held(capture, dwell, unfiltered)
         if dwell.ended or (self._view_every and dwell.captures % self._view_every == 0):
             self._held = None
-            return [*out, self._viewed(held)]
+            return [*out, self._viewed(held, last=dwell.ended)]
         self._held = held
         return out
 
-    def _viewed(self, held: Held) -> Processed:
+    def _viewed(self, held: Held, *, last: bool) -> Processed:
         view = self.preprocessor.view(held.dwell)
+        self._open = None if last else view
         unfiltered = None if held.unfiltered is None else held.unfiltered.view()[0]
-        return Processed(held.capture.stamp_ns, KEPT, view, unfiltered, held.capture)
+        return Processed(held.capture.stamp_ns, KEPT, view, unfiltered, held.capture, last=last)
 
     def standing(self, capture: Capture) -> tuple[bool, int]:
         """Whether the camera stands still, and at which station."""

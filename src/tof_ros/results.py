@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from tof_core.capture import View
 
 
-def dwell(view: View, head: Header) -> Dwell:
-    """Which dwell a view belongs to."""
+def dwell(view: View, head: Header, *, ended: bool = False) -> Dwell:
+    """Which dwell a view belongs to, and whether that has `ended`."""
     return Dwell(
         header=head,
         first=messages.to_stamp(view.dwell_ns),
@@ -28,6 +28,7 @@ def dwell(view: View, head: Header) -> Dwell:
         captures=view.captures,
         amplitude=view.amplitude is not None,
         temperature=float(view.temperature),
+        ended=ended,
     )
 
 

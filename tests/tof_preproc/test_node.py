@@ -64,6 +64,15 @@ def test_a_dwell_that_is_ended_by_service_gives_its_view(bench: Bench) -> None:
     assert "captures=1" in bench.outputs(stamp)["dwell"].source
 
 
+def test_the_last_message_of_each_dwell_says_that_it_has_ended(bench: Bench) -> None:
+    pytest.importorskip("toftwin_msgs", reason="the typed messages are not built")
+    said = [(m.captures, m.ended) for m in bench.heard["dwell_info"]]
+    # Full; before a pause, which may go on; the same once another dwell has begun; ended by service.
+    assert said == [(3, True), (2, False), (2, True), (1, True)]
+    pause = bench.heard["dwell_info"][1:3]
+    assert stamp_ns(pause[0]) == stamp_ns(pause[1])
+
+
 def test_a_held_frame_has_its_end_at_a_reset(bench: Bench) -> None:
     stamp = bench.send(40)
     wait_for(lambda: bench.node._stream.held_ns == stamp)

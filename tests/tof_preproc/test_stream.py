@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tof_core.bag import BagReader
+    from tof_core.capture import View
     from tof_preproc.stream import Processed
 
 GOLDEN = Path(__file__).parents[1] / "data" / "golden" / "bag"
@@ -116,3 +118,56 @@ def test_what_is_held_is_released_where_a_dwell_is_ended_and_forgotten_at_a_rese
         stream.reset()
         assert stream.held_ns is None
         assert list(stream.ready(final=True)) == []
+
+
+@pytest.mark.parametrize(
+    ("view_every", "most", "with_view", "afterwards"),
+    [
+        (1, 15, [], [3, 3, 3]),  # the end shows once the next dwell begins; the last dwell stays open
+        (2, 15, [3, 3, 3], []),  # the third capture was held
+        (0, 15, [3, 3, 3], []),
+        (0, 3, [3, 3, 3, 3], []),  # a dwell with its most captures has ended
+        (1, 3, [3, 3, 3, 3], []),
+    ],
+)
+def test_the_end_of_each_dwell_is_said_once_with_its_last_view(
+    view_every: int, most: int, with_view: list[int], afterwards: list[int]
+) -> None:
+    order: list[tuple[str, int]] = []
+    with open_bag(GOLDEN) as reader:
+        config = replace(StreamConfig(), preproc=from_mapping(PreprocConfig, {"accumulate.max_captures": most}))
+        stream = PreprocStream(config, reader.topics, reader.transforms, view_every=view_every)
+        stream.on_ended = lambda view: order.append(("ended", view.stamp_ns))
+        results = []
+        for result in feed(reader, stream):
+            results.append(result)
+            order += [("view", result.stamp_ns)] if result.view is not None else []
+        results += stream.ready(final=True)
+    views = {r.stamp_ns: r.view for r in results if r.view is not None}
+    assert [r.view.captures for r in results if r.last and r.view is not None] == with_view
+    ended = [stamp for what, stamp in order if what == "ended"]
+    assert [views[stamp].captures for stamp in ended] == afterwards
+    assert all(order[order.index(("ended", stamp)) - 1] == ("view", stamp) for stamp in ended)
+
+
+def noted(stamps: list[int], view: View) -> None:
+    stamps.append(view.stamp_ns)
+
+
+def test_a_dwell_that_is_ended_on_request_is_said_to_have_ended_and_none_at_a_reset() -> None:
+    for view_every in (0, 1):
+        with open_bag(GOLDEN) as reader:
+            stream = PreprocStream(StreamConfig(), reader.topics, reader.transforms, view_every=view_every)
+            ended: list[int] = []
+            stream.on_ended = partial(noted, ended)
+            results = feed(reader, stream)
+            stamp = next(results).stamp_ns if view_every else next(results).stamp_ns + 1
+            held = stream.held_ns
+            stream.end_dwell()
+            assert ended == ([stamp] if view_every else [])
+            assert [(r.stamp_ns, r.last) for r in stream.ready()] == ([] if view_every else [(held, True)])
+            next(results)
+            ended.clear()
+            stream.reset()
+            stream.end_dwell()
+            assert ended == []

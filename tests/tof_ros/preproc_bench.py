@@ -30,6 +30,7 @@ class Bench:
 
         from tof_preproc.node import OUTPUTS
         from tof_ros import qos
+        from tof_ros.interfaces import own_message
 
         self.node, self.peer = node, peer
         self.heard: dict[str, list[Any]] = defaultdict(list)
@@ -39,6 +40,8 @@ class Bench:
 
         for name, kind in {**OUTPUTS, "done": TimeReference}.items():
             peer.create_subscription(kind, f"spot/preproc/{name}", self.heard[name].append, qos.OUTPUT)
+        if (dwell := own_message("Dwell")) is not None:
+            peer.create_subscription(dwell, "spot/preproc/dwell_info", self.heard["dwell_info"].append, qos.OUTPUT)
         peer.create_subscription(DiagnosticArray, "/diagnostics", self.heard["diagnostics"].append, qos.OUTPUT)
         wait_for(
             lambda: (
