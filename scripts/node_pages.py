@@ -101,7 +101,7 @@ NODE_TEXTS = {
         short="accumulates and filters one camera's stream; every removed pixel keeps its reason",
         about="Accumulates the captures of one dwell (nothing moves) to a running view: mean or median over time, with outliers over time and in space, "
         "flying pixels and grazing pixels removed. Publishes once per capture, with the capture's stamp, or less often (`live.view_every`): with 0 the last view of each dwell alone, "
-        "which is the same as without. A label is then made when the next view comes or after the `settle_s` of `sim_label`, and `~/propose` and `~/judge` see the last dwell that ended; `~/capture` ends one at once.",
+        "which is the same as without. A label is then made when the next view comes or after the `settle_s` of `sim_label`, and `~/propose` and `~/judge` see the last dwell that ended; `~/capture` ends one at once. While nobody is subscribed no view is computed.",
         start=("toftwin node preproc --namespace spot", "ros2 run toftwin preproc --ros-args -r __ns:=/spot -p preproc.sor.enable:=false"),
         outputs={
             "depth": "running view, metres along z, NaN invalid (32FC1)",
@@ -146,7 +146,7 @@ NODE_TEXTS = {
     ),
     "infer": NodeText(
         short="corrects the depth of each frame with the trained network; uncertain pixels keep the raw depth",
-        about="Publishes one corrected frame per frame, with the frame's stamp. A network that was trained for another camera, or for other ranges, refuses.",
+        about="Publishes one corrected frame per frame, with the frame's stamp. A network that was trained for another camera, or for other ranges, refuses. While nobody is subscribed the network runs once a second, for the diagnostics.",
         start=("toftwin node infer", "ros2 run toftwin infer --ros-args -p infer.model:=out/model.onnx"),
         outputs={
             "depth": "corrected depth, metres along z (32FC1)",

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 NAME = "infer"
 OUTPUTS = {"depth": Image, "sigma": Image, "camera_info": CameraInfo, "points": PointCloud2}
 """Topics under `infer/`. Where sigma is infinite the raw depth stands."""
+
+UNHEARD_S = 1.0
+"""Period in which a frame is corrected while nobody is subscribed: the diagnostics' own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +65,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
     def __init__(self, **options: Any) -> None:
         """Nothing loaded yet."""
         super().__init__(NAME, NAME, InferNodeConfig, fixed=("input.", "infer.", "live."), **options)
-        self._kept = 0.0
+        self._kept, self._repaired = 0.0, float("-inf")
         self._refusal = ""
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         self._depth = DepthOutput(self, "depth", self._outputs["depth"], lambda: self.config.live.depth_code)
@@ -85,15 +89,24 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._refusal = why
 
     def _repair(self, capture: Capture) -> None:
-        repaired = self._session.repair(capture)
+        """Publish a frame corrected; while nobody is subscribed, the network runs once a second, for the diagnostics."""
+        self._session.check(capture)
         self._refusal = ""
-        self._kept = float((repaired.mark == Mark.RAW_KEPT).mean())
+        if not self._heard() and time.monotonic() - self._repaired < UNHEARD_S:
+            return
+        self._repaired = time.monotonic()
+        repaired = self._session.repair(capture)
+        self._kept = np.count_nonzero(repaired.mark == Mark.RAW_KEPT) / repaired.mark.size
         head = messages.header(capture.stamp_ns, capture.camera.frame_id)
         self._depth.offer(repaired.depth, head)
         self.offer(self._outputs["sigma"], lambda: messages.image(repaired.sigma, "32FC1", head))
-        self._outputs["camera_info"].publish(messages.camera_info(capture.camera, head))
+        self.offer(self._outputs["camera_info"], lambda: messages.camera_info(capture.camera, head))
         camera, amplitude = capture.camera, capture.amplitude
         self.offer(self._outputs["points"], lambda: messages.points(camera.points(repaired.depth).astype(np.float32), head, amplitude))
+
+    def _heard(self) -> bool:
+        """Whether anybody is subscribed to a frame's outputs."""
+        return self._depth.heard or any(output.get_subscription_count() for output in self._outputs.values())
 
     def reset(self) -> str:
         """Discard the frames that are waiting."""

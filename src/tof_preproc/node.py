@@ -19,7 +19,7 @@ from tof_core.tf import TransformBuffer
 from tof_preproc.config import stages_of
 from tof_preproc.live import PreprocNodeConfig, input_topics
 from tof_preproc.preprocessor import warm_up
-from tof_preproc.stream import ACCUMULATED, PreprocStream, Processed
+from tof_preproc.stream import ACCUMULATED, KEPT, PreprocStream, Processed
 from tof_ros import messages, qos
 from tof_ros.base import LEFT_OVER, RoomNode
 from tof_ros.depth_output import DepthOutput
@@ -122,9 +122,15 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
         self._arrivals[stamp_ns(message)] = arrived
         self._patience.start(stamp_ns(message))
         self._ticker.start()
-        self._stream.want_unfiltered(wanted=any(self._outputs[name].get_subscription_count() for name in UNFILTERED))
+        self._look_who_hears()
         take(message)
         self._advance()
+
+    def _look_who_hears(self) -> None:
+        """What nobody is subscribed to is not computed."""
+        self._stream.want_unfiltered(wanted=any(self._outputs[name].get_subscription_count() for name in UNFILTERED))
+        outputs = [*self._outputs.values(), *([self._dwell_info] if self._dwell_info else [])]
+        self._stream.heard = self._depth.heard or any(output.get_subscription_count() for output in outputs)
 
     def _info(self, message: CameraInfo) -> None:
         self._stream.builder.info(message)
@@ -168,12 +174,13 @@ class PreprocNode(RoomNode[PreprocNodeConfig]):
             self._accumulated += 1
             self.answer(processed.stamp_ns, ACCUMULATED)
             return
-        if processed.view is None:
+        if processed.view is None and processed.fate != KEPT:
             self.skip(processed.stamp_ns, processed.fate, processed.why)
             return
         if processed.unfiltered is not None:
             self._publish_images(processed.unfiltered, UNFILTERED_TOPICS)
-        self._publish_view(processed.view, last=processed.last)
+        if processed.view is not None:
+            self._publish_view(processed.view, last=processed.last)
         self.done(processed.stamp_ns, arrived)
 
     def _publish_images(self, view: View, topics: Mapping[str, str]) -> None:

@@ -34,6 +34,8 @@ KEPT, ACCUMULATED = "kept", "accumulated"
 class Processed:
     """Result of one frame: a running view, or (`view` None) why there is none of its own; `unfiltered` where that is wanted.
 
+    A frame that is kept has no view while nobody hears it (`PreprocStream.heard`).
+
     `last`: no later view belongs to its dwell. Where that shows after the view was given out, `PreprocStream.on_ended` says so.
     """
 
@@ -67,6 +69,8 @@ class PreprocStream:
     ) -> None:
         """Nothing received yet; `view_every`: captures of a dwell from one view to the next, 0 for its last view alone."""
         self._view_every = view_every
+        self.heard = True
+        """Whether anybody hears the views: while nobody does, none is computed, and the fates of the frames are the same."""
         self._held: Held | None = None
         self._open: View | None = None
         self.on_ended: Callable[[View], None] = lambda _view: None
@@ -196,6 +200,9 @@ class PreprocStream:
         return out
 
     def _viewed(self, held: Held, *, last: bool) -> Processed:
+        if not self.heard:
+            self._open = None
+            return Processed(held.capture.stamp_ns, KEPT, capture=held.capture, last=last)
         view = self.preprocessor.view(held.dwell)
         self._open = None if last else view
         unfiltered = None if held.unfiltered is None else held.unfiltered.view()[0]

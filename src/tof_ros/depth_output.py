@@ -30,6 +30,11 @@ class DepthOutput:
         self._packed = node.output(f"{name}/{DEPTH_TRANSPORT}", CompressedImage)
         packed_depth(np.ones((1, 1), np.float32), code())  # RVL's kernel is loaded before frames arrive, not while they wait
 
+    @property
+    def heard(self) -> bool:
+        """Whether anybody is subscribed to either."""
+        return bool(self._raw.get_subscription_count() or self._packed.get_subscription_count())
+
     def offer(self, depth: NDArray[np.float32], head: Header) -> None:
         """Publish metres (H, W) along z, NaN where there is none."""
         self._node.offer(self._raw, lambda: messages.image(depth, "32FC1", head))

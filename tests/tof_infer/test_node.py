@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from tests.tof_infer.made import CAMERA, measured
 from tof_core.camera import Camera
 from tof_core.decode import pixels, stamp_ns
+from tof_core.errors import RefusedError
 from tof_infer.config import InferConfig
 from tof_infer.session import Session
 
@@ -136,3 +138,31 @@ def test_another_camera_is_refused_and_reported_and_the_node_continues(bench: Be
     assert bench.outputs(bench.send(measured(602), other))["done"].source == "refused"
     out = bench.outputs(bench.send(measured(603)))
     np.testing.assert_array_equal(pixels(out["depth"]), expected(model, measured(603)).depth)
+
+
+def test_while_nobody_is_subscribed_the_network_runs_once_a_second_and_refusals_go_on(
+    ros_domain: int, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tof_infer.node import make_node
+    from tof_ros.environment import parameter_overrides, ros_context
+
+    runs: list[int] = []
+    repair = Session.repair
+
+    def counted(session: Session, capture: Capture) -> Repaired:
+        runs.append(capture.stamp_ns)
+        return repair(session, capture)
+
+    monkeypatch.setattr(Session, "repair", counted)
+    with ros_context(domain=ros_domain) as context:
+        node = make_node(context=context, namespace="alone", parameter_overrides=parameter_overrides({"infer.model": str(model)}))
+        node.trigger_configure()
+        for k in range(5):
+            node._repair(measured(610 + k))
+        assert runs == [measured(610).stamp_ns]
+        node._repaired -= 1.0
+        node._repair(measured(616))
+        assert runs[1:] == [measured(616).stamp_ns]
+        with pytest.raises(RefusedError):
+            node._repair(replace(measured(617), camera=replace(CAMERA, fx=2 * CAMERA.fx)))
+        node.destroy_node()

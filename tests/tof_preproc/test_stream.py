@@ -171,3 +171,20 @@ def test_a_dwell_that_is_ended_on_request_is_said_to_have_ended_and_none_at_a_re
             stream.reset()
             stream.end_dwell()
             assert ended == []
+
+
+def test_while_nobody_hears_the_views_none_is_computed_and_the_fates_are_the_same() -> None:
+    for view_every in (0, 1, 2):
+        with open_bag(GOLDEN) as reader:
+            stream = PreprocStream(StreamConfig(), reader.topics, reader.transforms, view_every=view_every)
+            stream.heard = False
+            results = []
+            for result in feed(reader, stream):
+                results.append(result)
+                stream.heard = len(results) >= 7  # somebody subscribes within the third dwell
+            results += stream.ready(final=True)
+        each = played(view_every)
+        assert fates(results) == fates(each)
+        assert [r.view is None for r in results[:7]] == 7 * [True]
+        assert [r.view is None for r in results[9:]] == [r.fate == ACCUMULATED for r in each[9:]]
+        same_views(results, each)
