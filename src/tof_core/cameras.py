@@ -28,17 +28,17 @@ class Cameras:
 
     def of(self, msg: Any, where: str, *, rectified: bool) -> Camera:
         """The camera of a `sensor_msgs/CameraInfo`; errors as of `camera_from_info`."""
-        said = (rectified, *_said(msg))
-        if (camera := self._read.get(said)) is None:
+        read_from = (rectified, *_fields(msg))
+        if (camera := self._read.get(read_from)) is None:
             camera = camera_from_info(msg, where, rectified=rectified)
             camera = self._known.setdefault(repr(camera), camera)
             if len(self._read) >= MOST:
                 self._read.clear()
-            self._read[said] = camera
+            self._read[read_from] = camera
         return camera
 
 
-def _said(msg: Any) -> tuple[Hashable, ...]:
+def _fields(msg: Any) -> tuple[Hashable, ...]:
     """All of a message that `camera_from_info` reads, in a tenth of its time."""
     roi = msg.roi
     return (
