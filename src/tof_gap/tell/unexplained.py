@@ -41,7 +41,8 @@ class Unexplained:
 
     rmse_mm: RMS of block means above the floor, by information; structured: whether that is more than the named effects' maps leave;
     share: of the gap's energy above the floor, what is left or goes to free functions of an observable, 0 where nothing is structured;
-    depends_on: quantities that it varies with, most first; where: parts that carry it, most first.
+    depends_on: quantities that it varies with, most first; where: parts that carry it, most first; gross: share of the pixels away from
+    edges that are off by more than any bias, 0 where they are as few as tools and cables make.
     """
 
     rmse_mm: float
@@ -49,6 +50,7 @@ class Unexplained:
     depends_on: tuple[str, ...]
     where: tuple[str, ...]
     share: float = 0.0
+    gross: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,6 +140,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         depends_on=(*((LOST,) if gone.any() else ()), *(depends_on or _depends_on(views, left, floor2, limits))),
         where=tuple(scene.parts[i].name for i in order[: limit.parts]),
         share=_share(size**2, (1e3 * solved.unnamed_m) ** 2, before2),
+        gross=gross if gross > limit.gross_share else 0.0,
     )
 
 

@@ -116,7 +116,12 @@ def _clue(unexplained: dict[str, Any]) -> str:
     goes = f"goes with {listed(names)}" if names else ""
     where = f"shows most on {listed(unexplained['where'][:3])}" if unexplained["where"] else ""
     clues = "; it ".join(x for x in (goes, where) if x)
-    return f" It {clues}." if clues else ""
+    return (f" It {clues}." if clues else "") + (f" {_gross(unexplained['gross'])}" if unexplained.get("gross") else "")
+
+
+def _gross(share: float) -> str:
+    """Pixels that no bias explains, as a sentence."""
+    return f"Of the pixels away from edges {100 * share:.1f} % are off by centimetres: another surface, a mirror or a wrong period, and no bias."
 
 
 def quantities(observables: Sequence[str]) -> list[str]:
@@ -129,7 +134,8 @@ def unexplained_words(u: Unexplained, *, suspected: bool = False) -> str:
     where = f"most on {listed(u.where)}" if u.where else "on no part in particular"
     goes = f"; it goes with {listed(quantities(u.depends_on))}" if u.depends_on else ""
     after = f"With the {'suspected' if suspected else 'named'} effects simulated"
-    return f"{after}, neighbouring pixels still share an error of {u.rmse_mm:.2f} mm RMS (means of blocks of pixels away from edges, all views), {where}{goes}."
+    gross = f" {_gross(u.gross)}" if u.gross else ""
+    return f"{after}, neighbouring pixels still share an error of {u.rmse_mm:.2f} mm RMS (means of blocks of pixels away from edges, all views), {where}{goes}.{gross}"
 
 
 def spaced(name: str) -> str:

@@ -193,7 +193,9 @@ def test_gross_pixels_count_unless_they_are_wrapped_phase() -> None:
     share = float(np.mean([100 / (np.isfinite(v.residual) & ~v.edge).sum() for v in seen]))
     assert gross_share(off, nothing) == pytest.approx(share)
     assert gross_share(off, [far] * len(off)) == 0.0, "what a named effect explains is not gross"
-    assert look(account(off, left_over(0.0)), parts(1), ReportLimits(), MissingLimits()).structured
+    found = look(account(off, left_over(0.0)), parts(1), ReportLimits(), MissingLimits())
+    assert found.structured
+    assert found.gross == pytest.approx(share)
     wrapped = Finding(PhaseWrap(), 1.0)
     assert not look(account(off, left_over(0.0), findings=(wrapped,)), parts(1), ReportLimits(), MissingLimits()).structured
     assert not look(account(off, left_over(0.0), linearised=seen), parts(1), ReportLimits(), MissingLimits()).structured, (
