@@ -56,7 +56,7 @@ class CurveEffect(Effect):
         """(H, W, k) metres of z for a metre along the ray at each knot; 0 where the observable is not known."""
         value = np.broadcast_to(self.observable(frame), frame.depth.shape)
         known = frame.valid & np.isfinite(value)
-        bends = hats(np.where(known, value, self.knots[0]).ravel(), self.knots).reshape(*value.shape, -1)
+        bends = hats(np.where(known, value, self.knots[0]).ravel(), self.knots).reshape(*value.shape, len(self.knots))
         if self.CENTRED:
             bends = bends - self.means
         return stack(list(np.moveaxis(np.where(known, 1.0 / frame.length, 0.0)[..., None] * bends, -1, 0)), frame)

@@ -108,3 +108,10 @@ def test_a_walk_error_may_grow_with_range() -> None:
     sloped = AmplitudeBias(slope_m=0.004, form="slope", reference=2.0)
     np.testing.assert_allclose(sloped.bias(FRAME) * LENGTH, 0.004 * FRAME.radial * np.log(FRAME.amplitude / 2.0))
     assert AmplitudeBias(slope_m=0.004).bias(FRAME).any() == np.False_  # no term of another form
+
+
+def test_of_a_view_without_pixels_there_are_columns_without_rows() -> None:
+    """A view that contradicts the robot is emptied, and stays in the session."""
+    empty = FRAME.take(np.zeros(0, np.int64))
+    assert Wiggling.curve(Knots((0.8, 0.9, 1.0), (0.2, 0.5, 0.3))).columns(empty).shape == (1, 0, 3)
+    assert TemperatureDrift(knots=(0.0, 100.0), values=(0.0, 0.0)).columns(empty).shape == (1, 0, 2)
