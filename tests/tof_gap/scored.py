@@ -30,11 +30,12 @@ class Judge:
         effects: Mapping[str, Any] | None = None,
         free: str = "",
         hand: str = "",
+        lens: str = "",
         implausible: Sequence[str] = (),
         **limits: float,
     ) -> None:
         self.letters = sorted({letter for members in scores for letter in members})
-        self.scores, self.free, self.hand, self.implausible = scores, free, hand, set(implausible)
+        self.scores, self.free, self.hand, self.lens, self.implausible = scores, free, hand, lens, set(implausible)
         self.config = SelectLimits(**limits)  # type: ignore[arg-type]
         self.scored: list[str] = []
         called = names or self.letters
@@ -75,7 +76,10 @@ class Judge:
         return self.letters[member] in self.free
 
     def against_priors(self, member: int) -> bool:
-        return self.letters[member] in self.hand
+        return self.letters[member] in self.hand + self.lens
+
+    def needed_by_calibration(self, name: str, _: Hypothesis) -> bool:
+        return any(self.design.candidates[self.letters.index(letter)].name == name for letter in self.lens)
 
     def frees_hand(self, members: Sequence[int]) -> bool:
         return any(self.letters[m] in self.hand for m in members)

@@ -71,6 +71,15 @@ class Selector:
         lens = len(self.design.always) > 0 and self.design.candidates[member].name == Intrinsics.NAME
         return lens or self.frees_hand([member])
 
+    def needed_by_calibration(self, name: str, hypothesis: Hypothesis) -> bool:
+        """Whether, without the effect of that name, the lens that every hypothesis frees lies off its stated calibration by `gain` of chi-square."""
+        always = self.design.always
+        if name != Intrinsics.NAME or not len(always):
+            return False
+        without = self.score(self.design.without(hypothesis.members, name), hypothesis.inflate)
+        system = self.design.system
+        return bool(self.fit(without).theta[: len(always)] ** 2 @ system.normal.info[system.poses + always] > self.config.gain)
+
     def columns(self, members: Iterable[int]) -> Ints:
         """Columns of a hypothesis."""
         return self.design.active(members)

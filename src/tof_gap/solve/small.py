@@ -16,7 +16,8 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
 
     Several small effects together fit almost any error, and so many causes at once are unlikely. Very small ones only correct inexact
     maps of the others. Small is what explains little beside the others, and little beside what all of them leave: a constant of
-    centimetres in one of them says nothing against a curve of millimetres that halves the rest.
+    centimetres in one of them says nothing against a curve of millimetres that halves the rest. A wrong lens hardly shows, since the lens
+    that is freed takes its pixels: it stays where that one would contradict its calibration.
     """
     whole, small = current, list[str]()
     while len(names := _names(judge, current)) > judge.config.named_freely:
@@ -24,9 +25,9 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
             name: max(judge.score(judge.design.without(current.members, name), current.inflate).score - current.score, 0.0)
             for name in names
         }
-        others = [i for i, m in enumerate(current.members) if judge.is_free(m) or judge.against_priors(m)]
+        others = [i for i, m in enumerate(current.members) if judge.is_free(m) or judge.frees_hand([m])]
         beside = float(worth(judge, current)[0][others].clip(0.0).sum()) if others else 0.0
-        least = min(lost, key=lost.__getitem__)
+        least = min((name for name in names if not judge.needed_by_calibration(name, current)), key=lost.__getitem__)
         if lost[least] >= min(judge.config.small_share * (sum(lost.values()) + beside), judge.config.small_left * current.score):
             break
         small.append(least)
@@ -40,5 +41,5 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
 
 
 def _names(judge: Selector, current: Hypothesis) -> list[str]:
-    """Names of the effects, once each, without those that win against priors of arm and lens: pixels do not show how large these are."""
-    return sorted({judge.design.candidates[m].name for m in current.members if not judge.is_free(m) and not judge.against_priors(m)})
+    """Names of the effects, once each; hand-eye, whose evidence are the arms, is not among them."""
+    return sorted({judge.design.candidates[m].name for m in current.members if not judge.is_free(m) and not judge.frees_hand([m])})

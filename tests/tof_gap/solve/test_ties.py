@@ -32,6 +32,14 @@ def test_a_third_effect_that_explains_little_is_told_where_it_is_much_of_all(
     assert small_ones == (told if small > 0.06 * (NOTHING - left) else ())
 
 
+def test_a_wrong_lens_stays_however_little_it_shows_and_counts_as_one_of_the_effects() -> None:
+    """Of a, b and the lens c, c explains least, as the lens that is freed takes its pixels; b is next."""
+    scores = {"abc": 600.0, "ab": 614.0, "ac": 640.0, "bc": 1000.0, "a": 660.0}
+    for lens, kept in (("", "ab"), ("c", "ac")):
+        judge: Any = Judge(scores, least_mm=0.1, lens=lens)
+        assert named(judge, without_small(judge, hypothesis(judge, "abc"))[0]) == kept
+
+
 def test_two_effects_are_believed_however_small() -> None:
     judge: Any = Judge({"ab": 500.0, "a": 501.0, "b": 900.0})
     assert named(judge, without_small(judge, hypothesis(judge, "ab"))[0]) == "ab"
