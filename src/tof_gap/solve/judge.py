@@ -12,6 +12,7 @@ import numpy as np
 from tof_align.folds import Folds, deal
 from tof_gap.solve.candidate import HAND_EYE
 from tof_sensor.effects.intrinsics import Intrinsics
+from tof_sensor.effects.time_sync import TimeSync
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -55,11 +56,11 @@ class Selector:
     def share(self, member: int) -> float:
         """Share of the visible gap's energy that a candidate must explain.
 
-        Hand-eye hardly shows there, since arm errors absorb it; nor does what smears, whose pixels are in no fit (`conclude` judges its share);
+        Hand-eye and late stamps hardly show there, since errors of arm and base absorb them; nor does what smears, whose pixels are in no fit (`conclude` judges its share);
         nor a lens where the stated calibration leaves one free, which gives way to more than is stated.
         """
-        effect = self.design.candidates[member].effect
-        if self.against_priors(member) or (effect is not None and effect.SMEARS):
+        one = self.design.candidates[member]
+        if self.against_priors(member) or one.name == TimeSync.NAME or (one.effect is not None and one.effect.SMEARS):
             return 0.0
         return self.config.unknown_share if self.is_free(member) else self.config.share
 

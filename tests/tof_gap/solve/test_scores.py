@@ -46,6 +46,7 @@ def selector(*candidates: Any, always: tuple[int, ...] = (), **design: Any) -> S
         (candidate("unknown", free="f"), (), LIMITS.unknown_share),
         (candidate("motion", SMEARS=True), (), 0.0),
         (candidate(HAND_EYE), (), 0.0),
+        (candidate("time_sync"), (), 0.0),
         (candidate("intrinsics"), (), LIMITS.share),
         (candidate("intrinsics"), (4,), 0.0),
         (candidate("wiggling"), (4,), LIMITS.share),
