@@ -131,6 +131,7 @@ def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
 
         return ask
 
+    monkeypatch.setattr(noise, "without_noisy_pixels", lambda views, limits: views)
     monkeypatch.setattr(detected, "detected_effects", says("light", []))
     monkeypatch.setattr(detected, "explained", lambda left, light: (left, light))
     monkeypatch.setattr(room, "foreign_light", says("foreign", None))
