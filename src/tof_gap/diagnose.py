@@ -21,7 +21,8 @@ from tof_gap.solve.joint import without
 from tof_gap.solve.radial import gate
 from tof_gap.solve.stray import solve_agreeing
 from tof_gap.solved import Split
-from tof_gap.tell.account import account, unfounded, without_causes
+from tof_gap.tell.account import account, without_causes
+from tof_gap.tell.contradicted import taken_out
 from tof_gap.tell.diagnosis import Diagnosis, doubted
 from tof_gap.tell.explainable import explainable
 from tof_gap.tell.unexplained import look
@@ -89,14 +90,16 @@ def diagnose(
     progress("noise, loss and edges; the gap on held-out views")
     read = partial(account, config=config, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, law=law)
     found = read(conclude(joint, views, caster, config, split, rng))
-    while (taken := unfounded(found, config.noise.foreign_light)) is not None:
-        joint = without(joint, taken, config)
+    resembled = list[str]()
+    while (taken := taken_out(found, config)) is not None:
+        resembled += [taken.name] if taken.contradicted else []
+        joint = without(joint, taken.name, config)
         del found  # Images of all views are most of what a session needs in memory.
         found = read(conclude(joint, views, caster, config, split, rng))
     del joint, begun
     give_back()
     progress("what no named effect explains")
-    unexplained = look(found, caster.scene, config.report, config.missing)
+    unexplained = look(found, caster.scene, config.report, config.missing, resembled)
     return Diagnosis(
         verdict(found, unexplained, config.report),
         without_causes(found) if doubted(unexplained, config.report) else found,

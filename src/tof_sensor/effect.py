@@ -96,8 +96,9 @@ class Effect(ABC):
     """Share of its own energy by which its map may be wrong, where only a coarse model of it can be computed."""
     LACKS: ClassVar[float] = 0.0
     """Share of its own energy along any other effect by which its map may be short: another effect is believed beside it for more."""
-    LACKS_ON_A_PART: ClassVar[float] = 0.0
-    """The same along an effect of one part alone."""
+    LACKS_ON_A_PART: ClassVar[float] = 0.0  # The same along an effect of one part alone.
+    EXACT: ClassVar[bool] = False
+    """Whether its map models neither light nor surfaces, so that nothing that is left can be the map's own error."""
     MODULATED: ClassVar[bool] = False
     """Whether a camera has it only if it times light that it sends, modulated or pulsed: no stereo camera has it."""
     REPEATS: ClassVar[bool] = False
@@ -112,8 +113,7 @@ class Effect(ABC):
     """Passes of the search around its best form, in turn."""
     REACH_M: ClassVar[float] = 0.05
     """Prior of a coefficient: metres RMS over the session that its column may reach (one standard deviation)."""
-    COEFFICIENTS: ClassVar[tuple[str, ...]] = ()
-    """Names of the coefficients where they are not those of `LINEAR`."""
+    COEFFICIENTS: ClassVar[tuple[str, ...]] = ()  # Names of the coefficients where they are not those of `LINEAR`.
 
     @property
     def coefficients(self) -> Float:

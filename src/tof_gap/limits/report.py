@@ -67,6 +67,16 @@ class UnexplainedLimits:
         0.12, "the same, of the whole gap's energy above the floor", low=0.0, high=1.0, why="maps of named effects are never exact"
     )
     misfit: float = param(0.25, "of the chi-square above the floor, what the named effects may leave", low=0.0, high=1.0, why="the same")
+    contradicted: float = param(
+        0.35,
+        "of the chi-square that neighbours share where an effect acts, what its map may leave",
+        low=0.0,
+        high=1.0,
+        why="true effects of 32 sessions leave 0.25 at most (a pattern of columns), most of them 0.02; a ghost taken for lens_scatter 0.54",
+    )
+    sure: float = param(2.0, "standard deviations by which that share must be exceeded", low=0.0, why="chance: 1 in 40")
+    contradicted_px: int = param(8, "side of the blocks of that share", unit="px", low=2, high=64, why="an effect may act on few pixels")
+    contradicted_pixels: int = param(38, "pixels of such a block that count", low=1, why="six in ten")
     arms: float = param(22.5, "chi-square (6 degrees of freedom) of what all arm errors share", low=0.0, why="chance: 1 session in 1000")
     gross_share: float = param(
         0.004, "share of gross pixels away from edges", low=0.0, high=1.0, why="tools and cables stand beside the CAD"

@@ -9,24 +9,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from tof_core.stats import blocks
 from tof_gap.seen.lost import brightest, expected, lost
-from tof_gap.seen.residual import gross_bound, single
+from tof_gap.seen.residual import gross_bound
+from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.figures import away_from_edges
 from tof_gap.tell.where import by_quantity
-from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.motion import Motion
 from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from tof_core.arrays import Float, Ints, Mask
+    from tof_core.arrays import Float, Mask
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.limits.report import ReportLimits, UnexplainedLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
+    from tof_gap.tell.block_means import BlockMeans
     from tof_gap.tell.figures import Figures
     from tof_scene.scene import Scene
 
@@ -42,7 +43,8 @@ class Unexplained:
     rmse_mm: RMS of block means above the floor, by information; structured: whether that is more than the named effects' maps leave;
     share: of the gap's energy above the floor, what is left or goes to free functions of an observable, 0 where nothing is structured;
     depends_on: quantities that it varies with, most first; where: parts that carry it, most first; gross: share of the pixels away from
-    edges that are off by more than any bias, 0 where they are as few as tools and cables make.
+    edges that are off by more than any bias, 0 where they are as few as tools and cables make; resembles: effects that were taken out
+    since the measurements contradict their maps (`tell.contradicted`): something like them is there.
     """
 
     rmse_mm: float
@@ -51,58 +53,23 @@ class Unexplained:
     where: tuple[str, ...]
     share: float = 0.0
     gross: float = 0.0
+    resembles: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BlockMeans:
-    """Per block of one part (b,): pixels, mean error in metres, its variance in m^2 if errors were white, the part, and the view.
-
-    A block counts by its information, the inverse of that variance, as it does in the fit: pixels of weak light, with ten times the noise
-    of others, are no place to judge a camera by millimetres.
-    """
-
-    pixels: Ints
-    mean: Float
-    white2: Float
-    part: Ints
-    view: Ints
-
-    @property
-    def excess2(self) -> Float:
-        """(b,) m^2 by which the squared mean exceeds that of white errors."""
-        return np.asarray(self.mean**2 - self.white2)
-
-    @property
-    def size2(self) -> float:
-        """m^2: mean excess by information."""
-        return max(float(np.average(self.excess2, weights=1.0 / self.white2)), 0.0)
-
-    def of_parts(self, parts: int, views: int) -> tuple[Float, Float]:
-        """(views, parts) sums of the excess times information, and of information, 1/m^2."""
-        return self._sums(self.excess2 / self.white2, parts, views), self._sums(1.0 / self.white2, parts, views)
-
-    def pixels_of(self, parts: int, views: int) -> Float:
-        """(parts,) pixels."""
-        return np.asarray(self._sums(self.pixels, parts, views).sum(axis=0))
-
-    def _sums(self, each: Float | Ints, parts: int, views: int) -> Float:
-        """(views, parts) sums over the blocks."""
-        return np.asarray(np.bincount(self.view * parts + self.part, each, views * parts), float).reshape(views, parts)
-
-
-def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits) -> Unexplained:
+def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits, contradicted: Sequence[str] = ()) -> Unexplained:
     """Judge what the named effects leave away from edges, against the floor.
 
     It is structured where block means exceed what white noise gives them, of all pixels or of a part's. Where a named noise is shared by neighbours (steps, rows,
     stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias and than the named effects, away from edges, unless
     `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` or a noise was named; an error
     that only a free function of an observable describes; small effects that explain much only together; a joint fit that leaves a share
-    of what it was to explain; arm errors that are alike in every view, or lie along the view beyond what the robot allows.
+    of what it was to explain; arm errors that are alike in every view, or lie along the view beyond what the robot allows; an effect
+    that explained some of it and was taken out as `contradicted`.
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, floor2 = solved.evidence, figures.floors
     residual, left = (away_from_edges(figures.edge, errors) for errors in (figures.residual, figures.left()))
-    noise2 = _noise2(found)
+    noise2 = unbiased2(found)
     means = block_means(views, left, noise2, limits.block_px, limit.block_pixels)
     if len(means.pixels) == 0:
         return Unexplained(0.0, structured=False, depends_on=(), where=())
@@ -115,7 +82,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     gross = 0.0 if gross_named else min(gross_share(v, _explained(figures), reach) for v in (views, solved.linearised))
     depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms or found.pushed else solved.depends_on
     gone = _lost_pixels(found, len(scene.parts), missing)
-    least_mm = limit.mm if solved.maps else limit.alone_mm
+    least_mm = limit.alone_mm if all(EFFECTS[name].EXACT for name in solved.maps) else limit.mm
     a_gap = before_mm > limit.mm
     # Parts share the noise of rows and stripes unevenly: beside it no part is judged by itself.
     off = np.zeros(len(scene.parts), bool)
@@ -126,7 +93,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         (size > np.hypot(least_mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)
         or bool(off.any())
         or gross > limit.gross_share
-        or bool(depends_on or (a_gap and solved.small_together) or gone.any())
+        or bool(contradicted or depends_on or (a_gap and solved.small_together) or gone.any())
         or (a_gap and misfit(residual, left, noise2, limits.shrink.noise_known) > limit.misfit)
     )
     if not structured:
@@ -141,6 +108,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         where=tuple(scene.parts[i].name for i in order[: limit.parts]),
         share=_share(size**2, (1e3 * solved.unnamed_m) ** 2, before2),
         gross=gross if gross > limit.gross_share else 0.0,
+        resembles=tuple(contradicted),
     )
 
 
@@ -159,15 +127,6 @@ def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limi
 def _share(left2: float, free2: float, before2: float) -> float:
     """Share of the gap that no named effect explains: what is left and what free functions take, over that and the gap (all mm^2)."""
     return min((left2 + free2) / max(before2 + free2, left2 + free2), 1.0)
-
-
-def _noise2(found: Account) -> list[Float]:
-    """(H, W) m^2 per view that no bias need explain: the floor, the named noise, and the variance of the pattern's map."""
-    named = [f.share for f in found.findings if f.effect.EVIDENCE is Evidence.NOISE and f.share is not None]
-    return [
-        single(sum((np.nan_to_num(s[v]) ** 2 for s in named), np.asarray(floor, float)) + found.figures.unsure2)
-        for v, floor in enumerate(found.figures.floors)
-    ]
 
 
 def misfit(before: Sequence[Float], left: Sequence[Float], floor2: Sequence[Float], noise_known: float) -> float:
@@ -220,19 +179,6 @@ def gross_share(views: Sequence[ViewEvidence], named: Iterable[Float], reach_px:
         gross = v.gross & (np.abs(v.residual - explained) > gross_bound(v.sigma, v.limits))
         shares.append((gross & away).sum() / max((np.isfinite(v.residual) & away).sum(), 1))
     return float(np.mean(shares))
-
-
-def block_means(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], block_px: int, least: int) -> BlockMeans:
-    """Mean errors (H, W per view) of squares of `block_px` pixels, each part by itself, with at least `least` pixels."""
-    found: list[tuple[Ints, Float, Float, Ints, Ints]] = []
-    for k, (v, e, f) in enumerate(zip(views, left, floor2, strict=True)):
-        seen = np.isfinite(e) & (v.rendering.part >= 0)
-        by_block = blocks(seen, block_px, v.rendering.part[seen].astype(np.int64))
-        n, part = by_block.count, by_block.keys[-1]
-        enough = n >= least
-        mean, white2 = by_block.mean(e[seen]), by_block.sum(f[seen]) / n**2
-        found.append((n[enough], mean[enough], white2[enough], part[enough], np.full(int(enough.sum()), k)))
-    return BlockMeans(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
 def _depends_on(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], limits: ReportLimits) -> tuple[str, ...]:

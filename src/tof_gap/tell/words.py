@@ -116,12 +116,21 @@ def _clue(unexplained: dict[str, Any]) -> str:
     goes = f"goes with {listed(names)}" if names else ""
     where = f"shows most on {listed(unexplained['where'][:3])}" if unexplained["where"] else ""
     clues = "; it ".join(x for x in (goes, where) if x)
-    return (f" It {clues}." if clues else "") + (f" {_gross(unexplained['gross'])}" if unexplained.get("gross") else "")
+    return (
+        (f" It {clues}." if clues else "")
+        + (f" {_gross(unexplained['gross'])}" if unexplained.get("gross") else "")
+        + (f" {_resembles(unexplained['resembles'])}" if unexplained.get("resembles") else "")
+    )
 
 
 def _gross(share: float) -> str:
     """Pixels that no bias explains, as a sentence."""
     return f"Of the pixels away from edges {100 * share:.1f} % are off by centimetres: another surface, a mirror or a wrong period, and no bias."
+
+
+def _resembles(names: Sequence[str]) -> str:
+    """Effects that fit and are contradicted, as a sentence."""
+    return f"Something acts where {listed([spaced(n) for n in names])} would, but not as {'it does' if len(names) == 1 else 'they do'}: simulated, {'it leaves' if len(names) == 1 else 'they leave'} most of the error there."
 
 
 def quantities(observables: Sequence[str]) -> list[str]:
@@ -135,7 +144,8 @@ def unexplained_words(u: Unexplained, *, suspected: bool = False) -> str:
     goes = f"; it goes with {listed(quantities(u.depends_on))}" if u.depends_on else ""
     after = f"With the {'suspected' if suspected else 'named'} effects simulated"
     gross = f" {_gross(u.gross)}" if u.gross else ""
-    return f"{after}, neighbouring pixels still share an error of {u.rmse_mm:.2f} mm RMS (means of blocks of pixels away from edges, all views), {where}{goes}.{gross}"
+    like = f" {_resembles(u.resembles)}" if u.resembles else ""
+    return f"{after}, neighbouring pixels still share an error of {u.rmse_mm:.2f} mm RMS (means of blocks of pixels away from edges, all views), {where}{goes}.{gross}{like}"
 
 
 def spaced(name: str) -> str:

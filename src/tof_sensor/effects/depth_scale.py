@@ -29,6 +29,7 @@ class DepthScale(Effect):
         "check the depth unit and the mode that the driver states, then calibrate the camera's range at two distances or more"
     )
     ACTIONS: ClassVar = (NEARER, FARTHER)
+    EXACT: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("scale",)
 
     scale: float = param(0.0, "relative stretch", low=-0.2, high=0.2)

@@ -27,6 +27,7 @@ class RangeOffset(Effect):
     MEANING: ClassVar[str] = "one constant added to every range"
     REMEDY: ClassVar[str] = "calibrate the camera's range at a target of known distance"
     ACTIONS: ClassVar = (ASIDE,)
+    EXACT: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("offset_m",)
 
     offset_m: float = param(0.0, "constant added along the ray", unit="m", low=-0.2, high=0.2)

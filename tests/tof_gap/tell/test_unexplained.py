@@ -16,9 +16,10 @@ from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.report import ReportLimits
 from tof_gap.seen.finding import Finding
+from tof_gap.tell.block_means import block_means
 from tof_gap.tell.diagnosis import doubted
 from tof_gap.tell.shrink import Errors, Shrink
-from tof_gap.tell.unexplained import Unexplained, block_means, gross_share, look, misfit
+from tof_gap.tell.unexplained import Unexplained, gross_share, look, misfit
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
@@ -95,7 +96,10 @@ def test_block_means_are_those_of_one_part_each() -> None:
     assert means.pixels.max() == 256
 
 
-@pytest.mark.parametrize(("maps", "structured"), [({}, True), ({"wiggling": ()}, False)])
+@pytest.mark.parametrize(
+    ("maps", "structured"),
+    [({}, True), ({"range_offset": ()}, True), ({"wiggling": ()}, False), ({"range_offset": (), "wiggling": ()}, False)],
+)
 def test_less_may_be_left_where_no_map_of_an_effect_is_inexact(maps: dict[str, Any], *, structured: bool) -> None:
     """0.55 mm on half of the pixels of one part, between 0.4 and 0.7 mm on the other."""
     left = left_over(0.00055)
@@ -201,6 +205,13 @@ def test_gross_pixels_count_unless_they_are_wrapped_phase() -> None:
     assert not look(account(off, left_over(0.0), linearised=seen), parts(1), ReportLimits(), MissingLimits()).structured, (
         "gross at both poses or not at all"
     )
+
+
+def test_an_effect_that_was_contradicted_leaves_something_unknown() -> None:
+    found = look(account(session(), left_over(0.0)), parts(1), ReportLimits(), MissingLimits(), ["lens_scatter"])
+    assert found.structured
+    assert found.resembles == ("lens_scatter",)
+    assert look(account(session(), left_over(0.0)), parts(1), ReportLimits(), MissingLimits()).resembles == ()
 
 
 def test_lost_pixels_that_nothing_names_are_unexplained_where_they_are() -> None:

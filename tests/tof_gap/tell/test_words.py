@@ -154,3 +154,11 @@ def test_pixels_that_no_bias_explains_are_stated_by_their_share() -> None:
         "unexplained": {"depends_on": [], "where": ["door"], "gross": 0.013},
     }
     assert sentence(report) == f"Camera and simulation differ, and no effect known here explains how. It shows most on door. {gross}"
+
+
+def test_an_effect_that_is_contradicted_is_stated_with_what_contradicts_it() -> None:
+    like = "Something acts where lens scatter would, but not as it does: simulated, it leaves most of the error there."
+    assert unexplained_words(Unexplained(0.324, structured=True, depends_on=(), where=(), resembles=("lens_scatter",))).endswith(f" {like}")
+    left = {"depends_on": [], "where": ["door"], "resembles": ["lens_scatter"]}
+    report = {"verdict": ["unknown"], "causes": [], "gap": {"shrink": None}, "unexplained": left}
+    assert sentence(report) == f"Camera and simulation differ, and no effect known here explains how. It shows most on door. {like}"

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mean errors of blocks of pixels: what neighbours share, beside the noise that they do not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.stats import blocks
+from tof_gap.seen.residual import single
+from tof_sensor.effect import Evidence
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Ints
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.tell.account import Account
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockMeans:
+    """Per block of one part (b,): pixels, mean error in metres, its variance in m^2 if errors were white, the part, and the view.
+
+    A block counts by its information, the inverse of that variance, as it does in the fit: pixels of weak light, with ten times the noise
+    of others, are no place to judge a camera by millimetres.
+    """
+
+    pixels: Ints
+    mean: Float
+    white2: Float
+    part: Ints
+    view: Ints
+
+    @property
+    def excess2(self) -> Float:
+        """(b,) m^2 by which the squared mean exceeds that of white errors."""
+        return np.asarray(self.mean**2 - self.white2)
+
+    @property
+    def size2(self) -> float:
+        """m^2: mean excess by information."""
+        return max(float(np.average(self.excess2, weights=1.0 / self.white2)), 0.0)
+
+    def of_parts(self, parts: int, views: int) -> tuple[Float, Float]:
+        """(views, parts) sums of the excess times information, and of information, 1/m^2."""
+        return self._sums(self.excess2 / self.white2, parts, views), self._sums(1.0 / self.white2, parts, views)
+
+    def pixels_of(self, parts: int, views: int) -> Float:
+        """(parts,) pixels."""
+        return np.asarray(self._sums(self.pixels, parts, views).sum(axis=0))
+
+    def _sums(self, each: Float | Ints, parts: int, views: int) -> Float:
+        """(views, parts) sums over the blocks."""
+        return np.asarray(np.bincount(self.view * parts + self.part, each, views * parts), float).reshape(views, parts)
+
+
+def block_means(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], block_px: int, least: int) -> BlockMeans:
+    """Mean errors (H, W per view) of squares of `block_px` pixels, each part by itself, with at least `least` pixels."""
+    found: list[tuple[Ints, Float, Float, Ints, Ints]] = []
+    for k, (v, e, f) in enumerate(zip(views, left, floor2, strict=True)):
+        seen = np.isfinite(e) & (v.rendering.part >= 0)
+        by_block = blocks(seen, block_px, v.rendering.part[seen].astype(np.int64))
+        n, part = by_block.count, by_block.keys[-1]
+        enough = n >= least
+        mean, white2 = by_block.mean(e[seen]), by_block.sum(f[seen]) / n**2
+        found.append((n[enough], mean[enough], white2[enough], part[enough], np.full(int(enough.sum()), k)))
+    return BlockMeans(*(np.concatenate(column) for column in zip(*found, strict=True)))
+
+
+def unbiased2(found: Account) -> list[Float]:
+    """(H, W) m^2 per view that no bias need explain: the floor, the named noise, and the variance of the pattern's map."""
+    named = [f.share for f in found.findings if f.effect.EVIDENCE is Evidence.NOISE and f.share is not None]
+    return [
+        single(sum((np.nan_to_num(s[v]) ** 2 for s in named), np.asarray(floor, float)) + found.figures.unsure2)
+        for v, floor in enumerate(found.figures.floors)
+    ]

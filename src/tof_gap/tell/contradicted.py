@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects that fit, and that the held-out views contradict where the effect acts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tof_core.stats import touched
+from tof_gap.tell.account import unfounded
+from tof_gap.tell.block_means import block_means, unbiased2
+from tof_gap.tell.figures import away_from_edges
+from tof_sensor.registry import EFFECTS
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
+    from tof_gap.config import GapConfig
+    from tof_gap.limits.report import UnexplainedLimits
+    from tof_gap.tell.account import Account
+
+
+class TakenOut(NamedTuple):
+    """A cause that is not believed; contradicted: whether the views contradict its map, so that something else acts where it does."""
+
+    name: str
+    contradicted: bool
+
+
+def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
+    """The cause with which the solution is not believed: one that is unfounded, else one that is contradicted; None where all stand."""
+    if (name := unfounded(found, config.noise.foreign_light)) is not None:
+        return TakenOut(name, contradicted=False)
+    name = contradicted(found, config.report.unexplained)
+    return None if name is None else TakenOut(name, contradicted=True)
+
+
+def contradicted(found: Account, limit: UnexplainedLimits) -> str | None:
+    """The effect whose map leaves most of the structure where it acts, if that is more than `limit.contradicted`; None where all agree.
+
+    A mechanism that is not in the vocabulary makes some known effect win held-out chi-square, since it acts on the same pixels: a ghost
+    image on dark ones, as scattering in the lens does. Over the whole image that hardly shows. Where the map acts, the true effect
+    takes nearly all that neighbouring pixels share, and another one does not.
+    """
+    shares = {name: share_left(found, name, limit) for name in found.solved.maps if not EFFECTS[name].SMEARS}
+    worst = max(shares, key=shares.__getitem__, default=None)
+    return worst if worst is not None and shares[worst] > limit.contradicted else None
+
+
+def share_left(found: Account, name: str, limit: UnexplainedLimits) -> float:
+    """Chi-square above noise of block means that all effects leave on held-out views, over that without this effect; least value by `limit.sure`.
+
+    Of the blocks away from edges that the effect's map touches. 0 where there are none.
+    """
+    figures, held = found.figures, found.solved.split.held_out
+    errors, every = figures.left(), unbiased2(found)
+    views, noise2 = [found.solved.evidence[v] for v in held], [every[v] for v in held]
+    left = away_from_edges([figures.edge[v] for v in held], [errors[v] for v in held])
+    without = [e + np.nan_to_num(figures.maps[name][v]) for e, v in zip(left, held, strict=True)]
+    after, before = (block_means(views, e, noise2, limit.contradicted_px, limit.contradicted_pixels) for e in (left, without))
+    acts = touched(before.mean - after.mean)
+    if not acts.any():
+        return 0.0
+    above = (after.excess2 / after.white2)[acts]
+    whole = float((before.excess2 / before.white2)[acts].sum())
+    return max(float(above.sum()) - limit.sure * _deviation(above), 0.0) / max(whole, 1.0)
+
+
+def _deviation(above: Float) -> float:
+    """Standard deviation of a sum of squares of unit normal deviates about means whose squares are estimated by `above` (n,)."""
+    return float(np.sqrt(np.sum(2.0 + 4.0 * np.maximum(above, 0.0))))

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An effect is contradicted where its map, on the pixels on which it acts, leaves most of what neighbours share."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_gap.config import GapConfig
+from tof_gap.limits.report import UnexplainedLimits
+from tof_gap.tell import contradicted as room
+from tof_gap.tell.contradicted import TakenOut, contradicted, share_left, taken_out
+
+NOISE_M = 0.002
+HELD = (1, 4, 7, 10)
+LIMIT = UnexplainedLimits()
+
+
+def ramp(size_m: float, axis: int) -> np.ndarray:
+    """(H, W) metres from -`size_m` to `size_m` down (0) or across (1) the left half of the image, 0 on the right one."""
+    row, column = (np.linspace(-1.0, 1.0, n) for n in SHAPE)
+    whole = np.broadcast_to(row[:, None] if axis == 0 else column[None, :], SHAPE) * size_m
+    return np.where(np.arange(SHAPE[1])[None, :] < SHAPE[1] // 2, whole, 0.0)
+
+
+def account(left: np.ndarray, **maps: np.ndarray) -> Any:
+    """What is read of an account whose effects leave `left` (H, W) metres beside white noise of 2 mm in every view."""
+    rng, seen = np.random.default_rng(3), views(np.random.default_rng(1))
+    errors = [left + rng.normal(0, NOISE_M, SHAPE) for _ in range(VIEWS)]
+    figures = SimpleNamespace(
+        maps={name: [m] * VIEWS for name, m in maps.items()},
+        left=lambda: errors,
+        floors=[np.full(SHAPE, NOISE_M**2)] * VIEWS,
+        edge=[v.edge for v in seen],
+        unsure2=np.zeros(SHAPE),
+    )
+    solved = SimpleNamespace(evidence=seen, maps=figures.maps, split=SimpleNamespace(held_out=HELD))
+    return SimpleNamespace(solved=solved, figures=figures, findings=())
+
+
+def test_a_map_that_takes_all_of_the_error_leaves_no_share() -> None:
+    assert share_left(account(np.zeros(SHAPE), wiggling=ramp(0.004, 0)), "wiggling", LIMIT) < 0.01
+
+
+@pytest.mark.parametrize(("left_m", "share"), [(0.002, 0.2), (0.004, 0.5)])
+def test_the_share_is_that_of_the_squares_that_are_left_where_the_map_acts(left_m: float, share: float) -> None:
+    """A map of 4 mm on the left, and stripes that it leaves: their squares add. On the right, where the map is 0, nothing counts."""
+    column = np.arange(SHAPE[1])
+    acts = column < 48  # three pairs of stripes, each as wide as a block
+    stripes = np.where(acts, np.where(column // 8 % 2, left_m, -left_m), 0.05)
+    found = account(np.broadcast_to(stripes, SHAPE), wiggling=np.broadcast_to(np.where(acts, 0.004, 0.0), SHAPE))
+    assert share_left(found, "wiggling", LIMIT) == pytest.approx(share, abs=0.03)
+
+
+def test_the_effect_that_leaves_most_is_contradicted() -> None:
+    half = ramp(0.006, 0)
+    assert contradicted(account(half, lens_scatter=0.5 * half, wiggling=np.zeros(SHAPE)), LIMIT) == "lens_scatter"
+    assert contradicted(account(0.1 * half, lens_scatter=0.9 * half), LIMIT) is None
+
+
+def test_what_noise_may_leave_contradicts_nothing() -> None:
+    """0.15 mm of an effect, of which nothing is taken: block means of 64 pixels with 2 mm of noise are known to 0.25 mm."""
+    assert contradicted(account(ramp(0.00015, 0), wiggling=ramp(0.00015, 0)), LIMIT) is None
+
+
+def test_motion_is_not_judged_where_it_hardly_acts() -> None:
+    """It errs at edges, which are left out here."""
+    assert contradicted(account(ramp(0.006, 0), motion=ramp(0.003, 0)), LIMIT) is None
+
+
+def test_an_unfounded_cause_is_taken_out_before_a_contradicted_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = account(ramp(0.006, 0), lens_scatter=ramp(0.003, 0))
+    monkeypatch.setattr(room, "unfounded", lambda *_: "temperature_drift")
+    assert taken_out(found, GapConfig()) == TakenOut("temperature_drift", contradicted=False)
+    monkeypatch.setattr(room, "unfounded", lambda *_: None)
+    assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=True)
+    assert taken_out(account(np.zeros(SHAPE), lens_scatter=ramp(0.003, 0)), GapConfig()) is None
