@@ -41,7 +41,7 @@ class ShrinkLimits:
 
 @dataclass(frozen=True, slots=True)
 class ConfidenceLimits:
-    """How often names turned out right on sessions of the emerging camera (docs/emerging_camera.md)."""
+    """How often names turned out right on sessions of the emerging camera (docs/foreign_cameras.md)."""
 
     asserted: float = param(
         0.95, "of effects that win on all resampled views and leave little", low=0.0, high=1.0, why="40 of 43 were right"
