@@ -10,7 +10,7 @@ LEAST = 0.001
 
 
 def in_percent(share: float) -> str:
-    """A share in per cent, of one decimal where it is small; "0%" stands for nothing but 0, and for less by rounding of sums."""
+    """A share in per cent, of one decimal where it is small; "0 %" stands for nothing but 0, and for less by rounding of sums."""
     if abs(share) < LEAST:
-        return f"under {LEAST:.1%}" if share > 0.0 else "0%"
-    return f"{share:.{1 if abs(share) < WHOLE else 0}%}"
+        return f"under {100 * LEAST:.1f} %" if share > 0.0 else "0 %"
+    return f"{100 * share:.{1 if abs(share) < WHOLE else 0}f} %"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which captures would tell tied effects apart: tried on the design matrix, not looked up in a table."""
+"""Which captures would separate tied effects: each is tried on the design matrix, not looked up in a table."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effe
     now, limits = visible_share(d, caster, one, two, None), d.config.report
     if best < limits.advice_gain * now + limits.advice_least:
         reference = " or ".join(dict.fromkeys(kind.SEPARATED_BY for kind in kinds))
-        return f"no capture of {EXTRA} more views tried here separates {names}: {reference} would"
-    return f"{text}: separates {names} ({in_percent(now)} of the one stands beside the other now, {in_percent(best)} then)"
+        return f"no capture of {EXTRA} more views separates {names}; {reference} would"
+    return f"{text}: separates {names} (the share of one effect that the other cannot imitate rises from {in_percent(now)} to {in_percent(best)})"
 
 
 def visible_share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, action: Action | None) -> float:

@@ -267,7 +267,7 @@ class Effect(ABC):
     def not_testable(cls, session: Session) -> str | None:
         """The reason why a session cannot test the effect, None where it can."""
         if cls.MODULATED and not session.modulated:
-            return "noise goes with range squared and not with light: no time-of-flight camera"
+            return "the noise grows with the square of range and does not depend on amplitude: this is no time-of-flight camera"
         return cls.lacks(session) or None
 
     @classmethod

@@ -13,15 +13,15 @@ from tof_sensor.effects.phase_wrap import PhaseWrap
 @pytest.mark.parametrize(
     ("share", "words"),
     [
-        (0.0, "0%"),
-        (7e-7, "under 0.1%"),
-        (0.004, "0.4%"),
-        (0.02, "2%"),
-        (0.98, "98%"),
-        (1.0, "100%"),
-        (-0.24, "-24%"),
-        (-0.004, "-0.4%"),
-        (-1e-9, "0%"),
+        (0.0, "0 %"),
+        (7e-7, "under 0.1 %"),
+        (0.004, "0.4 %"),
+        (0.02, "2 %"),
+        (0.98, "98 %"),
+        (1.0, "100 %"),
+        (-0.24, "-24 %"),
+        (-0.004, "-0.4 %"),
+        (-1e-9, "0 %"),
     ],
 )
 def test_no_share_reads_0_but_0(share: float, words: str) -> None:
@@ -29,5 +29,5 @@ def test_no_share_reads_0_but_0(share: float, words: str) -> None:
 
 
 def test_effects_of_few_pixels_or_captures_state_them() -> None:
-    assert PhaseWrap(share=0.003).stated.endswith("0.3% of the pixels at those ranges")
-    assert Interference(burst_m=0.002, duty=0.004).stated == "2.0 mm in 0.4% of the captures"
+    assert PhaseWrap(share=0.003).stated.endswith("0.3 % of the pixels at those ranges")
+    assert Interference(burst_m=0.002, duty=0.004).stated == "2.0 mm in 0.4 % of the captures"

@@ -81,18 +81,18 @@ def diagnosis(*ties: tuple[int, int]) -> Any:
         (AMPLITUDE, WIGGLE, BRIGHTER),  # on one surface amplitude goes with range
     ],
 )
-def test_a_tie_is_told_with_the_capture_that_would_part_it(member: int, other: int, action: Action) -> None:
+def test_a_tie_is_reported_with_the_capture_that_would_separate_it(member: int, other: int, action: Action) -> None:
     (line,) = advise(diagnosis((member, other)), panel())
     pair = "|".join(sorted((CANDIDATES[member].name, CANDIDATES[other].name)))
     assert line.startswith(f"{action.text}: separates {pair} (")
-    now, then = map(int, re.findall(r"(\d+)%", line))
+    now, then = map(int, re.findall(r"(\d+) %", line))
     assert now <= 1
     assert then >= 25
 
 
-def test_a_tie_that_no_capture_parts_asks_for_a_reference() -> None:
+def test_a_tie_that_no_capture_separates_asks_for_a_reference() -> None:
     assert advise(diagnosis((OFFSET, TWIN)), panel()) == [
-        "no capture of 4 more views tried here separates range_offset|twin: a reference of known distance would"
+        "no capture of 4 more views separates range_offset|twin; a reference of known distance would"
     ]
 
 

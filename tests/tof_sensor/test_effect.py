@@ -79,14 +79,22 @@ def test_an_effect_is_found_by_standing_in_the_folder(tmp_path: Path) -> None:
         (Motion, session(moving()), None),
         (TimeSync, session(), "no view was taken in motion"),
         (TimeSync, session(moving()), None),
-        (TemperatureDrift, session(Context(temperature=30.0), Context(temperature=30.2)), "temperature steady or unknown, and under 60 s"),
+        (
+            TemperatureDrift,
+            session(Context(temperature=30.0), Context(temperature=30.2)),
+            "the temperature is steady or unknown, and the session is shorter than 60 s",
+        ),
         (TemperatureDrift, session(Context(temperature=30.0), Context(temperature=31.0)), None),
         (TemperatureDrift, session(Context(time_s=0.0), Context(time_s=90.0)), None),
         # A thermometer lags: its reading hardly moves while lamp and sensor warm up.
         (TemperatureDrift, session(Context(temperature=30.0), Context(temperature=30.03, time_s=90.0)), None),
         (AmplitudeBias, session(has_amplitude=False), "no amplitude image"),
         (Noise, session(has_amplitude=False), "no amplitude image: rows and single pixels alone can show it"),
-        (Multipath, session(modulated=False), "noise goes with range squared and not with light: no time-of-flight camera"),
+        (
+            Multipath,
+            session(modulated=False),
+            "the noise grows with the square of range and does not depend on amplitude: this is no time-of-flight camera",
+        ),
         (RangeOffset, session(modulated=False), None),
     ],
 )

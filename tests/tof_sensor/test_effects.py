@@ -267,7 +267,7 @@ def test_of_several_jumps_each_wrapped_pixel_has_one() -> None:
     shift = ((wrap.apply(frame, np.random.default_rng(1)).depth - frame.depth) * frame.length)[frame.valid]
     shares = [np.isclose(shift, jump, atol=1e-4).mean() for jump in (0.0, 1.49896, 0.75)]
     assert shares == pytest.approx([0.6, 0.3, 0.1], abs=0.02)
-    assert wrap.stated == "off by 1.50 or 0.75 m, 40% of the pixels at those ranges"
+    assert wrap.stated == "off by 1.50 or 0.75 m, 40 % of the pixels at those ranges"
 
 
 def test_specular_peaks_at_normal_incidence() -> None:

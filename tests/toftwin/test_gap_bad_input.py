@@ -52,7 +52,7 @@ def test_what_a_bare_session_cannot_test_is_said(bare: tuple[str, str], tmp_path
     why = report["not_testable"]
     assert why["amplitude_bias"] == why["lens_scatter"] == "no amplitude image"
     assert why["motion"] == why["time_sync"] == "no view was taken in motion"
-    assert why["temperature_drift"] == "temperature steady or unknown, and under 60 s"
+    assert why["temperature_drift"] == "the temperature is steady or unknown, and the session is shorter than 60 s"
     assert report["verdict"] == ["none"]
     assert report["gap"]["floor_from"].startswith("5 of 5 views are of one capture: noise from differences of neighbouring pixels")
     assert "5 of 5 views are of one capture" in (tmp_path / "report.html").read_text()
@@ -123,5 +123,5 @@ def test_mixed_cameras_are_refused() -> None:
 def test_one_range_cannot_show_a_wiggle() -> None:
     session = views(np.random.default_rng(1))
     near = [replace(v, pixels=v.pixels[np.abs(v.frame.radial.ravel()[v.pixels] - 0.95) < 0.02]) for v in session[:3]]
-    assert not_testable(near, NoiseLimits())["wiggling"] == "one range only"
+    assert not_testable(near, NoiseLimits())["wiggling"] == "the ranges span less than 80 mm"
     assert "wiggling" not in not_testable(session, NoiseLimits())

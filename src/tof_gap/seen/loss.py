@@ -28,7 +28,7 @@ class GoesWith(Enum):
 
 REMEDY = {
     GoesWith.LIGHT: (
-        "nothing, where these surfaces are not needed: cameras drop weak pixels by design (confidence or amplitude threshold). "
+        "nothing if these surfaces are not needed: cameras drop weak pixels by design (confidence or amplitude threshold). "
         "Otherwise expose longer or come closer; a lower threshold returns these pixels with more noise"
     ),
     GoesWith.RANGE: (

@@ -63,9 +63,9 @@ class Words:
         head = f"{'perhaps ' * self.suspected}{spaced(self.effect)}: {self.what}"
         details = "; ".join(x for x in (self.size, self.where) if x)
         tied = f" Or {listed([spaced(r) for r in self.rivals], 'or')}, which this session cannot separate from it." if self.rivals else ""
-        sure = "Too much stays unexplained to be sure of it; if it is confirmed" if self.suspected else "To do"
+        sure = "Too much stays unexplained to be sure of it. If it is confirmed" if self.suspected else "To do"
         todo = f" {sure}: {self.remedy}." if self.remedy else ""
-        cost = f" Left as it is: {self.cost}." if self.cost and not self.suspected else ""
+        cost = f" If nothing is done, {self.cost}." if self.cost and not self.suspected else ""
         return f"{head[0].upper()}{head[1:]}{f' ({details})' if details else ''}.{tied}{todo}{cost}"
 
 
@@ -165,5 +165,5 @@ def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
         return ""
     worst = float(np.quantile(error, WORST))
     if worst >= MATTERS_M:
-        return f"of all pixels one in twenty is measured {1e3 * worst:.1f} mm off or more"
+        return f"one pixel in twenty is measured {1e3 * worst:.1f} mm off or more"
     return f"{in_percent(float((error >= MATTERS_M).mean()))} of the pixels are measured {1e3 * MATTERS_M:.0f} mm off or more"

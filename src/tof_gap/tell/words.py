@@ -37,7 +37,7 @@ def sentence(content: dict[str, Any]) -> str:
     if not names:
         suspects = [spaced(c["effect"]) for c in content["causes"] if not c["asserted"]]
         also = f" Part of it looks like {listed(suspects)}, but too much is left to be sure." if suspects else ""
-        return f"Camera and simulation differ, and no effect known here explains how.{_clue(content['unexplained'])}{also}"
+        return f"Camera and simulation differ, and no effect known here explains the difference.{_clue(content['unexplained'])}{also}"
     verb = "explain" if len(names) > 1 else "explains"
     away = _off_edges(content)
     how = "" if gap["shrink"] is None or away else f" and {verb} {percent(gap['shrink'])} of the gap"
@@ -58,11 +58,11 @@ def todo(content: dict[str, Any]) -> list[str]:
         )
     moves = [f["moves"] for f in content["world"]["foreign"]]
     if content["world"]["missing"] or not all(moves):
-        lines.append("Correct the cell or scene.yaml where they disagree (see “What is not as the CAD has it”).")
+        lines.append("Correct the cell or scene.yaml where they disagree (see “Where the world differs from the CAD”).")
     if any(moves):
         lines.append(
-            "Look at the views with an object that others do not see: keep people out of sight, and cover lamps and mirrors, whose light spreads in the lens. "
-            "These pixels are left out already."
+            "Look at the views with an object that other views do not see. Keep people out of sight, and cover lamps and mirrors, whose light spreads in the lens. "
+            "The pixels of such objects are left out already."
         )
     if "unknown" in content["verdict"]:
         lines.append(where_to_look(content["unexplained"]["where"]))
@@ -72,8 +72,8 @@ def todo(content: dict[str, Any]) -> list[str]:
 def where_to_look(where: Sequence[str]) -> str:
     """What to do about what is left, on these parts."""
     if where:
-        return f"Look at {listed(where[:3])}: what is left there is no effect known here. Is it as drawn, in its place, glossy, wet or transparent?"
-    return "Look at the maps of the report: what is left is no effect known here, and on no part in particular."
+        return f"Look at {listed(where[:3])}: no effect known here explains the error there. Check whether it is as drawn and in its place, and whether it is glossy, wet or transparent."
+    return "Look at the maps of the report: no effect known here explains the error that is left, and it lies on no part in particular."
 
 
 def size_in_words(cause: dict[str, Any], session_s: float) -> str:
@@ -100,7 +100,7 @@ def _stated(name: str, params: dict[str, Any], session_s: float) -> str:
 
 
 def _off_edges(content: dict[str, Any]) -> str:
-    """The gap of most pixels, where the few at edges count, which are off by centimetres and rule an RMS."""
+    """The gap away from edges, stated where edges count: their few pixels are off by centimetres and make most of an RMS."""
     away = content["gap"].get("off_edges_mm")
     if away is None:
         return ""
@@ -111,9 +111,9 @@ def _off_edges(content: dict[str, Any]) -> str:
 
 
 def _clue(unexplained: dict[str, Any]) -> str:
-    """What the unexplained part goes with and where it is, as a sentence."""
+    """What the unexplained part varies with and where it is, as a sentence."""
     names = quantities(unexplained["depends_on"])
-    goes = f"goes with {listed(names)}" if names else ""
+    goes = f"varies with {listed(names)}" if names else ""
     where = f"shows most on {listed(unexplained['where'][:3])}" if unexplained["where"] else ""
     clues = "; it ".join(x for x in (goes, where) if x)
     return (
@@ -125,7 +125,7 @@ def _clue(unexplained: dict[str, Any]) -> str:
 
 def _gross(share: float) -> str:
     """Pixels that no bias explains, as a sentence."""
-    return f"Of the pixels away from edges {100 * share:.1f} % are off by centimetres: another surface, a mirror or a wrong period, and no bias."
+    return f"{100 * share:.1f} % of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
 
 
 def _resembles(names: Sequence[str]) -> str:
@@ -139,9 +139,9 @@ def quantities(observables: Sequence[str]) -> list[str]:
 
 
 def unexplained_words(u: Unexplained, *, suspected: bool = False) -> str:
-    """What is left away from edges, how it is measured, where, and what it goes with; suspected: beside effects that are not asserted."""
+    """What is left away from edges, how it is measured, where, and what it varies with; suspected: beside effects that are not asserted."""
     where = f"most on {listed(u.where)}" if u.where else "on no part in particular"
-    goes = f"; it goes with {listed(quantities(u.depends_on))}" if u.depends_on else ""
+    goes = f"; it varies with {listed(quantities(u.depends_on))}" if u.depends_on else ""
     after = f"With the {'suspected' if suspected else 'named'} effects simulated"
     gross = f" {_gross(u.gross)}" if u.gross else ""
     like = f" {_resembles(u.resembles)}" if u.resembles else ""

@@ -29,8 +29,8 @@ SURFACE_LEAST = 0.1
 """Variance of light off the surfaces over that of light on every pixel alike (reference amplitude, 1 m), below which the excess may be
 read-out noise: a constant number of electrons, whether light's or the read-out's, is the same noise. What surfaces send back is not."""
 READ_OUT = (
-    "record once more with sunlight and lamps shaded: noise that goes was theirs, noise that stays is the camera's read-out; "
-    "longer dwells help against both"
+    "record once more with sunlight and lamps shaded: noise that disappears was theirs, noise that stays is the camera's read-out noise; "
+    "longer dwells reduce both"
 )
 """What to do where foreign light and read-out noise cannot be distinguished."""
 BETTER = 0.9

@@ -24,7 +24,7 @@ class DepthScale(Effect):
 
     NAME: ClassVar[str] = "depth_scale"
     ORDER: ClassVar[int] = 82
-    MEANING: ClassVar[str] = "the camera stretches distance, as where its clock runs fast or slow, or its unit is not the stated one"
+    MEANING: ClassVar[str] = "all distances are stretched by one factor: the depth unit is wrong, or the camera's clock runs fast or slow"
     REMEDY: ClassVar[str] = (
         "check the depth unit and the mode that the driver states, then calibrate the camera's range at two distances or more"
     )

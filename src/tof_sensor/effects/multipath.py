@@ -33,7 +33,7 @@ class Multipath(Effect):
     NAME: ClassVar[str] = "multipath"
     ORDER: ClassVar[int] = 36
     MEANING: ClassVar[str] = "light bounces between surfaces before it returns; inner corners are measured too far"
-    REMEDY: ClassVar[str] = "mask inner corners, spray the bright neighbour matt, or look from where it is not seen"
+    REMEDY: ClassVar[str] = "mask inner corners, spray the bright neighbour matt, or choose viewpoints from which it lies out of sight"
     SEPARATED_BY: ClassVar[str] = "the same view with the neighbouring surface covered"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True

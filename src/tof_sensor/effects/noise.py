@@ -35,7 +35,7 @@ class Noise(Effect):
     @property
     def stated(self) -> str:
         """Standard deviation."""
-        return f"{1e3 * self.extra_m:.1f} mm of noise beside that of light"
+        return f"{1e3 * self.extra_m:.1f} mm of noise beside the photon noise"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Add what is missing to the noise so far."""

@@ -32,7 +32,7 @@ class PhaseWrap(Effect):
     NAME: ClassVar[str] = "phase_wrap"
     ORDER: ClassVar[int] = 78
     MEANING: ClassVar[str] = (
-        "range jumps by a fixed step: beyond the longest range that the camera can tell apart, or where it combines its measurements wrongly"
+        "range jumps by a fixed step: beyond the camera's unambiguous range, or where the camera combines its measurements wrongly"
     )
     REMEDY: ClassVar[str] = (
         "keep within the range that the data sheet calls unambiguous, or choose a mode with a longer one; where single pixels jump, expose longer"

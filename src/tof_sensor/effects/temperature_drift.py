@@ -35,7 +35,9 @@ class TemperatureDrift(CurveEffect):
     NAME: ClassVar[str] = "temperature_drift"
     ORDER: ClassVar[int] = 56
     MEANING: ClassVar[str] = "range drifts while the camera warms up"
-    REMEDY: ClassVar[str] = "let the camera warm up, twenty minutes as a rule; its thermometer may be steady minutes before its depth is"
+    REMEDY: ClassVar[str] = (
+        "let the camera warm up before recording, usually for twenty minutes; its depth may settle minutes after its thermometer"
+    )
     SEPARATED_BY: ClassVar[str] = "the same pose recorded over half an hour"
     ACTIONS: ClassVar = (LATER,)
     FINER: ClassVar[tuple[Finer, ...]] = (Finer("tau_s", 1.0, 7),)
@@ -108,7 +110,7 @@ class TemperatureDrift(CurveEffect):
     @classmethod
     def lacks(cls, session: Session) -> str:
         """A change of temperature, or time for one."""
-        return "" if session.warming else "temperature steady or unknown, and under 60 s"
+        return "" if session.warming else "the temperature is steady or unknown, and the session is shorter than 60 s"
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:

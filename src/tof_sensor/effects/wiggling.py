@@ -34,7 +34,7 @@ class Wiggling(CurveEffect):
 
     NAME: ClassVar[str] = "wiggling"
     ORDER: ClassVar[int] = 50
-    MEANING: ClassVar[str] = "range error that swings with distance, as the shape of the emitted wave or pulse makes it"
+    MEANING: ClassVar[str] = "the range error swings with distance, because of the shape of the emitted wave or pulse"
     REMEDY: ClassVar[str] = "renew the camera's range calibration over its whole range, or simulate with sensor.yaml"
     SEPARATED_BY: ClassVar[str] = "views over the camera's whole range"
     ACTIONS: ClassVar = (NEARER, FARTHER)
@@ -97,7 +97,7 @@ class Wiggling(CurveEffect):
     @classmethod
     def lacks(cls, session: Session) -> str:
         """A span of range."""
-        return "" if session.range_span >= LEAST_SPAN_M else "one range only"
+        return "" if session.range_span >= LEAST_SPAN_M else f"the ranges span less than {1e3 * LEAST_SPAN_M:.0f} mm"
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:

@@ -34,7 +34,7 @@ class Inspected:
 
     @property
     def right(self) -> int:
-        """How many of them were judged right."""
+        """How many of them were judged rightly."""
         true = {self.truth.gone: "absent", self.truth.moved: "displaced"}
         return sum(v.state == true.get(v.name, "present") for v in self.verdicts)
 

@@ -74,12 +74,12 @@ def sentence(result: DemoResult) -> str:
     gone, moved = result.inspected.truth.gone, result.inspected.truth.moved
     right, of, every = result.inspected.right, result.inspected.judged, len(result.inspected.verdicts)
     before, after = result.corrected.before[0], result.corrected.after[0]
-    parts = f"all {of} observable parts" if of < every else f"all {of} parts"
-    parts = f"{parts} were judged right" if right == of else f"{right} of {of} judged parts were judged right"
+    parts = f"All {of} observable parts" if of < every else f"All {of} parts"
+    parts = f"{parts} were judged rightly" if right == of else f"{right} of {of} judged parts were judged rightly"
     return (
         f"The labels are {1e3 * result.errors.rows[4][1].mae:.2f} mm off in the mean. The gap between camera and simulation fell from "
-        f"{result.diagnosed.before_mm:.1f} to {result.diagnosed.after_mm:.1f} mm; the hand, {before:.0f} mm beside its place a day later, came back "
-        f"to {after:.1f} mm; {parts}{f', {gone} gone and {moved} displaced among them' if gone else ''}."
+        f"{result.diagnosed.before_mm:.1f} to {result.diagnosed.after_mm:.1f} mm. A day later the hand stood {before:.0f} mm beside its place; the correction left "
+        f"{after:.1f} mm. {parts}{f', among them {gone}, which is absent, and {moved}, which is displaced' if gone else ''}."
     )
 
 

@@ -76,7 +76,7 @@ def test_a_part_that_is_lost_though_its_light_would_do_is_named(pixels: Pixels) 
     lost = (pixels.part == 3) & (np.random.default_rng(4).random(N) < 0.4)
     found = pixels.loss(lost)
     assert (found.goes_with, found.parts, found.weak) == (GoesWith.PARTS, (3,), False)
-    assert found.size == "40% of the pixels of these parts, 8% of all"
+    assert found.size == "40 % of the pixels of these parts, 8 % of all"
     assert "look at the surface" in found.remedy
     dark = pixels._replace(amplitude=np.where(lost, 1.0, pixels.amplitude)).loss(lost)
     assert (dark.goes_with, dark.weak) == (GoesWith.PARTS, True)

@@ -83,9 +83,9 @@ def test_the_amplitude_below_which_pixels_are_lost_is_in_the_unit_of_the_amplitu
     assert threshold > 100, "of the image, not of the simulation"
     assert found.effect.threshold == pytest.approx(threshold, rel=0.06)
     assert found.note == "half are lost at 0.73 of the median amplitude"
-    assert found.size == "25% of the pixels, those of weak light: below 73% of the median light", "a lost pixel has no amplitude here"
+    assert found.size == "25 % of the pixels, those of weak light: below 73 % of the median light", "a lost pixel has no amplitude here"
     assert not found.rare, "all that there is in the dark is lost"
-    assert found.remedy.startswith("nothing, where these surfaces are not needed: cameras drop weak pixels by design")
+    assert found.remedy.startswith("nothing if these surfaces are not needed: cameras drop weak pixels by design")
 
 
 def test_the_fitted_loss_simulated_loses_as_many_pixels_as_the_session_lost() -> None:

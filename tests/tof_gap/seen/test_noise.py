@@ -268,7 +268,7 @@ def test_a_stereo_camera_is_told_by_its_scatter() -> None:
     session = views(rng, 0.003 * range2 * rng.standard_normal((VIEWS, *SHAPE)), photons=False)
     assert like_stereo(session, LIMITS)
     why = not_testable(session, LIMITS)
-    assert why["wiggling"] == "noise goes with range squared and not with light: no time-of-flight camera"
+    assert why["wiggling"] == "the noise grows with the square of range and does not depend on amplitude: this is no time-of-flight camera"
     assert "cad_deviation" not in why
 
 

@@ -164,5 +164,5 @@ def test_noise_and_loss_are_compared_at_the_cameras_light(evidence: tuple[ViewEv
     assert compared(diagnosis(evidence), diagnosis(evidence, law=quiet)).verdict == ("none",)
     lossy = compared(diagnosis(evidence, Dropout(random=0.05)), diagnosis(evidence))
     assert (lossy.verdict, only(lossy).simulator) == (("dropout",), LACKS)
-    assert "5% of the pixels real, 0% simulated" in only(lossy).line()
+    assert "5 % of the pixels real, 0 % simulated" in only(lossy).line()
     assert lossy.to_dict()["differences"][0]["real_mm"] is None

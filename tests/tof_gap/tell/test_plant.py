@@ -40,13 +40,13 @@ def test_each_effect_is_said_with_its_size_place_remedy_and_cost() -> None:
     wiggling, dropout = plant_words(diagnosis(), SCENE)
     assert wiggling.size == "±5.0 mm every 0.37 m of range"
     assert wiggling.where == "on panel"
-    assert wiggling.cost == "of all pixels one in twenty is measured 9.5 mm off or more"
-    assert dropout.size == "2% of the pixels at random, most pixels below amplitude 120"
+    assert wiggling.cost == "one pixel in twenty is measured 9.5 mm off or more"
+    assert dropout.size == "2 % of the pixels at random, most pixels below amplitude 120"
     assert (dropout.where, dropout.remedy) == ("", Dropout.REMEDY)
     assert dropout.cost == "these pixels have no depth, and the others are not affected"
     assert wiggling.sentence() == (
-        "Wiggling: range error that swings with distance, as the shape of the emitted wave or pulse makes it (±5.0 mm every 0.37 m of range; on panel). "
-        f"To do: {Wiggling.REMEDY}. Left as it is: of all pixels one in twenty is measured 9.5 mm off or more."
+        "Wiggling: the range error swings with distance, because of the shape of the emitted wave or pulse (±5.0 mm every 0.37 m of range; on panel). "
+        f"To do: {Wiggling.REMEDY}. If nothing is done, one pixel in twenty is measured 9.5 mm off or more."
     )
 
 
@@ -54,10 +54,10 @@ def test_lost_pixels_are_stated_by_what_they_go_with() -> None:
     loss = Loss(GoesWith.LIGHT, 0.034, (1, 0), amplitude=75.5, of_median=0.15)
     _, dropout = plant_words(diagnosis(size=loss.size, remedy=loss.remedy, parts=loss.parts), SCENE)
     assert dropout.sentence() == (
-        "Dropout: pixels without depth (3% of the pixels, those of weak light: below amplitude 75.5, 15% of the median; on pipe and panel). "
-        "To do: nothing, where these surfaces are not needed: cameras drop weak pixels by design (confidence or amplitude threshold). Otherwise "
+        "Dropout: pixels without depth (3 % of the pixels, those of weak light: below amplitude 75.5, 15 % of the median; on pipe and panel). "
+        "To do: nothing if these surfaces are not needed: cameras drop weak pixels by design (confidence or amplitude threshold). Otherwise "
         "expose longer or come closer; a lower threshold returns these pixels with more noise. "
-        "Left as it is: these pixels have no depth, and the others are not affected."
+        "If nothing is done, these pixels have no depth, and the others are not affected."
     )
 
 
@@ -65,14 +65,14 @@ def test_an_effect_of_few_pixels_costs_by_how_many_they_are() -> None:
     few = np.zeros((VIEWS, *SHAPE))
     few[:, :2, :] = 0.005
     share = 100.0 * 2 / SHAPE[0]
-    assert cost(diagnosis(), list(few)) == f"{share:.0f}% of the pixels are measured 1 mm off or more"
-    assert acts(0.005, list(few)) == f"5.0 mm RMS over {share:.0f}% of the pixels"
+    assert cost(diagnosis(), list(few)) == f"{share:.0f} % of the pixels are measured 1 mm off or more"
+    assert acts(0.005, list(few)) == f"5.0 mm RMS over {share:.0f} % of the pixels"
 
 
 def test_an_effect_of_hardly_any_pixel_has_no_share_of_naught() -> None:
     single = np.zeros((VIEWS, *SHAPE))
     single[0, 0, 0] = 0.02
-    assert cost(diagnosis(), list(single)) == "under 0.1% of the pixels are measured 1 mm off or more"
+    assert cost(diagnosis(), list(single)) == "under 0.1 % of the pixels are measured 1 mm off or more"
 
 
 def test_an_effect_of_all_pixels_is_an_rms_alone() -> None:
@@ -84,7 +84,7 @@ def test_offsets_of_every_pixel_act_on_all_of_them_though_some_are_near_nought()
     white[:, :10, :] = np.nan
     assert acts(0.003, list(white)) == "3.0 mm RMS"
     white[:, : SHAPE[0] // 2, :] = 0.0
-    assert acts(0.003, list(white)) == "3.0 mm RMS over 50% of the pixels"
+    assert acts(0.003, list(white)) == "3.0 mm RMS over 50 % of the pixels"
 
 
 def test_rivals_that_the_session_cannot_separate_stand_beside_the_name() -> None:
@@ -99,14 +99,14 @@ def test_noise_that_light_and_read_out_make_alike_is_said_to_be_one_of_both() ->
     )[0]
     assert words.sentence() == (
         f"Ambient: {Ambient.MEANING}. Or noise, which this session cannot separate from it. To do: record once more with sunlight and lamps shaded: "
-        "noise that goes was theirs, noise that stays is the camera's read-out; longer dwells help against both."
+        "noise that disappears was theirs, noise that stays is the camera's read-out noise; longer dwells reduce both."
     )
 
 
 def test_a_suspected_effect_asks_for_nothing_before_it_is_confirmed() -> None:
     words, dropout = plant_words(diagnosis(doubted=True), SCENE)
     assert words.sentence().startswith("Perhaps wiggling: ")
-    assert words.sentence().endswith(f"Too much stays unexplained to be sure of it; if it is confirmed: {Wiggling.REMEDY}.")
+    assert words.sentence().endswith(f"Too much stays unexplained to be sure of it. If it is confirmed: {Wiggling.REMEDY}.")
     assert not dropout.suspected, "what noise or loss shows needs no fit"
 
 

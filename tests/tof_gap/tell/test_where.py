@@ -81,13 +81,13 @@ def test_the_verdict_reads_as_a_sentence() -> None:
     shrunk = {"shrink": 0.97}
     assert sentence({"verdict": ["none"], "gap": shrunk}).startswith("Camera and simulation agree")
     one = sentence({"verdict": ["multipath"], "gap": shrunk})
-    assert one == "Camera and simulation differ by multipath, which explains 97% of the gap."
+    assert one == "Camera and simulation differ by multipath, which explains 97 % of the gap."
     two = sentence({"verdict": ["amplitude_bias|wiggling", "multipath"], "gap": shrunk})
-    assert two == "Camera and simulation differ by amplitude bias or wiggling and multipath, which together explain 97% of the gap."
+    assert two == "Camera and simulation differ by amplitude bias or wiggling and multipath, which together explain 97 % of the gap."
     clue = {"depends_on": ["amplitude", "x_m", "z_m"], "where": ["floor", "wall"]}
     assert sentence({"verdict": ["unknown"], "gap": shrunk, "unexplained": clue, "causes": []}) == (
-        "Camera and simulation differ, and no effect known here explains how. "
-        "It goes with amplitude and place in the cell; it shows most on floor and wall."
+        "Camera and simulation differ, and no effect known here explains the difference. "
+        "It varies with amplitude and place in the cell; it shows most on floor and wall."
     )
     suspected = [{"effect": "lens_scatter", "asserted": False}]
     assert sentence({"verdict": ["unknown"], "gap": shrunk, "unexplained": clue, "causes": suspected}).endswith(

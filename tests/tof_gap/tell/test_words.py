@@ -69,8 +69,8 @@ def content(
 
 
 def test_an_interval_shows_no_more_than_all_of_the_gap() -> None:
-    assert interval((0.8, 1.05)) == "80% to 100% (95 % interval)"
-    assert interval((-0.01, 1.0)) == "0% to 100% (95 % interval)"
+    assert interval((0.8, 1.05)) == "80 % to 100 % (95 % interval)"
+    assert interval((-0.01, 1.0)) == "0 % to 100 % (95 % interval)"
     assert interval(None) == ""
 
 
@@ -110,7 +110,7 @@ LEFT = "neighbouring pixels still share an error of 0.32 mm RMS (means of blocks
         (
             ("door",),
             ("range_m", "edge_px"),
-            f"With the named effects simulated, {LEFT}, most on door; it goes with range and distance to an edge.",
+            f"With the named effects simulated, {LEFT}, most on door; it varies with range and distance to an edge.",
         ),
     ],
 )
@@ -138,13 +138,13 @@ def test_the_gap_away_from_edges_stands_beside_one_that_few_pixels_at_edges_make
     assert sentence(found | {"gap": same}).endswith(" Away from edges a gap of 2.1 mm stays, in which no structure shows.")
     assert (
         sentence(found | {"gap": gap | {"off_edges_mm": None}})
-        == "Camera and simulation differ by flying pixels, which explains 99% of the gap."
+        == "Camera and simulation differ by flying pixels, which explains 99 % of the gap."
     )
 
 
 def test_pixels_that_no_bias_explains_are_stated_by_their_share() -> None:
     """Blocks of pixels leave them out, so that an error of some tenths of a millimetre would explain nothing."""
-    gross = "Of the pixels away from edges 1.3 % are off by centimetres: another surface, a mirror or a wrong period, and no bias."
+    gross = "1.3 % of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
     left = Unexplained(0.324, structured=True, depends_on=(), where=("door",), gross=0.013)
     assert unexplained_words(left).endswith(f"{LEFT}, most on door. {gross}")
     report = {
@@ -153,7 +153,10 @@ def test_pixels_that_no_bias_explains_are_stated_by_their_share() -> None:
         "gap": {"shrink": None},
         "unexplained": {"depends_on": [], "where": ["door"], "gross": 0.013},
     }
-    assert sentence(report) == f"Camera and simulation differ, and no effect known here explains how. It shows most on door. {gross}"
+    assert (
+        sentence(report)
+        == f"Camera and simulation differ, and no effect known here explains the difference. It shows most on door. {gross}"
+    )
 
 
 def test_an_effect_that_is_contradicted_is_stated_with_what_contradicts_it() -> None:
@@ -161,4 +164,4 @@ def test_an_effect_that_is_contradicted_is_stated_with_what_contradicts_it() -> 
     assert unexplained_words(Unexplained(0.324, structured=True, depends_on=(), where=(), resembles=("lens_scatter",))).endswith(f" {like}")
     left = {"depends_on": [], "where": ["door"], "resembles": ["lens_scatter"]}
     report = {"verdict": ["unknown"], "causes": [], "gap": {"shrink": None}, "unexplained": left}
-    assert sentence(report) == f"Camera and simulation differ, and no effect known here explains how. It shows most on door. {like}"
+    assert sentence(report) == f"Camera and simulation differ, and no effect known here explains the difference. It shows most on door. {like}"
