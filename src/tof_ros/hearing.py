@@ -75,8 +75,8 @@ class Hearing:
     def _line(self, frames: Frames) -> str:
         publishers = sorted({_full_name(p) for p in self._node.get_publishers_info_by_topic(frames.topic)})
         if publishers:
-            todo = "does it stream, only on demand, or is the network's way closed to large messages?"
-            return f"no frame for {SILENT_S:.0f} s: {frames.topic} has publishers ({', '.join(publishers)}), nothing came of them; {todo}"
+            todo = "check that the camera streams (some stream on demand only), and that the network lets large messages through"
+            return f"no frame for {SILENT_S:.0f} s: {frames.topic} has publishers ({', '.join(publishers)}), but no message arrived; {todo}"
         types = {topic: found[0] for topic, found in self._node.get_topic_names_and_types() if len(found) == 1}
         published = {topic: kind for topic, kind in types.items() if self._node.count_publishers(topic)}
         return no_publisher(frames, published, self._node.get_name(), self._node.get_namespace())

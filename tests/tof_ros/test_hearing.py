@@ -97,7 +97,7 @@ def test_a_forgotten_namespace_is_said_once_with_the_flag_and_the_first_frame_to
         wait_for(right.get_subscription_count)
         right.publish(Image())
         wait_for(lambda: any("frames come on /depth/hand/image" in line for line in observer.log))
-        status = observer.status("preproc", lambda s: "nothing came of them" in s.message)
+        status = observer.status("preproc", lambda s: "but no message arrived" in s.message)
         assert "/depth/hand/image has publishers (/observer)" in status.message
     observer.node.destroy_publisher(robot)
 
