@@ -125,7 +125,9 @@ class InferNode(ManagedNode[InferNodeConfig]):
         """A network that refuses this camera, or keeps the raw depth in most of the image."""
         out = [self._refusal] if self._refusal else []
         if self._kept > 0.5:
-            out.append(f"the network leaves {100 * self._kept:.0f} % of the last frame as measured; check that it was trained for this camera and these ranges")
+            out.append(
+                f"the network leaves {100 * self._kept:.0f} % of the last frame as measured; check that it was trained for this camera and these ranges"
+            )
         return out
 
 

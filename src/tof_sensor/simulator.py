@@ -130,6 +130,6 @@ class Simulator:
             raise RefusedError(
                 "the camera's unit of amplitude is not known",
                 where="sensor.gain",
-                todo="say --gain: the amplitude of albedo 1 head-on from 1 m",
+                todo="pass --gain: the amplitude of a surface of albedo 1, seen head-on from 1 m",
             )
         return None, gain

@@ -61,7 +61,7 @@ def source(
 
     if (scene is None) == (board is None):
         what = "neither a scene nor a board is given" if scene is None else "a scene and a board are given"
-        raise UsageError(what, where=bag, todo=f"say --scene FILE, or --board {FORMS}")
+        raise UsageError(what, where=bag, todo=f"pass --scene FILE, or --board {FORMS}")
     if board is not None:
         from toftwin.boarded import BoardSource, read_captures
 

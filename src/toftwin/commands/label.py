@@ -24,7 +24,7 @@ ABOUT = (
     "Averages and filters the captures, estimates where the camera was, and renders the CAD from there. The rendered depth "
     "is the label: what each pixel should have measured. The dataset holds captures, labels and their standard deviations. "
     "Several bags make a batch. A run that was interrupted continues where it stopped. "
-    "How far hand-eye may be off: align.priors.hand_eye_mm (docs/calibration.md)."
+    "State how far hand-eye may be off in align.priors.hand_eye_mm (docs/calibration.md)."
 )
 EXAMPLE = "toftwin label session/bag --scene cell/scene.yaml --out out/session\n  toftwin label 'bags/*.mcap' --scene cell/scene.yaml --out out/bags"
 
@@ -118,7 +118,7 @@ def _batch(args: argparse.Namespace, config: PipelineConfig, known: Known) -> in
 
     if args.scene is None:
         what = "a batch is of one scene" if args.board else "no scene is given"
-        raise UsageError(what, where="label", todo="say --scene FILE, or label each bag before a board by itself")
+        raise UsageError(what, where="label", todo="pass --scene FILE, or label each bag of a board in a call of its own")
 
     def show(outcome: Outcome) -> None:
         if not args.json:

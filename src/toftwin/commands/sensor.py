@@ -73,5 +73,5 @@ def run(args: argparse.Namespace) -> int:
         f"{counts['lost']:.1%} of the pixels are lost; {counts['ms_per_frame']:.1f} ms of processor a frame"
     )
     if tally.without_effect:
-        print(f"without a scene these do nothing: {', '.join(tally.without_effect)} (say --scene)")
+        print(f"without a scene these effects do nothing: {', '.join(tally.without_effect)} (pass --scene)")
     return 0

@@ -187,13 +187,19 @@ def _trainer() -> Any:
 
 def _check_rendered(args: argparse.Namespace) -> None:
     if args.scene is not None and not args.rendered:
-        raise UsageError("is for --rendered alone", where=f"--scene {args.scene}", todo="labels hold what training needs of the scene")
+        raise UsageError(
+            "is for --rendered alone",
+            where=f"--scene {args.scene}",
+            todo="leave it out: the datasets contain what training needs of the scene",
+        )
     if not args.rendered:
         return
     if args.sensor is None:
-        raise UsageError("needs the camera's model", where="--rendered", todo="say --sensor FILE: `toftwin gap` writes it")
+        raise UsageError("needs the camera's model", where="--rendered", todo="pass --sensor FILE, which `toftwin gap` writes")
     if (args.scene is None) == (args.board is None):
-        raise UsageError("needs what the datasets show", where="--rendered", todo="say --scene FILE; with --board it is the board")
+        raise UsageError(
+            "needs what the datasets show", where="--rendered", todo="pass --scene FILE, or --board where the scene is a board"
+        )
 
 
 def _scene(args: argparse.Namespace, bag: Path) -> Scene:
