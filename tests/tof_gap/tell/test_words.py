@@ -164,4 +164,6 @@ def test_an_effect_that_is_contradicted_is_stated_with_what_contradicts_it() -> 
     assert unexplained_words(Unexplained(0.324, structured=True, depends_on=(), where=(), resembles=("lens_scatter",))).endswith(f" {like}")
     left = {"depends_on": [], "where": ["door"], "resembles": ["lens_scatter"]}
     report = {"verdict": ["unknown"], "causes": [], "gap": {"shrink": None}, "unexplained": left}
-    assert sentence(report) == f"Camera and simulation differ, and no effect known here explains the difference. It shows most on door. {like}"
+    assert (
+        sentence(report) == f"Camera and simulation differ, and no effect known here explains the difference. It shows most on door. {like}"
+    )
