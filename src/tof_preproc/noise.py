@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations, pairwise
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +35,8 @@ TINY = 1e-12
 """Least variance, m^2: a micrometre squared."""
 EQUAL = 1e-12
 """Share of the squares by which rounding makes a law with more terms look better."""
+COLUMNS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]], np.bool_)
+"""The sets of the law's three terms, few terms first."""
 CUT = 9.0
 """Squared residuals beyond three standard deviations are edges or motion, not noise."""
 
@@ -160,7 +162,7 @@ def _fit(noise2: Float, brightness: Float, dof: int, quantum: float, *, by_range
     brightness, noise2 = brightness[usable], noise2[usable]
     ascending = brightness[order]
     ends = np.cumsum([0, *(b.size for b in bins)])
-    variance = np.array([robust_variance(noise2[b], dof, floor) for b in bins])
+    variance = _variances(noise2[order], ends, dof, floor, *_chi2(dof))
     centre = np.array([_middle(ascending[a:b]) for a, b in pairwise(ends)])
     unit = float(np.median(centre))
     powers = (centre[:, None] / unit) ** -np.arange(3.0)
@@ -170,25 +172,43 @@ def _fit(noise2: Float, brightness: Float, dof: int, quantum: float, *, by_range
     return NoiseLaw((max(a0, floor) if a1 == a2 == 0 else a0, a1, a2), low, high, by_range)
 
 
+@njit(cache=True)
 def _least_squares(A: Float, b: Float) -> Float:
-    """(k,) coefficients, none negative, that minimise |A x - b|: the best of those of all sets of columns (k is three, `nnls` loads slowly)."""
-    best, least = np.zeros(A.shape[1]), float(b @ b)
-    for size in range(1, A.shape[1] + 1):
-        for chosen in combinations(range(A.shape[1]), size):
-            x = np.linalg.lstsq(A[:, chosen], b, rcond=None)[0]
-            square = float(np.sum((A[:, chosen] @ x - b) ** 2))
-            if (x >= 0).all() and square < least - EQUAL * float(b @ b):
-                best, least = np.zeros(A.shape[1]), square
-                best[list(chosen)] = x
+    """(3,) coefficients, none negative, that minimise |A x - b|: the best of those of all sets of columns, few columns first."""
+    best, least, all_of_b = np.zeros(3), float(np.sum(b * b)), float(np.sum(b * b))
+    for chosen in COLUMNS:
+        x, square = _solved(A, b, chosen)
+        if x.min() >= 0 and square < least - EQUAL * all_of_b:
+            best, least = x, square
     return best
 
 
-def _median(values: Float) -> float:
-    """Median; NumPy's own spends more time on its arguments than on a thousand values."""
-    half = values.size // 2
-    if values.size % 2:
-        return float(np.partition(values, half)[half])
-    return 0.5 * float(np.partition(values, (half - 1, half))[half - 1 : half + 1].sum())
+@njit(cache=True)
+def _solved(A: Float, b: Float, chosen: Ints) -> tuple[Float, float]:
+    """Least-squares coefficients (3,) of the chosen columns, zero for the others, and the sum of squares left; by Gram-Schmidt.
+
+    A column that depends on those before it gets nothing: the set without it has the same sum.
+    """
+    Q, R, rest, x = np.zeros((3, b.size)), np.eye(3), b.copy(), np.zeros(3)
+    for j in range(3):
+        if not chosen[j]:
+            continue
+        q = A[:, j].copy()
+        size = np.sum(q * q)
+        for i in range(j):
+            R[i, j] = np.sum(Q[i] * q)
+            q -= R[i, j] * Q[i]
+        left = np.sum(q * q)
+        if left > EQUAL * size:
+            R[j, j] = np.sqrt(left)
+            Q[j] = q / R[j, j]
+            x[j] = np.sum(Q[j] * rest)
+            rest -= x[j] * Q[j]
+    for j in range(2, -1, -1):
+        for i in range(j + 1, 3):
+            x[j] -= R[j, i] * x[i]
+        x[j] /= R[j, j]
+    return x, float(np.sum(rest * rest))
 
 
 def _middle(ascending: Float) -> float:
@@ -219,8 +239,21 @@ def robust_variance(noise2: Float, dof: int, floor: float) -> float:
     The median gives the scale. The result is the mean of the values within three sigma, corrected for the cut:
     a median alone cannot measure noise below the quantisation step.
     """
-    middle, share = _chi2(dof)
-    scale = _median(noise2) * dof / middle
-    cut = CUT * max(scale, floor)
-    kept = noise2[noise2 <= cut]
-    return max(float(kept.mean()) / share, floor) if kept.size else max(scale, floor)
+    return float(_variances(noise2, np.array([0, noise2.size]), dof, floor, *_chi2(dof))[0])
+
+
+@njit(cache=True)
+def _variances(noise2: Float, ends: Ints, dof: int, floor: float, middle: float, share: float) -> Float:
+    """`robust_variance` of each bin, from `ends[i]` to `ends[i + 1]`; compiled, since a dozen bins cost NumPy more in calls than in work."""
+    out = np.empty(ends.size - 1)
+    for i in range(out.size):
+        values = noise2[ends[i] : ends[i + 1]]
+        scale = np.median(values) * dof / middle
+        cut = CUT * max(scale, floor)
+        total, kept = 0.0, 0
+        for value in values:
+            if value <= cut:
+                total += value
+                kept += 1
+        out[i] = max(total / kept / share, floor) if kept else max(scale, floor)
+    return out
