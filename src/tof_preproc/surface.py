@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 PAIR, FAN = float(np.sqrt(2.0)), SECOND_DIFFERENCE_STD
 """Standard deviation of a difference, and of a second difference (or the step to a line through two), in units of one pixel's."""
+ROUNDED = np.float32(1 - 1e-5)
+"""Factor that takes a float32 limit below the same limit in float64."""
+LOST = np.float32(1e-6)
+"""Share of a depth that a second difference of 1/z in float32 may be wrong by: eight roundings of half an ulp."""
 AXES = np.array([[0, 1], [1, 0]])
 """Rows and columns: every edge crosses one of them. Along a diagonal, a clean corner would look like a mixed pixel."""
 
@@ -98,27 +102,75 @@ def _gentler(a: np.float32, b: np.float32) -> np.float32:
 
 @njit(cache=True, error_model="numpy")
 def _mixed(depth: Image, sigma: Image, axes: Ints, ratio: float, pitch: float) -> Mask:
-    """Pixels (H, W) that, along a row or a column, lie at a step or a hole and continue neither side of it."""
+    """Pixels (H, W) that, along a row or a column, lie at a step or a hole and continue neither side of it.
+
+    Nearly all pixels are as deep as their neighbours or in line with two of them. Passes over rows without a branch, eight pixels
+    with one instruction, find these in float32; the others are looked at one by one.
+    """
     height, width = depth.shape
     out = np.zeros((height, width), np.bool_)
+    if height < 5 or width < 5:
+        _mixed_among(depth, sigma, axes, ratio, pitch, np.zeros(1, np.bool_), 0, height, out)
+        return out
+    inverse = np.float32(1.0) / depth
+    along, down, inner = np.zeros(width, np.bool_), np.zeros(width, np.bool_), slice(2, width - 2)
     for v in range(height):
-        for u in range(width):
-            z = depth[v, u]
-            if np.isnan(z):
-                continue
-            noise, slope = ratio * sigma[v, u], z * pitch
-            least = max(FAN * noise, slope)
-            for a in range(axes.shape[0]):
-                dv, du = axes[a]
-                before, behind = _at(depth, v - dv, u - du), _at(depth, v + dv, u + du)
-                if (abs(before - z) < least and abs(behind - z) < least) or (np.isnan(before) and np.isnan(behind)):
-                    continue
-                if _goes_with(z, before, _at(depth, v - 2 * dv, u - 2 * du), noise, slope):
-                    continue
-                if not _goes_with(z, behind, _at(depth, v + 2 * dv, u + 2 * du), noise, slope):
-                    out[v, u] = True
-                    break
+        along[:], down[:] = False, False
+        if 2 <= v < height - 2:
+            z, w, noise = depth[v], inverse[v], sigma[v]
+            _level(z[inner], z[1:-3], z[3:-1], noise[inner], np.float32(FAN * ratio), np.float32(pitch), along[inner])
+            _level(z, depth[v - 1], depth[v + 1], noise, np.float32(FAN * ratio), np.float32(pitch), down)
+            for side in (-1, 1):
+                next_one, after = w[2 + side : width - 2 + side], w[2 + 2 * side : width - 2 + 2 * side]
+                _in_line(z[inner], w[inner], next_one, after, noise[inner], np.float32(FAN * ratio), along[inner])
+                _in_line(z, w, inverse[v + side], inverse[v + 2 * side], noise, np.float32(FAN * ratio), down)
+        _mixed_among(depth, sigma, axes, ratio, pitch, along & down, v, v + 1, out)
     return out
+
+
+@njit(cache=True)
+def _level(z: Image, before: Image, behind: Image, sigma: Image, ratio: np.float32, pitch: np.float32, out: Mask) -> None:
+    """Pixels (n,) that differ from the neighbours on both sides by less than noise and slope, rounding excluded."""
+    for u in range(z.size):
+        noise, slope = ratio * sigma[u], z[u] * pitch
+        least = max(noise, slope) * ROUNDED
+        out[u] = (abs(before[u] - z[u]) < least) & (abs(behind[u] - z[u]) < least)
+
+
+@njit(cache=True)
+def _in_line(z: Image, w: Image, next_one: Image, after: Image, sigma: Image, ratio: np.float32, out: Mask) -> None:
+    """Add the pixels (n,) that are in line with the next two, of which w = 1/z is given; rounding of w excluded."""
+    for u in range(z.size):
+        off, at = abs(next_one[u] + next_one[u] - after[u] - w[u]), z[u]
+        out[u] |= off * at * at + LOST * at < ratio * sigma[u]
+
+
+@njit(cache=True, error_model="numpy")
+def _mixed_among(depth: Image, sigma: Image, axes: Ints, ratio: float, pitch: float, sure: Mask, first: int, last: int, out: Mask) -> None:
+    """Look at the pixels of some rows one by one, but those that are `sure` (W,) to continue a side; all of them where none is given."""
+    for v in range(first, last):
+        for u in range(depth.shape[1]):
+            if sure.size == 1 or not sure[u]:
+                out[v, u] = _continues_neither(depth, v, u, axes, ratio * sigma[v, u], depth[v, u] * pitch)
+
+
+@njit(cache=True, error_model="numpy")
+def _continues_neither(depth: Image, v: int, u: int, axes: Ints, noise: float, slope: float) -> bool:
+    """Whether a pixel, along a row or a column, lies at a step or a hole and continues neither side of it."""
+    z = depth[v, u]
+    if np.isnan(z):
+        return False
+    least = max(FAN * noise, slope)
+    for a in range(axes.shape[0]):
+        dv, du = axes[a]
+        before, behind = _at(depth, v - dv, u - du), _at(depth, v + dv, u + du)
+        if (abs(before - z) < least and abs(behind - z) < least) or (np.isnan(before) and np.isnan(behind)):
+            continue
+        if _goes_with(z, before, _at(depth, v - 2 * dv, u - 2 * du), noise, slope):
+            continue
+        if not _goes_with(z, behind, _at(depth, v + 2 * dv, u + 2 * du), noise, slope):
+            return True
+    return False
 
 
 @njit(cache=True, error_model="numpy")

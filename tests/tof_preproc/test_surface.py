@@ -11,7 +11,7 @@ from tof_core.camera import Camera
 from tof_core.reasons import Reason
 from tof_preproc.config import FlyingConfig, GrazingConfig, PreprocConfig
 from tof_preproc.frame import Frame
-from tof_preproc.surface import cos_incidence, remove_flying, remove_grazing
+from tof_preproc.surface import AXES, _mixed, _mixed_among, cos_incidence, remove_flying, remove_grazing
 
 LENS = Camera(160, 120, 150.0, 150.0, 79.5, 59.5, "plumb_bob", (-0.2, 0.05, 0.001, -0.001, 0.0))
 
@@ -106,6 +106,16 @@ def test_a_mixed_pixel_at_the_rim_of_a_hole_goes_and_a_clean_rim_stays() -> None
     frame = frame_of(depth, 1e-3)
     assert remove_flying(frame, PreprocConfig()) == 150
     assert (frame.reason[:150, 200] == Reason.FLYING).all()
+
+
+@pytest.mark.parametrize("spread", [1e-4, 1e-3, 1e-2])
+def test_the_passes_over_rows_settle_only_what_each_pixel_for_itself_gives(spread: float) -> None:
+    depth = captures(edge_rich(), spikes=0.01, dropouts=0.05)[0].depth
+    sigma, pitch = np.full(depth.shape, np.float32(spread)), CAMERA.pixel_angle * float(np.tan(np.deg2rad(70.0)))
+    one_by_one = np.zeros(depth.shape, np.bool_)
+    _mixed_among(depth, sigma, AXES, 4.0, pitch, np.zeros(1, np.bool_), 0, depth.shape[0], one_by_one)
+    assert one_by_one.any()
+    np.testing.assert_array_equal(_mixed(depth, sigma, AXES, 4.0, pitch), one_by_one)
 
 
 def test_a_steep_plane_with_holes_has_no_flying_pixels() -> None:
