@@ -17,22 +17,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
-from tof_preproc.tiles import NOWHERE, TILE, boxes, outwards, reach2
+from tof_preproc.tiles import NOWHERE, TILE, boxes, outwards
+from tof_preproc.windows import BEYOND, UNDECIDED, inside, judge
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Image, Ints, Mask
     from tof_core.camera import Camera
 
-LANES = 64
-"""Pixels that are worked on together."""
 WINDOWS = (1.4, 1.9, 3.0)
 """Radii of the windows, one after the other, in radii of a disc that holds k pixels."""
 DENSE = 1.22
 """Radius of the window that is counted, in the same unit: on a surface it holds half as many pixels again as are needed."""
 WIDE = 2.4
 """Half the side of the square that is counted next: half of it, as at a straight rim, holds more than twice as many as are needed."""
-STEPS = 6
-"""Secant steps to the k-th distance."""
 
 
 class Neighbourhood:
@@ -50,22 +47,59 @@ class Neighbourhood:
         self._pitch = _pitch(camera)
         self._boxes: Image | None = None
         self._cloud = np.empty((3, depth.shape[0] + 2 * self._pad, depth.shape[1] + 2 * self._pad), np.float32)
-        self.points = _fill(self._cloud, depth, camera.rays(), self._pad)
+        self.points = _fill(self._cloud, depth, *rays_at_1(camera), self._pad)
         self.k = min(k, self.points)
         self.known = self._cloud[2, self._pad : -self._pad, self._pad : -self._pad] < NOWHERE
 
-    def mean_distance(self, pixels: Ints) -> Image:
-        """(n,) mean distance in metres of known pixels, given by their flat index (n,), to their k nearest points."""
+    def mean_distance(self, pixels: Ints, at_least: float = 0.0) -> Image:
+        """(n,) mean distance in metres of known pixels, given by their flat index (n,), to their k nearest points.
+
+        `at_least`: a distance in metres that their k-th is known to be beyond; windows that reach less far are left out.
+        """
+        out = self.mean_distance_near(pixels, at_least)
+        rest = np.flatnonzero(out < 0)
+        self._search_outwards(pixels, rest, out)
+        return out
+
+    def mean_distance_near(self, pixels: Ints, at_least: float = 0.0) -> Image:
+        """As `mean_distance`, but -1 where the k nearest reach beyond the widest window."""
         out = np.full(pixels.size, np.float32(-1.0))
         rest = np.arange(pixels.size)
         for radius in self._radii:
-            _inside(self._cloud, self._pitch, self.k, radius, self._pad, pixels, rest, out)
+            tried = rest if at_least <= 0.0 else rest[self._reaches(radius, pixels[rest]) >= at_least]
+            inside(self._cloud, self._pitch, self.k, radius, self._pad, pixels, tried, out)
             rest = rest[out[rest] < 0]
+        return out
+
+    def beyond(self, pixels: Ints, limit: Image) -> Mask:
+        """(n,) whether the mean distance of known pixels (flat indices (n,)) to their k nearest points is at least a limit (n,) in metres.
+
+        Most need no search for the nearest: the k nearest within a window bound the mean from above, and what lies outside is no
+        nearer than the window reaches, which bounds it from below. Only where the limit lies between the two is the mean found.
+        """
+        verdict = np.full(pixels.size, UNDECIDED, np.int8)
+        rest = np.arange(pixels.size)
+        for radius in self._radii:
+            judge(self._cloud, self._pitch, self.k, radius, self._pad, pixels, rest, limit, verdict)
+            rest = rest[verdict[rest] == UNDECIDED]
+        distance = np.empty(pixels.size, np.float32)
+        self._search_outwards(pixels, rest, distance)
+        verdict[rest] = ~(distance[rest] < limit[rest])
+        return np.asarray(verdict == BEYOND)
+
+    def _search_outwards(self, pixels: Ints, rest: Ints, out: Image) -> None:
+        """Fill `out` for those pixels that `rest` names, tile by tile."""
         if rest.size:
             if self._boxes is None:
                 self._boxes = boxes(self._cloud, self._pad)
             outwards(self._cloud, self._boxes, self._pitch, self.k, self._pad, pixels, rest, out)
-        return out
+
+    def _reaches(self, radius: int, pixels: Ints) -> Float:
+        """(n,) distance in metres below which no point outside the window of a pixel can be."""
+        row, column = np.divmod(pixels, self.known.shape[1])
+        points = self._cloud[:, row + self._pad, column + self._pad].astype(float)
+        off = (radius + 1) * self._pitch
+        return np.asarray(points[2] * off / (np.sqrt((points * points).sum(axis=0)) / points[2] + off))
 
     def doubtful(self, within: Image, *, at_rims: bool = True) -> Ints:
         """(n,) flat indices of known pixels without k points closer than the distance `within` (H, W); elsewhere the mean is below it, too.
@@ -88,6 +122,13 @@ def mean_distance(depth: Image, camera: Camera, k: int) -> Image:
 
 
 @lru_cache(maxsize=16)
+def rays_at_1(camera: Camera) -> tuple[Image, Image]:
+    """(H, W) x and y of the rays with z = 1, as float32."""
+    rays = camera.rays()
+    return np.ascontiguousarray(rays[..., 0], np.float32), np.ascontiguousarray(rays[..., 1], np.float32)
+
+
+@lru_cache(maxsize=16)
 def _pitch(camera: Camera) -> float:
     """Least step between neighbouring rays at z = 1."""
     rays = camera.rays()
@@ -96,22 +137,36 @@ def _pitch(camera: Camera) -> float:
 
 
 @njit(cache=True)
-def _fill(cloud: Image, depth: Image, rays: Float, pad: int) -> int:
-    """Points (3, H + 2 pad, W + 2 pad) of a depth image; how many there are."""
+def _fill(cloud: Image, depth: Image, x: Image, y: Image, pad: int) -> int:
+    """Points (3, H + 2 pad, W + 2 pad) of a depth image by the rays' x and y at z = 1 (H, W); how many there are.
+
+    Row by row without a branch, so that the compiler works on eight pixels with one instruction.
+    """
     points = 0
     height, width = depth.shape
     for i in range(3):
         cloud[i, :pad], cloud[i, pad + height :] = NOWHERE, NOWHERE
         cloud[i, :, :pad], cloud[i, :, pad + width :] = NOWHERE, NOWHERE
     for v in range(height):
+        z, to = depth[v], cloud[2, v + pad, pad : pad + width]
+        seen = np.float32(0.0)
         for u in range(width):
-            z, x, y = depth[v, u], rays[v, u, 0], rays[v, u, 1]
-            known = np.isfinite(z) & np.isfinite(x) & np.isfinite(y)
-            cloud[0, v + pad, u + pad] = np.float32(x * z if known else NOWHERE)
-            cloud[1, v + pad, u + pad] = np.float32(y * z if known else NOWHERE)
-            cloud[2, v + pad, u + pad] = z if known else np.float32(NOWHERE)
-            points += 1 if known else 0
+            known = np.isfinite(z[u] * (x[v, u] + y[v, u]))
+            to[u] = z[u] if known else np.float32(NOWHERE)
+        _along(to, x[v], cloud[0, v + pad, pad : pad + width])
+        _along(to, y[v], cloud[1, v + pad, pad : pad + width])
+        for u in range(width):
+            seen += np.float32(1.0) if to[u] < NOWHERE else np.float32(0.0)
+        points += int(seen)
     return points
+
+
+@njit(cache=True)
+def _along(z: Image, rays: Image, out: Image) -> None:
+    """One coordinate of a row of points."""
+    for u in range(z.size):
+        point = z[u] * rays[u]
+        out[u] = point if z[u] < NOWHERE else np.float32(NOWHERE)
 
 
 @njit(cache=True, fastmath=True)
@@ -145,7 +200,8 @@ def _dense_at(cloud: Image, within: Image, k: int, radius: int, pad: int, pixels
         v, u = pixels[i] // width + pad, pixels[i] % width + pad
         x, y, z, limit2 = cloud[0, v, u], cloud[1, v, u], cloud[2, v, u], within[pixels[i]] * within[pixels[i]]
         n = 0
-        for row in range(v - radius, v + radius + 1):
+        for step in range(2 * radius + 1):  # from the middle row outwards: there the nearest are
+            row = v + (step + 1) // 2 if step % 2 else v - step // 2
             for column in range(u - radius, u + radius + 1):
                 dx, dy, dz = cloud[0, row, column] - x, cloud[1, row, column] - y, cloud[2, row, column] - z
                 n += 1 if dx * dx + dy * dy + dz * dz <= limit2 else 0
@@ -153,107 +209,3 @@ def _dense_at(cloud: Image, within: Image, k: int, radius: int, pad: int, pixels
                 break
         out[i] = n >= k
     return out
-
-
-@njit(cache=True, fastmath=True, error_model="numpy")
-def _inside(cloud: Image, pitch: float, k: int, radius: int, pad: int, pixels: Ints, rest: Ints, out: Image) -> None:
-    """Fill `out` for those of the pixels (flat indices) named by `rest` whose window holds the k nearest."""
-    d2 = np.empty(((2 * radius + 1) ** 2, LANES), np.float32)
-    reach2, mean, lo, n_lo = (
-        np.empty(LANES, np.float32),
-        np.empty(LANES, np.float32),
-        np.empty(LANES, np.float32),
-        np.empty(LANES, np.float32),
-    )
-    n_hi, guess, n, total = (
-        np.empty(LANES, np.float32),
-        np.empty(LANES, np.float32),
-        np.empty(LANES, np.float32),
-        np.empty(LANES, np.float32),
-    )
-    width = cloud.shape[2] - 2 * pad
-    for start in range(0, rest.size, LANES):
-        lanes = min(LANES, rest.size - start)
-        for c in range(lanes):
-            p = pixels[rest[start + c]]
-            reach2[c] = _window(cloud, p // width + pad, p % width + pad, radius, pitch, c, d2)
-        for c in range(lanes, LANES):
-            reach2[c] = reach2[0]
-            d2[:, c] = d2[:, 0]
-        _select(d2, k, reach2, mean, lo, n_lo, n_hi, guess, n, total)
-        for c in range(lanes):
-            out[rest[start + c]] = mean[c]
-
-
-@njit(cache=True, fastmath=True)
-def _window(cloud: Image, v: int, u: int, radius: int, pitch: float, lane: int, d2: Image) -> np.float32:
-    """Squared distances d2[:, lane] of a pixel to all pixels of its window, and below which no others can be."""
-    x, y, z = cloud[0, v, u], cloud[1, v, u], cloud[2, v, u]
-    o = 0
-    for row in range(v - radius, v + radius + 1):
-        for column in range(u - radius, u + radius + 1):
-            dx, dy, dz = cloud[0, row, column] - x, cloud[1, row, column] - y, cloud[2, row, column] - z
-            d2[o, lane] = dx * dx + dy * dy + dz * dz
-            o += 1
-    nearer: np.float32 = reach2(x, y, z, pitch, radius)
-    return nearer
-
-
-@njit(cache=True, fastmath=True)
-def _select(d2: Image, k: int, hi: Image, mean: Image, lo: Image, n_lo: Image, n_hi: Image, at: Image, n: Image, total: Image) -> None:
-    """`mean` root of the k least d2 of each lane, or -1 where fewer than k lie within `hi` or the k-th is not pinned down.
-
-    The k-th least is bracketed by counting, all lanes at once. Points of a surface lie evenly over its area, so their
-    number grows linearly with d2, and a secant finds the k-th in a few steps. The roots between the last brackets
-    are counted by their mean. (Separate arrays, not rows of one: so the compiler sees that they do not overlap.)
-    """
-    lo[:], n_lo[:] = np.float32(0.0), np.float32(1.0)
-    _count(d2, hi, n_hi)
-    for _ in range(STEPS):
-        _secant(lo, hi, n_lo, n_hi, at, np.float32(k))
-        _count(d2, at, n)
-        _bracket(lo, hi, n_lo, n_hi, at, n, np.float32(k))
-    _sums(d2, lo, hi, n, total)
-    for c in range(LANES):
-        share = (k - n_lo[c]) / np.maximum(n_hi[c] - n_lo[c], np.float32(1.0))
-        found = n_hi[c] >= k and (n_hi[c] - n_lo[c] <= np.float32(3.0) or hi[c] - lo[c] <= np.float32(0.1) * hi[c])
-        mean[c] = (n[c] + share * total[c]) / k if found else np.float32(-1.0)
-
-
-@njit(cache=True, fastmath=True)
-def _secant(lo: Image, hi: Image, n_lo: Image, n_hi: Image, at: Image, k: float) -> None:
-    for c in range(LANES):
-        part = (k - np.float32(0.5) - n_lo[c]) / np.maximum(n_hi[c] - n_lo[c], np.float32(1.0))
-        part = np.minimum(np.maximum(part, np.float32(0.05)), np.float32(0.95))
-        at[c] = lo[c] + (hi[c] - lo[c]) * part
-
-
-@njit(cache=True, fastmath=True)
-def _bracket(lo: Image, hi: Image, n_lo: Image, n_hi: Image, at: Image, n: Image, k: float) -> None:
-    for c in range(LANES):
-        below = n[c] < k
-        lo[c] = at[c] if below else lo[c]
-        n_lo[c] = n[c] if below else n_lo[c]
-        hi[c] = hi[c] if below else at[c]
-        n_hi[c] = n_hi[c] if below else n[c]
-
-
-@njit(cache=True, fastmath=True)
-def _count(d2: Image, limit: Image, n: Image) -> None:
-    n[:] = np.float32(0.0)
-    for o in range(d2.shape[0]):
-        row = d2[o]
-        for c in range(LANES):
-            n[c] += np.float32(1.0) if row[c] <= limit[c] else np.float32(0.0)
-
-
-@njit(cache=True, fastmath=True)
-def _sums(d2: Image, lo: Image, hi: Image, below: Image, between: Image) -> None:
-    """Sums of roots up to lo, and from there up to hi."""
-    below[:], between[:] = np.float32(0.0), np.float32(0.0)
-    for o in range(d2.shape[0]):
-        row = d2[o]
-        for c in range(LANES):
-            root = np.sqrt(row[c])
-            below[c] += root if row[c] <= lo[c] else np.float32(0.0)
-            between[c] += root if lo[c] < row[c] <= hi[c] else np.float32(0.0)

@@ -34,6 +34,8 @@ The scaled limit is within 0.3 % of that from all points. Of recorded frames 1 p
 slanted plane, whose far end the paper's filter cuts, 13 in 10 000 (`python -m benchmarks --only preproc`)."""
 FAR_BEYOND = 1.3
 """Multiple of the limit as a sample gives it, beyond which every distance enters the final limit: these make its heavy tail."""
+LONE_SHARE = 0.1
+"""Largest share of a sample whose distances are taken to be infinite; medians bear up to a half, less what lies beyond them otherwise."""
 FLATTEST = 0.1
 """Least cosine of incidence in the expected spacing."""
 
@@ -56,9 +58,22 @@ def _beyond_scaled(cloud: Neighbourhood, frame: Frame, ratio: float) -> Ints:
     some = some[np.isfinite(unit.ravel()[some])]  # Beside pixels where the lens model folds over nothing is expected.
     if some.size < 2:
         return some[:0]
-    limit = scaled_threshold(cloud.mean_distance(some) / unit.ravel()[some], ratio)
-    doubtful = cloud.doubtful(np.float32(limit) * unit)
-    return doubtful[~(cloud.mean_distance(doubtful) / unit.ravel()[doubtful] < limit)]
+    limit = scaled_threshold(_beyond_medians(cloud, some) / unit.ravel()[some], ratio)
+    within = np.float32(limit) * unit
+    doubtful = cloud.doubtful(within)
+    return doubtful[cloud.beyond(doubtful, within.ravel()[doubtful])]
+
+
+def _beyond_medians(cloud: Neighbourhood, pixels: Ints) -> Image:
+    """(n,) mean distances in metres for medians, which do not ask how far a lone point is: infinite beyond the widest window.
+
+    Where many points are lone, as in a sparse cloud, all are measured.
+    """
+    near = cloud.mean_distance_near(pixels)
+    lone = near < 0
+    if np.count_nonzero(lone) > LONE_SHARE * lone.size:
+        return cloud.mean_distance(pixels)
+    return np.where(lone, np.float32(np.inf), near)
 
 
 def _beyond(cloud: Neighbourhood, frame: Frame, ratio: float) -> Ints:
@@ -75,21 +90,23 @@ def _beyond(cloud: Neighbourhood, frame: Frame, ratio: float) -> Ints:
     far = cloud.doubtful(_everywhere(FAR_BEYOND * limit, frame))
     near = np.ones(frame.depth.size, bool)
     near[far] = False
-    _measure(cloud, distance, far)
+    _measure(cloud, distance, far, FAR_BEYOND * limit)
     limit = _limit_of_two(distance[some[near[some]]], known.size - far.size, distance[far], ratio)
     doubtful = cloud.doubtful(_everywhere(limit, frame), at_rims=False)
-    _measure(cloud, distance, doubtful)
-    return doubtful[~(distance[doubtful] < limit)]
+    unknown = np.isnan(distance[doubtful])
+    beyond = ~(distance[doubtful] < limit)
+    beyond[unknown] = cloud.beyond(doubtful[unknown], np.full(np.count_nonzero(unknown), np.float32(limit)))
+    return doubtful[beyond]
 
 
 def _everywhere(metres: float, frame: Frame) -> Image:
     return np.full(frame.depth.shape, np.float32(metres))
 
 
-def _measure(cloud: Neighbourhood, distance: Image, pixels: Ints) -> None:
-    """Fill the distances of those pixels (flat indices) that have none yet."""
+def _measure(cloud: Neighbourhood, distance: Image, pixels: Ints, at_least: float) -> None:
+    """Fill the distances of those pixels (flat indices) that have none yet; about `at_least` metres or more."""
     unknown = pixels[np.isnan(distance[pixels])]
-    distance[unknown] = cloud.mean_distance(unknown)
+    distance[unknown] = cloud.mean_distance(unknown, at_least)
 
 
 def _some(cloud: Neighbourhood) -> tuple[Ints, Ints]:

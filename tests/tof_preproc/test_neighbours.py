@@ -87,5 +87,27 @@ def test_a_pixel_is_dense_only_where_the_tree_finds_as_many_points(at_rims: bool
     assert dense[known].mean() > share
 
 
+@pytest.mark.parametrize("multiple", [1.2, 2.2, 4.0])
+def test_a_pixel_is_beyond_a_limit_where_the_trees_mean_distance_is(multiple: float) -> None:
+    depth = captures(edge_rich(), spikes=0.02, dropouts=0.3)[0].depth
+    expected = by_tree(depth, CAMERA, 20).ravel()
+    pixels = np.flatnonzero(np.isfinite(expected))
+    limit = (multiple * np.float32(1.7) * depth * np.float32(CAMERA.pixel_angle)).ravel()[pixels]
+    off = expected[pixels] / limit - 1
+    clear = np.abs(off) > 5e-3  # what mean_distance itself is exact to
+    beyond = Neighbourhood(depth, CAMERA, 20).beyond(pixels, limit)
+    assert 0.005 < beyond.mean() < 0.9
+    assert np.count_nonzero((beyond != (off > 0))[clear]) <= 1e-4 * pixels.size
+
+
+def test_windows_that_reach_less_far_than_the_kth_point_may_be_left_out() -> None:
+    depth = captures(edge_rich(), spikes=0.02)[0].depth
+    cloud = Neighbourhood(depth, CAMERA, 20)
+    pixels = np.flatnonzero(cloud.known)[::7]
+    whole = cloud.mean_distance(pixels)
+    far = whole > np.quantile(whole, 0.95)
+    np.testing.assert_allclose(cloud.mean_distance(pixels[far], float(whole[far].min())), whole[far], rtol=5e-3)
+
+
 def test_an_empty_frame_stays_empty() -> None:
     assert np.isnan(mean_distance(np.full(CAMERA.shape, np.nan, np.float32), CAMERA, 20)).all()

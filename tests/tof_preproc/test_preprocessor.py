@@ -185,10 +185,11 @@ def test_an_empty_frame_makes_an_empty_view() -> None:
 def test_warm_up_leaves_nothing_to_compile() -> None:
     truth = plane()
     warm_up(truth.camera)
-    from tof_preproc import accumulate, neighbours, tiles
+    from tof_preproc import accumulate, neighbours, tiles, windows
 
-    kernels = [accumulate._accumulate, neighbours._inside, neighbours._dense_there, tiles.outwards]
+    kernels = [accumulate._accumulate, windows.inside, windows.judge, neighbours._dense_there, tiles.outwards]
     known = [len(k.signatures) for k in kernels]
     for f in captures(truth, 6):
         Preprocessor().push(f)
     assert [len(k.signatures) for k in kernels] == known
+    assert min(known) > 0
