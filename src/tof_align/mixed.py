@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from tof_core.arrays import Float, Ints
 
@@ -95,10 +95,6 @@ class ByView:
     gain: Float
     own_cov: Float
 
-    def of(self, shared: Ints) -> ByView:
-        """The same about some of the shared unknowns, the others held at zero."""
-        return ByView(self.H[:, shared[:, None], shared], self.b[:, shared], self.energy, self.own0, self.gain[:, :, shared], self.own_cov)
-
     def placed(self, where: Ints, count: int) -> tuple[Float, Float]:
         """(V, G, G), (V, G): every view's equations at their places `where` (V, s) among `count` unknowns."""
         views = np.arange(len(where))
@@ -106,14 +102,6 @@ class ByView:
         H[views[:, None, None], where[:, :, None], where[:, None, :]] = self.H
         b[views[:, None], where] = self.b
         return H, b
-
-
-def joined(parts: Sequence[ByView]) -> ByView:
-    """The equations of some views, then of others, about the same unknowns."""
-    H, b, energy, own0, gain, own_cov = (
-        np.concatenate(arrays) for arrays in zip(*((p.H, p.b, p.energy, p.own0, p.gain, p.own_cov) for p in parts), strict=True)
-    )
-    return ByView(H, b, energy, own0, gain, own_cov)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,26 +117,44 @@ class Reduced:
     views: ByView
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Own:
+    """What eliminating each view's own unknowns takes: right (V, o, s), the products of own with shared columns; the rest as in `ByView`."""
+
+    right: Float
+    gain: Float
+    own_cov: Float
+    own0: Float
+    b: Float
+    energy: Float
+
+
+def own_eliminated(normal: Normal, prior: Float, inflate: float = 1.0) -> Own:
+    """Eliminate what is one view's own, of inverse prior variances (o,), but for the products of the shared columns; `inflate` divides all products."""
+    s, o, K = normal.shared, normal.own_info.size, normal.gram
+    right, residual = K[:, s : s + o, :s] / inflate, K[:, :, -1] / inflate
+    own_cov = np.asarray(np.linalg.inv(K[:, s : s + o, s : s + o] / inflate + np.diag(prior)), float)
+    own_right = residual[:, s : s + o] - prior * normal.own_error
+    own0 = np.einsum("vij,vj->vi", own_cov, own_right)
+    return Own(
+        right=right,
+        gain=own_cov @ right,
+        own_cov=own_cov,
+        own0=own0,
+        b=residual[:, :s] - np.einsum("vji,vj->vi", right, own0),
+        energy=residual[:, -1] + (prior * normal.own_error**2).sum(axis=1) - (own_right * own0).sum(axis=1),
+    )
+
+
 def by_view(normal: Normal, sizes: dict[str, float]) -> ByView:
     """Eliminate what is one view's own (Schur complement), for given sizes in metres."""
-    s, o = normal.shared, normal.own_info.size
-    own_prior = normal.own_info.copy()
+    s, prior = normal.shared, normal.own_info.copy()
     for kind, size in sizes.items():
         if kind in normal.own_kinds:
-            own_prior[normal.own_kinds[kind]] = size**-2
-    K = normal.gram
-    own_cov = np.linalg.inv(K[:, s : s + o, s : s + o] + np.diag(own_prior))
-    gain = own_cov @ K[:, s : s + o, :s]
-    own_right = K[:, s : s + o, -1] - own_prior * normal.own_error
-    own0 = np.einsum("vij,vj->vi", own_cov, own_right)
-    return ByView(
-        H=K[:, :s, :s] - np.swapaxes(gain, 1, 2) @ K[:, s : s + o, :s],
-        b=K[:, :s, -1] - np.einsum("vij,vj->vi", K[:, :s, s : s + o], own0),
-        energy=K[:, -1, -1] + (own_prior * normal.own_error**2).sum(axis=1) - (own_right * own0).sum(axis=1),
-        own0=own0,
-        gain=np.asarray(gain),
-        own_cov=np.asarray(own_cov, float),
-    )
+            prior[normal.own_kinds[kind]] = size**-2
+    own = own_eliminated(normal, prior)
+    H = normal.gram[:, :s, :s] - np.swapaxes(own.gain, 1, 2) @ own.right
+    return ByView(H, own.b, own.energy, own.own0, own.gain, own.own_cov)
 
 
 def reduce(normal: Normal, sizes: dict[str, float]) -> Reduced:

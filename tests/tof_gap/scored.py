@@ -12,7 +12,7 @@ from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve.judge import Hypothesis
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
 VIEWS = 6
 NOTHING = 1000.0
@@ -56,6 +56,9 @@ class Judge:
         self.scored.append(self.text(members))
         whole = self.scores[self.text(members)] if members else NOTHING
         return Hypothesis(tuple(members), np.full(VIEWS, whole / VIEWS), inflate)
+
+    def beside(self, rest: Sequence[int], place: int, inflate: float) -> Callable[[int], Hypothesis]:
+        return lambda i: self.score([*rest[:place], i, *rest[place:]], inflate)
 
     def inflation(self, members: Sequence[int]) -> float:
         return 1.0 + len(members)

@@ -15,7 +15,7 @@ from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.time_sync import TimeSync
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from tof_align.columns import ColumnFit
     from tof_core.arrays import Float, Ints
@@ -47,6 +47,7 @@ class Selector:
         self.folds = deal(design.system.chain.station.tolist(), config.folds)
         self._empty: dict[float, float] = {}
         self._folded: dict[float, Folds] = {}
+        self._beside: dict[tuple[int, ...], dict[int, Float]] = {}
         self._forms = Counter(c.name for c in design.candidates)
 
     def gain(self, member: int) -> float:
@@ -92,10 +93,31 @@ class Selector:
     def score(self, members: Sequence[int], inflate: float) -> Hypothesis:
         """Fit on all folds but one, judge on that one, for every fold."""
         active, free = self.columns(members), self.frees_hand(members)
-        if inflate not in self._folded:
-            self._folded = {inflate: Folds(self.design.system, self.folds, inflate)}  # One at a time: they are large.
-        held_out = self._folded[inflate].held_out(active, free_hand=free)
+        held_out = self._folds(inflate).held_out(active, free_hand=free)
         return Hypothesis(tuple(members), held_out, inflate, self._price(members, held_out, inflate))
+
+    def beside(self, rest: Sequence[int], place: int, inflate: float) -> Callable[[int], Hypothesis]:
+        """`score` of the members `rest` with one candidate more, at `place` among them: what the rest takes is computed once for all candidates."""
+        folds, key = self._folds(inflate), tuple(sorted(rest))
+        if key not in self._beside:
+            groups = {i: group for i, group in enumerate(self.design.groups) if len(group) and not self.repeats(i, rest)}
+            held_out = folds.held_out_beside(self.columns(rest), list(groups.values()), free_hand=self.frees_hand(rest)) if groups else ()
+            self._beside[key] = dict(zip(groups, held_out, strict=True))
+        of_all = self._beside[key]
+
+        def scored(i: int) -> Hypothesis:
+            members = (*rest[:place], i, *rest[place:])
+            if i not in of_all:  # Hand-eye has no columns: it frees what the poses have.
+                return self.score(members, inflate)
+            return Hypothesis(members, of_all[i], inflate, self._price(members, of_all[i], inflate))
+
+        return scored
+
+    def _folds(self, inflate: float) -> Folds:
+        """The folds at one inflation of the noise; what was computed at another goes."""
+        if inflate not in self._folded:
+            self._folded, self._beside = {inflate: Folds(self.design.system, self.folds, inflate)}, {}
+        return self._folded[inflate]
 
     def _price(self, members: Sequence[int], held_out: Float, inflate: float) -> float:
         """Chi-square that members pay for their forms.

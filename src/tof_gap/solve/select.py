@@ -70,10 +70,11 @@ def narrowed(design: Design, config: SelectLimits, selection: Selection, members
 
 def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
     best: Hypothesis | None = None
+    added = judge.beside(current.members, len(current.members), current.inflate)
     for i in range(len(judge.design.candidates)):
         if judge.repeats(i, current.members):
             continue
-        trial = judge.score((*current.members, i), current.inflate)
+        trial = added(i)
         if current.score - trial.score < judge.gain(i) or not _steady(current, trial, judge.gain(i), judge.config):
             continue
         if (best is None or trial.score < best.score) and judge.plausible(trial):
@@ -94,10 +95,11 @@ def _exchange(judge: Selector, current: Hypothesis) -> Hypothesis:
         improved = False
         for place in range(len(current.members)):
             rest = [m for i, m in enumerate(current.members) if i != place]
+            exchanged = judge.beside(rest, place, current.inflate)
             for i in range(len(judge.design.candidates)):
                 if i in current.members or judge.repeats(i, rest):
                     continue
-                trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
+                trial = exchanged(i)
                 if trial.score < current.score - judge.config.exchange and judge.plausible(trial):
                     current = trial
                     improved = True

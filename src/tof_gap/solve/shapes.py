@@ -57,7 +57,8 @@ def _best_shape(
     trial = [Candidate(e.NAME, e) for e in near_by]
     judge = Selector(build(store, [*others, *trial], chain, config.hand_sd, config.lens_sd), config.select)
     base = list(range(len(others)))
-    scores = [judge.score([*base, len(others) + i], inflate).score for i in range(len(trial))]
+    shaped = judge.beside(base, len(base), inflate)
+    scores = [shaped(len(others) + i).score for i in range(len(trial))]
     best = int(np.argmin(scores))
     wins = scores[len(scores) // 2] - scores[best]
     return effect if value == 0.0 and wins < config.select.gain else near_by[best]

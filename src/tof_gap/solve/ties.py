@@ -21,10 +21,11 @@ def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ..
     rest = [m for i, m in enumerate(current.members) if i != place]
     taken = {d.candidates[m].name for m in current.members}
     found: dict[str, tuple[float, int]] = {}
+    standing_in = judge.beside(rest, place, current.inflate)
     for i, candidate in enumerate(d.candidates):
         if candidate.name in taken or judge.is_free(i) or _contains(candidate.effect, d.candidates[member].name):
             continue
-        trial = judge.score([*rest[:place], i, *rest[place:]], current.inflate)
+        trial = standing_in(i)
         if trial.score - current.score > config.tie_gain or not judge.plausible(trial):
             continue
         if not _hides(judge, current, place, member, i, rest):
