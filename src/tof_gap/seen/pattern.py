@@ -21,24 +21,45 @@ if TYPE_CHECKING:
     from tof_sensor.effects.fixed_pattern import FixedPattern
 
 
-def pattern_columns(views: Sequence[ViewEvidence], v: int, folds: Ints, pattern: FixedPattern) -> Float:
+def pattern_columns(view: ViewEvidence, seen: LineMeans, pattern: FixedPattern) -> Float:
     """(n, k) on a view's drawn pixels: the field's cosines, those of columns and of rows, then the lines seen in views of other folds.
 
     The last column is estimated without the fold that it is judged on, so a held-out score of it
     is honest; its coefficient is 1 where the pattern is real.
     """
-    view = views[v]
     h, w = view.residual.shape
-    by_column, by_row = line_means([other for other, fold in zip(views, folds, strict=True) if fold != folds[v]])
+    by_column, by_row = seen
     row, column = np.divmod(view.pixels, w)
     smooth = cosines(h, w, pattern.order)[row, column]
     blocks = [line_cosines(n, pattern.order, pattern.lines)[at] for n, at in ((w, column), (h, row))]
-    seen = (by_column[column] + by_row[row])[:, None]
-    return np.concatenate([smooth, *blocks, seen], axis=1) / view.frame.length.ravel()[view.pixels, None]
+    lines = (by_column[column] + by_row[row])[:, None]
+    return np.concatenate([smooth, *blocks, lines], axis=1) / view.frame.length.ravel()[view.pixels, None]
 
 
-def line_means(views: Sequence[ViewEvidence]) -> tuple[Float, Float]:
-    """(W,), (H,) metres along the ray: mean of the high-passed residual by column and by row, over all views."""
+LineMeans = tuple["Float", "Float"]
+"""(W,), (H,) metres along the ray: mean of the high-passed residual by column and by row."""
+
+
+def line_means(views: Sequence[ViewEvidence]) -> LineMeans:
+    """Line means over all views."""
+    return _means(*_sums(views))
+
+
+def line_means_of_others(views: Sequence[ViewEvidence], folds: Ints) -> list[LineMeans]:
+    """Of each view the line means over the views of other folds than its own (V,)."""
+    names, fold = np.unique(folds, return_inverse=True)
+    # Summed, not subtracted from the whole: where the others have no pixel, their weight is exactly zero.
+    sums = [_sums([v for v, mine in zip(views, fold, strict=True) if mine == f]) for f in range(len(names))]
+    none = np.zeros(views[0].residual.shape)
+    means = []
+    for f in range(len(names)):
+        others = [of_one for g, of_one in enumerate(sums) if g != f]
+        means.append(_means(sum((t for t, _ in others), none), sum((w for _, w in others), none)))
+    return [means[f] for f in fold]
+
+
+def _sums(views: Sequence[ViewEvidence]) -> tuple[Float, Float]:
+    """(H, W) sums over the views of the high-passed residual, each weighed by its own noise, and of the weights."""
     total = np.zeros(views[0].residual.shape)
     weight = np.zeros_like(total)
     for view in views:
@@ -46,6 +67,10 @@ def line_means(views: Sequence[ViewEvidence]) -> tuple[Float, Float]:
         inverse = np.where(np.isfinite(high), 1.0 / view.sigma**2, 0.0)
         total += inverse * np.nan_to_num(high)
         weight += inverse
+    return total, weight
+
+
+def _means(total: Float, weight: Float) -> LineMeans:
     by_column = total.sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
     rest = total - weight * by_column[None]
     return by_column, rest.sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-12)

@@ -12,7 +12,7 @@ import numpy as np
 from tof_align.columns import ColumnSystem, Priors
 from tof_core.cores import in_blocks, in_threads
 from tof_gap.seen.motion import moving
-from tof_gap.seen.pattern import pattern_columns
+from tof_gap.seen.pattern import line_means_of_others, pattern_columns
 from tof_gap.solve.candidate import Candidate
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.intrinsics import Intrinsics
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from tof_align.chain import Chain
     from tof_core.arrays import Float, Image, Ints
+    from tof_gap.seen.pattern import LineMeans
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.solve.free import FreeFunction
     from tof_sensor.effect import Effect
@@ -74,6 +75,7 @@ class ColumnStore:
         self.views = views
         self._folds = folds
         self._thinned = [v.frame.take(v.pixels) for v in views]
+        self._lines: list[LineMeans] = []
         self._kept: dict[Effect | FreeFunction | None, list[Image]] = {}
 
     def of(self, tested: Sequence[Candidate]) -> list[list[Image]]:
@@ -82,6 +84,8 @@ class ColumnStore:
         Single precision: hundreds of columns of all views are most of what a long session needs, and each is a shape known to a percent.
         """
         missing = {c.source: c for c in tested if c.source not in self._kept}
+        if not self._lines and any(isinstance(c.effect, FixedPattern) for c in missing.values()):
+            self._lines = line_means_of_others(self.views, self._folds)
         by_view = in_threads(lambda v: [self._columns(c, v).astype(np.float32) for c in missing.values()], range(len(self.views)))
         self._kept |= dict(zip(missing, map(list, zip(*by_view, strict=True)), strict=True))
         return [self._kept[c.source] for c in tested]
@@ -93,7 +97,7 @@ class ColumnStore:
         if effect is None:
             return np.zeros((len(view.pixels), 0))
         if isinstance(effect, FixedPattern):  # Lines have no formula: they are what the other views show.
-            return pattern_columns(self.views, v, self._folds, effect)
+            return pattern_columns(view, self._lines[v], effect)
         if effect.LOCAL:
             return np.asarray(effect.columns(self._thinned[v])[0])
         return effect.columns_at(view.frame, view.pixels)

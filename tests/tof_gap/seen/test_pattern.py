@@ -8,7 +8,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.stats import trimmed_std
-from tof_gap.seen.pattern import pattern_columns, single_pixels, without_pattern
+from tof_gap.seen.pattern import line_means, line_means_of_others, pattern_columns, single_pixels, without_pattern
 from tof_sensor.effects.fixed_pattern import FixedPattern
 
 RNG = np.random.default_rng(11)
@@ -47,7 +47,16 @@ def test_steps_between_groups_of_columns_need_the_cosines_of_columns(pattern: Fi
     steps = 0.002 * np.sign(np.sin(2 * np.pi * np.arange(SHAPE[1]) / 56.0))
     seen = views(RNG, np.stack([np.broadcast_to(steps, SHAPE)] * VIEWS))
     folds = np.arange(VIEWS) % 4
-    columns = np.concatenate([pattern_columns(seen, v, folds, pattern) for v in range(VIEWS)])
+    lines = line_means_of_others(seen, folds)
+    columns = np.concatenate([pattern_columns(view, of_view, pattern) for view, of_view in zip(seen, lines, strict=True)])
     depth = np.concatenate([np.broadcast_to(steps, SHAPE).ravel()[v.pixels] / v.frame.length.ravel()[v.pixels] for v in seen])
     fitted = columns @ np.linalg.lstsq(columns, depth, rcond=None)[0]
     assert 1e3 * np.sqrt(np.mean((depth - fitted) ** 2)) == pytest.approx(left_mm, abs=0.15)
+
+
+def test_lines_are_judged_by_what_views_of_other_folds_show() -> None:
+    seen, folds = views(RNG, np.stack([PATTERN] * VIEWS)), np.arange(VIEWS) % 4
+    for fold, (by_column, by_row) in zip(folds, line_means_of_others(seen, folds), strict=True):
+        expected = line_means([view for view, other in zip(seen, folds, strict=True) if other != fold])
+        np.testing.assert_allclose(by_column, expected[0], rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(by_row, expected[1], rtol=1e-9, atol=1e-15)
