@@ -192,10 +192,11 @@ def _indices(names: Sequence[str], sizes: Sequence[int], start: int) -> dict[str
 
 def _expand(G: Float, shared: Float, own: Float, middle: int, moved: Float) -> Float:
     """Put the links in the place of the camera's six columns; residual - jacobian @ moved in that of the residual."""
-    s, o, p = shared.shape[1], own.shape[1], len(G)
-    E = np.zeros((p, p - 6 + s + o))
-    E[:6, :s], E[:6, s + middle : s + middle + o] = shared, own
-    E[6 : 6 + middle, s : s + middle] = np.eye(middle)
-    E[6 + middle :, s + middle + o :] = np.eye(p - 6 - middle)
-    E[:6, -1] = -moved
-    return np.asarray(E.T @ G @ E)
+
+    def linked(rows: Float) -> Float:
+        camera = rows[:6]
+        out = np.concatenate([shared.T @ camera, rows[6 : 6 + middle], own.T @ camera, rows[6 + middle :]])
+        out[-1] -= moved @ camera
+        return out
+
+    return linked(linked(G).T)
