@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from tof_gap.limits.seen import ForeignLampLimits, ForeignLightLimits
     from tof_gap.seen.residual import ViewEvidence
 
-FREQUENCIES_MHZ = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0)
-"""Modulation frequencies tried: fringes of neighbouring ones are alike."""
+FREQUENCY_STEP_MHZ = 20.0
+FREQUENCIES_MHZ = tuple(FREQUENCY_STEP_MHZ * n for n in range(1, 7))
+"""Modulation frequencies tried, multiples of the first: fringes of neighbouring ones are alike."""
 CELL_STEP_M, CELL_REACH_M = 0.5, 1.0
 """Spacing of the places tried in the cell, and how far they go beyond what the views measure."""
 HAND_STEP_M, HAND_REACH_M, HAND_LEAST_M = 0.2, 0.6, 0.15
@@ -221,8 +222,8 @@ def _search(cells: Sequence[Cells | None], places: Float, *, on_hand: bool) -> _
     def of_view(c: Cells | None) -> Float:
         if c is None:
             return np.zeros((len(FREQUENCIES_MHZ), len(places)))
-        at, each = c.in_cell(places, on_hand=on_hand), (c.points, c.normals, c.range_m, c.cosine, c.sigma, c.smooth, c.error)
-        return np.stack([_gains(at, waves_per_m(mhz), *each) for mhz in FREQUENCIES_MHZ])
+        each = c.points, c.normals, c.range_m, c.cosine, c.sigma, c.smooth, c.error
+        return np.asarray(_gains(c.in_cell(places, on_hand=on_hand), waves_per_m(FREQUENCY_STEP_MHZ), len(FREQUENCIES_MHZ), *each))
 
     gains = np.stack(in_threads(of_view, cells))
     total = gains.sum(axis=0)
@@ -270,13 +271,25 @@ def _ridged(normal: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def _gains(
-    places: Float, k: float, points: Float, normals: Float, range_m: Float, cosine: Float, sigma: Float, smooth: Float, error: Float
-) -> Float:
-    """(places,) chi-square that the light of a lamp at each place explains in a view, beside its smooth fields."""
-    out = np.zeros(len(places))
+    places: Float, k: float, count: int, points: Float, normals: Float, range_m: Float, cosine: Float, sigma: Float, smooth: Float,
+    error: Float,
+) -> Float:  # fmt: skip
+    """(count, places) chi-square that the light of a lamp at each place explains in a view, beside its smooth fields, at k, 2 k, ... radians per metre.
+
+    Phases are taken once: those of a multiple come by the sines and cosines of sums.
+    """
+    out = np.zeros((count, len(places)))
     for p in range(len(places)):
-        B = _waves(places[p], k, points, normals, range_m, cosine) / sigma.reshape(-1, 1)
-        B -= smooth @ (smooth.T @ B)
-        b = B.T @ error
-        out[p] = b @ np.linalg.solve(_ridged(B.T @ B), b)
+        first = _waves(places[p], k, points, normals, range_m, cosine)
+        ratio = np.sqrt(first[:, 0] ** 2 + first[:, 1] ** 2)
+        turn = first / np.where(ratio > 0, ratio, 1.0).reshape(-1, 1)
+        waves = first / sigma.reshape(-1, 1)
+        for n in range(count):
+            B = waves - smooth @ (smooth.T @ waves)
+            b = B.T @ error
+            out[n, p] = b @ np.linalg.solve(_ridged(B.T @ B), b)
+            for i in range(len(waves)):
+                for j in (0, 2):
+                    c, s = waves[i, j], waves[i, j + 1]
+                    waves[i, j], waves[i, j + 1] = c * turn[i, j] - s * turn[i, j + 1], s * turn[i, j] + c * turn[i, j + 1]
     return out
