@@ -35,29 +35,41 @@ WAYS = 2.5
 class Bounce:
     """All of a view's interreflection that neither frequency nor albedo changes.
 
-    patches, and what they exchange; receiver (H*W,): group of pixels that each belongs to; seen (groups, patches): whether a group's
-    middle pixel sees a patch.
+    patches, and what they exchange; receiver (H*W,): group of pixels that each belongs to; middle (groups,): a group's middle pixel;
+    traced (groups,), seen (groups, patches): whether it was asked what that pixel sees, and which patches those are.
     """
 
     caster: Raycaster
     patches: Patches
     exchange: Exchange
     receiver: Ints
+    middle: Ints
+    traced: Mask
     seen: Mask
 
 
 _traced: WeakKeyDictionary[Rendering, Bounce] = WeakKeyDictionary()
 
 
-def bounce_of(rendering: Rendering, caster: Raycaster) -> Bounce:
-    """Trace a view once; kept as long as its rendering is."""
+def bounce_of(rendering: Rendering, caster: Raycaster, pixels: Ints) -> Bounce:
+    """Trace a view once, for the groups of `pixels` (flat indices), others when they are asked for; kept as long as its rendering is.
+
+    A third of the rays goes to slivers at the borders of parts, of which no fit draws a pixel.
+    """
     bounce = _traced.get(rendering)
     if bounce is None or bounce.caster is not caster:
         patches = lit_patches(rendering.camera, rendering.T_cell_camera, caster)
         middle, receiver = _receivers(rendering)
         exchange = exchange_of(patches, rendering.T_cell_camera, caster)
-        bounce = Bounce(caster, patches, exchange, receiver, _visibility(rendering, patches, middle, caster))
+        seen = np.zeros((len(middle), len(patches.area)), np.bool_)
+        bounce = Bounce(caster, patches, exchange, receiver, middle, np.zeros(len(middle), np.bool_), seen)
         _traced[rendering] = bounce
+    asked = np.zeros(len(bounce.middle), np.bool_)
+    asked[bounce.receiver[pixels]] = True
+    new = np.flatnonzero(asked & ~bounce.traced)
+    if len(new):
+        bounce.seen[new] = _visibility(rendering, bounce.patches, bounce.middle[new], caster)
+        bounce.traced[new] = True
     return bounce
 
 
@@ -70,8 +82,8 @@ def indirect_phasor(frame: Frame, waves_per_m: float, pixels: Ints | None = None
     caster = frame.context.caster
     if caster is None:
         return np.zeros(frame.depth.shape if pixels is None else pixels.shape, complex)
-    bounce = bounce_of(frame.rendering, caster)
     at = np.flatnonzero(frame.valid) if pixels is None else np.asarray(pixels, np.int64)
+    bounce = bounce_of(frame.rendering, caster, at)
     albedo = caster.albedo if frame.context.albedo is None else frame.context.albedo
     lit, light = bounce.patches, emitted(bounce.patches, bounce.exchange, np.asarray(albedo, float), waves_per_m)
     table = np.stack([*lit.point.T, *lit.normal.T, light.real, light.imag, lit.area / np.pi])
