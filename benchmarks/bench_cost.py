@@ -42,22 +42,23 @@ def run() -> list[Figure]:
 
 
 def labels() -> list[Figure]:
-    """The whole command `label` over the poses of the same views by open3d and by small_gicp."""
+    """The whole commands `label` and `gap` over the poses of the same views by open3d and by small_gicp."""
     session = recorded(SCENE, SESSION, EFFECTS)
     rivals = [name for name in ("open3d", "small_gicp") if find_spec(name) is not None]
-    ours, theirs = [], {name: list[dict[str, Any]]() for name in rivals}
+    ours, diagnosed, theirs = [], 0.0, {name: list[dict[str, Any]]() for name in rivals}
     with tempfile.TemporaryDirectory() as folder:
         for turn in range(ROUNDS + 1):  # the first fills Numba's cache and does not count
             out = Path(folder) / str(turn)
-            ours.append(
-                spent([sys.executable, "-m", "toftwin.cli", "label", str(session.bag), "--scene", SCENE, "--out", str(out), "--quiet"])[0]
-            )
+            ours.append(_command("label", session, out))
+            if turn in (0, ROUNDS):  # A diagnosis takes as long as all others of a turn.
+                diagnosed = _command("gap", session, out / "gap")
             for name in rivals:
                 _, text = spent([sys.executable, "-m", "benchmarks.icp_rivals", str(session.bag), SCENE, name])
                 theirs[name].append(json.loads(text.splitlines()[-1]))
         poses = json.loads((Path(folder) / str(ROUNDS) / "poses.json").read_text())
     error = off(session, [p["stamp_ns"] for p in poses], [p["T_cell_camera"] for p in poses])
-    return [_ratio(session, name, min(ours[1:]), error, theirs[name]) for name in rivals]
+    rows = [_ratio(session, name, min(ours[1:]), error, theirs[name]) for name in rivals]
+    return [*rows, *(_diagnosis(diagnosed, theirs[name]) for name in rivals if name == "open3d")]
 
 
 def filters() -> list[Figure]:
@@ -97,6 +98,20 @@ def _ratio(session: Recorded, name: str, ours: float, error: float, theirs: Sequ
         remark=f"whole command {ours:.1f} s, poses off by {error:.2f} mm in the median; {name} {peer:.1f} s without reading and filtering, "
                f"{peer_error:.2f} mm",
     )  # fmt: skip
+
+
+def _diagnosis(ours: float, theirs: Sequence[dict[str, Any]]) -> Figure:
+    peer = min(r["seconds"] for r in theirs)
+    return at_most(
+        "processor time of gap, the same 20 views, over open3d's point-to-plane ICP of each view",
+        ours / peer, 3.0, "",
+        remark=f"whole command {ours:.1f} s, report included; open3d {peer:.1f} s without reading and filtering",
+    )  # fmt: skip
+
+
+def _command(name: str, session: Recorded, out: Path) -> float:
+    """Processor seconds of a whole command on the session."""
+    return spent([sys.executable, "-m", "toftwin.cli", name, str(session.bag), "--scene", SCENE, "--out", str(out), "--quiet"])[0]
 
 
 def spent(command: Sequence[str]) -> tuple[float, str]:
