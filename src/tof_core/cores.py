@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -79,6 +80,20 @@ FREE = FreeCores()
 """What other processes leave to this one."""
 
 
+class _Helped(threading.local):
+    """Of each thread: seconds of processor that other threads have used for it."""
+
+    seconds = 0.0
+
+
+_HELPED = _Helped()
+
+
+def thread_seconds() -> float:
+    """Seconds of processor that this thread has used so far, and those that `in_threads` used for it; those of other work in this process are not in."""
+    return time.thread_time() + _HELPED.seconds
+
+
 def in_threads(work: Callable[..., T], *each: Iterable[object]) -> list[T]:
     """Apply `work` to each item, in as many threads as cores are free; results in order, like `map`. An exception of `work` is raised here.
 
@@ -87,8 +102,20 @@ def in_threads(work: Callable[..., T], *each: Iterable[object]) -> list[T]:
     threads = FREE.count()
     if threads == 1:
         return list(map(work, *each))
-    with ThreadPoolExecutor(threads) as pool:  # made anew: one kept at module level would not survive a fork
-        return list(pool.map(work, *each))
+    spent: list[float] = []
+
+    def timed(*items: object) -> T:
+        began = thread_seconds()
+        try:
+            return work(*items)
+        finally:
+            spent.append(thread_seconds() - began)
+
+    try:
+        with ThreadPoolExecutor(threads) as pool:  # made anew: one kept at module level would not survive a fork
+            return list(pool.map(timed, *each))
+    finally:
+        _HELPED.seconds += sum(spent)
 
 
 def in_blocks(work: Callable[[S], T], each: Sequence[S], block: int = 8) -> Iterator[T]:

@@ -7,6 +7,8 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
+from tof_core.cores import thread_seconds
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -14,7 +16,8 @@ if TYPE_CHECKING:
 class SpareTime:
     """Takes a job while none is in progress and the share of a core is not used up, and refuses it otherwise.
 
-    A job during which this process used t seconds of processor is followed by another t / share seconds after its own begin at the soonest.
+    A job that used t seconds of processor, in its own thread and in those of `in_threads`, is followed by another t / share seconds after
+    its own begin at the soonest. What other nodes of this process do meanwhile does not count.
     """
 
     def __init__(self, share: float) -> None:
@@ -53,8 +56,8 @@ class SpareTime:
         self._thread.shutdown()
 
     def _timed(self, job: Callable[[], None]) -> None:
-        began, used = time.monotonic(), time.process_time()
+        began, used = time.monotonic(), thread_seconds()
         try:
             job()
         finally:
-            self._rests_until = began + (time.process_time() - used) / self._share
+            self._rests_until = began + (thread_seconds() - used) / self._share

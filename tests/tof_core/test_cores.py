@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -44,6 +45,28 @@ def test_a_block_is_computed_when_the_one_before_it_has_been_taken() -> None:
     assert next(results) == 0
     assert sorted(begun) == [0, 1, 2]
     assert list(results) == [1, 4, 9, 16, 25, 36]
+
+
+def use(seconds: float) -> None:
+    """Use so much processor in this thread."""
+    end = time.thread_time() + seconds
+    while time.thread_time() < end:
+        pass
+
+
+@pytest.mark.usefixtures("_cores")
+def test_a_threads_seconds_are_its_own_and_those_of_the_threads_that_it_gave_work_to() -> None:
+    before = cores.thread_seconds()
+    use(0.02)
+    cores.in_threads(lambda _: cores.in_threads(use, [0.02, 0.02]), range(2))
+    assert 0.1 <= cores.thread_seconds() - before < 0.15
+
+
+def test_a_threads_seconds_lack_what_other_threads_do() -> None:
+    before, other = cores.thread_seconds(), threading.Thread(target=use, args=(0.1,))
+    other.start()
+    other.join()
+    assert cores.thread_seconds() - before < 0.05
 
 
 @pytest.mark.parametrize(

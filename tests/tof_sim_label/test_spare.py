@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from threading import Event
+from threading import Event, Thread
 
 import pytest
 
@@ -13,8 +13,8 @@ from tof_sim_label.spare import SpareTime
 
 def busy(seconds: float) -> None:
     """Use so much processor."""
-    end = time.process_time() + seconds
-    while time.process_time() < end:
+    end = time.thread_time() + seconds
+    while time.thread_time() < end:
         pass
 
 
@@ -41,6 +41,22 @@ def test_the_next_job_waits_until_the_share_allows_it() -> None:
     while not spare.take(lambda: None):
         time.sleep(0.01)
     assert time.monotonic() - began >= 0.5
+    spare.close()
+
+
+def test_what_another_node_of_the_process_uses_meanwhile_does_not_count() -> None:
+    spare, node = SpareTime(0.01), Thread(target=busy, args=(0.2,))
+
+    def job() -> None:
+        node.start()
+        node.join()
+
+    began = time.monotonic()
+    assert spare.take(job)
+    spare.finish()
+    while not spare.take(lambda: None):
+        time.sleep(0.01)
+    assert time.monotonic() - began < 10.0  # 0.2 s at a share of 0.01 would be 20
     spare.close()
 
 
