@@ -52,18 +52,26 @@ class Load:
     """`live.share` of sim_label: above 0 not every dwell has a label."""
     view_every: int = 1
     """`live.view_every` of preproc: other than 1 not every capture has a view of its own."""
+    together: bool = False
+    """The nodes of a camera run in one process, as `toftwin node` and `ros2 launch` with `together:=true` start them."""
 
     def __str__(self) -> str:
         """In a few words."""
         one = f"{self.width}x{self.height} at {self.hz:g} Hz"
         views = {0: ", a view a dwell", 1: ""}.get(self.view_every, f", a view every {self.view_every} captures")
         labels = f", labels in at most {self.label_share:.0%} of a core" if self.label_share else ""
-        return f"{one}{views}{labels}" if self.cameras == 1 else f"{self.cameras} cameras of {one}{views}{labels}"
+        process = ", one process a camera" if self.together else ""
+        return f"{one}{views}{labels}{process}" if self.cameras == 1 else f"{self.cameras} cameras of {one}{views}{labels}{process}"
 
     @property
     def rooms(self) -> tuple[str, ...]:
         """Under which the nodes publish."""
         return tuple(ROOMS[NODES.index(name)] for name in self.nodes)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The processes of a camera, by the room that each serves."""
+        return ("graph",) if self.together else self.rooms
 
     @property
     def stock(self) -> bool:
@@ -81,7 +89,8 @@ class Load:
         nodes = "" if self.nodes == NODES else f"_{'_'.join(self.nodes)}"
         share = f"_share{self.label_share:g}" if self.label_share else ""
         views = f"_every{self.view_every}" if self.view_every != 1 else ""
-        return "soak" if self == Load() else f"soak_{self.cameras}_{self.width}x{self.height}{nodes}{views}{share}"
+        together = "_together" if self.together else ""
+        return "soak" if self == Load() else f"soak_{self.cameras}_{self.width}x{self.height}{nodes}{views}{share}{together}"
 
     @property
     def flags(self) -> str:
@@ -89,9 +98,9 @@ class Load:
         nodes = "" if self.nodes == NODES else f" --nodes {','.join(self.nodes)}"
         views = f" --view-every {self.view_every}" if self.view_every != 1 else ""
         share = f" --label-share {self.label_share:g}" if self.label_share else ""
-        return (
-            "" if self == Load() else f" --cameras {self.cameras} --size {self.width}x{self.height} --hz {self.hz:g}{nodes}{views}{share}"
-        )
+        together = " --together" if self.together else ""
+        camera = f" --cameras {self.cameras} --size {self.width}x{self.height} --hz {self.hz:g}"
+        return "" if self == Load() else f"{camera}{nodes}{views}{share}{together}"
 
     @property
     def namespaces(self) -> tuple[str, ...]:
@@ -110,7 +119,14 @@ class Load:
             "sim_label": {"live.share": self.label_share},
             "infer": {"infer.force": (self.width, self.height) != STOCK},
         }
-        return [spec for name in self.namespaces for spec in specs(SCENE, name, given) if spec.nodes[0] in self.nodes]
+        found = [[spec for spec in specs(SCENE, name, given) if spec.nodes[0] in self.nodes] for name in self.namespaces]
+        return [spec for each in found for spec in ([joined(each)] if self.together else each)]
+
+
+def joined(each: list[GraphSpec]) -> GraphSpec:
+    """The nodes of several processes in one."""
+    parameters = {name: values for spec in each for name, values in spec.parameters.items()}
+    return replace(each[0], nodes=tuple(name for spec in each for name in spec.nodes), parameters=parameters)
 
 
 STOCK_LOAD = Load()

@@ -10,6 +10,7 @@ import sys
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,13 +67,13 @@ class Run:
     @property
     def latency(self) -> str:
         """From raw to inferred, with a comma after it; empty where no network ran."""
-        return f"raw to inferred p50 {self.p50_ms:.0f} p95 {self.p95_ms:.0f} ms, " if "infer" in self.cpu_ms else ""
+        return "" if isnan(self.p50_ms) else f"raw to inferred p50 {self.p50_ms:.0f} p95 {self.p95_ms:.0f} ms, "
 
     @property
     def load(self) -> str:
         """Processor time a frame by node, the labels made, and what else ran."""
         each = ", ".join(f"{name} {ms:.1f}" for name, ms in self.cpu_ms.items())
-        labels = f", {self.labels} labels" if "label" in self.cpu_ms else ""
+        labels = f", {self.labels} labels" if any(room.endswith("label") for room in self.lost) else ""
         return f"ms of processor a frame: {each}{labels}; other processes {self.other_cores:.2f} cores"
 
 
@@ -80,23 +81,24 @@ class Run:
 class Graph:
     """The processes of the graph."""
 
-    parts: tuple[GraphProcess, ...]
-    rooms: tuple[str, ...]
+    processes: tuple[GraphProcess, ...]
+    parts: tuple[str, ...]
+    """What the processes of each camera serve, in their order."""
 
     def alive(self) -> bool:
         """Whether all of them run."""
-        return all(part.alive() for part in self.parts)
+        return all(process.alive() for process in self.processes)
 
     def cpu_seconds(self) -> dict[str, float]:
-        """Processor time by node, that of all cameras together."""
-        used = dict.fromkeys(self.rooms, 0.0)
-        for number, part in enumerate(self.parts):
-            used[self.rooms[number % len(self.rooms)]] += part.cpu_seconds()
+        """Processor time by part, that of all cameras together."""
+        used = dict.fromkeys(self.parts, 0.0)
+        for number, process in enumerate(self.processes):
+            used[self.parts[number % len(self.parts)]] += process.cpu_seconds()
         return used
 
     def resident_mb(self) -> float:
         """Their memory now."""
-        lines = [line for p in self.parts for line in Path(f"/proc/{p.process.pid}/status").read_text(encoding="ascii").splitlines()]
+        lines = [line for p in self.processes for line in Path(f"/proc/{p.process.pid}/status").read_text(encoding="ascii").splitlines()]
         return sum(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1024
 
 
@@ -122,7 +124,7 @@ def running(given: Load, *, paced: bool = False) -> Iterator[tuple[LoopedCamera,
         with open_bag(given.bag(), cell_frame="cell") as reader:
             camera = LoopedCamera(node, reader, given.hz, given.namespaces, given.rooms, paced=paced)
         stack.enter_context(spinning([node]))
-        graph = Graph(tuple(stack.enter_context(graph_process(spec, domain)) for spec in given.specs()), given.rooms)
+        graph = Graph(tuple(stack.enter_context(graph_process(spec, domain)) for spec in given.specs()), given.parts)
         deadline = time.monotonic() + 120.0
         while not camera.heard:
             if not graph.alive() or time.monotonic() > deadline:
@@ -218,7 +220,8 @@ def most_cameras(given: Load, *, say: bool) -> Figure:
 def rows(run: Run, minutes: float, given: Load = STOCK_LOAD) -> list[Figure]:
     """The long stretch's figures beside their bars."""
     each = "" if given.cameras == 1 else f" of each of {given.cameras} cameras"
-    remark = f"{run.sent} frames{each} at {run.hz:.1f} Hz in {minutes:.0f} min, one process a node; {run.load}"
+    process = "camera" if given.together else "node"
+    remark = f"{run.sent} frames{each} at {run.hz:.1f} Hz in {minutes:.0f} min, one process a {process}; {run.load}"
     name = "" if given == STOCK_LOAD else f", {given}"
     bar = 100.0 if given.hz <= STOCK_LOAD.hz else 2e3 / given.hz
     nodes = "preproc, sim_label, infer, 224x171" if given == STOCK_LOAD else ", ".join(given.nodes)
@@ -251,6 +254,7 @@ def parse(arguments: list[str] | None) -> Any:
     parser.add_argument("--nodes", default=",".join(NODES), help="nodes that run for each camera (default: all three)")
     parser.add_argument("--view-every", type=int, default=1, help="live.view_every of preproc (default: 1; 0: the last view of each dwell)")
     parser.add_argument("--label-share", type=float, default=0.0, help="live.share of sim_label (default: 0, a label for each dwell)")
+    parser.add_argument("--together", action="store_true", help="the nodes of a camera in one process (default: one process a node)")
     parser.add_argument("--no-rate", action="store_true", help="leave out the search for the highest rate")
     parser.add_argument("--rate-only", action="store_true", help="search for the highest rate alone")
     parser.add_argument("--paced", action="store_true", help="processor time a frame alone: the camera waits for the graph's answers")
@@ -263,7 +267,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Exit status 0 when every bar is met, 1 when one is missed."""
     options = parse(arguments)
     width, height = (int(side) for side in options.size.split("x"))
-    given = Load(options.hz, width, height, options.cameras, tuple(options.nodes.split(",")), options.label_share, options.view_every)
+    nodes = tuple(options.nodes.split(","))
+    given = Load(options.hz, width, height, options.cameras, nodes, options.label_share, options.view_every, options.together)
     results: dict[str, list[Figure]] = {}
     if options.most_cameras:
         figure = most_cameras(given, say=True)

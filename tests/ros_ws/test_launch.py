@@ -79,6 +79,18 @@ def test_executables_are_nodes_and_are_not_renamed(launch: Launch) -> None:
     assert all(n.given["package"] == "toftwin" and "name" not in n.given for n in found.values())
 
 
+def test_together_is_one_process_that_is_named_its_nodes(launch: Launch) -> None:
+    found = nodes(started(launch, scene="s", namespace="spot", gap="true", together="true"))
+    assert list(found) == ["graph"]
+    assert found["graph"].given["arguments"] == ["preproc", "sim_label", "infer", "gap", "--ros-args", "--log-level", "info"]
+    assert parameters(found["graph"]) == {"use_sim_time": False, "live.scene": "s"}
+    assert found["graph"].given["respawn"]
+
+
+def test_a_single_node_together_is_its_own_executable(launch: Launch) -> None:
+    assert list(nodes(started(launch, infer="false", together="true"))) == ["preproc"]
+
+
 def test_replay_plays_the_bag_with_its_clock_and_stops_with_it(launch: Launch, tmp_path: Path) -> None:
     actions = started(launch, mode="replay", bag=str(tmp_path), scene="s", rate="2.0")
     (player,) = [a for a in actions if isinstance(a, ExecuteProcess)]

@@ -20,7 +20,8 @@ import pytest
 import yaml
 
 from tof_core.config import table
-from toftwin.executables import called
+from tof_core.errors import UsageError
+from toftwin.executables import called, called_together
 from toftwin.graph import DONE, NODES
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ def test_every_room_is_installed_with_its_data(packages: Path, repository: Path,
 
 def test_every_node_has_an_executable_that_can_be_imported(packages: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scripts = dict(re.split(r"\s*=\s*", line) for line in set_up(packages / "toftwin", monkeypatch)["entry_points"]["console_scripts"])
-    assert set(scripts) == {"toftwin", *NODES}
+    assert set(scripts) == {"toftwin", "graph", *NODES}
     for target in scripts.values():
         module, _, function = target.partition(":")
         assert callable(getattr(import_module(module), function))
@@ -183,9 +184,19 @@ def test_views_show_topics_of_the_contract(view: str, packages: Path) -> None:
 
 
 def test_ros_arguments_are_handed_on_as_they_came() -> None:
-    call = called("preproc", ["--ros-args", "-r", "__ns:=/spot", "--ros-args", "--params-file", "p.yaml"])
+    call = called(("preproc",), ["--ros-args", "-r", "__ns:=/spot", "--ros-args", "--params-file", "p.yaml"])
     assert call.nodes == ("preproc",)
     assert call.ros_args() == ["-r", "__ns:=/spot", "--params-file", "p.yaml"]
+
+
+def test_the_names_of_nodes_that_run_together_come_before_the_arguments_of_ros() -> None:
+    call = called_together(["preproc", "infer", "--ros-args", "--log-level", "info", "--ros-args", "-r", "__ns:=/spot"])
+    assert call.nodes == ("preproc", "infer")
+    assert call.ros_args() == ["--log-level", "info", "-r", "__ns:=/spot"]
+    with pytest.raises(UsageError, match="no node named"):
+        called_together(["--ros-args", "-r", "__ns:=/spot"])
+    with pytest.raises(UsageError, match="'depth' is no node"):
+        called_together(["depth"])
 
 
 @pytest.mark.dds

