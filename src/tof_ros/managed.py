@@ -47,7 +47,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
 
     def __init__(self, name: str, room: str, config: type[M], *, fixed: tuple[str, ...] = (), **options: Any) -> None:
         """Unconfigured; with `live.autostart` it configures and activates itself as soon as it is spun."""
-        self.loaded = self.active = self._starting = False
+        self.loaded = self.active = self._starting = self._gone = False
         self._bond: Bond | None = None
         self._subscribed: list[Subscription] = []
         self._ticking: list[Timer] = []
@@ -172,6 +172,7 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
 
     def destroy_node(self) -> None:
         """End what is active, then go."""
+        self._gone = True
         self._let_go()
         super().destroy_node()
         # It holds the node's handle, which rclpy frees when the garbage collector comes by: until then peers see the node, and its services.
@@ -180,8 +181,12 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
     def _autostart(self) -> None:
         self._starter.destroy()
         self._starting = False
-        if self.trigger_configure() == SUCCESS:
-            self.trigger_activate()
+        try:
+            if self.trigger_configure() == SUCCESS:
+                self.trigger_activate()
+        except rclpy_implementation.RCLError:
+            if not self._gone:  # a node that was stopped while it was loading has no state any more
+                raise
 
     def _fail(self, what: str, error: Exception) -> TransitionCallbackReturn:
         known = isinstance(error, ToftwinError | OSError)

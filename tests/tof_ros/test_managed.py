@@ -127,6 +127,23 @@ def test_a_destroyed_node_is_gone_from_the_graph_at_once(ros_domain: int) -> Non
             observer.node.destroy_node()
 
 
+def test_a_node_that_is_stopped_while_it_loads_ends_without_a_word(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tof_infer.node import InferNode, make_node
+    from tof_ros.environment import ros_context
+
+    with ros_context(domain=ros_domain) as context:
+        node = make_node(context=context)
+        load = InferNode.load
+
+        def interrupted(self: Any) -> None:
+            load(self)
+            self.destroy_node()
+
+        monkeypatch.setattr(InferNode, "load", interrupted)
+        node._autostart()
+        assert not node.active
+
+
 def test_an_activation_that_fails_half_way_says_so_and_leaves_nothing_behind(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     from arm_correction.node import make_node
     from tof_ros.environment import parameter_overrides, ros_context
