@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import socket
 from contextlib import ExitStack, contextmanager
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,10 @@ REACH_CHOICES = (REACH, "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY
 TRANSPORT_CHOICES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS")
 """A user who sets one of these has chosen the transports."""
 PROFILE = str(Path(__file__).with_name("this_host.xml"))
+DISTRIBUTIONS = ("ros-rclpy", "rclpy")
+"""Under which names the wheels and a ROS installation list rclpy."""
+KILTED = 9
+"""First number of rclpy's version from Kilted on, whose Fast DDS 3 has renamed the variable of its profiles."""
 PARTICIPANT = "TOFTWIN_PARTICIPANT"
 """The number that `PROFILE` gives to the participant of a process. `ANY_PARTICIPANT` is the lowest that is free on this host, which after a
 kill -9 is that of the dead process, and its ports: the others write into the shared memory of the dead for up to 3 s."""
@@ -64,7 +69,23 @@ def keep_to_this_host() -> None:
         os.environ[REACH] = "LOCALHOST"
     others = any(os.environ.get(name) for name in ("ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER"))
     if os.environ.get(REACH) == "LOCALHOST" and not others and not any(name in os.environ for name in TRANSPORT_CHOICES):
-        os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = PROFILE
+        os.environ[profile_variable()] = PROFILE
+
+
+def rclpy_version() -> str:
+    """The version of the rclpy that is installed, as its package says."""
+    for name in DISTRIBUTIONS:
+        try:
+            return metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return "of unknown version"
+
+
+def profile_variable() -> str:
+    """The environment variable that names the profiles of the Fast DDS that belongs to this rclpy; the newer one warns of the older name."""
+    major = rclpy_version().partition(".")[0]
+    return "FASTDDS_DEFAULT_PROFILES_FILE" if major.isdigit() and int(major) >= KILTED else "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 
 def reach(environment: Mapping[str, str]) -> str:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 import threading
 from dataclasses import dataclass, field
-from importlib import metadata
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +18,7 @@ from rclpy.task import Future
 from std_msgs.msg import Empty as Nothing
 from std_srvs.srv import Empty
 
+from tof_ros.environment import rclpy_version as rclpy_version  # noqa: PLC0414 (the version of what is tried)
 from tof_ros.environment import ros_context
 from tof_ros.executor import DirectExecutor
 
@@ -30,19 +30,7 @@ if TYPE_CHECKING:
 
 DEADLINE_S = 5.0
 """A trial takes some 20 ms; on a loaded host it may wait this long for its messages."""
-DISTRIBUTIONS = ("ros-rclpy", "rclpy")
-"""Under which names the wheels and a ROS installation list rclpy."""
 _numbers = count()
-
-
-def rclpy_version() -> str:
-    """The version of the rclpy that is imported, as its package says."""
-    for name in DISTRIBUTIONS:
-        try:
-            return metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return "of unknown version"
 
 
 class Trial:

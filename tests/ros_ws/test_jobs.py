@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 JOBS = {"jazzy": "native.sh", "humble": "peers.sh", "kilted": "peers.sh"}
+WITHOUT_ROS = {"wheels": "wheels.sh"}
+SCRIPTS = sorted({*JOBS.values(), *WITHOUT_ROS.values()})
 
 
 @pytest.fixture(scope="module")
@@ -39,10 +41,20 @@ def test_each_distribution_has_a_job_on_its_image(name: str, jobs: dict[str, Any
 
 
 def test_no_job_is_left_out_of_these_tests(jobs: dict[str, Any]) -> None:
-    assert {name for name in jobs if not name.startswith(".")} - {"stages"} == set(JOBS)
+    assert {name for name in jobs if not name.startswith(".")} - {"stages"} == {*JOBS, *WITHOUT_ROS}
 
 
-@pytest.mark.parametrize("script", sorted(set(JOBS.values())))
+def test_the_newest_wheels_run_on_a_python_that_they_exist_for(jobs: dict[str, Any], repository: Path) -> None:
+    job = jobs["wheels"]
+    assert job["image"].startswith("python:3.11")
+    assert job["script"] == [".ci/ros/wheels.sh"]
+    assert os.access(repository / job["script"][0], os.X_OK)
+    wanted = (repository / ".ci" / "ros" / "kilted.txt").read_text()
+    assert "ros-kilted-rclpy[fastrtps]==" in wanted
+    assert "jazzy" not in wanted
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
 def test_a_script_is_shell_and_names_what_exists(script: str, repository: Path) -> None:
     path = repository / ".ci" / "ros" / script
     assert subprocess.run(["sh", "-n", str(path)], check=False).returncode == 0

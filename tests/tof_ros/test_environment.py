@@ -16,9 +16,11 @@ from tof_core.errors import UsageError
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 
-from tof_ros.environment import PARTICIPANTS, TRANSPORT_CHOICES, named_domain, private_domain, ros_context
+from tof_ros.environment import PARTICIPANTS, TRANSPORT_CHOICES, named_domain, private_domain, profile_variable, ros_context
 
 SHARED = Path("/dev/shm")  # noqa: S108 - where Linux has it
+SEGMENTS = "fast*_*"
+"""What Fast DDS calls its files there: `fastrtps_` up to version 2, `fastdds_` from 3 on."""
 
 
 def test_two_private_domains_at_a_time_differ(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -42,12 +44,12 @@ def test_a_domain_that_is_no_number_is_refused(monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.mark.skipif(not SHARED.is_dir() or any(name in os.environ for name in TRANSPORT_CHOICES), reason="another transport was chosen")
 def test_what_a_process_shares_with_others_holds_several_images() -> None:
-    before = set(SHARED.glob("fastrtps_*"))
+    before = set(SHARED.glob(SEGMENTS))
     with private_domain(shared=False) as domain, ros_context(domain=domain) as context:
         import rclpy
 
         node = rclpy.create_node("sender", context=context)
-        largest = max(path.stat().st_size for path in set(SHARED.glob("fastrtps_*")) - before)
+        largest = max(path.stat().st_size for path in set(SHARED.glob(SEGMENTS)) - before)
         node.destroy_node()
     assert largest >= 3 * 1280 * 960 * 2
 
@@ -115,7 +117,16 @@ def test_the_user_s_variables_win_and_their_meaning_is_logged(case: str, monkeyp
     keep_to_this_host()
     assert os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == asked
     assert reach(os.environ) == said
-    assert ("FASTRTPS_DEFAULT_PROFILES_FILE" in os.environ) == (asked == "LOCALHOST" and "ROS_STATIC_PEERS" not in given)
+    assert (profile_variable() in os.environ) == (asked == "LOCALHOST" and "ROS_STATIC_PEERS" not in given)
+
+
+@pytest.mark.parametrize(
+    ("version", "variable"),
+    [("7.1.6", "FASTRTPS"), ("7.1.9", "FASTRTPS"), ("9.1.2", "FASTDDS"), ("10.0.1", "FASTDDS"), ("of unknown version", "FASTRTPS")],
+)
+def test_the_profile_is_named_as_the_installed_fast_dds_reads_it(version: str, variable: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tof_ros.environment.rclpy_version", lambda: version)
+    assert profile_variable() == f"{variable}_DEFAULT_PROFILES_FILE"
 
 
 def test_ros2_run_reaches_as_far_as_every_node(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -209,14 +209,15 @@ def sockets(pid: int) -> list[tuple[str, str, int, bool]]:
     [
         ({}, "this_host.xml"),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, ""),
-        ({"FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml"}, "mine.xml"),
+        ({"PROFILES": "mine.xml"}, "mine.xml"),
         ({"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, ""),
     ],
 )
 def test_who_asks_for_the_network_gets_it(given: dict[str, str], profile: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("rclpy", reason="no ROS 2 here")
-    from tof_ros.environment import TRANSPORT_CHOICES, keep_to_this_host
+    from tof_ros.environment import TRANSPORT_CHOICES, keep_to_this_host, profile_variable
 
+    given = {profile_variable() if name == "PROFILES" else name: value for name, value in given.items()}
     for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", *TRANSPORT_CHOICES):
         monkeypatch.setenv(name, "")  # so that what is set below is undone
         monkeypatch.delenv(name)
@@ -224,7 +225,7 @@ def test_who_asks_for_the_network_gets_it(given: dict[str, str], profile: str, m
         monkeypatch.setenv(name, value)
     keep_to_this_host()
     assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == given.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    assert Path(os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE", "")).name == profile
+    assert Path(os.environ.get(profile_variable(), "")).name == profile
 
 
 @pytest.mark.dds
