@@ -14,6 +14,9 @@ from tof_core.progress import progress
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tof_gap.tell.diagnosis import Diagnosis
+    from tof_scene.raycast import Raycaster
+
 REPORTS = "reports"
 DATA_SHEET = "sensor.yaml"
 """Beside a case's scene, where the camera's maker states something: what `--sensor` takes."""
@@ -44,6 +47,18 @@ def compare_all(folder: Path) -> None:
 def examine(case: Path, out: Path) -> None:
     """One bag to one report; a refusal is an answer too."""
     from tof_gap.tell.report import write
+
+    out.mkdir(parents=True, exist_ok=True)
+    started, busy = time.perf_counter(), time.process_time()
+    try:
+        write(*diagnosed(case), out, [])
+    except ToftwinError as error:
+        (out / "refused.txt").write_text(str(error))
+    (out / "seconds.json").write_text(json.dumps({"wall_s": time.perf_counter() - started, "cpu_s": time.process_time() - busy}))
+
+
+def diagnosed(case: Path) -> tuple[Diagnosis, Raycaster]:
+    """The diagnosis of a case's bag, and its scene."""
     from tof_sensor.model import load_model
     from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
     from toftwin.inputs import opened
@@ -52,13 +67,6 @@ def examine(case: Path, out: Path) -> None:
     left_out = frozenset(json.loads((case / "list.json").read_text())["left_out"])
     sheet = case / "scene" / DATA_SHEET
     known = load_model(sheet) if sheet.exists() else None
-    out.mkdir(parents=True, exist_ok=True)
-    started, busy = time.perf_counter(), time.process_time()
-    try:
-        with opened(case / "bag", case / "scene" / "scene.yaml", config) as (reader, scene):
-            assert scene is not None
-            diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=left_out)
-        write(diagnosis, caster, out, [])
-    except ToftwinError as error:
-        (out / "refused.txt").write_text(str(error))
-    (out / "seconds.json").write_text(json.dumps({"wall_s": time.perf_counter() - started, "cpu_s": time.process_time() - busy}))
+    with opened(case / "bag", case / "scene" / "scene.yaml", config) as (reader, scene):
+        assert scene is not None
+        return diagnose_bag(reader, scene, config, known=known, left_out=left_out)

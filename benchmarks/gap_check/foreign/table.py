@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.calibration import calibration_error
 from benchmarks.gap_check.table import wilson
 
 if TYPE_CHECKING:
@@ -81,8 +82,7 @@ def calibration(rows: Sequence[ForeignRow]) -> str:
     if not named:
         return "no name carries a confidence"
     confidence, right = np.array([c for c, _ in named]), np.array([r for _, r in named], float)
-    bins = np.clip((10 * confidence).astype(int), 0, 9)
-    error = sum(abs(confidence[bins == b].mean() - right[bins == b].mean()) * (bins == b).mean() for b in np.unique(bins))
+    error = calibration_error(confidence, right)
     sure = confidence >= 0.9
     return f"expected calibration error {100 * error:.0f} % over {len(named)} names; of {int(sure.sum())} names with 0.9, {int(right[sure].sum())} right"
 
