@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from tof_gap.limits.report import ReportLimits
     from tof_gap.limits.solve import SolveLimits
     from tof_gap.seen.finding import Finding
+    from tof_gap.solve.solution import Joint
     from tof_gap.tell.account import Account
     from tof_gap.tell.unexplained import Unexplained
     from tof_scene.raycast import Raycaster
@@ -89,13 +90,7 @@ def diagnose(
     split = dealt(joint.chain, config.solve)
     progress("noise, loss and edges; the gap on held-out views")
     read = partial(account, config=config, rng=rng, along_ray=along_ray, given=given, alone=few, left_out=left_out, law=law)
-    found = read(conclude(joint, views, caster, config, split, rng))
-    resembled = list[str]()
-    while (taken := taken_out(found, config)) is not None:
-        resembled += [taken.name] if taken.contradicted else []
-        joint = without(joint, taken.name, config)
-        del found  # Images of all views are most of what a session needs in memory.
-        found = read(conclude(joint, views, caster, config, split, rng))
+    found, resembled = believed(joint, lambda chosen: read(conclude(chosen, views, caster, config, split, rng)), config)
     del joint, begun
     give_back()
     progress("what no named effect explains")
@@ -111,6 +106,17 @@ def diagnose(
         described(world, caster.scene),
         stray,
     )
+
+
+def believed(joint: Joint, read: Callable[[Joint], Account], config: GapConfig) -> tuple[Account, list[str]]:
+    """What is read off the solution without causes that are not believed, and the names of those that the views contradict."""
+    found, resembled = read(joint), list[str]()
+    while (taken := taken_out(found, config)) is not None:
+        resembled += [taken.name] if taken.contradicted else []
+        joint = without(joint, taken.name, config)
+        del found  # Images of all views are most of what a session needs in memory.
+        found = read(joint)
+    return found, resembled
 
 
 def verdict(found: Account, unexplained: Unexplained, limits: ReportLimits) -> tuple[str, ...]:

@@ -50,7 +50,7 @@ def _main(call: Callable[[list[str]], RosCall]) -> int:
 
 
 def graph() -> int:
-    """Several nodes in one process, a seventh less processor a frame, and what kills one kills all."""
+    """Several nodes in one process, a tenth less processor a frame, and what kills one kills all."""
     return _main(called_together)
 
 

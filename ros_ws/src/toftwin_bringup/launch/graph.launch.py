@@ -56,7 +56,7 @@ ARGUMENTS = (
         "together",
         default_value="false",
         choices=TRUTH,
-        description="all nodes in one process: a seventh less processor and half of the memory; one that dies takes the others along",
+        description="all nodes in one process: about a tenth less processor; one that dies takes the others along",
     ),
     DeclareLaunchArgument(
         "respawn", default_value="true", choices=TRUTH, description="start a node again, a tenth of a second after it died"
