@@ -63,6 +63,7 @@ def noise_effects(
         wave = beat(views, limits.beat)
         if wave is not None and wave.size_m > limits.extra_mm * 1e-3:
             return [_stripes(views, wave, float(np.median(b.amplitude)), limits)]
+    b = without_offsets(b, views)
     hit = None if dark or unmerged or {Interference.NAME, Noise.NAME} <= left_out else _bursts(views, b, step, limits)
     if hit is not None:
         return [] if hit.name in left_out else [hit]
@@ -71,6 +72,20 @@ def noise_effects(
     usual = law is not None and np.median(b.variance / law.variance(b.amplitude, b.surroundings2)) < 1.0 + limits.law_excess
     own = _noise(views, b, None if dark or usual or unmerged else fit_law(b, step, limits), step, limits)
     return [] if own is None else [own]
+
+
+def without_offsets(b: NoiseBins, views: Sequence[ViewEvidence]) -> NoiseBins:
+    """The bins without the variance by which offsets of single pixels let views of many captures exceed those of few.
+
+    Noise falls with the number n of captures, and an offset that all views share, p, does not: the variance of one capture, n times that
+    of the mean, has n p^2 too much. That of the views with the fewest captures is left in all alike.
+    """
+    captures = np.array([v.view.captures for v in views], float)
+    more = (captures - captures.min())[b.view.astype(int)]
+    if not more.any():
+        return b
+    least = views[0].limits.pattern.level_share * b.variance
+    return replace(b, variance=np.maximum(b.variance - more * pixel_pattern(views) ** 2, least))
 
 
 def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: NoiseLimits) -> Finding | None:
@@ -107,8 +122,8 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
     typical = float(np.sqrt(np.median(b.variance)))
     least = max(limits.extra_mm * 1e-3, limits.extra_share * typical)
     excess = 0.0 if fitted is None else constant_part(fitted, step)
-    # Offsets of single pixels, alike in every view, are a pattern, though neighbours show them as noise.
-    pattern_m = over_mean * pixel_pattern(views)
+    # Offsets of single pixels, alike in every view, are a pattern, though neighbours show them as noise (`without_offsets`).
+    pattern_m = float(np.sqrt(min(v.view.captures for v in views))) * pixel_pattern(views)
     excess = float(np.sqrt(max(excess**2 - pattern_m**2, 0.0)))
     floor_std = 0.0 if fitted is None else fitted.floor_std
     parts = {"at every amplitude": excess if excess > max(least, limits.extra_sigma * floor_std) else 0.0}

@@ -11,7 +11,7 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, rendering, views
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
-from tof_gap.seen.noise import _stand_out, noise_effects
+from tof_gap.seen.noise import _stand_out, noise_effects, without_offsets
 from tof_gap.seen.photons import binned, fit_law, own_law, quiet_law, view_ratio
 from tof_gap.seen.residual import gather
 from tof_gap.seen.stereo import like_stereo
@@ -243,6 +243,29 @@ def test_few_restless_pixels_are_noise() -> None:
 def test_views_that_scatter_everywhere_alike_are_noise_in_bursts() -> None:
     hit = np.isin(np.arange(VIEWS), (1, 4, 9))[:, None, None]
     assert said(hit * rng().normal(0, 0.006, (VIEWS, *SHAPE))) == [("noise", "in bursts: 3 of 12 views hit")]
+
+
+def test_offsets_of_pixels_make_no_burst_of_the_views_with_most_captures() -> None:
+    """A mean of four captures has a quarter of the noise's variance and all of that of the offsets."""
+    captures, offsets = np.where(np.arange(VIEWS) % 3, 1, 4), rng().normal(0, 0.003, SHAPE)
+    root = np.sqrt(captures)[:, None, None]  # by which `views` divides the offsets, too
+    seen = views(np.random.default_rng(3), offsets * root, captures=captures.tolist())
+    of_one = binned(views(np.random.default_rng(3), np.broadcast_to(offsets, (VIEWS, *SHAPE))), LIMITS.bins, LIMITS)
+    raw = binned(seen, LIMITS.bins, LIMITS)
+    many = captures[raw.view.astype(int)] == 4
+    assert np.median(raw.variance[many] / of_one.variance[many]) == pytest.approx(
+        1 + 3 * 0.003**2 / np.median(of_one.variance[many]), rel=0.1
+    )
+    beside = without_offsets(raw, seen)
+    assert np.median(beside.variance[many] / of_one.variance[many]) == pytest.approx(1.0, rel=0.05)
+    np.testing.assert_array_equal(beside.variance[~many], raw.variance[~many])
+    assert noise_effects(seen, LIMITS) == []
+
+
+def test_bins_of_views_with_as_many_captures_are_left_as_they_are() -> None:
+    seen = views(rng(), np.broadcast_to(rng().normal(0, 0.003, SHAPE), (VIEWS, *SHAPE)), captures=[4] * VIEWS)
+    b = binned(seen, LIMITS.bins, LIMITS)
+    assert without_offsets(b, seen) is b
 
 
 @pytest.mark.parametrize("views_hit", [3, VIEWS])
