@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Effect
 
 MOST_PARTS = 3
-"""Parts that are named one by one; an effect on more is on most of the scene."""
+"""Parts that are named one by one; an effect on more is on many parts."""
 CARRIED = 0.8
 """Share of an effect's squared error that the named parts carry together."""
 WORST = 0.95
@@ -118,7 +118,7 @@ def _of_finding(found: Finding, words: Words, scene: Scene) -> Words:
 def on_parts(names: Sequence[str]) -> str:
     """Where an effect is: the parts by name, where they are few; "" where there is none."""
     if len(names) > MOST_PARTS:
-        return "on most of the scene"
+        return "on many parts"
     return f"on {listed(names)}" if names else ""
 
 

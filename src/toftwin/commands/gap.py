@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="EFFECT",
-        help=f"do not consider this effect; may be repeated. Effects: {EFFECTS} (docs/effects.md)",
+        help=f"do not consider this effect; what it would explain is then unknown. May be repeated. Effects: {EFFECTS} (docs/effects.md)",
     )
     parser.add_argument(
         "--retrain",
