@@ -69,7 +69,7 @@ class UnexplainedLimits:
     misfit: float = param(0.25, "of the chi-square above the floor, what the named effects may leave", low=0.0, high=1.0, why="the same")
     contradicted: float = param(
         0.35,
-        "of the chi-square that neighbours share where an effect acts, what its map may leave",
+        "of the chi-square that neighbours share where an effect acts, what all effects may leave",
         low=0.0,
         high=1.0,
         why="true effects of 32 sessions leave 0.25 at most (a pattern of columns), most of them 0.02; a ghost taken for lens_scatter 0.54",

@@ -14,10 +14,13 @@ from tof_gap.tell.figures import away_from_edges
 from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from tof_core.arrays import Float
     from tof_gap.config import GapConfig
     from tof_gap.limits.report import UnexplainedLimits
     from tof_gap.tell.account import Account
+    from tof_gap.tell.block_means import BlockMeans
 
 
 class TakenOut(NamedTuple):
@@ -36,7 +39,7 @@ def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
 
 
 def contradicted(found: Account, limit: UnexplainedLimits) -> str | None:
-    """The effect whose map leaves most of the structure where it acts, if that is more than `limit.contradicted`; None where all agree.
+    """The effect where whose map acts most of the gap's structure is left, if that is more than `limit.contradicted`; None where all agree.
 
     A mechanism that is not in the vocabulary makes some known effect win held-out chi-square, since it acts on the same pixels: a ghost
     image on dark ones, as scattering in the lens does. Over the whole image that hardly shows. Where the map acts, the true effect
@@ -48,22 +51,28 @@ def contradicted(found: Account, limit: UnexplainedLimits) -> str | None:
 
 
 def share_left(found: Account, name: str, limit: UnexplainedLimits) -> float:
-    """Chi-square above noise of block means that all effects leave on held-out views, over that without this effect; least value by `limit.sure`.
+    """Chi-square above noise of block means that all effects leave on held-out views, over that of the gap there; least value by `limit.sure`.
 
-    Of the blocks away from edges that the effect's map touches. 0 where there are none.
+    Of the blocks away from edges that the effect's map touches. 0 where there are none. The gap is that of all effects of the solution: what
+    is left beside a far larger one may be the error of its map.
     """
-    figures, held = found.figures, found.solved.split.held_out
+    figures, held, maps = found.figures, found.solved.split.held_out, found.solved.maps
     errors, every = figures.left(), unbiased2(found)
     views, noise2 = [found.solved.evidence[v] for v in held], [every[v] for v in held]
     left = away_from_edges([figures.edge[v] for v in held], [errors[v] for v in held])
-    without = [e + np.nan_to_num(figures.maps[name][v]) for e, v in zip(left, held, strict=True)]
-    after, before = (block_means(views, e, noise2, limit.contradicted_px, limit.contradicted_pixels) for e in (left, without))
-    acts = touched(before.mean - after.mean)
+
+    def means(names: Iterable[str]) -> BlockMeans:
+        """Of what is left with the maps of these effects added again."""
+        added = [e + sum((np.nan_to_num(maps[n][v]) for n in names), 0.0) for e, v in zip(left, held, strict=True)]
+        return block_means(views, added, noise2, limit.contradicted_px, limit.contradicted_pixels)
+
+    after, own, whole = means([]), means([name]), means(list(maps))
+    acts = touched(own.mean - after.mean)
     if not acts.any():
         return 0.0
     above = (after.excess2 / after.white2)[acts]
-    whole = float((before.excess2 / before.white2)[acts].sum())
-    return max(float(above.sum()) - limit.sure * _deviation(above), 0.0) / max(whole, 1.0)
+    gap = float((whole.excess2 / whole.white2)[acts].sum())
+    return max(float(above.sum()) - limit.sure * _deviation(above), 0.0) / max(gap, 1.0)
 
 
 def _deviation(above: Float) -> float:

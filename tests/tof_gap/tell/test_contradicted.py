@@ -62,6 +62,12 @@ def test_the_effect_that_leaves_most_is_contradicted() -> None:
     assert contradicted(account(0.1 * half, lens_scatter=0.9 * half), LIMIT) is None
 
 
+def test_what_is_left_beside_a_larger_effect_may_be_the_error_of_its_map() -> None:
+    """Half of the scattering is left, a tenth of the gap's squares, since a wave ten times as large stands beside it."""
+    half = ramp(0.006, 0)
+    assert contradicted(account(half, lens_scatter=0.5 * half, wiggling=3.0 * half), LIMIT) is None
+
+
 def test_what_noise_may_leave_contradicts_nothing() -> None:
     """0.15 mm of an effect, of which nothing is taken: block means of 64 pixels with 2 mm of noise are known to 0.25 mm."""
     assert contradicted(account(ramp(0.00015, 0), wiggling=ramp(0.00015, 0)), LIMIT) is None
