@@ -45,17 +45,20 @@ def contradicted(found: Account, limit: UnexplainedLimits) -> str | None:
     image on dark ones, as scattering in the lens does. Over the whole image that hardly shows. Where the map acts, the true effect
     takes nearly all that neighbouring pixels share, and another one does not.
     """
-    shares = {name: share_left(found, name, limit) for name in found.solved.maps if not EFFECTS[name].SMEARS}
+    shares = shares_left(found, limit)
     worst = max(shares, key=shares.__getitem__, default=None)
     return worst if worst is not None and shares[worst] > limit.contradicted else None
 
 
-def share_left(found: Account, name: str, limit: UnexplainedLimits) -> float:
-    """Chi-square above noise of block means that all effects leave on held-out views, over that of the gap there; least value by `limit.sure`.
+def shares_left(found: Account, limit: UnexplainedLimits) -> dict[str, float]:
+    """By effect: chi-square above noise of block means that all effects leave on held-out views, over that of the gap there; least value by `limit.sure`.
 
     Of the blocks away from edges that the effect's map touches. 0 where there are none. The gap is that of all effects of the solution: what
-    is left beside a far larger one may be the error of its map.
+    is left beside a far larger one may be the error of its map. Effects that smear are not judged: they err at edges.
     """
+    judged = [name for name in found.solved.maps if not EFFECTS[name].SMEARS]
+    if not judged:
+        return {}
     figures, held, maps = found.figures, found.solved.split.held_out, found.solved.maps
     errors, every = figures.left(), unbiased2(found)
     views, noise2 = [found.solved.evidence[v] for v in held], [every[v] for v in held]
@@ -66,13 +69,14 @@ def share_left(found: Account, name: str, limit: UnexplainedLimits) -> float:
         added = [e + sum((np.nan_to_num(maps[n][v]) for n in names), 0.0) for e, v in zip(left, held, strict=True)]
         return block_means(views, added, noise2, limit.contradicted_px, limit.contradicted_pixels)
 
-    after, own, whole = means([]), means([name]), means(list(maps))
-    acts = touched(own.mean - after.mean)
-    if not acts.any():
-        return 0.0
-    above = (after.excess2 / after.white2)[acts]
-    gap = float((whole.excess2 / whole.white2)[acts].sum())
-    return max(float(above.sum()) - limit.sure * _deviation(above), 0.0) / max(gap, 1.0)
+    after, whole = means([]), means(maps)
+    above, gap = (m.excess2 / m.white2 for m in (after, whole))
+    shares = {}
+    for name in judged:
+        acts = touched(means([name]).mean - after.mean)
+        sure = float(above[acts].sum()) - limit.sure * _deviation(above[acts])
+        shares[name] = max(sure, 0.0) / max(float(gap[acts].sum()), 1.0)
+    return shares
 
 
 def _deviation(above: Float) -> float:

@@ -13,7 +13,7 @@ from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_gap.config import GapConfig
 from tof_gap.limits.report import UnexplainedLimits
 from tof_gap.tell import contradicted as room
-from tof_gap.tell.contradicted import TakenOut, contradicted, share_left, taken_out
+from tof_gap.tell.contradicted import TakenOut, contradicted, shares_left, taken_out
 
 NOISE_M = 0.002
 HELD = (1, 4, 7, 10)
@@ -43,7 +43,7 @@ def account(left: np.ndarray, **maps: np.ndarray) -> Any:
 
 
 def test_a_map_that_takes_all_of_the_error_leaves_no_share() -> None:
-    assert share_left(account(np.zeros(SHAPE), wiggling=ramp(0.004, 0)), "wiggling", LIMIT) < 0.01
+    assert shares_left(account(np.zeros(SHAPE), wiggling=ramp(0.004, 0)), LIMIT)["wiggling"] < 0.01
 
 
 @pytest.mark.parametrize(("left_m", "share"), [(0.002, 0.2), (0.004, 0.5)])
@@ -53,7 +53,7 @@ def test_the_share_is_that_of_the_squares_that_are_left_where_the_map_acts(left_
     acts = column < 48  # three pairs of stripes, each as wide as a block
     stripes = np.where(acts, np.where(column // 8 % 2, left_m, -left_m), 0.05)
     found = account(np.broadcast_to(stripes, SHAPE), wiggling=np.broadcast_to(np.where(acts, 0.004, 0.0), SHAPE))
-    assert share_left(found, "wiggling", LIMIT) == pytest.approx(share, abs=0.03)
+    assert shares_left(found, LIMIT)["wiggling"] == pytest.approx(share, abs=0.03)
 
 
 def test_the_effect_that_leaves_most_is_contradicted() -> None:
