@@ -34,7 +34,8 @@ def main() -> int:
 
 def check_executors() -> int:
     """Return 0 when at least rclpy's own executor runs all that a node has; one that must stand in is said."""
-    from tof_ros.trial import rclpy_version, try_here
+    from tof_ros.environment import rclpy_version
+    from tof_ros.trial import try_here
 
     (own, why), (fallback, nothing_works) = try_here().items()
     if why:

@@ -18,8 +18,7 @@ from rclpy.task import Future
 from std_msgs.msg import Empty as Nothing
 from std_srvs.srv import Empty
 
-from tof_ros.environment import rclpy_version as rclpy_version  # noqa: PLC0414 (the version of what is tried)
-from tof_ros.environment import ros_context
+from tof_ros.environment import rclpy_version, ros_context
 from tof_ros.executor import DirectExecutor
 
 if TYPE_CHECKING:

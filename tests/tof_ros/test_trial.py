@@ -98,6 +98,6 @@ def test_rclpy_s_own_runs_the_node_where_ours_fails_and_one_warning_says_so(
 
 
 def test_the_version_of_rclpy_is_known(context: Any) -> None:
-    from tof_ros.trial import rclpy_version
+    from tof_ros.environment import rclpy_version
 
     assert rclpy_version()[0].isdigit()

@@ -54,7 +54,8 @@ def middleware() -> Iterator[Finding]:
             "ROS", f"rclpy cannot be imported ({error})", "run make setup, or source /opt/ros/jazzy/setup.sh first and then make setup"
         )
         return
-    from tof_ros.trial import rclpy_version, try_here
+    from tof_ros.environment import rclpy_version
+    from tof_ros.trial import try_here
 
     sourced = os.environ.get("ROS_DISTRO", "")
     if sourced and sourced != "jazzy":
