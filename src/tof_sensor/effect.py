@@ -92,13 +92,15 @@ class Effect(ABC):
     """Of `LINEAR`, those without which it would be another effect: an offset, or stamps that are late."""
     LOCAL: ClassVar[bool] = True
     """Whether a pixel's bias depends on that pixel alone, so that `Frame.take` may thin the view."""
-    ROUGH: ClassVar[float] = 0.0
-    """Share of its own energy by which its map may be wrong, where only a coarse model of it can be computed."""
+    ROUGH: ClassVar[float] = 0.0  # Share of its own energy by which its map may be wrong, where only a coarse model of it can be computed.
     LACKS: ClassVar[float] = 0.0
     """Share of its own energy along any other effect by which its map may be short: another effect is believed beside it for more."""
     LACKS_ON_A_PART: ClassVar[float] = 0.0  # The same along an effect of one part alone.
     EXACT: ClassVar[bool] = False
     """Whether its map models neither light nor surfaces, so that nothing that is left can be the map's own error."""
+    UNEVEN: ClassVar[float] = (
+        0.1  # Spread of its size from view to view, over its mean, that it may have: formulas of the camera alone have less.
+    )
     MODULATED: ClassVar[bool] = False
     """Whether a camera has it only if it times light that it sends, modulated or pulsed: no stereo camera has it."""
     REPEATS: ClassVar[bool] = False

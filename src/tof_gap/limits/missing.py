@@ -116,6 +116,13 @@ class MissingLimits:
         why="where charge is cut off, amplitude stays as it is or falls by some per cent",
     )
     half_lost: float = param(0.5, "loss at the stated threshold amplitude", low=0.0, high=1.0, why="definition of the threshold")
+    dark_lost: float = param(
+        0.1,
+        "loss away from edges of pixels that are too dark to judge edges by",
+        low=0.0,
+        high=1.0,
+        why="a fifth of the mixed pixels asked for",
+    )
     lost_bins: int = param(40, "bins of amplitude of the predicted loss", low=2, why="loss follows amplitude closely")
     half_bins: int = param(20, "bins of amplitude of the threshold", low=2, why="the threshold is known to 5 % of the pixels")
     near_px: int = param(7, "side of the window of local loss", unit="px", low=1, high=99, why="49 pixels: a share is known to 7 %")

@@ -16,6 +16,9 @@ class ShrinkLimits:
         0.02, "RMS above the floor, relative, below which there is no gap to shrink", low=0.0, why="the floor is not known better"
     )
     noise_known: float = param(0.03, "error of the noise variance, relative", low=0.0, high=1.0, why="bins of amplitude interpolate it")
+    noise_px: int = param(
+        4, "side of the squares whose variance is noise", unit="px", low=2, high=64, why="next neighbours may share noise; a gap is wider"
+    )
     resolution: float = param(0.005, "half width of the interval", low=0.0, high=1.0, why="rounding of the depth code and of the floor")
     healthy_mm: float = param(
         0.3,
@@ -77,6 +80,12 @@ class UnexplainedLimits:
     sure: float = param(2.0, "standard deviations by which that share must be exceeded", low=0.0, why="chance: 1 in 40")
     contradicted_px: int = param(8, "side of the blocks of that share", unit="px", low=2, high=64, why="an effect may act on few pixels")
     contradicted_pixels: int = param(38, "pixels of such a block that count", low=1, why="six in ten")
+    uneven_views: float = param(
+        5.0, "views that show the size of an effect, before these may differ", low=2.0, why="a spread of four values is known to a third"
+    )
+    uneven_chance: float = param(
+        0.025, "chance by which the spread of an effect's size over the views may seem larger", low=1e-6, high=0.5, why="1 in 40"
+    )
     arms: float = param(22.5, "chi-square (6 degrees of freedom) of what all arm errors share", low=0.0, why="chance: 1 session in 1000")
     gross_share: float = param(
         0.004, "share of gross pixels away from edges", low=0.0, high=1.0, why="tools and cables stand beside the CAD"

@@ -85,9 +85,7 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
 
     filtered: (H, W) per view, pixels that a filter in the camera removed.
     """
-    inside = [expected(v, limits) & ~f for v, f in zip(views, filtered, strict=True)]
-    too_bright = brightest(views, limits)
-    losses = [lost(v, limits, too_bright) for v in views]
+    inside, losses, too_bright = _losses(views, limits, filtered)
     gone = np.concatenate([g[i] for g, i in zip(losses, inside, strict=True)])
     part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])
     known = amplitude_unit(views)
@@ -102,12 +100,27 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
     share = np.stack(
         [np.where(v.frame.valid, _rate(v, own, unit, light, gone, limits), np.nan) for v, own in zip(views, losses, strict=True)]
     )
-    half = _half_lost(light, gone, limits)
+    half = _lost_below(light, gone, limits.half_lost, limits)
     threshold, steepness = curve(light, gone) if loss.goes_with is GoesWith.LIGHT else (half, Dropout().steepness)
     effect = Dropout(threshold, steepness, min(random, 1.0))
     note = _of_median(effect.threshold, light, known=known is not None)
     rare = half == 0.0 and random < limits.lost_share
     return Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts, rare=rare)
+
+
+def least_light(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask]) -> float:
+    """Amplitude of the CAD (albedo 1, head-on from 1 m: 1) above which pixels away from edges return; 0 where loss does not follow light."""
+    inside, losses, _ = _losses(views, limits, filtered)
+    gone = np.concatenate([g[i] for g, i in zip(losses, inside, strict=True)])
+    light = np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
+    return _lost_below(light, gone, limits.dark_lost, limits) if len(light) else 0.0
+
+
+def _losses(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask]) -> tuple[list[Mask], list[Float], float]:
+    """(H, W) per view pixels that should return light and the share of captures lost there; the amplitude from which it is too much light."""
+    too_bright = brightest(views, limits)
+    inside = [expected(v, limits) & ~f for v, f in zip(views, filtered, strict=True)]
+    return inside, [lost(v, limits, too_bright) for v in views], too_bright
 
 
 def _amplitude(view: ViewEvidence) -> Float:
@@ -157,11 +170,11 @@ def _rate(view: ViewEvidence, lost_here: Float, unit: float, light: Float, gone:
     return np.asarray(0.5 * (own + uniform_filter(lost_here, limits.near_px) / cover))
 
 
-def _half_lost(light: Float, gone: Float, limits: MissingLimits) -> float:
-    """Amplitude at which half of the pixels are lost; 0 where loss does not follow amplitude."""
+def _lost_below(light: Float, gone: Float, share: float, limits: MissingLimits) -> float:
+    """Amplitude below which more than this share of the pixels is lost; 0 where loss does not follow amplitude."""
     bins = limits.half_bins
     edges = np.quantile(light, np.linspace(0, 1, bins + 1))
     which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, bins - 1)
     rate = np.array([gone[which == b].mean() if (which == b).any() else 0.0 for b in range(bins)])
-    dark = np.flatnonzero(rate > limits.half_lost)
+    dark = np.flatnonzero(rate > share)
     return float(edges[dark.max() + 1]) if len(dark) else 0.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_gap.seen.finding import Finding
 from tof_sensor.effects.flying_pixels import Edge, FlyingPixels
-from tof_sensor.frame import LIGHT_M_PER_S
+from tof_sensor.frame import LIGHT_M_PER_S, lambert_amplitude
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,9 +26,12 @@ HALF = 0.5
 """Mixed share up to which a pixel belongs to the larger surface, by definition."""
 
 
-def mixing(views: Sequence[ViewEvidence], limits: MissingLimits) -> tuple[float, int] | None:
-    """Mixed pixels that lie between their surfaces over those expected there, and the number of mixed pixels; None where edges are clean."""
-    lying, mixed = _between(views, limits)
+def mixing(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: float = 0.0) -> tuple[float, int] | None:
+    """Mixed pixels that lie between their surfaces over those expected there, and the number of mixed pixels; None where edges are clean.
+
+    least_light: amplitude of the CAD (albedo 1, head-on from 1 m: 1) below which pixels do not count, since the camera returns none.
+    """
+    lying, mixed = _between(views, limits, least_light)
     if len(mixed) < limits.mixed_pixels:
         return None
     inside = (lying > limits.between) & (lying < 1.0 - limits.between)
@@ -36,9 +39,9 @@ def mixing(views: Sequence[ViewEvidence], limits: MissingLimits) -> tuple[float,
     return None if share < limits.flying_share else (share, len(mixed))
 
 
-def flying_pixels(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | None:
+def flying_pixels(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: float = 0.0) -> Finding | None:
     """`flying_pixels` where most of the pixels that mix are measured, with the footprint and modulation frequency whose mixture fits best."""
-    found = mixing(views, limits)
+    found = mixing(views, limits, least_light)
     if found is None or found[0] < limits.unfiltered_share:
         return None
     number = found[1]
@@ -86,7 +89,7 @@ def _mixture_map(view: ViewEvidence, edge: Edge, effect: FlyingPixels) -> Float:
     return out
 
 
-def _between(views: Sequence[ViewEvidence], limits: MissingLimits) -> tuple[Float, Float]:
+def _between(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: float) -> tuple[Float, Float]:
     """Of mixed pixels at a clear step: place between the surfaces (0 own, 1 second; NaN where nothing is measured), and mixed share.
 
     Pixels that a filter in the camera removed count as well: what such a filter misses is no sign of its absence.
@@ -95,7 +98,7 @@ def _between(views: Sequence[ViewEvidence], limits: MissingLimits) -> tuple[Floa
     for v in views:
         step = v.rendering.second.astype(np.float64) - v.frame.depth
         clear = (v.rendering.mixed > limits.mixed_least) & (np.abs(step) > limits.step_mm * 1e-3)
-        clear &= np.abs(step) > limits.step_sigma * v.sigma
+        clear &= (np.abs(step) > limits.step_sigma * v.sigma) & (lambert_amplitude(v.rendering) >= least_light)
         lying.append(((v.view.depth - v.frame.depth) / np.where(step == 0, 1, step))[clear])
         mixed.append(v.rendering.mixed[clear].astype(np.float64))
     return np.concatenate(lying), np.concatenate(mixed)

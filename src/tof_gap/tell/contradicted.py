@@ -10,7 +10,9 @@ import numpy as np
 from tof_core.stats import touched
 from tof_gap.tell.account import unfounded
 from tof_gap.tell.block_means import block_means, unbiased2
+from tof_gap.tell.by_view import uneven
 from tof_gap.tell.figures import away_from_edges
+from tof_sensor.effects.interference import Interference
 from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
@@ -24,18 +26,24 @@ if TYPE_CHECKING:
 
 
 class TakenOut(NamedTuple):
-    """A cause that is not believed; contradicted: whether the views contradict its map, so that something else acts where it does."""
+    """A cause that is not believed; contradicted: whether the views contradict its map, so that something without a name acts where it does."""
 
     name: str
     contradicted: bool
 
 
 def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
-    """The cause with which the solution is not believed: one that is unfounded, else one that is contradicted; None where all stand."""
+    """The cause with which the solution is not believed: one that is unfounded, contradicted, or uneven; None where all stand.
+
+    Beside another camera's light an uneven one is that light's smooth part: nothing without a name acts there.
+    """
+    limit = config.report.unexplained
     if (name := unfounded(found, config.noise.foreign_light)) is not None:
         return TakenOut(name, contradicted=False)
-    name = contradicted(found, config.report.unexplained)
-    return None if name is None else TakenOut(name, contradicted=True)
+    if (name := contradicted(found, limit)) is not None:
+        return TakenOut(name, contradicted=True)
+    foreign = any(isinstance(f.effect, Interference) for f in found.findings)
+    return None if (name := uneven(found, limit)) is None else TakenOut(name, contradicted=not foreign)
 
 
 def contradicted(found: Account, limit: UnexplainedLimits) -> str | None:

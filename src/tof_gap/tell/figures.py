@@ -99,7 +99,8 @@ class Figures:
     def floors_shown(self) -> list[Float]:
         """(H, W) m^2 of each held-out view: the floor with the noise that its own pixels show."""
         steady = away_from_edges([self.edge[v] for v in self.held], [self._left(v) for v in self.held])
-        shown = shown2(steady, [self.noise2[v] for v in self.held], 2.0 * self.limits.shrink.noise_known)
+        limits = self.limits.shrink
+        shown = shown2(steady, [self.noise2[v] for v in self.held], 2.0 * limits.noise_known, limits.noise_px)
         return [self.floors[v] - self.noise2[v] + s for v, s in zip(self.held, shown, strict=True)]
 
     def _mixed_left(self, after: Sequence[Float]) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.stats import second_differences
+from tof_core.stats import blocks
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
@@ -24,20 +24,22 @@ def floor2(views: Sequence[ViewEvidence], covs: Float) -> Iterator[Float]:
         yield view.sigma**2 + np.einsum("hwi,ij,hwj->hw", J, cov, J)
 
 
-def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float) -> list[Float]:
+def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float, side: int) -> list[Float]:
     """(H, W) m^2 per view: the noise that pixels show beside their neighbours in what no effect explains.
 
     The energy of noise in some thousand pixels differs from its variance, by chance and by what bins of amplitude interpolate; beside a
-    gap smaller than the noise, a few percent of that variance are much of the gap's energy. Second differences hold the noise of these
-    pixels, and no smooth gap. A rough gap shows in them too: so their sum may differ from that of `noise2` by the share `known` at most.
+    gap smaller than the noise, one percent of that variance is much of the gap's energy. The variance within small squares holds the
+    noise of these very pixels, also where it is shared by next neighbours, and no gap that a square shares. A rough gap shows in it too:
+    so its sum may differ from that of `noise2` by the share `known` at most.
 
     Args:
         left: (H, W) metres of each view, NaN where a pixel does not count.
         noise2: (H, W) m^2, the noise's variance.
         known: relative error of its sum, at most.
+        side: of the squares, in pixels.
     """
     seen = [np.isfinite(r) for r in left]
-    own = [_beside(r, n) for r, n in zip(left, noise2, strict=True)]
+    own = [_within(r, n, side) for r, n in zip(left, noise2, strict=True)]
     shown, stated = (sum(float(x[s].sum()) for x, s in zip(every, seen, strict=True)) for every in (own, noise2))
     if not shown > 0.0:
         return list(noise2)
@@ -45,13 +47,11 @@ def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float) -> list
     return [scale * x for x in own]
 
 
-def _beside(residual: Float, noise2: Float) -> Float:
-    """(H, W) m^2: mean square of the second differences along row and column in whose middle a pixel is; `noise2` where there is none."""
-    total, count = np.zeros(residual.shape), np.zeros(residual.shape)
-    for axis in (0, 1):
-        square = second_differences(residual, axis) ** 2
-        middle = (slice(1, -1), slice(None)) if axis == 0 else (slice(None), slice(1, -1))
-        seen = np.isfinite(square)
-        total[middle] += np.where(seen, square, 0.0)
-        count[middle] += seen
-    return np.where(count > 0, total / np.maximum(count, 1.0), noise2)
+def _within(residual: Float, noise2: Float, side: int) -> Float:
+    """(H, W) m^2: variance of the pixels of each square, pixel by pixel; `noise2` where a pixel is alone in it."""
+    out, seen = noise2.copy(), np.isfinite(residual)
+    squares, values = blocks(seen, side), residual[seen]
+    others = (squares.count - 1)[squares.which]
+    about = (values - squares.mean(values)[squares.which]) ** 2
+    out[seen] = np.where(others > 0, about * (others + 1) / np.maximum(others, 1), noise2[seen])
+    return out

@@ -35,6 +35,7 @@ class CadDeviation(FieldEffect):
 
     NAME: ClassVar[str] = "cad_deviation"
     ORDER: ClassVar[int] = 0
+    UNEVEN: ClassVar[float] = 0.15  # Of the scene: a part is bent or moved otherwise than the map has it.
     MEANING: ClassVar[str] = "a part stands or bends otherwise than drawn"
     REMEDY: ClassVar[str] = (
         "measure the part by other means (light from its neighbours can look alike); if it is off, put it back or correct the CAD"

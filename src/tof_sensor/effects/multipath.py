@@ -32,6 +32,7 @@ class Multipath(Effect):
 
     NAME: ClassVar[str] = "multipath"
     ORDER: ClassVar[int] = 36
+    UNEVEN: ClassVar[float] = 0.15  # Of the scene: patches and albedos are coarse, by view another part of them counts.
     MEANING: ClassVar[str] = "light bounces between surfaces before it returns; inner corners are measured too far"
     REMEDY: ClassVar[str] = "mask inner corners, spray the bright neighbour matt, or choose viewpoints from which it lies out of sight"
     SEPARATED_BY: ClassVar[str] = "the same view with the neighbouring surface covered"

@@ -33,6 +33,7 @@ class Specular(Effect):
 
     NAME: ClassVar[str] = "specular"
     ORDER: ClassVar[int] = 38
+    UNEVEN: ClassVar[float] = 0.15  # Of the scene: gloss follows facets that the CAD does not have.
     MEANING: ClassVar[str] = "shiny surfaces are measured wrongly: their highlights, and where they mirror another surface"
     REMEDY: ClassVar[str] = "spray the part matt, look at it from another direction, or mask its highlights"
     SEPARATED_BY: ClassVar[str] = "the part sprayed matt"

@@ -29,6 +29,7 @@ class Subsurface(Effect):
 
     NAME: ClassVar[str] = "subsurface"
     ORDER: ClassVar[int] = 32
+    UNEVEN: ClassVar[float] = 0.15  # Of the scene: how deep light goes differs over a part.
     MEANING: ClassVar[str] = "light enters a translucent part and returns late"
     REMEDY: ClassVar[str] = "spray the part matt, or mask it: light does not return from its surface"
     SEPARATED_BY: ClassVar[str] = "the part sprayed matt"

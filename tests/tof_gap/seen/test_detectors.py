@@ -16,7 +16,7 @@ from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.line_noise import line_map, line_noise
-from tof_gap.seen.lost import _half_lost, brightest, lost, outliers_removed
+from tof_gap.seen.lost import _lost_below, brightest, least_light, lost, outliers_removed
 from tof_gap.seen.mixed import flying_pixels, mixing
 from tof_gap.seen.noise import noise_effects
 from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
@@ -155,8 +155,8 @@ def test_saturated_pixels_are_not_lost(cut_off: float) -> None:
 def test_the_threshold_is_the_amplitude_at_which_half_is_lost() -> None:
     light = np.geomspace(10, 1000, 20_000)
     gone = (light < 50.0).astype(float)
-    assert _half_lost(light, gone, MISSING) == pytest.approx(50.0, rel=0.2)
-    assert _half_lost(light, np.zeros(20_000), MISSING) == 0.0
+    assert _lost_below(light, gone, 0.5, MISSING) == pytest.approx(50.0, rel=0.2)
+    assert _lost_below(light, np.zeros(20_000), 0.5, MISSING) == 0.0
 
 
 @pytest.mark.parametrize(("jump_m", "start_m"), [(-1.5, 0.0), (1.5, -1.0)])
@@ -224,6 +224,24 @@ def at_an_edge(place: float, filtered: float = 0.0) -> list[ViewEvidence]:
 def test_what_an_edge_filter_misses_is_no_flying_pixel(filtered: float, *, named: bool) -> None:
     """The filter takes the first rows of an edge of mixed pixels."""
     assert (flying_pixels(at_an_edge(0.5, filtered), MISSING) is not None) is named
+
+
+@pytest.mark.parametrize(("dark_rows", "named"), [(0.0, False), (0.7, True)])
+def test_edges_that_are_too_dark_to_return_say_nothing_of_a_filter(dark_rows: float, *, named: bool) -> None:
+    """Seven tenths of an edge of mixed pixels return nothing: by a filter, or since nothing there returns, edge or not."""
+    rows = round(dark_rows * SHAPE[0])
+    out = []
+    for v in at_an_edge(0.5, 0.7):
+        albedo = v.rendering.albedo.copy()
+        albedo[:rows] *= 0.05
+        depth = v.view.depth.copy()
+        depth[:rows] = np.nan
+        reason = np.where(np.isfinite(depth), Reason.VALID, Reason.NO_RETURN).astype(np.uint8)
+        frame = replace(v.frame, rendering=replace(v.rendering, albedo=albedo))
+        out.append(replace(v, frame=frame, view=replace(v.view, depth=depth, reason=reason, count=np.isfinite(depth).astype(np.uint16))))
+    dim = least_light(out, MISSING, [np.zeros(SHAPE, bool)] * len(out))
+    assert (dim > 0.0) is named
+    assert (flying_pixels(out, MISSING, dim) is not None) is named
 
 
 @pytest.mark.parametrize(("place", "mixes"), [(0.0, False), (1.0, False), (0.5, True)])

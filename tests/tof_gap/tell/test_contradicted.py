@@ -14,6 +14,7 @@ from tof_gap.config import GapConfig
 from tof_gap.limits.report import UnexplainedLimits
 from tof_gap.tell import contradicted as room
 from tof_gap.tell.contradicted import TakenOut, contradicted, shares_left, taken_out
+from tof_sensor.effects.interference import Interference
 
 NOISE_M = 0.002
 HELD = (1, 4, 7, 10)
@@ -38,7 +39,7 @@ def account(left: np.ndarray, **maps: np.ndarray) -> Any:
         edge=[v.edge for v in seen],
         unsure2=np.zeros(SHAPE),
     )
-    solved = SimpleNamespace(evidence=seen, maps=figures.maps, split=SimpleNamespace(held_out=HELD))
+    solved = SimpleNamespace(evidence=seen, bare=seen, maps=figures.maps, split=SimpleNamespace(held_out=HELD))
     return SimpleNamespace(solved=solved, figures=figures, findings=())
 
 
@@ -85,3 +86,13 @@ def test_an_unfounded_cause_is_taken_out_before_a_contradicted_one(monkeypatch: 
     monkeypatch.setattr(room, "unfounded", lambda *_: None)
     assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=True)
     assert taken_out(account(np.zeros(SHAPE), lens_scatter=ramp(0.003, 0)), GapConfig()) is None
+
+
+def test_an_uneven_cause_is_contradicted_unless_foreign_light_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = account(np.zeros(SHAPE), lens_scatter=ramp(0.003, 0))
+    monkeypatch.setattr(room, "unfounded", lambda *_: None)
+    monkeypatch.setattr(room, "contradicted", lambda *_: None)
+    monkeypatch.setattr(room, "uneven", lambda *_: "lens_scatter")
+    assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=True)
+    found.findings = (SimpleNamespace(effect=Interference(burst_m=0.002)),)
+    assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=False)

@@ -31,23 +31,30 @@ def total(shown: list) -> float:  # type: ignore[type-arg]
 
 def test_the_noise_shown_is_that_of_these_very_pixels() -> None:
     noise = RNG.normal(0, 1.03 * 0.002, SHAPE)
-    assert total(shown2([noise], STATED, 0.2)) == pytest.approx((noise**2).sum() / STATED[0].sum(), rel=0.02)
+    assert total(shown2([noise], STATED, 0.2, 4)) == pytest.approx((noise**2).sum() / STATED[0].sum(), rel=0.02)
 
 
 def test_a_smooth_gap_is_no_noise() -> None:
     row, column = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    gap = 0.006 * np.sin(row / 20) * np.cos(column / 15)
+    gap = 0.003 * np.sin(row / 20) * np.cos(column / 15)
     noise = RNG.normal(0, 0.002, SHAPE)
-    assert total(shown2([noise + gap], STATED, 0.2)) == pytest.approx(total(shown2([noise], STATED, 0.2)), rel=0.02)
+    assert total(shown2([noise + gap], STATED, 0.2, 4)) == pytest.approx(total(shown2([noise], STATED, 0.2, 4)), rel=0.02)
+
+
+def test_noise_that_next_neighbours_share_is_noise() -> None:
+    """Means of two neighbours: the second differences of such noise have two thirds of its variance, squares of four 95 %."""
+    white = RNG.normal(0, 0.002, (SHAPE[0], SHAPE[1] + 1))
+    shared = (white[:, 1:] + white[:, :-1]) / np.sqrt(2.0)
+    assert total(shown2([shared], STATED, 0.5, 4)) == pytest.approx(0.95, abs=0.04)
 
 
 @pytest.mark.parametrize(("sigma", "bound"), [(0.003, 1.06), (0.001, 0.94)])
 def test_what_differs_from_the_stated_noise_by_more_than_it_is_known_is_not_the_floor(sigma: float, bound: float) -> None:
-    """A rough gap shows in second differences as noise does."""
-    assert total(shown2([RNG.normal(0, sigma, SHAPE)], STATED, 0.06)) == pytest.approx(bound)
+    """A rough gap varies within squares as noise does."""
+    assert total(shown2([RNG.normal(0, sigma, SHAPE)], STATED, 0.06, 4)) == pytest.approx(bound)
 
 
 def test_pixels_without_neighbours_keep_the_stated_noise() -> None:
     lonely = np.full(SHAPE, np.nan)
     lonely[5, 5] = 0.001
-    np.testing.assert_array_equal(shown2([lonely], STATED, 0.06)[0], STATED[0])
+    np.testing.assert_array_equal(shown2([lonely], STATED, 0.06, 4)[0], STATED[0])

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""By how much the size of each effect differs from view to view: what is an error of the camera has the same size in all."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import chi2
+
+from tof_sensor.registry import EFFECTS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float
+    from tof_gap.limits.report import UnexplainedLimits
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.tell.account import Account
+
+
+def uneven(found: Account, limit: UnexplainedLimits) -> str | None:
+    """The effect whose size differs most from view to view, in units of what it may (`Effect.UNEVEN`); None where none differs by more.
+
+    A mechanism that is not in the vocabulary, and another camera's light, make a known effect win held-out chi-square wherever its map
+    is alike in most views. From view to view its size is then another one, as a constant of the camera is not.
+    """
+    beyond = {
+        name: spread(found.solved.bare, maps, limit) / EFFECTS[name].UNEVEN
+        for name, maps in found.solved.maps.items()
+        if not EFFECTS[name].SMEARS
+    }
+    worst = max(beyond, key=beyond.__getitem__, default=None)
+    return worst if worst is not None and beyond[worst] > 1.0 else None
+
+
+def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: UnexplainedLimits) -> float:
+    """Standard deviation of the size that each view by itself gives an effect, over its mean; noise aside, least value by chance.
+
+    Views count by what they know of the size. 0 where fewer than `limit.uneven_views` know it, or where noise explains it all.
+
+    Args:
+        bare: views less all effects.
+        maps: (H, W) metres of z per view that the effect adds.
+        limit: how many views are needed, and how sure the least value is.
+    """
+    known = [_size(v, m) for v, m in zip(bare, maps, strict=True)]
+    size, information, noise = (np.array([k[i] for k in known]) for i in range(3))
+    whole = float(information.sum())
+    if not whole > 0.0:
+        return 0.0
+    views = whole**2 / float((information**2).sum())
+    if views < limit.uneven_views:
+        return 0.0
+    weight = information / whole
+    mean = float(weight @ size)
+    variance = float(weight @ (size - mean) ** 2) * views / (views - 1.0)
+    least = variance * (views - 1.0) / float(chi2.ppf(1.0 - limit.uneven_chance, views - 1.0))
+    return float(np.sqrt(max(least - float(noise.sum()) / whole, 0.0)) / max(abs(mean), 1e-12))
+
+
+def _size(view: ViewEvidence, effect: Float) -> tuple[float, float, float]:
+    """Of one view: the size of an effect in units of the solution's, what is known of it (inverse variance for unit noise), and the noise's chi-square per pixel."""
+    seen = view.smooth & np.isfinite(effect)
+    column, left = effect[seen] / view.sigma[seen], view.residual[seen] / view.sigma[seen]
+    information = float(column @ column)
+    if not information > 0.0:
+        return 0.0, 0.0, 0.0
+    return 1.0 + float(column @ left) / information, information, max(1.0, float(left @ left) / len(left))

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An effect of the camera has one size in all views; what differs from view to view is something else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_gap.limits.report import UnexplainedLimits
+from tof_gap.tell.by_view import spread, uneven
+
+LIMIT = UnexplainedLimits()
+MAP = np.broadcast_to(0.004 * np.linspace(-1.0, 1.0, SHAPE[1]), SHAPE)
+"""Metres that an effect adds to each view, from -4 mm at the left to 4 mm at the right."""
+BY_TURNS = np.where(np.arange(VIEWS) % 2, 1.0, -1.0)
+
+
+def of(sizes: np.ndarray, seed: int = 1) -> Any:
+    """Views whose error is the map times these sizes (V,), less the map: what the solution leaves."""
+    quiet = views(np.random.default_rng(seed))
+    return [replace(v, residual=v.residual + (s - 1.0) * MAP) for v, s in zip(quiet, sizes, strict=True)]
+
+
+def test_the_spread_is_the_standard_deviation_of_the_sizes_over_their_mean() -> None:
+    """Sizes of 0.7 and 1.3 by turns: 0.3 times the root of 12 / 11, and 0.71 times that with 39 chances in 40."""
+    sizes = 1.0 + 0.3 * BY_TURNS
+    certain = replace(LIMIT, uneven_chance=0.5)
+    assert spread(of(sizes), [MAP] * VIEWS, certain) == pytest.approx(0.3, rel=0.1)
+    assert spread(of(sizes), [MAP] * VIEWS, LIMIT) == pytest.approx(0.3 * np.sqrt(12 / 11) * 0.71, rel=0.1)
+
+
+def test_a_wrong_mean_size_is_no_spread() -> None:
+    assert spread(of(np.full(VIEWS, 1.3)), [MAP] * VIEWS, LIMIT) < 0.03
+
+
+def test_noise_is_no_spread() -> None:
+    """A map of 0.1 mm in noise of 4 mm: a view knows its size to 70 %, and the sizes differ by no more than that."""
+    small = 0.025 * MAP
+    for seed in range(5):
+        quiet = views(np.random.default_rng(seed))
+        sizes = [1.0 + float((small * v.residual)[v.smooth].sum() / (small**2)[v.smooth].sum()) for v in quiet]
+        assert np.std(sizes) > 0.15
+        assert spread(quiet, [small] * VIEWS, LIMIT) < 0.1
+
+
+def test_views_without_the_effect_do_not_count() -> None:
+    maps = [MAP if k % 2 else np.full(SHAPE, np.nan) for k in range(VIEWS)]
+    sizes = np.where(np.arange(VIEWS) % 2, 1.0, 9.0)
+    assert spread(of(sizes), maps, LIMIT) < 0.03
+
+
+def test_few_views_tell_nothing() -> None:
+    """Four views of an effect, of which two have none of it."""
+    maps = [MAP if k < 4 else np.zeros(SHAPE) for k in range(VIEWS)]
+    sizes = np.where(np.arange(VIEWS) < 2, 0.0, 1.0)
+    assert spread(of(sizes), maps, LIMIT) == 0.0
+    assert spread(of(sizes), maps, replace(LIMIT, uneven_views=3.0)) > 0.3
+    assert spread(of(sizes), [np.zeros(SHAPE)] * VIEWS, LIMIT) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "off", "taken"),
+    [
+        ("lens_scatter", 0.1, False),
+        ("lens_scatter", 0.18, True),
+        ("subsurface", 0.18, False),  # a map of the scene is known less well
+        ("subsurface", 0.3, True),
+        ("motion", 1.0, False),  # acts at edges, which are not judged
+    ],
+)
+def test_an_effect_is_taken_out_beyond_what_its_size_may_differ(name: str, off: float, *, taken: bool) -> None:
+    found: Any = SimpleNamespace(solved=SimpleNamespace(bare=of(1.0 + off * BY_TURNS), maps={name: [MAP] * VIEWS}))
+    assert uneven(found, LIMIT) == (name if taken else None)
+
+
+def test_of_several_effects_the_one_that_differs_most_is_taken_out() -> None:
+    """Both maps are the same, so both differ alike: the camera's may differ least."""
+    found: Any = SimpleNamespace(
+        solved=SimpleNamespace(bare=of(1.0 + 1.5 * BY_TURNS), maps={"subsurface": [MAP] * VIEWS, "wiggling": [MAP] * VIEWS})
+    )
+    assert uneven(found, LIMIT) == "wiggling"
