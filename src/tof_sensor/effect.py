@@ -98,9 +98,7 @@ class Effect(ABC):
     LACKS_ON_A_PART: ClassVar[float] = 0.0  # The same along an effect of one part alone.
     EXACT: ClassVar[bool] = False
     """Whether its map models neither light nor surfaces, so that nothing that is left can be the map's own error."""
-    UNEVEN: ClassVar[float] = (
-        0.1  # Spread of its size from view to view, over its mean, that it may have: formulas of the camera alone have less.
-    )
+    UNEVEN: ClassVar[float] = 0.1  # Spread of its size over the views, over its mean, that is allowed: the camera's formulas have less.
     MODULATED: ClassVar[bool] = False
     """Whether a camera has it only if it times light that it sends, modulated or pulsed: no stereo camera has it."""
     REPEATS: ClassVar[bool] = False
