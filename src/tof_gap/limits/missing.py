@@ -123,6 +123,7 @@ class MissingLimits:
         high=1.0,
         why="a fifth of the mixed pixels asked for",
     )
+    albedo_pixels: int = param(50, "pixels with an amplitude that state a part's albedo", low=1, why="their median is known to a tenth")
     lost_bins: int = param(40, "bins of amplitude of the predicted loss", low=2, why="loss follows amplitude closely")
     half_bins: int = param(20, "bins of amplitude of the threshold", low=2, why="the threshold is known to 5 % of the pixels")
     near_px: int = param(7, "side of the window of local loss", unit="px", low=1, high=99, why="49 pixels: a share is known to 7 %")

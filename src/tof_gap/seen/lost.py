@@ -91,9 +91,11 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
     known = amplitude_unit(views)
     unit = 1.0 if known is None else known
     light = np.concatenate([unit * lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
-    if gone.mean() < limits.lost_share and _worst_part(gone, part, light, too_bright, limits) < limits.lost_on_part:
-        return None
     seen = np.concatenate([_amplitude(v)[i] for v, i in zip(views, inside, strict=True)])
+    if gone.mean() < limits.lost_share:
+        own_light = light * albedo_ratio(seen, light, part, limits)[part]
+        if _worst_part(gone, part, own_light, too_bright, limits) < limits.lost_on_part:
+            return None
     radial = np.concatenate([v.frame.radial[i] for v, i in zip(views, inside, strict=True)])
     loss = loss_of(gone, seen, light, radial, part, limits.loss)
     random = float(gone[light > np.median(light)].mean())
@@ -134,6 +136,19 @@ def _of_median(threshold: float, light: Float, *, known: bool) -> str:
         return ""
     unit = "" if known else " (the bag has no amplitude image: amplitude is albedo cos(incidence) / r² here)"
     return f"half are lost at {threshold / float(np.median(light)):.2g} of the median amplitude{unit}"
+
+
+def albedo_ratio(seen: Float, light: Float, part: Ints, limits: MissingLimits) -> Float:
+    """(parts,) by how much each part is brighter than the CAD says: median amplitude over that of the CAD's light, 1 where hardly any is seen.
+
+    seen (n,): amplitude of pixels, NaN or 0 without one; light (n,): what the CAD's albedo would return; part (n,).
+    """
+    known = (seen > 0) & (light > 0)
+    ratios = np.ones(int(part.max(initial=-1)) + 1)
+    for number in np.flatnonzero(np.bincount(part[known], minlength=len(ratios)) >= limits.albedo_pixels):
+        mine = known & (part == number)
+        ratios[number] = np.median(seen[mine] / light[mine])
+    return ratios
 
 
 def _worst_part(gone: Float, part: Ints, light: Float, too_bright: float, limits: MissingLimits) -> float:
