@@ -30,13 +30,14 @@ LEAST_COVER = 0.1
 
 
 def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
-    """(H, W) pixels that should return light: on the CAD, not seen at grazing incidence, and away from edges.
+    """(H, W) pixels that should return light: on the CAD, not seen at grazing incidence, away from edges and from steps of a fixed pattern.
 
-    Beside an edge a lamp that stands beside the lens casts a shadow of some pixels.
+    Beside an edge a lamp that stands beside the lens casts a shadow of some pixels. A filter in the camera takes steps for edges.
     """
     grazing = view.rendering.incidence > np.radians(limits.lost_grazing_deg)
     beside = binary_dilation(view.edge, iterations=limits.edge_reach_px) if limits.edge_reach_px else view.edge
-    return np.asarray(view.frame.valid & ~beside & ~grazing)
+    smooth = view.frame.valid & ~beside & ~grazing
+    return np.asarray(smooth if view.stepped is None else smooth & ~view.stepped)
 
 
 def brightest(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from tof_gap.seen.level import noise_level
 from tof_gap.seen.residual import single
+from tof_gap.seen.steps import beside_steps
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.causes import free_shares, named, shares, smooth_ones
 from tof_gap.solve.judge import Selector
@@ -87,7 +88,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         maps=maps,
         sizes={n.name: sizes[n.name] for n in causes},
         tied=_tied(joint, {n.name for n in causes}),
-        bare=noise_again(bare) if any(n.name == FixedPattern.NAME for n in rest) else bare,
+        bare=_beside_pattern(bare, maps, config) if any(n.name == FixedPattern.NAME for n in rest) else bare,
         unnamed_m=float(np.sqrt(sum(sizes[quantity] ** 2 for quantity in free))),
         depends_on=tuple(quantity for quantity in joint.selection.unknown if quantity in free),
         small=tuple(sorted(small | {n.name for n in found if n not in rest})),
@@ -128,6 +129,12 @@ def moves_camera(effect: Effect, stated: Camera) -> bool:
 def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> tuple[ViewEvidence, ...]:
     """The views with residuals less some maps, (H, W) metres per map and view."""
     return tuple(replace(e, residual=single(e.residual - sum(np.nan_to_num(m[v]) for m in maps))) for v, e in enumerate(evidence))
+
+
+def _beside_pattern(bare: Sequence[ViewEvidence], maps: Mapping[str, Sequence[Float]], config: GapConfig) -> tuple[ViewEvidence, ...]:
+    """The views beside a pattern that was taken off: with the noise that they have now, and without loss at the steps of a pattern that is named."""
+    views, pattern = noise_again(bare), maps.get(FixedPattern.NAME)
+    return views if pattern is None else beside_steps(views, pattern, config.missing)
 
 
 def noise_again(evidence: Sequence[ViewEvidence]) -> tuple[ViewEvidence, ...]:
