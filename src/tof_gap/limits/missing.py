@@ -60,6 +60,35 @@ class LossLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class SmearLimits:
+    """When a filter in the camera mixed the depths of neighbours across edges."""
+
+    away_px: float = param(
+        2.0,
+        "distance from mixed pixels at which no light of both surfaces arrives",
+        unit="px",
+        low=1.0,
+        why="blur of the lens and half a pixel of pose reach the next pixel",
+    )
+    afar: float = param(
+        0.02,
+        "share of the pixels there that lie between both surfaces",
+        low=0.0,
+        high=1.0,
+        why="light: 0.003 at most, also beside a filter that stops at edges; means over 5 to 15 pixels: 0.035 to 0.24",
+    )
+    own: float = param(
+        0.25, "distance of such a pixel from the surface that it is of, over the step", low=0.0, high=0.5, why="surfaces slope and bend"
+    )
+    smoothing: float = param(
+        1.2,
+        "noise against the pixels two away, over that against next neighbours",
+        low=1.0,
+        why="independent pixels: 1; means over three pixels of a line: 1.6, over five: 1.4",
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class MissingLimits:
     """When missing, wrapped or mixed pixels are an effect."""
 
@@ -175,4 +204,5 @@ class MissingLimits:
     )
     fitted_mm: float = param(2.0, "predicted mixing of a pixel that is fitted", unit="mm", low=0.0, why="the usual noise")
     filter: FilterLimits = section(FilterLimits, "holes that a filter leaves")
+    smear: SmearLimits = section(SmearLimits, "edges that a filter smears")
     loss: LossLimits = section(LossLimits, "what lost pixels go with")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_gap.seen.finding import Finding
+from tof_gap.seen.smeared import smeared
 from tof_sensor.effects.flying_pixels import Edge, FlyingPixels
 from tof_sensor.frame import LIGHT_M_PER_S, lambert_amplitude
 
@@ -40,9 +41,12 @@ def mixing(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: fl
 
 
 def flying_pixels(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: float = 0.0) -> Finding | None:
-    """`flying_pixels` where most of the pixels that mix are measured, with the footprint and modulation frequency whose mixture fits best."""
+    """`flying_pixels` where most of the pixels that mix are measured, with the footprint and modulation frequency whose mixture fits best.
+
+    Not where a filter smears edges: which of their pixels light mixed is unknown.
+    """
     found = mixing(views, limits, least_light)
-    if found is None or found[0] < limits.unfiltered_share:
+    if found is None or found[0] < limits.unfiltered_share or smeared(views, limits):
         return None
     number = found[1]
     edges = [Edge.of(v.frame) for v in views]

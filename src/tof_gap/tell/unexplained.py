@@ -11,6 +11,7 @@ from scipy.ndimage import binary_dilation
 
 from tof_gap.seen.lost import brightest, expected, lost
 from tof_gap.seen.residual import gross_bound
+from tof_gap.seen.smeared import smeared
 from tof_gap.tell.block_means import block_means, unbiased2
 from tof_gap.tell.figures import away_from_edges
 from tof_gap.tell.where import by_quantity
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from tof_scene.scene import Scene
 
 LOST = "lost pixels"
+EDGES = "edge_px"
+"""What the error of a filter that smears edges depends on."""
 HAND = "hand"
 """What arm errors that all views share, or that lie along the view, depend on: the place of the camera on the hand."""
 
@@ -64,7 +67,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` or a noise was named; an error
     that only a free function of an observable describes; small effects that explain much only together; a joint fit that leaves a share
     of what it was to explain; arm errors that are alike in every view, or lie along the view beyond what the robot allows; an effect
-    that explained some of it and was taken out as `contradicted`.
+    that explained some of it and was taken out as `contradicted`; edges that a filter in the camera smears.
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, floor2 = solved.evidence, figures.floors
@@ -80,7 +83,8 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     # What appears and vanishes beside edges while the hand moves is in no model of motion.
     reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
     gross = 0.0 if gross_named else min(gross_share(v, _explained(figures), reach) for v in (views, solved.linearised))
-    depends_on = (*solved.depends_on, HAND) if solved.arms_alike > limit.arms or found.pushed else solved.depends_on
+    signs = {HAND: solved.arms_alike > limit.arms or found.pushed, EDGES: smeared(solved.bare, missing)}
+    depends_on = (*solved.depends_on, *(name for name, seen in signs.items() if seen))
     gone = _lost_pixels(found, len(scene.parts), missing)
     least_mm = limit.alone_mm if all(EFFECTS[name].EXACT for name in solved.maps) else limit.mm
     a_gap = before_mm > limit.mm

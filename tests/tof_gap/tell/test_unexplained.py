@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from tests.tof_gap import two_walls
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tests.tof_gap.two_walls import mean
 from tof_core.config import updated
 from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
@@ -24,6 +26,9 @@ from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tof_core.arrays import Float
     from tof_gap.seen.residual import ViewEvidence
 
 NOISE_M = 0.002
@@ -233,6 +238,14 @@ def test_lost_pixels_that_nothing_names_are_unexplained_where_they_are() -> None
     assert found.where == ("part_7",)
     named = Finding(Dropout(random=0.1), 1.0)
     assert not look(account(lacking, left_over(0.0), findings=(named,)), parts(8), ReportLimits(), MissingLimits()).structured
+
+
+@pytest.mark.parametrize(("firmware", "depends_on"), [(mean, ("edge_px",)), (np.asarray, ())])
+def test_edges_that_a_filter_smears_are_unexplained(firmware: Callable[[Float], Float], depends_on: tuple[str, ...]) -> None:
+    seen = two_walls.session(firmware=firmware)
+    found = look(account(seen, left_over(0.0)), parts(1), ReportLimits(), MissingLimits())
+    assert found.structured == bool(depends_on)
+    assert found.depends_on == depends_on
 
 
 def test_misfit_is_the_share_of_the_chi_square_above_the_floor() -> None:
