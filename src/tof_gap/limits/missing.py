@@ -166,6 +166,14 @@ class MissingLimits:
     turn_start: float = param(
         0.02, "quantile of the wrapped pixels' range that is the stated start", low=0.0, high=0.5, why="2 % may be outliers"
     )
+    lamp_m: float = param(
+        0.05,
+        "farthest place of the lamp beside the lens, for its shadows",
+        unit="m",
+        low=1e-3,
+        high=0.5,
+        why="hand-held cameras: 2 to 4 cm",
+    )
     edge_reach_px: int = param(
         4,
         "distance beyond the edge band where jumps may be edges, and lost pixels shadows of the lamp",

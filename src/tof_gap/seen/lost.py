@@ -9,17 +9,18 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_fill_holes, label, uniform_filter
 
 from tof_core.reasons import Reason
-from tof_core.stats import pairs_below
 from tof_gap.seen.finding import LOSS_CONFIDENT, Finding
 from tof_gap.seen.loss import GoesWith, curve, loss_of
+from tof_gap.seen.lost_on_part import neighbours_span, own_light, worst_part
 from tof_gap.seen.session import amplitude_unit
+from tof_gap.seen.shadow import shadowed
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.frame import lambert_amplitude
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Ints, Mask
+    from tof_core.arrays import Float, Mask
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
 
@@ -32,11 +33,12 @@ LEAST_COVER = 0.1
 def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
     """(H, W) pixels that should return light: on the CAD, not seen at grazing incidence, away from edges and from steps of a fixed pattern.
 
-    Beside an edge a lamp that stands beside the lens casts a shadow of some pixels. A filter in the camera takes steps for edges.
+    Beside an edge a lamp that stands beside the lens casts a shadow, of some pixels or, of near surfaces, of many. A filter in the camera
+    takes steps for edges.
     """
     grazing = view.rendering.incidence > np.radians(limits.lost_grazing_deg)
     beside = binary_dilation(view.edge, iterations=limits.edge_reach_px) if limits.edge_reach_px else view.edge
-    smooth = view.frame.valid & ~beside & ~grazing
+    smooth = view.frame.valid & ~beside & ~grazing & ~shadowed(view.frame.depth, view.frame.camera, limits.lamp_m)
     return np.asarray(smooth if view.stepped is None else smooth & ~view.stepped)
 
 
@@ -94,8 +96,8 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
     light = np.concatenate([unit * lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
     seen = np.concatenate([_amplitude(v)[i] for v, i in zip(views, inside, strict=True)])
     if gone.mean() < limits.lost_share:
-        own_light = light * albedo_ratio(seen, light, part, limits)[part]
-        if _worst_part(gone, part, own_light, too_bright, limits) < limits.lost_on_part:
+        spans = np.concatenate([neighbours_span(v, limits)[i] for v, i in zip(views, inside, strict=True)])
+        if worst_part(gone, part, own_light(seen, light, part, limits), spans, too_bright, limits) < limits.lost_on_part:
             return None
     radial = np.concatenate([v.frame.radial[i] for v, i in zip(views, inside, strict=True)])
     loss = loss_of(gone, seen, light, radial, part, limits.loss)
@@ -137,42 +139,6 @@ def _of_median(threshold: float, light: Float, *, known: bool) -> str:
         return ""
     unit = "" if known else " (the bag has no amplitude image: amplitude is albedo cos(incidence) / r² here)"
     return f"half are lost at {threshold / float(np.median(light)):.2g} of the median amplitude{unit}"
-
-
-def albedo_ratio(seen: Float, light: Float, part: Ints, limits: MissingLimits) -> Float:
-    """(parts,) by how much each part is brighter than the CAD says: median amplitude over that of the CAD's light, 1 where hardly any is seen.
-
-    seen (n,): amplitude of pixels, NaN or 0 without one; light (n,): what the CAD's albedo would return; part (n,).
-    """
-    known = (seen > 0) & (light > 0)
-    ratios = np.ones(int(part.max(initial=-1)) + 1)
-    for number in np.flatnonzero(np.bincount(part[known], minlength=len(ratios)) >= limits.albedo_pixels):
-        mine = known & (part == number)
-        ratios[number] = np.median(seen[mine] / light[mine])
-    return ratios
-
-
-def _worst_part(gone: Float, part: Ints, light: Float, too_bright: float, limits: MissingLimits) -> float:
-    """Largest share that any part loses of its pixels; parts that are hardly seen do not count.
-
-    Neither do pixels whose light is among the session's weakest, where every camera loses some, nor parts whose brightest pixels are
-    the ones lost, by light that saturates others of this session.
-    """
-    usual = light > np.quantile(light, limits.weakest)
-    worst = 0.0
-    for number in np.flatnonzero(np.bincount(part) >= limits.part_pixels):
-        mine = (part == number) & usual
-        away, kept = light[mine & (gone > 0.5)], light[mine & (gone <= 0.5)]
-        if mine.sum() < limits.part_pixels or (len(away) and len(kept) and _saturates(away, kept, too_bright, limits)):
-            continue
-        worst = max(worst, float(gone[mine].mean()))
-    return worst
-
-
-def _saturates(away: Float, kept: Float, too_bright: float, limits: MissingLimits) -> bool:
-    """Whether pixels lost have more light than those kept, and as much as saturates."""
-    brighter = pairs_below(np.sort(kept), away) / (len(kept) * len(away))
-    return brighter > limits.brighter and float(np.median(away)) > too_bright
 
 
 def _rate(view: ViewEvidence, lost_here: Float, unit: float, light: Float, gone: Float, limits: MissingLimits) -> Float:

@@ -147,7 +147,9 @@ def test_what_a_part_loses_in_the_weakest_light_of_the_session_every_camera_lose
         part[40:50, 50:58] = 1
         count = np.where(part == 1, half.view.count, whole.view.count)
         rendering = replace(whole.rendering, part=part, albedo=np.where(part == 1, np.float32(albedo), whole.rendering.albedo))
-        out.append(replace(whole, frame=replace(whole.frame, rendering=rendering), view=replace(whole.view, count=count)))
+        amplitude = np.where(part == 1, np.float32(albedo / 0.5), np.float32(1.0)) * whole.view.amplitude
+        view = replace(whole.view, count=count, amplitude=amplitude)
+        out.append(replace(whole, frame=replace(whole.frame, rendering=rendering), view=view))
     assert [f.name for f in missing_effects(out, MissingLimits())] == names
 
 

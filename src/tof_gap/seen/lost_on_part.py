@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether one part loses pixels that it should return, by its own light and beside what a filter in the camera takes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tof_core.stats import pairs_below
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Ints
+    from tof_gap.limits.missing import MissingLimits
+    from tof_gap.seen.residual import ViewEvidence
+
+
+def own_light(seen: Float, light: Float, part: Ints, limits: MissingLimits) -> Float:
+    """(n,) amplitude of each pixel: the measured one, or that of the CAD's light with the albedo that its part shows elsewhere.
+
+    scene.yaml may miss the albedo for infrared light by far.
+
+    Args:
+        seen: (n,) measured amplitude, NaN or 0 without one.
+        light: (n,) what the CAD's albedo would return, in the same unit.
+        part: (n,) of which part each pixel is.
+        limits: how many pixels state an albedo.
+    """
+    known = (seen > 0) & (light > 0)
+    out = light.copy()
+    for number in np.flatnonzero(np.bincount(part[known]) >= limits.albedo_pixels):
+        mine = part == number
+        out[mine] *= np.median(seen[known & mine] / light[known & mine])
+    return np.where(known, seen, out)
+
+
+def neighbours_span(view: ViewEvidence, limits: MissingLimits) -> Float:
+    """(H, W) depth that slope and noise of one capture span over a neighbourhood, over what a filter in the camera passes.
+
+    A filter passes the rise of a surface at `lost_grazing_deg`, beyond which missing pixels are usual.
+    """
+    flat = 2.0 * view.frame.depth * view.view.camera.pixel_angle
+    slope = np.tan(view.rendering.incidence.astype(np.float64))
+    noise = limits.filter.noise_sigma * np.sqrt(view.view.captures) * view.sigma
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.hypot(flat * slope, noise) / (flat * np.tan(np.radians(limits.lost_grazing_deg))))
+
+
+def worst_part(gone: Float, part: Ints, light: Float, spans: Float, too_bright: float, limits: MissingLimits) -> float:
+    """Largest share that any part loses of its pixels; parts that are hardly seen do not count.
+
+    Neither do pixels whose light is among the session's weakest, where every camera loses some, nor parts whose brightest pixels are
+    the ones lost, by light that saturates others of this session; nor parts whose slope and noise a filter does not pass, if light
+    does not tell the pixels lost from those kept.
+
+    Args:
+        gone: (n,) share of captures in which a pixel is lost.
+        part: (n,) its part.
+        light: (n,) its amplitude (`own_light`).
+        spans: (n,) `neighbours_span`.
+        too_bright: amplitude that saturates.
+        limits: what counts.
+    """
+    usual = light > np.quantile(light, limits.weakest)
+    worst = 0.0
+    for number in np.flatnonzero(np.bincount(part) >= limits.part_pixels):
+        mine = (part == number) & usual
+        away, kept = mine & (gone > 0.5), mine & (gone <= 0.5)
+        if mine.sum() < limits.part_pixels:
+            continue
+        if away.any() and kept.any():
+            brighter = pairs_below(np.sort(light[kept]), light[away]) / (int(kept.sum()) * int(away.sum()))
+            if brighter > limits.brighter and float(np.median(light[away])) > too_bright:
+                continue
+            if 1.0 - brighter < limits.filter.dimmer and float(np.nanmedian(spans[away])) > 1.0:
+                continue
+        worst = max(worst, float(gone[mine].mean()))
+    return worst

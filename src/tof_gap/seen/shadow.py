@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where near surfaces may stand between the camera's lamp and what the lens sees."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import maximum_filter
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float, Mask
+    from tof_core.camera import Camera
+
+BLOCK_PX = 4
+"""Side of the blocks in which shadows are looked for: lost pixels are judged by the thousand."""
+
+
+def shadowed(depth: Float, camera: Camera, lamp_m: float) -> Mask:
+    """(H, W) pixels that a lamp up to `lamp_m` beside the lens, on whatever side, may not reach.
+
+    From a lamp b beside the lens, a surface at depth n hides what is farther away, at depth z, up to f b (1 / n - 1 / z) pixels beside it.
+    The last block of that is left out, so that slopes hide nothing.
+
+    Args:
+        depth: (H, W) metres of the CAD, NaN off it.
+        camera: its focal length.
+        lamp_m: farthest place of the lamp, metres.
+    """
+    with np.errstate(divide="ignore"):
+        nearness = np.where(np.isfinite(depth) & (depth > 0), 1.0 / depth, 0.0)
+    reach = nearest = _blocks(nearness)
+    step = BLOCK_PX / (max(camera.fx, camera.fy) * lamp_m)
+    least = float(nearness[nearness > 0].min(initial=np.inf))
+    for _ in range(int(np.ceil(max(float(nearest.max()) - least, 0.0) / step))):
+        spread = np.maximum(reach, maximum_filter(reach, 3) - step)
+        if np.array_equal(spread, reach):
+            break
+        reach = spread
+    rows, columns = (np.minimum(np.arange(n) // BLOCK_PX, m - 1) for n, m in zip(depth.shape, reach.shape, strict=True))
+    return np.asarray((nearness > 0) & (reach[np.ix_(rows, columns)] > nearness + step))
+
+
+def _blocks(nearness: Float) -> Float:
+    """The nearest surface of each block of pixels; the last blocks may be smaller."""
+    h, w = (BLOCK_PX * -(-n // BLOCK_PX) for n in nearness.shape)
+    padded = np.zeros((h, w))
+    padded[: nearness.shape[0], : nearness.shape[1]] = nearness
+    return np.asarray(padded.reshape(h // BLOCK_PX, BLOCK_PX, w // BLOCK_PX, BLOCK_PX).max(axis=(1, 3)))
