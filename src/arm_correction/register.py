@@ -14,6 +14,7 @@ from arm_correction.starts import spread_starts
 from arm_correction.unknown import SCALE, Unknown, inflation_of, smallest_motion, unknown_directions
 from tof_align.robust import tukey
 from tof_core import se3
+from tof_core.shares import in_percent
 from tof_core.stats import robust_std
 
 if TYPE_CHECKING:
@@ -252,9 +253,9 @@ def judge(matcher: Matcher, T: Float, misfit: float, *, far: bool, rivalry: floa
     if len(e) < trust.min_pixels:
         reason = f"low support: only {len(e)} pixels see what the reference sees (at least {trust.min_pixels})"
     elif overlap < trust.min_overlap:
-        reason = f"low support: {100 * overlap:.0f} % of the view lies in the reference (at least {100 * trust.min_overlap:.0f} %)"
+        reason = f"low support: {in_percent(overlap)} of the view lies in the reference (at least {in_percent(trust.min_overlap)})"
     elif support < trust.min_support:
-        reason = f"low support: {100 * support:.0f} % of {len(e)} pixels agree (at least {100 * trust.min_support:.0f} %)"
+        reason = f"low support: {in_percent(support)} of {len(e)} pixels agree (at least {in_percent(trust.min_support)})"
     elif unknown.rank == 0:
         reason = "no direction is determined"
     elif rivalry < trust.rival and unknown.rank == 6:

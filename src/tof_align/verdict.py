@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core import se3
+from tof_core.shares import in_percent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -123,13 +124,13 @@ def judge(
     if fit.pixels < limits.min_pixels:
         reason = f"only {fit.pixels} pixels see the CAD (at least {limits.min_pixels})"
     elif fit.support < limits.min_support:
-        reason = f"fits nowhere: {100 * fit.support:.0f} % of {fit.pixels} pixels within {limits.support_mm:g} mm of the CAD"
+        reason = f"fits nowhere: {in_percent(fit.support)} of {fit.pixels} pixels within {limits.support_mm:g} mm of the CAD"
     elif disputed[0] < limits.min_support:
-        reason = f"of the pixels that determine how it {disputed[1]}, {100 * disputed[0]:.0f} % agree with the CAD: a part is missing, or the pose is wrong"
+        reason = f"of the pixels that determine how it {disputed[1]}, {in_percent(disputed[0])} agree with the CAD: a part is missing, or the pose is wrong"
     elif step > limits.max_step:
         reason = f"{metres * 1000:.0f} mm and {degrees:.1f}° from the robot's pose, {step:.1f} times what its error allows"
     elif fit.pixels * fit.support < limits.fewer * seed.pixels * seed.support and fit.score > seed.score:
-        reason = f"no better than the robot's pose ({100 * fit.support:.0f} % against {100 * seed.support:.0f} % agree)"
+        reason = f"no better than the robot's pose ({in_percent(fit.support)} against {in_percent(seed.support)} agree)"
     accepted = not reason
     return Verdict(accepted, reason or _praise(null, apart), seed, fit, metres * 1000, degrees, step, null)
 

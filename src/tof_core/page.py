@@ -9,6 +9,8 @@ import shlex
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from tof_core.shares import in_percent
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -66,7 +68,7 @@ def noted_command() -> list[str]:
 def render_page(package: str, template: str, title: str, **values: Any) -> str:
     """A page as HTML text: the template of a package, which extends `frame.html.j2`, with a title and its values.
 
-    The frame adds the date, the version of toftwin and the command line. Values are escaped.
+    The frame adds the date, the version of toftwin and the command line. Values are escaped. The filter `in_percent` states a share.
     """
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
@@ -77,6 +79,7 @@ def render_page(package: str, template: str, title: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["in_percent"] = in_percent
     made = {"date": f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}", "version": version(), "command": _command}
     return environment.get_template(template).render(palette=PALETTE, title=title, made=made, **values)
 

@@ -9,8 +9,15 @@ LEAST = 0.001
 """Share below which no figure is stated for it."""
 
 
-def in_percent(share: float) -> str:
-    """A share in per cent, of one decimal where it is small; "0 %" stands for nothing but 0, and for less by rounding of sums."""
+def in_percent(share: float, decimals: int | None = None) -> str:
+    """A share in per cent, of one decimal where it is small; "0 %" stands for nothing but 0, and for less by rounding of sums.
+
+    Args:
+        share: 1 is all.
+        decimals: decimals of every share, for columns of a table and for shares near 1.
+    """
+    if decimals is not None:
+        return f"{100 * share:.{decimals}f} %"
     if abs(share) < LEAST:
         return f"under {100 * LEAST:.1f} %" if share > 0.0 else "0 %"
     return f"{100 * share:.{1 if abs(share) < WHOLE else 0}f} %"

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 def methods_table(methods: Mapping[str, Any]) -> str:
     """One line a method, over all views."""
     lines = [
-        f"{'method':<14}{'MAE mm':>9}{'bias mm':>9}{'RMSE mm':>9}{'complete':>10}{'align %':>9}{'equal cov. MAE':>16}{'flying left':>13}{'ms':>8}"
+        f"{'method':<14}{'MAE mm':>9}{'bias mm':>9}{'RMSE mm':>9}{'complete %':>12}{'align %':>9}{'equal cov. MAE':>16}{'flying left %':>15}{'ms':>8}"
     ]
     for name, m in methods.items():
         a = m["all"]
         lines.append(
-            f"{name:<14}{_n(a['mae_mm']):>9}{_n(a['bias_mm']):>9}{_n(a['rmse_mm']):>9}{_p(a['completeness']):>10}{_n(a['alignment'], 3):>9}"
-            f"{_n(m['equal_coverage']['mae_mm']):>16}{_p(m['flying_left_wrong']):>13}{_n(m['ms_per_frame'], 1):>8}"
+            f"{name:<14}{_n(a['mae_mm']):>9}{_n(a['bias_mm']):>9}{_n(a['rmse_mm']):>9}{_p(a['completeness']):>12}{_n(a['alignment'], 3):>9}"
+            f"{_n(m['equal_coverage']['mae_mm']):>16}{_p(m['flying_left_wrong']):>15}{_n(m['ms_per_frame'], 1):>8}"
         )
     return "\n".join(lines)
 
@@ -39,10 +39,10 @@ def captures_table(methods: Mapping[str, Any]) -> str:
 
 
 def depth_table(rows: Iterable[tuple[str, DepthError]]) -> str:
-    """One line a row: errors in mm, completeness and alignment rate in per cent, pixels."""
-    head = f"{'depth':<28}{'MAE mm':>9}{'RMSE mm':>9}{'bias mm':>9}{'complete':>10}{'alignment':>11}{'pixels':>12}"
+    """One line a row: errors, completeness, alignment rate, pixels."""
+    head = f"{'depth':<28}{'MAE mm':>9}{'RMSE mm':>9}{'bias mm':>9}{'complete %':>12}{'alignment %':>13}{'pixels':>12}"
     lines = [
-        f"{name:<28}{1e3 * e.mae:>9.2f}{1e3 * e.rmse:>9.2f}{1e3 * e.bias:>+9.2f}{e.completeness:>10.1%}{e.alignment:>10.2f}%{e.pixels:>12,}"
+        f"{name:<28}{1e3 * e.mae:>9.2f}{1e3 * e.rmse:>9.2f}{1e3 * e.bias:>+9.2f}{_p(e.completeness):>12}{e.alignment:>13.2f}{e.pixels:>12,}"
         for name, e in rows
     ]
     return "\n".join([head, *lines])
@@ -62,5 +62,5 @@ def _n(value: float | None, digits: int = 2) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-def _p(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1%}"
+def _p(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from tof_core.shares import in_percent
 from tof_infer.report import HONEST, TWO_SIGMA
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def sentence(methods: Mapping[str, Any]) -> str:
     before = methods[first]["equal_coverage"]["mae_mm"]
     words = f"{_capital(called(name))} has the least error: {error:.2f} mm in the mean, where {called(first)} has {before:.2f} mm"
     lost = methods[first]["all"]["completeness"] - m["all"]["completeness"]
-    return words + (f". It leaves {100 * lost:.0f} % of the pixels without a depth." if lost > LOST else ".")
+    return words + (f". It leaves {in_percent(lost)} of the pixels without a depth." if lost > LOST else ".")
 
 
 def todo(methods: Mapping[str, Any]) -> list[str]:
@@ -69,7 +70,7 @@ def todo(methods: Mapping[str, Any]) -> list[str]:
         )
     far = [n for n, m in methods.items() if m["within_2_sigma"] is not None and m["within_2_sigma"] < TWO_SIGMA - HONEST]
     if far:
-        shares = " and ".join(f"{100 * methods[n]['within_2_sigma']:.0f} % of the errors of {called(n)}" for n in far)
+        shares = " and ".join(f"{in_percent(methods[n]['within_2_sigma'])} of the errors of {called(n)}" for n in far)
         lines.append(f"Do not take sigma for the whole error: two sigma hold {shares}; 95 % is right.")
     return lines
 
@@ -79,7 +80,7 @@ def _use(name: str, methods: Mapping[str, Any]) -> str:
     first = name.rstrip("0123456789")
     captures, single = name[len(first) :], methods.get(first)
     if captures and single and methods[name]["equal_coverage"]["mae_mm"] > (1.0 - WON) * single["equal_coverage"]["mae_mm"]:
-        return f"One capture of each view is enough: {captures} captures win less than {100 * WON:.0f} % of the error."
+        return f"One capture of each view is enough: {captures} captures win less than {in_percent(WON)} of the error."
     if captures:
         return f"Take {captures} captures of each view while the camera stands still; toftwin label and the node preproc combine them."
     return {

@@ -14,6 +14,7 @@ from tof_core.builder import CaptureBuilder
 from tof_core.config import param, section
 from tof_core.live import ManagedOptions, depth_code
 from tof_core.options import NOT_WANTED, BagOptions
+from tof_core.shares import in_percent
 from tof_core.topics import Topics, base_topic
 from tof_infer.config import InferConfig
 from tof_infer.frames import Mark
@@ -126,7 +127,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
         out = [self._refusal] if self._refusal else []
         if self._kept > 0.5:
             out.append(
-                f"the network leaves {100 * self._kept:.0f} % of the last frame as measured; check that it was trained for this camera and these ranges"
+                f"the network leaves {in_percent(self._kept)} of the last frame as measured; check that it was trained for this camera and these ranges"
             )
         return out
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tof_core.page import PALETTE, axes, figure_uri, render_page
+from tof_core.shares import in_percent
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -62,7 +63,7 @@ def sentence(figures: Mapping[str, Any]) -> str:
         return "The network repairs no pixel: its sigma is nowhere below the limit."
     if mae >= raw:
         return f"The network repairs nothing: the mean error is {mae:.2f} mm where raw depth has {raw:.2f} mm."
-    return f"The network brings the mean error from {raw:.2f} to {mae:.2f} mm, on the {figures['val_known']:.0%} of the pixels that it repairs."
+    return f"The network brings the mean error from {raw:.2f} to {mae:.2f} mm, on the {in_percent(figures['val_known'])} of the pixels that it repairs."
 
 
 def todo(card: Card) -> list[str]:
@@ -83,7 +84,9 @@ def todo(card: Card) -> list[str]:
         lines.append("Use it in the trained scenes alone: in scenes that it has never seen it repairs nothing.")
     one, two = figures["val_within_1_sigma"], figures["val_within_2_sigma"]
     if abs(one - ONE_SIGMA) > HONEST or abs(two - TWO_SIGMA) > HONEST:
-        lines.append(f"Do not rely on sigma yet: {one:.0%} of the errors are within one and {two:.0%} within two; wanted are 68 and 95 %.")
+        lines.append(
+            f"Do not rely on sigma yet: {in_percent(one)} of the errors are within one and {in_percent(two)} within two; wanted are 68 and 95 %."
+        )
     if _still_falls(card.curves):
         lines.append("Train longer: the validation error was still falling at the end.")
     return lines

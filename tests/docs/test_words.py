@@ -128,3 +128,10 @@ def test_nothing_in_the_code_points_outside_the_repository(repository: Path) -> 
     for path in sources(repository):
         name = path.relative_to(repository).as_posix()
         assert not outside.search(path.read_text(encoding="utf-8")), name
+
+
+def test_a_percentage_has_a_space_before_its_sign(repository: Path) -> None:
+    tight = re.compile(r"\d%(?![\d(\"';:}])|:[\d.<>+]*%\}")  # A literal, or a format of Python's that writes one.
+    pages = [p for p in sources(repository) if p.suffix != ".j2" and p.name != "figures.md"]
+    left = {p.relative_to(repository).as_posix(): tight.findall(p.read_text(encoding="utf-8")) for p in pages}
+    assert {name: hits for name, hits in left.items() if hits} == {}

@@ -41,4 +41,4 @@ def test_nothing_compared_is_nan() -> None:
 def test_the_table_is_in_millimetres() -> None:
     pooled = PooledError()
     pooled.add(np.full((2, 2), 1.5, np.float32), np.ones((2, 2), np.float32))
-    assert depth_table([("raw", pooled.error)]).splitlines()[1].split() == ["raw", "500.00", "500.00", "+500.00", "100.0%", "50.00%", "4"]
+    assert depth_table([("raw", pooled.error)]).splitlines()[1].split() == ["raw", "500.00", "500.00", "+500.00", "100.0", "50.00", "4"]

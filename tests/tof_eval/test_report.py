@@ -40,6 +40,6 @@ def test_the_tables_are_in_millimetres_with_a_dash_where_nothing_is_known() -> N
     true = np.full(CAMERA.shape, 1.0, np.float32)
     found = compare([Judged((capture(true + 0.004),), true, rendering(true), 0)], [Raw()], ("left", "right"))
     row = methods_table(found.result["methods"]).splitlines()[1].split()
-    assert row[:6] == ["raw", "4.00", "4.00", "4.00", "100.0%", "99.600"]
+    assert row[:6] == ["raw", "4.00", "4.00", "4.00", "100.0", "99.600"]
     assert row[7] == "-", "no flying pixel was there"
     assert captures_table(found.result["methods"]).splitlines()[-1].split() == ["1", "99.600"]

@@ -20,7 +20,7 @@ def card(**figures: Any) -> Card:
 
 
 def test_the_verdict_is_of_the_pixels_that_are_repaired() -> None:
-    assert sentence(GOOD) == "The network brings the mean error from 4.00 to 1.00 mm, on the 80% of the pixels that it repairs."
+    assert sentence(GOOD) == "The network brings the mean error from 4.00 to 1.00 mm, on the 80 % of the pixels that it repairs."
     assert sentence({**GOOD, "val_mae_known_mm": 4.5}).startswith("The network repairs nothing")
     assert sentence({**GOOD, "val_mae_known_mm": None}).startswith("The network repairs no pixel")
 

@@ -111,7 +111,7 @@ def test_a_good_bag_needs_no_mending_and_its_reading_is_told(tmp_path: Path) -> 
     assert "120x90, fx 105.0, 59.5 x 46.4 degrees" in text
     assert "cell -> body -> hand_depth_sensor" in text
     assert "all 12 frames have a pose" in text
-    assert "100% of pixels valid" in text
+    assert "100 % of pixels valid" in text
     assert any(f.check == "z or radial" and f.level is Level.OK for f in said)
 
 
@@ -130,7 +130,7 @@ FAULTS = {
     "TF with a hole": (Robot(tf_hole=(10, 40)), "TF gaps", "of 12 frames have no pose", "--max-gap-s"),
     "frozen": (Robot(frozen=True), "frozen frames", "11 of 12", "restart the camera"),
     "no stamps": (Robot(stamped=False), "stamps", "no header stamps", "acquisition time"),
-    "black": (Robot(black=True), "invalid codes", "0% of pixels valid", "lens is free"),
+    "black": (Robot(black=True), "invalid codes", "0 % of pixels valid", "lens is free"),
 }
 
 

@@ -125,7 +125,7 @@ def _clue(unexplained: dict[str, Any]) -> str:
 
 def _gross(share: float) -> str:
     """Pixels that no bias explains, as a sentence."""
-    return f"{100 * share:.1f} % of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
+    return f"{in_percent(share, 1)} of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
 
 
 def _resembles(names: Sequence[str]) -> str:

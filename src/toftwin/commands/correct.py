@@ -6,6 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tof_core.shares import in_percent
+
 if TYPE_CHECKING:
     import argparse
 
@@ -120,4 +122,4 @@ def _print(made: dict[str, Any], *, as_json: bool) -> None:
             xyz = " ".join(f"{v:.4f}" for v in found["target"]["xyz"])
             xyzw = " ".join(f"{v:.5f}" for v in found["target"]["xyzw"])
             print(f"  move the hand by {mm:.1f} mm and {deg:.2f} deg, to {xyz} {xyzw} in {c.frame}")
-        print(f"  {100 * found['support']:.0f} % of {found['pixels']:.0f} pixels agree, {found['rms_mm']:.2f} mm RMS")
+        print(f"  {in_percent(found['support'])} of {found['pixels']:.0f} pixels agree, {found['rms_mm']:.2f} mm RMS")

@@ -6,6 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tof_core.shares import in_percent
+
 if TYPE_CHECKING:
     import argparse
 
@@ -65,8 +67,8 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(tally.to_dict(), indent=1))
         return 0
     print(
-        f"{tally.frames} frames to {args.out}: {tally.share('repaired'):.1%} of their pixels repaired, {tally.share('raw_kept'):.1%} kept raw "
-        f"(sigma infinite), {tally.share('invalid'):.1%} without depth"
+        f"{tally.frames} frames to {args.out}: {in_percent(tally.share('repaired'), 1)} of their pixels repaired, {in_percent(tally.share('raw_kept'), 1)} kept raw "
+        f"(sigma infinite), {in_percent(tally.share('invalid'), 1)} without depth"
     )
     print(f"{tally.median_ms:.1f} ms a frame on {tally.device} ({tally.model})")
     return 0

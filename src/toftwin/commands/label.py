@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tof_core.errors import UsageError
+from tof_core.shares import in_percent
 
 if TYPE_CHECKING:
     import argparse
@@ -206,5 +207,5 @@ def unsure(sigma_mm: float, config: LabelConfig, *, joint: bool) -> str:
 def _usable(result: LabelResult) -> str:
     """How many pixels may be trained on, and why the others may not."""
     total = max(result.reasons.total(), 1)
-    shares = [f"{name} {100 * count / total:.1f} %" for name, count in result.reasons.most_common() if name != "usable"]
-    return f"labels usable in {100 * result.reasons['usable'] / total:.1f} % of all pixels; the others: {', '.join(shares) or 'none'}"
+    shares = [f"{name} {in_percent(count / total, 1)}" for name, count in result.reasons.most_common() if name != "usable"]
+    return f"labels usable in {in_percent(result.reasons['usable'] / total, 1)} of all pixels; the others: {', '.join(shares) or 'none'}"

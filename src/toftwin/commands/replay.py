@@ -135,8 +135,8 @@ def _print(result: ReplayResult, comparison: RunComparison | None, args: argpars
 def _print_comparison(comparison: RunComparison) -> None:
     from tof_eval.runs import tolerance_of
 
-    print(f"{'topic':<24}{'messages':>10}{'largest difference':>20}{'allowed':>12}{'in pixels':>12}")
+    print(f"{'topic':<24}{'messages':>10}{'largest difference':>20}{'allowed':>12}{'in % of pixels':>16}")
     for topic, count in sorted(comparison.compared.items()):
         t = tolerance_of(topic)
-        print(f"{topic:<24}{count:>10}{comparison.largest[topic]:>20.3g}{t.absolute:>12g}{t.share:>12.2%}")
+        print(f"{topic:<24}{count:>10}{comparison.largest[topic]:>20.3g}{t.absolute:>12g}{100 * t.share:>16.2f}")
     print("the runs agree" if comparison.same else f"the runs differ: {comparison.first}")

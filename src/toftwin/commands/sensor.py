@@ -6,6 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tof_core.shares import in_percent
+
 if TYPE_CHECKING:
     import argparse
 
@@ -70,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     print(
         f"{tally.frames} frames to {args.out}: {', '.join(tally.effects) or 'no effect'}; depth changes by {counts['rms_mm']:.2f} mm RMS, "
-        f"{counts['lost']:.1%} of the pixels are lost; {counts['ms_per_frame']:.1f} ms of processor a frame"
+        f"{in_percent(counts['lost'])} of the pixels are lost; {counts['ms_per_frame']:.1f} ms of processor a frame"
     )
     if tally.without_effect:
         print(f"without a scene these effects do nothing: {', '.join(tally.without_effect)} (pass --scene)")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tof_core.errors import UsageError
+from tof_core.shares import in_percent
 
 if TYPE_CHECKING:
     import argparse
@@ -231,10 +232,10 @@ def _print(card: Card, out: Path) -> None:
     where = "other stations" if card.split["by"] == "station" else "the other half"
     print(f"validation ({card.split['val_views']} views of {where}): MAE {f['val_mae_mm']:.2f} mm, raw {f['val_raw_mae_mm']:.2f} mm")
     if f["val_mae_known_mm"] is not None:
-        print(f"pixels that it repairs ({f['val_known']:.1%}): MAE {f['val_mae_known_mm']:.2f} mm")
-    print(f"errors within 1 sigma {f['val_within_1_sigma']:.1%}, within 2 sigma {f['val_within_2_sigma']:.1%}")
+        print(f"pixels that it repairs ({in_percent(f['val_known'], 1)}): MAE {f['val_mae_known_mm']:.2f} mm")
+    print(f"errors within 1 sigma {in_percent(f['val_within_1_sigma'], 1)}, within 2 sigma {in_percent(f['val_within_2_sigma'], 1)}")
     if "unseen_mae_mm" in f:
         print(
-            f"scenes never seen: MAE {f['unseen_mae_mm']:.2f} mm, raw {f['unseen_raw_mae_mm']:.2f} mm; pixels that it repairs ({f['unseen_known']:.1%}) "
-            f"{f['unseen_mae_known_mm']:.2f} mm; within 1 sigma {f['unseen_within_1_sigma']:.1%}, within 2 sigma {f['unseen_within_2_sigma']:.1%}"
+            f"scenes never seen: MAE {f['unseen_mae_mm']:.2f} mm, raw {f['unseen_raw_mae_mm']:.2f} mm; pixels that it repairs ({in_percent(f['unseen_known'], 1)}) "
+            f"{f['unseen_mae_known_mm']:.2f} mm; within 1 sigma {in_percent(f['unseen_within_1_sigma'], 1)}, within 2 sigma {in_percent(f['unseen_within_2_sigma'], 1)}"
         )

@@ -12,6 +12,7 @@ from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
 from tof_core.page import noted_command, set_command
+from tof_core.shares import in_percent
 from tof_eval.sessions import SessionErrors, session_errors
 from tof_eval.tables import depth_table, methods_table, pose_table
 from tof_scene.scene_file import load_scene
@@ -142,7 +143,7 @@ def summary(result: DemoResult) -> str:
             f"over DDS: {r.report.sent} frames sent, {r.report.fates['kept']} kept, {r.report.lost} lost; the graph used {r.memory_bytes / 1e6:.0f} MB",
             depth_table(result.errors.rows),
             pose_table(result.errors.poses),
-            f"labels within two of their sigmas of the truth: {result.errors.honest:.1%}",
+            f"labels within two of their sigmas of the truth: {in_percent(result.errors.honest, 1)}",
             f"sweep of the paper with the camera of the default network, {result.comparison.result['views']} views against the truth:",
             methods_table(result.comparison.result["methods"]),
             "seconds (of processor): "

@@ -7,6 +7,7 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 from tof_core.errors import ToftwinError
+from tof_core.shares import in_percent
 from toftwin.doctor.finding import fix, note, ok, refused
 
 if TYPE_CHECKING:
@@ -61,12 +62,12 @@ def in_words(found: Found) -> Finding:
     from toftwin.mistakes.find import FITS
     from toftwin.mistakes.fit import fitting
 
-    share = f"{found.share:.0%} of the measured pixels are {fitting()}"
-    usual = f"{share} (usual: {FITS:.0%} and more)"
+    share = f"{in_percent(found.share)} of the measured pixels are {fitting()}"
+    usual = f"{share} (usual: {in_percent(FITS)} and more)"
     if found.mistake is not None:
         return fix(
             CHECK,
-            f"{usual}, {found.undone:.0%} {fitting(found.mistake.metres)} without a mistake: {found.mistake.what}",
+            f"{usual}, {in_percent(found.undone)} {fitting(found.mistake.metres)} without a mistake: {found.mistake.what}",
             found.mistake.todo,
         )
     if found.fits:

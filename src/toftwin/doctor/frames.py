@@ -12,6 +12,7 @@ from tof_core.errors import ToftwinError
 from tof_core.flat.radial import radial_evidence
 from tof_core.flat.wide_plane import wide_bend
 from tof_core.reasons import Reason
+from tof_core.shares import in_percent
 from toftwin.doctor.finding import fix, note, ok, refused
 
 if TYPE_CHECKING:
@@ -65,17 +66,16 @@ def one_byte(messages: Sequence[Any]) -> Iterator[Finding]:
 
 def codes(reasons: Bytes) -> Finding:
     """Shares of the invalid codes: 0 and NaN, 65535 and infinity."""
-    valid, nothing, full, beyond = (
-        float((reasons == r).mean()) for r in (Reason.VALID, Reason.NO_RETURN, Reason.SATURATED, Reason.OUT_OF_RANGE)
-    )
-    what = f"{valid:.0%} of pixels valid, {nothing:.0%} no return (0, NaN), {full:.0%} saturated (65535), {beyond:.0%} out of range"
-    if valid == 0:
+    shares = [float((reasons == r).mean()) for r in (Reason.VALID, Reason.NO_RETURN, Reason.SATURATED, Reason.OUT_OF_RANGE)]
+    valid, nothing, full, beyond = map(in_percent, shares)
+    what = f"{valid} of pixels valid, {nothing} no return (0, NaN), {full} saturated (65535), {beyond} out of range"
+    if shares[0] == 0:
         return fix(
             "invalid codes",
             what,
             "check that the lens is free, the exposure is set, and --depth-topic names the right topic (spot_ros2 #526)",
         )
-    if valid < 0.2:
+    if shares[0] < 0.2:
         return note("invalid codes", what, "move nearer or raise the exposure; dark and shiny parts return little")
     return ok("invalid codes", what)
 
@@ -104,7 +104,7 @@ def radial(depths: Sequence[Image], camera: Camera) -> Finding:
     what = f"{planes} flat surfaces bend {bend_z:.1f} mm read as z, {bend_radial:.1f} mm read as radial"
     if 1 - SURE < suspicion < SURE and (wide := wide_bend(depths[0], camera)) is not None:
         suspicion = 1.0 if wide.radial else 0.0
-        what = f"a plane seen in pieces ({wide.share:.0%} of the pixels) bends {1e3 * wide.metres:.0f} mm read as {'z' if wide.radial else 'radial'}"
+        what = f"a plane seen in pieces ({in_percent(wide.share)} of the pixels) bends {1e3 * wide.metres:.0f} mm read as {'z' if wide.radial else 'radial'}"
     return _verdict(suspicion, planes, what)
 
 
@@ -117,6 +117,6 @@ def _verdict(suspicion: float, planes: int, what: str) -> Finding:
         return note("z or radial", "no flat surface is seen", "record a wall and run doctor on that bag, or read the camera's manual")
     return note(
         "z or radial",
-        f"{what}: not decided (radial with probability {suspicion:.0%})",
+        f"{what}: not decided (radial with probability {in_percent(suspicion)})",
         "record a wall that fills the image, and run doctor on that bag",
     )

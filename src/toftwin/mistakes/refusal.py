@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tof_core.errors import RefusedError
+from tof_core.shares import in_percent
 from toftwin.mistakes.find import find_mistake
 from toftwin.mistakes.fit import fitting
 
@@ -23,6 +24,6 @@ def explained(error: RefusedError, views: Sequence[View], caster: Raycaster, opt
     found = find_mistake(views, caster, options, align)
     if found.mistake is None:
         return error
-    without = f"without that {found.undone:.0%} of the pixels are {fitting(found.mistake.metres)}"
-    why = f"{error.what}; {found.mistake.what}: {without}, with it {found.share:.0%} are {fitting()}"
+    without = f"without that {in_percent(found.undone)} of the pixels are {fitting(found.mistake.metres)}"
+    why = f"{error.what}; {found.mistake.what}: {without}, with it {in_percent(found.share)} are {fitting()}"
     return RefusedError(why, where=error.where, todo=found.mistake.todo)

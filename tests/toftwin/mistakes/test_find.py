@@ -109,12 +109,12 @@ def test_a_refusal_says_which_mistake_explains_it(views: list[View], scene: Path
 
 def test_doctor_states_what_fits_means_and_which_share_is_usual() -> None:
     fits, some, nowhere = (in_words(Found(share)) for share in (FITS, 0.5 * (FITS + NOWHERE), 0.5 * NOWHERE))
-    assert (fits.level, fits.what) == (Level.OK, "75% of the measured pixels are within 15 mm of the CAD (usual: 75% and more)")
+    assert (fits.level, fits.what) == (Level.OK, "75 % of the measured pixels are within 15 mm of the CAD (usual: 75 % and more)")
     assert some.level is Level.NOTE
-    assert some.what.startswith("55% of the measured pixels are within 15 mm of the CAD (usual: 75% and more): parts may be missing")
+    assert some.what.startswith("55 % of the measured pixels are within 15 mm of the CAD (usual: 75 % and more): parts may be missing")
     assert "toftwin label names parts that are missing" in some.todo
     assert nowhere.level is Level.FIX
-    assert "within 15 mm of the CAD (usual: 75% and more), and no usual mistake explains it" in nowhere.what
+    assert "within 15 mm of the CAD (usual: 75 % and more), and no usual mistake explains it" in nowhere.what
 
 
 @pytest.mark.parametrize(("metres", "limit"), [(1.0, "within 15 mm"), (0.001, "within 100 mm")])
@@ -122,4 +122,4 @@ def test_a_mistake_of_the_scenes_unit_is_judged_by_the_looser_limit(metres: floa
     scaled = Mistake("the scene is in millimetres", "set scale: 0.001", lambda view: view, metres)
     told = in_words(Found(0.1, 1.0, scaled, 0.9))
     assert told.level is Level.FIX
-    assert f"90% {limit} of the CAD without a mistake: the scene is in millimetres" in told.what
+    assert f"90 % {limit} of the CAD without a mistake: the scene is in millimetres" in told.what
