@@ -20,11 +20,11 @@ from tof_core.errors import ToftwinError
 from tof_gap.config import GapConfig
 from tof_gap.solve import brief, settle
 from tof_gap.solve.apart import set_apart
-from tof_gap.solve.brief import solve_moving
 from tof_gap.solve.conclude import conclude
 from tof_gap.solve.radial import gate
 from tof_gap.solve.solution import Joint
 from tof_gap.solve.start import Start
+from tof_gap.solve.stray import solve_agreeing
 from tof_scene.render import render
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 POSES, SOLUTION, CLOSED, REPORT = "poses", "solution", "closed", "report"
 STAGES = (POSES, SOLUTION, CLOSED)
 """Stages of a diagnosis; each uses what the one before it found."""
-GATE, APART, SOLVE, CONCLUDE, RENDER, NEAR = gate, set_apart, solve_moving, conclude, render, near
+GATE, APART, SOLVE, CONCLUDE, RENDER, NEAR = gate, set_apart, solve_agreeing, conclude, render, near
 """What is computed, before any of it is replaced by what is kept."""
 
 
@@ -94,10 +94,10 @@ class Trials:
             return run
 
         def solved(*args: Any) -> Any:
-            joint, used = staged(SOLUTION, CLOSED, SOLVE)(*args)
+            joint, used, *views = staged(SOLUTION, CLOSED, SOLVE)(*args)
             # Of the settings that the solution changed, those of blur alone differ from the ones that are tried.
             short = used.evidence.blur.creases != config.evidence.blur.creases
-            return joint, replaced(config, evidence=replaced(config.evidence, blur=used.evidence.blur)) if short else config
+            return joint, replaced(config, evidence=replaced(config.evidence, blur=used.evidence.blur)) if short else config, *views
 
         def closed(joint: Joint, *args: Any) -> Any:
             key = (CLOSED, id(joint.selection))
@@ -115,7 +115,7 @@ class Trials:
             return replace(found, evidence=views[0], linearised=views[1])
 
         with (
-            patch.object(diagnosis, "solve_moving", solved),
+            patch.object(diagnosis, "solve_agreeing", solved),
             patch.object(diagnosis, "conclude", closed),
             patch.object(diagnosis, "gate", staged(POSES, POSES, GATE)),
             patch.object(diagnosis, "set_apart", staged(POSES, SOLUTION, APART)),

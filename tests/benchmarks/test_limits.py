@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 
 from benchmarks.limits import results
 from benchmarks.limits.names import Reads, numbers, value_at
-from benchmarks.limits.trial import _points
+from benchmarks.limits.trial import Trials, _points
+from tof_core.errors import RefusedError
 from tof_gap.config import GapConfig
 
 if TYPE_CHECKING:
@@ -91,3 +93,12 @@ def test_points_are_the_largest_difference_of_figures_that_both_state() -> None:
     assert _points([0.5, 0.4, None, 0.6], [0.52, None, 0.1, 0.5]) == pytest.approx(10.0)
     assert _points([None], [0.3]) is None
     assert _points([], [0.3]) is None
+
+
+def test_a_trial_replaces_steps_that_the_diagnosis_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    def diagnose(*_: Any) -> None:
+        raise RefusedError("refused", where="session", todo="")
+
+    monkeypatch.setattr("tof_gap.diagnose.diagnose", diagnose)
+    trials = Trials(SimpleNamespace(views=[], caster=None, left_out=frozenset()))  # type: ignore[arg-type]
+    assert trials.run("gap", "noise.burst", 2.0) == {"verdict": ["refused: session: refused"], "figures": []}
