@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a solution says: causes, figures, places, report."""
+"""From a solution to the report: causes, figures, places, words."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one joint solution says of a session: its causes, what else shows beside them, and how far the gap shrinks."""
+"""What is read off one joint solution of a session: its causes, what noise, loss and edges show, and how far the gap shrinks."""
 
 from __future__ import annotations
 
@@ -36,7 +36,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cause:
-    """One effect of the verdict with what it does on held-out views; size_m: RMS over the pixels that it affects."""
+    """One effect of the solution.
+
+    alone: the gap on held-out views before and after this effect alone; left_out: shrink by all other effects together;
+    size_m: RMS in metres over the pixels that it affects.
+    """
 
     named: Named
     alone: Shrink
@@ -48,9 +52,9 @@ class Cause:
 class Account:
     """Everything that is read off one solution.
 
-    causes: effects of the solution with what each does on held-out views; findings: effects that noise, loss or edges show;
-    figures: the arrays behind every figure; gap: before and after all effects that are asserted; pushed: whether arm errors along
-    the view exceed what the robot's prior allows, with nothing that explains it.
+    causes: effects of the solution, each with its figures on held-out views; findings: effects that noise, loss or edges show;
+    figures: the arrays that every figure is computed from; gap: before and after all asserted effects; pushed: whether arm errors
+    along the optical axis exceed the robot's prior and no named effect explains them.
     """
 
     solved: Solved
@@ -61,12 +65,12 @@ class Account:
     pushed: bool = False
 
     def names(self, *, causes: bool) -> set[str]:
-        """Name of every finding, and verdict of every cause, where `causes` and what was read off structure may be asserted."""
+        """Names for the verdict: causes and findings; without `causes`, only the findings that were not read off structure."""
         return {*(c.named.verdict for c in self.causes if causes), *(f.name for f in self.findings if causes or not f.structure)}
 
     @property
     def worsens(self) -> str | None:
-        """The cause without which the held-out gap shrinks most and by `worsens` more: it was fitted to another effect's errors."""
+        """The cause without which the held-out gap shrinks most, if by more than `worsens`: it was fitted to another effect's errors."""
         if self.gap.shrink is None:
             return None
         without = {c.named.name: c.left_out - self.gap.shrink for c in self.causes if c.left_out is not None}
@@ -85,15 +89,15 @@ def account(
     left_out: AbstractSet[str] = frozenset(),
     law: PhotonLaw | None = None,
 ) -> Account:
-    """Read a solution off its views.
+    """Figures and findings of one solution.
 
     Args:
         solved: poses and effects.
         config: when noise and loss are effects.
         rng: for resampling.
-        along_ray: distance along the ray taken for depth, where the first poses showed it.
-        given: what was found before depth was fitted. The shares of both were taken off the views and belong to the residual.
-        alone: `along_ray` and `given` are all that may be named (too few views).
+        along_ray: the finding that the camera writes distance along the ray as depth, if the first poses showed it.
+        given: what was found before depth was fitted. The views are corrected for this and for `along_ray`; the residual contains both.
+        alone: only `along_ray` and `given` may be named (too few views).
         left_out: effects that may not be named.
         law: the camera's photon law, where it is known.
     """
@@ -114,16 +118,16 @@ def account(
 
 
 def unfounded(found: Account, limits: ForeignLightLimits) -> str | None:
-    """The cause to be taken out: a drift over time that foreign light would show by chance, else the one that worsens the gap."""
+    """The cause to take out: a drift over time that foreign light may imitate by chance, else the cause that worsens the gap."""
     drift = found.solved.maps.get(TemperatureDrift.NAME)
     chance = drift is not None and drifts_by_chance(drift, found.figures.posed_m, limits)
     return TemperatureDrift.NAME if chance else found.worsens
 
 
 def without_causes(found: Account) -> Account:
-    """The account whose gap shrinks by its findings alone: causes that are only suspected promise nothing.
+    """The account whose gap shrinks by its findings alone: causes that are only suspected promise no shrink.
 
-    Findings read off structure are taken out: the structure is that of what has no name.
+    Findings read off structure are taken out too: an effect without a name may make the same structure.
     """
     names = [name for name in found.figures.maps if name not in found.solved.maps]
     certain = tuple(f for f in found.findings if not f.structure)
@@ -131,15 +135,15 @@ def without_causes(found: Account) -> Account:
 
 
 def _gap(counted: Figures, findings: Sequence[Finding], names: Sequence[str]) -> Shrink:
-    """The gap before and after these effects; no shrink where noise and loss alone were found: no bias is there to be removed."""
+    """The gap before and after these effects. No shrink where only noise and loss were found: there is no bias to remove."""
     gap = counted.shrink(names)
     return replace(gap, shrink=None, ci95=None) if findings and not names else gap
 
 
 def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out: AbstractSet[str]) -> tuple[Finding, ...]:
-    """What noise, loss and edges show where the cameras really were, once smooth bias is removed; detectors of `left_out` do not run.
+    """What noise, loss and edges show at the estimated poses, once smooth bias is removed; detectors of `left_out` do not run.
 
-    What a filter in the camera removed is no `dropout`.
+    Pixels that a filter in the camera removed are no `dropout`.
     """
     left = solved.bare
     light = detected.detected_effects(noise.without_noisy_pixels(left, config.noise), config.noise, law, left_out)
@@ -160,26 +164,26 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
 
 
 def _arms_silent(solved: Solved, left_out: AbstractSet[str]) -> bool:
-    """Whether arm errors say nothing: while motion shifts edges, and where there is no arm, as then hand-eye is not considered either."""
+    """Whether arm errors are no evidence: while motion shifts edges, or without an arm (then hand-eye is not considered either)."""
     return solved.names(Motion.NAME) or HandEye.NAME in left_out
 
 
 def _named_m(solved: Solved) -> float:
-    """Metres: sizes of the named effects together."""
+    """Metres: sizes of the named effects together (root of the sum of squares)."""
     return float(np.sqrt(sum(size**2 for size in solved.sizes.values())))
 
 
 def _rough_m(solved: Solved) -> float:
-    """Metres: what inexact maps of named effects leave (`Effect.ROUGH`), by view its own amount."""
+    """Metres: error of the named effects' maps (`Effect.ROUGH`), which differs from view to view."""
     return float(np.sqrt(sum(n.effects[0].ROUGH * solved.sizes[n.name] ** 2 for n in solved.named if n.effects)))
 
 
 def filtered(loss: Finding, beside: Sequence[Finding]) -> bool:
-    """Whether loss may be that of a filter in the camera, which removes outliers of another kind.
+    """Whether the lost pixels may be outliers that a filter in the camera removed: then the effect `beside` explains them.
 
-    Outliers of noise are rare in bright light and never all there is in the dark: `dropout` neither at random nor below a threshold.
-    Pixels that are unwrapped wrongly here and there are outliers wherever they are. Pixels with a noise of their own are outliers,
-    the more the weaker the light, without a wrong turn.
+    Noise makes few outliers in bright light, and even in the dark not every pixel is one. Such loss is neither at random nor
+    below a threshold (`rare`). Pixels that are unwrapped wrongly are outliers at any amplitude. Pixels with a noise of their own are
+    outliers too, more of them in weak light, although their phase is unwrapped rightly.
     """
     if _removed_wraps(loss):
         return any(f.own_noise is not None for f in beside)
@@ -190,10 +194,10 @@ def filtered(loss: Finding, beside: Sequence[Finding]) -> bool:
 
 
 def _removed_wraps(found: Finding) -> bool:
-    """Whether it is wrapped pixels of which the camera's filter kept none: their jump is in no map."""
+    """Whether a finding is of wrapped pixels of which the camera's filter kept none: no map shows their jump."""
     return isinstance(found.effect, PhaseWrap) and not found.corrects
 
 
 def _fails_to_merge(found: Finding) -> bool:
-    """Whether frequencies fail to merge: jumps that one frequency alone does not make, or wrapped pixels that a filter removed."""
+    """Whether merging of frequencies fails: jumps that no single frequency makes, or wrapped pixels that a filter removed."""
     return isinstance(found.effect, PhaseWrap) and (len(found.effect.others_m) > 0 or _removed_wraps(found))

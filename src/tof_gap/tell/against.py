@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulator's session against a real one: which effects it lacks, exaggerates or has alone, and how far their distance shrinks.
+"""A simulator's session against a real one: which effects the simulator lacks, exaggerates or adds, and how far the distance shrinks.
 
-Both sessions are diagnosed at their own poses. The effects fitted to the simulator are then evaluated on the real session's views, so the
-poses need not agree, and compared with the effects that the real session shows there.
+Each session is diagnosed at its own poses. The effects fitted to the simulator are evaluated on the real session's views and compared
+with the real camera's effects there, so the poses of both sessions need not agree.
 """
 
 from __future__ import annotations
@@ -37,31 +37,31 @@ LACKS, SUPERFLUOUS, WEAK, STRONG, OTHER = "lacks", "reality has not", "understat
 
 @dataclass(frozen=True, slots=True)
 class AgainstLimits:
-    """When simulator and camera differ."""
+    """From which size a difference of simulator and camera is stated."""
 
     shrink: float = param(
         0.05,
-        "of the squared distance, what putting an effect right must remove",
+        "share of the squared distance that a corrected effect must remove",
         low=0.0,
         high=1.0,
         why="two fits of one camera differ by less",
     )
     alike: float = param(
-        0.9, "correlation of two maps of one effect from which they differ in size alone", low=0.0, high=1.0, why="forms are never exact"
+        0.9, "correlation of two maps of one effect from which only their sizes differ", low=0.0, high=1.0, why="forms are never exact"
     )
     pattern: float = param(
         2.0,
-        "squared difference of two fixed patterns, over what the noise of both fits makes",
+        "squared difference of two fixed patterns, over the variance of both fits",
         low=1.0,
-        why="two fits of one camera differ by once their noise",
+        why="two fits of one camera differ by just that variance",
     )
-    noise: float = param(1.25, "ratio of the noise of both from which it differs", low=1.0, why="noise is known to a tenth in each session")
+    noise: float = param(1.25, "ratio of the two noises from which they differ", low=1.0, why="noise is known to 10 % in each session")
     loss: float = param(
         0.01,
-        "difference of the shares of lost pixels from which loss differs",
+        "difference of the two shares of lost pixels from which they differ",
         low=0.0,
         high=1.0,
-        why="edges make some tenths of a per cent",
+        why="edges lose some tenths of a per cent",
     )
 
 
@@ -70,7 +70,7 @@ class Difference:
     """One effect in which simulator and camera differ.
 
     real_mm, simulated_mm: RMS of the effect over the real session's pixels (noise: median of one capture; loss: NaN); parts: RMS in mm of their
-    difference by part; shrink: share of the squared distance that disappears once this effect is put right, None where it changes no mean depth;
+    difference by part; shrink: share of the squared distance that disappears once this effect is corrected, None where it changes no mean depth;
     note: the size in words, where it is no bias.
     """
 
@@ -87,7 +87,7 @@ class Difference:
         """The difference in words."""
         if self.note:
             return f"simulator {self.simulator}: {self.effect} ({self.note})"
-        gone = "" if self.shrink is None else f"; put right, {in_percent(self.shrink)} of the squared distance disappears"
+        gone = "" if self.shrink is None else f"; once corrected, {in_percent(self.shrink)} of the squared distance disappears"
         most = sorted(self.parts, key=self.parts.__getitem__, reverse=True)[:3]
         where = ", ".join(f"{part} {self.parts[part]:.1f} mm" for part in most)
         return (
@@ -97,14 +97,14 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Against:
-    """Real against simulated: the distance before and after every effect is put right, and the effects in which they differ."""
+    """Real against simulated: the distance before and after every effect is corrected, and the effects in which they differ."""
 
     distance: Shrink
     differences: tuple[Difference, ...]
 
     @property
     def verdict(self) -> tuple[str, ...]:
-        """Names of the effects in which they differ; `none` where in none."""
+        """Names of the effects in which they differ; `none` without any."""
         return tuple(sorted({d.effect for d in self.differences})) or ("none",)
 
     def lines(self) -> list[str]:
@@ -113,13 +113,13 @@ class Against:
         head = (
             f"distance of simulator and camera on held-out views: {d.above_mm(d.before):.2f} mm RMS above the noise of {d.floor_mm:.2f} mm"
         )
-        after = f"with every effect put right: {d.above_mm(d.after):.2f} mm"
+        after = f"with every effect corrected: {d.above_mm(d.after):.2f} mm"
         return (
             [head, after, *(x.line() for x in self.differences)] if self.differences else [head, "the simulator has the camera's effects"]
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; the limits of what NaN can say are null."""
+        """Plain values for JSON; NaN becomes null."""
         d = self.distance
         rows = [
             {
@@ -182,13 +182,13 @@ class _Pair:
                 maps = [np.nan_to_num(self._map(effect, i)) for i in range(len(self.held))]
                 before = self.simulated_maps.get(effect.NAME)
                 self.simulated_maps[effect.NAME] = maps if before is None else [a + b for a, b in zip(before, maps, strict=True)]
-        suspected = set(real.account.solved.maps) if real.doubted else set[str]()  # as in sensor.yaml: they are no effects of the camera
+        suspected = set(real.account.solved.maps) if real.doubted else set[str]()  # Not in sensor.yaml either.
         asserted = {name: share for name, share in figures.maps.items() if name not in suspected}
         self.real_maps = {name: [np.nan_to_num(share[v]) for v in self.held] for name, share in asserted.items()}
         self._same_names()
 
     def _map(self, effect: Effect, place: int) -> Float:
-        """(H, W) metres that an effect of the simulator adds to a held-out view; rendered as the camera's own effects are."""
+        """(H, W) metres that an effect of the simulator adds to a held-out view, computed as for the camera's own effects."""
         v, frame, real = self.held[place], self.frames[place], self.real
         view = replace(real.evidence[v], frame=frame)
         if effect.mount is None and effect.camera(frame.camera) == frame.camera:
@@ -203,7 +203,7 @@ class _Pair:
         return replace(frame, amplitude=ratio * frame.amplitude)
 
     def _same_names(self) -> None:
-        """An effect that one session ties with another's name is that one."""
+        """Where one session ties an effect with one that the other session names, both take the same name."""
         for cause in self.real.causes:
             name = cause.named.name
             for tie in cause.named.ties:
@@ -218,7 +218,7 @@ class _Pair:
         return [a - b for a, b in zip(self.real_maps.get(name, self._zero()), self.simulated_maps.get(name, self._zero()), strict=True)]
 
     def distance(self, names: Sequence[str]) -> Shrink:
-        """Camera minus simulator on the held-out views, before and after these effects are put right."""
+        """Camera minus simulator on the held-out views, before and after these effects are corrected."""
         simulated = [np.sum([z, *(m[i] for m in self.simulated_maps.values())], axis=0) for i, z in enumerate(self._zero())]
         before = [r - s for r, s in zip(self.residual, simulated, strict=True)]
         change = [np.sum([z, *(self.apart(n)[i] for n in names)], axis=0) for i, z in enumerate(self._zero())]
@@ -228,7 +228,7 @@ class _Pair:
         return measure(blocks(before, after, floors, limits.block_px), np.random.default_rng(0), limits.shrink)
 
     def difference(self, name: str) -> Difference | None:
-        """One effect, None where putting it right changes little."""
+        """One effect; None where its correction changes little."""
         found = self.distance([name])
         if found.shrink is None or found.ci95 is None or found.shrink < self.limits.shrink or found.ci95[0] <= 0:
             return None
@@ -239,7 +239,7 @@ class _Pair:
         return Difference(name, self._manner(name, real, simulated), size[0], size[1], self._by_part(name), found.shrink, found.ci95)
 
     def _patterns_differ(self) -> bool:
-        """Whether two patterns differ by more than their fits: each pixel's offset has the noise of the views that it was averaged over."""
+        """Whether two patterns differ by more than the errors of their fits: an offset has the noise of the mean over its views."""
         length = self.frames[0].length
         chance = self._pixels([self.unsure2 / length**2 for _ in self.held])
         return float(np.mean(self._pixels(self.apart(FixedPattern.NAME)) ** 2)) > self.limits.pattern * float(np.mean(chance))
@@ -264,7 +264,7 @@ class _Pair:
         return {k: 1e3 * float(np.sqrt(np.mean(x * x))) for k, x in rows.items()}
 
     def noise_and_loss(self) -> tuple[Difference, ...]:
-        """Noise and loss of both at the real session's light."""
+        """Noise and loss of camera and simulator at the amplitudes of the real session."""
         views, parts = [self.real.evidence[v] for v in self.held], self.parts
         frames: Mapping[str, Any] = {"real": [v.frame for v in views], "simulated": self.frames}
         found = (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mean errors of blocks of pixels: what neighbours share, beside the noise that they do not."""
+"""Mean errors of blocks of pixels: neighbours share bias and structure, but not noise."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 class BlockMeans:
     """Per block of one part (b,): pixels, mean error in metres, its variance in m^2 if errors were white, the part, and the view.
 
-    A block counts by its information, the inverse of that variance, as it does in the fit: pixels of weak light, with ten times the noise
-    of others, are no place to judge a camera by millimetres.
+    A block counts by its information, the inverse of that variance, as in the fit: pixels of low amplitude may have ten times the noise
+    of others, and then show no error of millimetres.
     """
 
     pixels: Ints
@@ -41,11 +41,11 @@ class BlockMeans:
 
     @property
     def size2(self) -> float:
-        """m^2: mean excess by information."""
+        """m^2: mean of `excess2`, weighted by information."""
         return max(float(np.average(self.excess2, weights=1.0 / self.white2)), 0.0)
 
     def of_parts(self, parts: int, views: int) -> tuple[Float, Float]:
-        """(views, parts) sums of the excess times information, and of information, 1/m^2."""
+        """(views, parts) sums of excess times information (no unit), and of information (1/m^2)."""
         return self._sums(self.excess2 / self.white2, parts, views), self._sums(1.0 / self.white2, parts, views)
 
     def pixels_of(self, parts: int, views: int) -> Float:
@@ -58,7 +58,7 @@ class BlockMeans:
 
 
 def block_means(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], block_px: int, least: int) -> BlockMeans:
-    """Mean errors (H, W per view) of squares of `block_px` pixels, each part by itself, with at least `least` pixels."""
+    """Means of errors `left` (H, W metres per view) over squares of `block_px` pixels, each part apart; blocks of `least` pixels and more."""
     found: list[tuple[Ints, Float, Float, Ints, Ints]] = []
     for k, (v, e, f) in enumerate(zip(views, left, floor2, strict=True)):
         seen = np.isfinite(e) & (v.rendering.part >= 0)
@@ -71,7 +71,7 @@ def block_means(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Se
 
 
 def unbiased2(found: Account) -> list[Float]:
-    """(H, W) m^2 per view that no bias need explain: the floor, the named noise, and the variance of the pattern's map."""
+    """(H, W) m^2 per view of error that is no bias: the floor, the named noise, and the variance of the fixed pattern's map."""
     named = [f.share for f in found.findings if f.effect.EVIDENCE is Evidence.NOISE and f.share is not None]
     return [
         single(sum((np.nan_to_num(s[v]) ** 2 for s in named), np.asarray(floor, float)) + found.figures.unsure2)

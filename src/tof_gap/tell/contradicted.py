@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects that fit, and that the held-out views contradict where the effect acts."""
+"""Effects that fit the session, but that held-out views contradict where the effect acts."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
 
 
 def contradicted(found: Account, limit: UnexplainedLimits) -> str | None:
-    """The effect where whose map acts most of the gap's structure is left, if that is more than `limit.contradicted`; None where all agree.
+    """The effect that leaves most of the gap's structure where its own map acts, if more than `limit.contradicted`; else None.
 
-    A mechanism that is not in the vocabulary makes some known effect win held-out chi-square, since it acts on the same pixels: a ghost
-    image on dark ones, as scattering in the lens does. Over the whole image that hardly shows. Where the map acts, the true effect
-    takes nearly all that neighbouring pixels share, and another one does not.
+    A mechanism that is not in the vocabulary may act on the same pixels as a known effect. A ghost image, for instance, changes dark
+    pixels, as scattering in the lens does; the known effect then wins held-out chi-square. Over the whole image that hardly shows.
+    Where the map acts, the true effect removes nearly all of the error that neighbouring pixels share; another effect does not.
     """
     shares = shares_left(found, limit)
     worst = max(shares, key=shares.__getitem__, default=None)
@@ -59,10 +59,11 @@ def contradicted(found: Account, limit: UnexplainedLimits) -> str | None:
 
 
 def shares_left(found: Account, limit: UnexplainedLimits) -> dict[str, float]:
-    """By effect: chi-square above noise of block means that all effects leave on held-out views, over that of the gap there; least value by `limit.sure`.
+    """Share of the gap's structure that is left where each effect's map acts, on held-out views; 0 where it acts on no block.
 
-    Of the blocks away from edges that the effect's map touches. 0 where there are none. The gap is that of all effects of the solution: what
-    is left beside a far larger one may be the error of its map. Effects that smear are not judged: they err at edges.
+    Structure is the chi-square of block means above that of noise, away from edges. The share is that left by all effects over that
+    before any effect of the solution: an error beside a far larger effect may be that of the larger one's map. The share is stated
+    `limit.sure` standard deviations too low. Effects that smear depth edges are not judged: their maps err at edges.
     """
     judged = [name for name in found.solved.maps if not EFFECTS[name].SMEARS]
     if not judged:
@@ -73,7 +74,7 @@ def shares_left(found: Account, limit: UnexplainedLimits) -> dict[str, float]:
     left = away_from_edges([figures.edge[v] for v in held], [errors[v] for v in held])
 
     def means(names: Iterable[str]) -> BlockMeans:
-        """Of what is left with the maps of these effects added again."""
+        """Of the remaining error, with the maps of these effects added again."""
         added = [e + sum((np.nan_to_num(maps[n][v]) for n in names), 0.0) for e, v in zip(left, held, strict=True)]
         return block_means(views, added, noise2, limit.contradicted_px, limit.contradicted_pixels)
 

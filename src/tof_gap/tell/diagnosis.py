@@ -29,9 +29,9 @@ class Diagnosis:
 
     verdict: effects, `none`, `unknown`, sorted; account: what was read off the solution, with its poses, maps and figures;
     explainable: share of the gap that any model could explain, None without a gap; unexplained: what no named effect explains;
-    not_testable: effects that the session cannot test, with the reason; law: photon law of the noise beside what was named of it,
-    None where too little is seen; world: missing parts and foreign objects (`tof_scene.world.words.described`); stray: views that
-    contradict the robot and were left out.
+    not_testable: effects that the session cannot test, each with the reason; law: photon law of the noise that is not named,
+    None where too few pixels show it; world: missing parts and foreign objects (`tof_scene.world.words.described`); stray: views
+    that contradict the robot and were left out.
     """
 
     verdict: tuple[str, ...]
@@ -56,11 +56,11 @@ class Diagnosis:
 
     @property
     def doubted(self) -> bool:
-        """Whether so much of the gap stays unexplained that the effects of the solution are only suspected."""
+        """Whether so much of the gap is unexplained that the effects of the solution are only suspected."""
         return doubted(self.unexplained, self.config.report)
 
     def confidence(self, cause: Cause) -> float:
-        """Of a cause, 0 to 1: the share of resampled sets of views in which it wins, times the share of such names that were right."""
+        """Of a cause, 0 to 1: share of the resampled sets of views that choose it, times the share of such names that proved right."""
         right = self.config.report.confidence
         return cause.named.confidence * (right.suspected if self.doubted else right.asserted * (1.0 - self.unexplained.share))
 
@@ -121,5 +121,5 @@ class Diagnosis:
 
 
 def doubted(unexplained: Unexplained, limits: ReportLimits) -> bool:
-    """Whether more of the gap stays unexplained than `limits.unexplained.doubt` allows."""
+    """Whether more of the gap is unexplained than `limits.unexplained.doubt` allows."""
     return unexplained.structured and unexplained.share > limits.unexplained.doubt

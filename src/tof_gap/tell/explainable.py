@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The most that any model could explain: what the named effects do, and on what they leave a ridge on random features of everything known."""
+"""The most that any model could explain: the named effects, and a ridge regression of the remaining gap on everything known of a pixel."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 WIDTHS = (0.3, 1.0, 3.0)
 """Scales of the features, in standard deviations of the inputs (Rahimi and Recht 2007)."""
 RIDGES = (3.0, 0.3, 0.03, 0.003)
-"""Strengths of the ridge, relative to the data's weight; no regression at all is tried too."""
+"""Strengths of the ridge, relative to the data's weight; no regression is tried too."""
 
 
 def explainable(views: Sequence[ViewEvidence], left: Sequence[Float], split: Split, gap: Shrink, limits: ExplainableLimits) -> float | None:
@@ -56,7 +56,7 @@ def explainable(views: Sequence[ViewEvidence], left: Sequence[Float], split: Spl
 
 
 class _Features:
-    """Cosines of random combinations of a few inputs each, so that one alone can be followed finely."""
+    """Random Fourier features: cosines of random combinations of a few inputs each, so that a function of one input is fitted too."""
 
     def __init__(self, X: Float, limits: ExplainableLimits) -> None:
         rng = np.random.default_rng(0)
@@ -88,7 +88,7 @@ class _Cells(NamedTuple):
 
 
 def _normal(features: _Features, cells: Sequence[_Cells]) -> _Normal:
-    """The normal equations of all cells, one view after the other: the features of a long session take gigabytes."""
+    """The normal equations of all cells. One view after the other, as the features of a long session take gigabytes."""
     A, b, weight = np.zeros((features.count, features.count)), np.zeros(features.count), 0.0
     for view in cells:
         F = features(view.inputs)

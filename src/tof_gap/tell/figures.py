@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of a session: residual and floor on the pixels that count, and how far any set of effects shrinks the gap."""
+"""The figures of a session: residual and floor of the pixels that count, and how far any set of effects shrinks the gap."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Figures:
-    """What every figure of a session is made of; lists are per view, images (H, W).
+    """The arrays that every figure of a session is computed from; lists are per view, images (H, W).
 
     residual: metres before any effect, NaN where a pixel does not count; floors: m^2; maps: metres per effect; common: metres of
-    noise that neighbours share (part of the floors); noise2: m^2 of the held-out views, the pixels' own noise (part of the floors); edge: pixels that count
-    only where `flying_pixels` is named; mixed: those of them that measured a depth between their two surfaces; held: held-out views;
-    unsure2: m^2 along the ray, variance of the error of a fixed pattern's map; step_m: metres between depth codes, where
-    `quantization` is named; posed_m: metres of noise that neighbours share and that the poses took; rng: for resampling; limits: how
-    the figures are computed.
+    noise that neighbours share (part of the floors); noise2: m^2 of white noise by held-out view (part of the floors); edge: pixels
+    that count only where `flying_pixels` is named; mixed: pixels of `edge` whose depth lies between their two surfaces; held:
+    held-out views; unsure2: m^2 along the ray, variance of the error of the fixed pattern's map; step_m: metres between depth codes,
+    where `quantization` is named; posed_m: metres of noise that neighbours share and that the poses absorbed; rng: for resampling;
+    limits: how the figures are computed.
     """
 
     residual: Sequence[Float]
@@ -69,7 +69,7 @@ class Figures:
 
     @property
     def alike_m(self) -> float:
-        """Metres of error that neighbours share and that is named: the depth code's step, and what maps of rows, stripes or foreign light leave."""
+        """Metres of named error that neighbours share: the depth code's step, and errors of the maps of rows, stripes or foreign light."""
         shared = np.hypot(np.sqrt(np.mean([np.mean(np.square(np.nan_to_num(c))) for c in self.common])), self.posed_m)
         return float(np.hypot(self.step_m / np.sqrt(12), self.limits.shrink.common_left * shared))
 
@@ -97,14 +97,14 @@ class Figures:
 
     @cached_property
     def floors_shown(self) -> list[Float]:
-        """(H, W) m^2 of each held-out view: the floor with the noise that its own pixels show."""
+        """(H, W) m^2 of each held-out view: the floor, with the noise that its pixels show instead of the estimated variance."""
         steady = away_from_edges([self.edge[v] for v in self.held], [self._left(v) for v in self.held])
         limits = self.limits.shrink
         shown = shown2(steady, [self.noise2[v] for v in self.held], 2.0 * limits.noise_known, limits.noise_px)
         return [self.floors[v] - self.noise2[v] + s for v, s in zip(self.held, shown, strict=True)]
 
     def _mixed_left(self, after: Sequence[Float]) -> float:
-        """m^2 over all pixels: energy left at mixed pixels, which half a pixel of pose decides and no other effect explains."""
+        """m^2, mean over all pixels: energy left at edges. Half a pixel of pose error makes it, and no other effect explains it."""
         left = [np.where(np.isfinite(a), a * a - self.floors[v], 0.0) for a, v in zip(after, self.held, strict=True)]
         pixels = sum(int(np.isfinite(a).sum()) for a in after)
         return max(float(sum(e[self.edge[v]].sum() for e, v in zip(left, self.held, strict=True))), 0.0) / max(pixels, 1)
@@ -139,14 +139,14 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
 
 
 def away_from_edges(edges: Sequence[Mask], errors: Sequence[Float]) -> list[Float]:
-    """(H, W) metres per view, NaN at edges, where half a pixel of pose decides."""
+    """(H, W) metres per view, NaN at edges, where half a pixel of pose error decides."""
     return [np.where(edge, np.nan, e) for edge, e in zip(edges, errors, strict=True)]
 
 
 def between(view: ViewEvidence) -> Mask:
-    """(H, W) pixels at edges whose depth lies between those of the surfaces beside: mixed ones, by whatever share.
+    """(H, W) pixels at edges whose depth lies between those of the two surfaces there: mixed pixels.
 
-    Half a pixel of pose decides the share, and with it the error of the pixel's map: only that both surfaces are in the pixel is known.
+    Their mixed share, and so the depth that a map predicts, depends on half a pixel of pose: only that they are mixed is known.
     """
     cad = view.frame.depth
     near, far = minimum_filter(np.nan_to_num(cad, nan=np.inf), 3), maximum_filter(np.nan_to_num(cad, nan=-np.inf), 3)
@@ -155,9 +155,9 @@ def between(view: ViewEvidence) -> Mask:
 
 
 def used(view: ViewEvidence, findings: Sequence[Finding]) -> Float:
-    """(H, W) the residual on the pixels that count; NaN elsewhere.
+    """(H, W) the residual of the pixels that count; NaN elsewhere.
 
-    Gross errors and edges count only where an effect explains them; pixels with a named noise of their own do not.
+    Gross errors and edges count only if a named effect explains them. Pixels with a named noise of their own do not count.
     """
     names = {f.name for f in findings if f.corrects}
     keep = view.smooth.copy()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The floor of a residual: noise, and the posterior of the pose, which no model of the sensor can go below."""
+"""The floor of a residual, below which no sensor model can go: noise, and the posterior of the pose."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def floor2(views: Sequence[ViewEvidence], covs: Float) -> Iterator[Float]:
-    """(H, W) m^2 of one view after the other: noise, and the posterior of the pose with the covariances `covs` (V, 6, 6)."""
+    """(H, W) m^2 of one view after the other: noise, and the pose's uncertainty by the covariances `covs` (V, 6, 6)."""
     for view, cov in zip(views, covs, strict=True):
         J = pose_columns(view.frame)
         yield view.sigma**2 + np.einsum("hwi,ij,hwj->hw", J, cov, J)

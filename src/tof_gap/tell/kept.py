@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A promise on a second session: how far a sensor model fitted elsewhere shrinks this session's gap."""
+"""How far a sensor model that was fitted to another session shrinks this session's gap, beside the shrink that it promised."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """What the fit promised, None where the file states nothing; and the gap of this session without and with the model."""
+    """promised: shrink stated in the model's file, None without one; here: the gap of this session without and with the model."""
 
     promised: Promise | None
     here: Shrink
@@ -35,7 +35,7 @@ class Kept:
         }
 
     def line(self) -> str:
-        """Promised and kept shrink in a line."""
+        """Promised and measured shrink in a line."""
         p, g = self.promised, self.here
         promised = "nothing" if p is None else f"{percent(p.shrink)}, {interval((p.low, p.high))}"
         kept = "nothing to shrink here" if g.shrink is None else ", ".join(filter(None, [percent(g.shrink), interval(g.ci95)]))
@@ -46,9 +46,10 @@ class Kept:
 
 
 def kept(d: Diagnosis, known: SensorModel | None) -> Kept | None:
-    """What `known` takes off the gap of a session that it was not fitted to, on all of the session's views.
+    """The gap of a session without and with the model `known`, which was fitted to another session; on all of the session's views.
 
-    `d` diagnoses what the model leaves, at the poses that this gives. None without a model, or of a photon law alone: it has no bias.
+    `d` is the diagnosis of the views corrected by the model, and gives the poses. None without a model, or if the model is a photon
+    law alone, which has no bias.
     """
     if known is None or known.names == (PhotonLaw.NAME,):
         return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise and loss of two sensor models at the same light."""
+"""Noise and loss of two sensor models at the same amplitude."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A level of two cameras (noise in mm, or share of pixels lost), and their difference by part."""
+    """Noise (mm) or share of lost pixels of the real and the simulated camera, and their difference by part."""
 
     real: float
     simulated: float
@@ -37,9 +37,9 @@ def noise_apart(
 ) -> Level | None:
     """Median in mm of the noise of one capture along the ray, over the pixels `seen`; None where one of them has no photon law.
 
-    The median, since a law fitted to bright pixels says little of the darkest, which rule a mean.
+    The median, since a law fitted to bright pixels is uncertain for the darkest ones, which dominate a mean.
 
-    own, other: the same views, with the amplitude that the one camera and the other has.
+    own, other: the same views, with the amplitude of the real and of the simulated camera.
     """
     if real.law is None or simulated.law is None:
         return None
@@ -55,7 +55,7 @@ def noise_apart(
 def loss_apart(
     real: SensorModel, simulated: SensorModel, own: Sequence[Frame], other: Sequence[Frame], parts: Sequence[str]
 ) -> Level | None:
-    """Share of the CAD's pixels that each loses; None where neither loses any."""
+    """Share of the CAD's pixels that each camera loses; None where neither loses any."""
     if not any(e.EVIDENCE is Evidence.MISSING for m in (real, simulated) for e in m.effects):
         return None
     lost = [np.concatenate([_lost(m, f)[f.valid] for f in frames]) for m, frames in ((real, own), (simulated, other))]

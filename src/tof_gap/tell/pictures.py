@@ -27,19 +27,19 @@ NOT_COMPARED = "#cfd4d9"
 SMOOTH_PX = 5
 """Side of the square whose mean a view's map shows."""
 CUBES = 130
-"""Cubes of space along the diagonal of what is seen: as fine as the map shows, and some pixels in each."""
+"""Cubes of space along the diagonal of the measured volume: as fine as the map shows, with some pixels in each."""
 PIXELS = 2_000_000
-"""Pixels of all views that fill these cubes: a hundred a cube and more."""
+"""Pixels of all views that fill these cubes: a hundred and more in each."""
 SURE = 2.0
-"""Standard errors from which the mean gap of a cube of space, or of a square of a view, has its full colour: a cube below is paper, a square paler."""
+"""Standard errors from which the mean gap of a cube of space, or of a square of a view, has its full colour. Below, a cube is white and a square paler."""
 
 
 def on_the_cad(d: Diagnosis, left: Sequence[Float], names: Sequence[str]) -> str:
-    """The parts seen in the session, coloured by mean gap before and, where effects are known, after, from the middle view's side."""
+    """The parts as the middle view sees them, coloured by mean gap: before and, where effects are known, after."""
     simulated = f"once the {'suspected' if d.doubted else 'named'} effects are simulated"
     panels = [(d.residual, "before"), (left, simulated)] if d.shares else [(d.residual, "")]
     shown = [(*_projected(d, maps), title) for maps, title in panels]
-    limit = max(1.0, 2.5 * d.gap.shown_mm[0], 0.5 * d.gap.floor_mm)  # single far cubes, or those at edges, do not set the scale
+    limit = max(1.0, 2.5 * d.gap.shown_mm[0], 0.5 * d.gap.floor_mm)  # Single far cubes, or those at edges, do not set the scale.
     figure, grid = axes(5.5 * len(shown), 4.8, columns=len(shown))
     points: Any = None
     for ax, (xy, value, part, title) in zip(grid[0], shown, strict=True):
@@ -68,7 +68,7 @@ def _name_parts(ax: Any, xy: Float, part: Ints, names: Sequence[str]) -> None:
 
 
 def _projected(d: Diagnosis, maps: Sequence[Float]) -> tuple[Float, Float, Ints]:
-    """(n, 2) screen positions, (n,) mean gap in mm (0 where it is not significant) and (n,) part of small cubes of space, nearest last."""
+    """Of small cubes of space, nearest last: (n, 2) screen positions, (n,) mean gap in mm (0 where not significant), (n,) part."""
     step = max(1, sum(int(np.isfinite(m).sum()) for m in maps) // PIXELS)
     shown = [np.flatnonzero(np.isfinite(m))[::step].copy() for m in maps]  # a slice would keep the indices of all pixels
     points = np.concatenate([cell_points(v.frame).reshape(-1, 3)[at] for v, at in zip(d.evidence, shown, strict=True)])
@@ -76,7 +76,7 @@ def _projected(d: Diagnosis, maps: Sequence[Float]) -> tuple[Float, Float, Ints]
     cell_m = float(np.linalg.norm(np.ptp(np.quantile(points, (0.02, 0.98), axis=0), axis=0))) / CUBES
     cube = np.floor(points / cell_m).astype(np.int64)
     size = np.ptp(cube, axis=0) + 1
-    # One number a cube: sorting rows is twenty times slower.
+    # One number for each cube: sorting rows is twenty times slower.
     _, first, which = np.unique(np.ravel_multi_index((cube - cube.min(axis=0)).T, size), return_index=True, return_inverse=True)
     key = cube[first]
     count = np.bincount(which)
@@ -93,7 +93,7 @@ def _projected(d: Diagnosis, maps: Sequence[Float]) -> tuple[Float, Float, Ints]
 def how_far(d: Diagnosis) -> str:
     """Bars of the gap above the noise: before, after, and with each named effect alone; the noise as a band of its own.
 
-    Where edges count, of the gap away from them: the few pixels there would hide all else.
+    Where edges count, the gap away from edges: the few pixels there would hide everything else.
     """
     gap = d.gap
     rows = [(f"gap {when}", mm, colour) for when, mm, colour in zip(("before", "after"), gap.shown_mm, (BEFORE, AFTER), strict=True)]
@@ -112,7 +112,7 @@ def how_far(d: Diagnosis) -> str:
 
 
 def views(d: Diagnosis, left: Sequence[Float], most: int = 4) -> str:
-    """Some views: amplitude for orientation, the gap before, the gap after, as means of neighbouring pixels; grey where nothing is compared."""
+    """Some views: amplitude for orientation, the gap before and after as means of neighbouring pixels; grey where nothing is compared."""
     chosen = np.unique(np.linspace(0, len(d.residual) - 1, min(most, len(d.residual))).round().astype(int))
     gaps = [[_smooth(maps[v], d.floor2[v]) for v in chosen] for maps in (d.residual, left)]
     limit = max(1.0, float(np.nanquantile(np.abs(np.concatenate([g.ravel() for g, _ in gaps[0]])), 0.98)))
@@ -134,7 +134,7 @@ def views(d: Diagnosis, left: Sequence[Float], most: int = 4) -> str:
 
 
 def _gap_image(ax: Any, gap_mm: Float, noise_mm: Float, limit: float) -> Any:
-    """A map that is as pale as its noise makes it: paper at no gap, the colour of its value from `SURE` standard errors on."""
+    """A map whose colours are pale where noise is large: white without a gap, full colour from `SURE` standard errors on."""
     known = np.isfinite(gap_mm)
     ax.set_facecolor(NOT_COMPARED)
     ax.imshow(np.where(known, 1.0, np.nan), cmap="gray", vmin=0.0, vmax=1.0)
@@ -143,7 +143,7 @@ def _gap_image(ax: Any, gap_mm: Float, noise_mm: Float, limit: float) -> Any:
 
 
 def _smooth(gap: Float, noise2: Float) -> tuple[Float, Float]:
-    """Mean of the known pixels of each `SMOOTH_PX` x `SMOOTH_PX` and its standard error, mm; NaN where the pixel itself is not known.
+    """Mean in mm over the known pixels of the `SMOOTH_PX` x `SMOOTH_PX` around each pixel, and its standard error; NaN at unknown pixels.
 
     Args:
         gap: (H, W) metres.
@@ -173,9 +173,9 @@ LABELS = {
 
 
 def by_quantity(bins: dict[str, list[Bin]]) -> tuple[str, str]:
-    """Mean gap against the quantity that it varies with most, and against each other one, on one scale with the noise as a band.
+    """Mean gap against the quantity that it varies with most, and against every other quantity, with the noise as a band.
 
-    Returns both pictures; an empty text where there is none. A quantity counts by the variance of its bins' means.
+    Returns two pictures, "" for one that is missing. Quantities are ordered by the variance of their bins' means.
     """
     known = sorted(((k, b) for k, b in bins.items() if len(b) >= 2), key=lambda x: -_varies(x[1]))
     if not known:
@@ -200,7 +200,7 @@ def by_quantity(bins: dict[str, list[Bin]]) -> tuple[str, str]:
 
 
 def _varies(b: Sequence[Bin]) -> float:
-    """Variance of the bins' means, by pixels."""
+    """Variance of the bins' means, weighted by pixels."""
     weight, mean = np.array([x.pixels for x in b], float), np.array([x.bias_mm for x in b])
     return float(np.average((mean - np.average(mean, weights=weight)) ** 2, weights=weight))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verdict in a plant's words: what it is, where, how large, what to do, and what it costs to leave it."""
+"""The verdict for a plant engineer: for each effect what it is, where, how large, what to do, and what happens otherwise."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Effect
 
 MOST_PARTS = 3
-"""Parts that are named one by one; an effect on more is on many parts."""
+"""Parts that are named one by one; with more, "many parts" is stated."""
 CARRIED = 0.8
 """Share of an effect's squared error that the named parts carry together."""
 WORST = 0.95
-"""Quantile of the pixels that the cost is stated at: one pixel in twenty is worse."""
+"""Quantile of the error at which the cost is stated: one pixel in twenty is worse."""
 MATTERS_M = 1e-3
-"""Metres: what healthy cameras are off by; an effect of few pixels is stated by how many are off by more."""
+"""Metres: error of healthy cameras. The cost of an effect on few pixels is the share of pixels with a larger error."""
 EVERYWHERE = 0.95
-"""Share of the pixels from which an effect acts on all of them."""
+"""Share of the pixels from which "all pixels" is understood."""
 NEAR_PX = 5
-"""Side of the window in which most pixels decide for one: of white offsets three pixels of four are touched, and so are all such windows."""
+"""Side of the window whose majority decides whether an effect acts: white offsets touch three of four pixels, and so every window."""
 
 
 NO_DEPTH = "these pixels have no depth, and the others are not affected"
-"""What lost pixels cost."""
+"""Cost of lost pixels."""
 
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """One effect: its name; what it is; where; how large; what to do; what it costs to leave it. Empty where nothing is known.
+    """One effect: its name; what it is; where; how large; what to do; what happens otherwise. Empty where nothing is known.
 
-    rivals: effects that the session cannot separate from it; suspected: whether too much stays unexplained to assert it.
+    rivals: effects that the session cannot separate from it; suspected: whether too much is unexplained to assert it.
     """
 
     effect: str
@@ -59,7 +59,7 @@ class Words:
     suspected: bool = False
 
     def sentence(self) -> str:
-        """All of it in a few sentences."""
+        """All fields in a few sentences."""
         head = f"{'perhaps ' * self.suspected}{spaced(self.effect)}: {self.what}"
         details = "; ".join(x for x in (self.size, self.where) if x)
         tied = f" Or {listed([spaced(r) for r in self.rivals], 'or')}, which this session cannot separate from it." if self.rivals else ""
@@ -138,14 +138,14 @@ def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
 
 
 def acts(size_m: float, maps: Sequence[Float]) -> str:
-    """RMS of maps (H, W) of metres over the pixels that they touch, and how many pixels these are."""
+    """RMS of maps (H, W) of metres over the pixels that they touch, and the share of these pixels."""
     share = _covered(maps)
     on = "" if share > EVERYWHERE else f" over {in_percent(share)} of the pixels"
     return f"{1e3 * size_m:.1f} mm RMS{on}"
 
 
 def _covered(maps: Sequence[Float]) -> float:
-    """Share of the pixels of maps (H, W) that are touched, or lie among pixels of which most are: where a pattern changes its sign it acts, too."""
+    """Share of the pixels of maps (H, W) that are touched, or most of whose neighbours are: a pattern also acts where its sign changes."""
     known = [np.isfinite(m) for m in maps]
     hit = touched(np.concatenate([m[k] for m, k in zip(maps, known, strict=True)]))
     covered = 0
@@ -158,7 +158,7 @@ def _covered(maps: Sequence[Float]) -> float:
 
 
 def cost(d: Diagnosis, maps: Sequence[Float]) -> str:
-    """By how much the worst pixels that count are measured wrongly by maps (H, W) of metres; how many, where they are fewer than that."""
+    """Error by maps (H, W) of metres that one pixel in twenty exceeds; where fewer are affected, the share of pixels off by `MATTERS_M`."""
     seen = [np.abs(m)[np.isfinite(r) & np.isfinite(m)] for m, r in zip(maps, d.residual, strict=True)]
     error = np.concatenate(seen) if seen else np.zeros(0)
     if not error.size:

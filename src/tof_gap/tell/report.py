@@ -47,7 +47,7 @@ def region_maps(diagnosis: Diagnosis, caster: Raycaster) -> list[Ints]:
 
 
 def report(d: Diagnosis, caster: Raycaster, maps: list[Ints], advice: list[str], kept: Kept | None = None) -> dict[str, Any]:
-    """The whole of `gap.json`; `kept`: what a sensor model fitted to another session does here."""
+    """The content of `gap.json`; `kept`: shrink by a sensor model that was fitted to another session."""
     limits = d.config.report.where
     found = regions(d.evidence, d.residual, d.floor2, maps, caster.scene, d.config.report)
     content: dict[str, Any] = _finite(
@@ -118,13 +118,13 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 
 def _params(effect: Effect) -> dict[str, Any]:
-    """Parameters by name; an image in text form stays in `sensor.yaml`."""
+    """Parameters by name; an image in text form is in `sensor.yaml` alone."""
     values = {k: _plain(getattr(effect, k)) for k in type(effect).__dataclass_fields__ if k.islower()}  # type: ignore[attr-defined]
     return {k: v for k, v in values.items() if not (isinstance(v, str) and len(v) > LONGEST_TEXT)}
 
 
 LONGEST_TEXT = 200
-"""Characters of a parameter that a reader may want to see."""
+"""Longest parameter in characters that the report shows."""
 
 
 def _plain(value: Any) -> Any:
@@ -132,14 +132,14 @@ def _plain(value: Any) -> Any:
 
 
 def _floor_from(d: Diagnosis) -> str:
-    """What the floor's noise was estimated from, in words."""
+    """From what the floor was estimated, in words."""
     single = sum(v.view.captures == 1 for v in d.evidence)
     how = f"{single} of {len(d.evidence)} views are of one capture: " if single else ""
     return f"{how}noise from differences of neighbouring pixels of like amplitude, and the uncertainty of the poses"
 
 
 def _dispersion(d: Diagnosis) -> dict[str, float]:
-    """Noise over the photon law of the session's unnamed noise: all of it, and without the named part."""
+    """Ratio of noise to the photon law of the unnamed noise: of all noise, and without the named noise."""
     law, seen = d.law, [v for v in d.evidence if v.smooth.any()]
     if law is None or not seen:
         return {"before": np.nan, "after": np.nan}
@@ -151,7 +151,7 @@ def _dispersion(d: Diagnosis) -> dict[str, float]:
 
 
 def _missing(d: Diagnosis) -> dict[str, float]:
-    """Share of CAD pixels without depth: all of them, and without those that the named loss predicts."""
+    """Share of CAD pixels without depth: all, and those that the named loss does not predict."""
     gone = float(np.mean([np.mean(~np.isfinite(v.view.depth[v.frame.valid])) for v in d.evidence if v.frame.valid.any()]))
     predicted = sum(float(np.nanmean(f.share)) for f in d.findings if f.share is not None and f.effect.EVIDENCE is Evidence.MISSING)
     return {"before": gone, "after": max(gone - predicted, 0.0)}
@@ -176,7 +176,7 @@ def _rms(v: Float) -> float:
 
 
 def _finite(value: Any) -> Any:
-    """The same with numbers that JSON cannot hold as null."""
+    """The same value with null for numbers that JSON cannot hold."""
     if isinstance(value, dict):
         return {k: _finite(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -187,14 +187,14 @@ def _finite(value: Any) -> Any:
 
 
 def sensor_model(d: Diagnosis) -> SensorModel:
-    """The fitted sensor: every asserted effect, the photon law of the remaining noise, unit of amplitude, camera and promised shrink."""
+    """The fitted sensor: every asserted effect, the photon law of the unnamed noise, unit of amplitude, camera and promised shrink."""
     causes = [] if d.doubted else d.causes
     effects = [e for c in causes for e in c.named.effects] + [f.effect for f in d.findings]
     return SensorModel((*effects, *([] if d.law is None else [d.law])), amplitude_unit(d.evidence), d.camera, _promise(d))
 
 
 def _promise(d: Diagnosis) -> Promise | None:
-    """The shrink that the model predicts for another session: without pixels that wrap here and there, which no model foresees."""
+    """The shrink that the model promises for another session: without wrapped pixels, since no model predicts which pixels wrap."""
     by_chance = {f.name for f in d.findings if f.corrects and f.effect.makes_outliers}
     suspected = {c.named.name for c in d.causes} if d.doubted else set()
     gap = d.account.figures.shrink([n for n in d.shares if n not in by_chance | suspected]) if by_chance else d.gap
@@ -214,7 +214,7 @@ def write(d: Diagnosis, caster: Raycaster, folder: Path, advice: list[str], kept
 
 
 def _save_maps(file: Path, d: Diagnosis, regions: Sequence[Ints]) -> None:
-    """The images of all views, as `numpy.savez_compressed` writes them, one array after the other: all at once they are large."""
+    """Write the images of all views as `numpy.savez_compressed` does, but one array at a time, to save memory."""
     arrays: dict[str, Callable[[], NDArray[Any]]] = {
         "view_stamp_ns": lambda: np.array([v.view.stamp_ns for v in d.evidence], np.int64),
         "station": lambda: np.array([v.view.station for v in d.evidence], np.int32),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far the gap shrinks: RMS on held-out views before and after, against the floor, with its interval."""
+"""How far the gap shrinks: RMS on held-out views before and after, against the floor, with its 95 % interval."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 
 DRAWN = 50
-"""Sets of blocks that are drawn at once: a thousand sets of a long session of a large camera are a third of a gigabyte."""
+"""Bootstrap sets of blocks that are drawn at once: a thousand sets of a long session take a third of a gigabyte."""
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Millimetres over pixels: root mean square, mean absolute, mean."""
+    """Errors over pixels in mm: root mean square, mean absolute, mean."""
 
     rmse: float
     mae: float
@@ -34,8 +34,8 @@ class Errors:
 class Shrink:
     """1 - (after^2 - floor^2 + healthy^2) / (before^2 - floor^2 + healthy^2) on RMSE, None where before is at the floor.
 
-    healthy: what poses take of a healthy camera's errors. The residuals do not show it, and no named effect removes it.
-    off_edges_mm: RMS in mm above the noise before and after, of the pixels away from edges, where edges count; None where they do not.
+    healthy: error of a healthy camera that the poses absorb. The residuals do not show it, and no named effect removes it.
+    off_edges_mm: RMS in mm above the noise before and after, of the pixels away from edges; None where edges do not count.
     """
 
     before: Errors
@@ -47,24 +47,24 @@ class Shrink:
 
     @property
     def shown_mm(self) -> tuple[float, float]:
-        """RMS in mm above the noise before and after, as pictures show it: away from edges, where these count."""
+        """RMS in mm above the noise before and after, as pictures show it: away from edges, if edges count."""
         return self.off_edges_mm or (self.above_mm(self.before), self.above_mm(self.after))
 
     @property
     def off_edges(self) -> float | None:
-        """Share of the squared gap away from edges that goes; None where edges do not count, or where there is no gap away from them."""
+        """Shrink away from edges; None where edges do not count, or where there is no gap away from them."""
         if self.off_edges_mm is None or not self.off_edges_mm[0] > 0.0:
             return None
         return 1.0 - (self.off_edges_mm[1] / self.off_edges_mm[0]) ** 2
 
     def above_mm(self, errors: Errors) -> float:
-        """RMS in mm of errors on the held-out views without noise and pose posterior: what is gap and not noise."""
+        """RMS in mm of errors on the held-out views, without noise and pose uncertainty."""
         return above_noise_mm(errors.rmse, self.floor_mm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldOut:
-    """Sums per block of the held-out views' pixels: what every figure here is made of.
+    """Sums over the pixels of each block of the held-out views, from which all figures here are computed.
 
     Each array is (blocks,): n, and the sums of e, |e|, e^2 before and after, and of floor^2.
     """
@@ -75,7 +75,7 @@ class HeldOut:
     floor2: Float
 
     def errors(self, which: str, weights: Float | None = None) -> Errors:
-        """RMSE, MAE and bias in mm, blocks weighted."""
+        """RMSE, MAE and bias in mm; `weights` (blocks,): how often each block counts."""
         sums = (self.before if which == "before" else self.after) @ (np.ones(len(self.n)) if weights is None else weights)
         n = self.n.sum() if weights is None else self.n @ weights
         mean, absolute, square = sums / max(n, 1.0)
@@ -94,7 +94,7 @@ class HeldOut:
 
 
 def above_noise_mm(rmse_mm: float, floor_mm: float) -> float:
-    """RMS in mm without noise and pose posterior: what is gap and not noise."""
+    """RMS in mm without noise and pose uncertainty."""
     return float(np.sqrt(max(rmse_mm**2 - floor_mm**2, 0.0)))
 
 
@@ -119,12 +119,12 @@ def _block_sums(before: Float, after: Float, floor2: Float, block_px: int) -> tu
 
 
 def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, unsure2: float = 0.0) -> Shrink:
-    """RMS, MAE and bias before and after, and the shrink with the 95 % interval of what the true effects would give.
+    """RMS, MAE and bias before and after; the shrink, and a 95 % interval of the shrink by the true effects.
 
-    The interval is that of a block bootstrap, widened by the error of the floor. It reaches up to 1 and beyond: what is left above the
-    floor may be error of the fitted maps. Where many coefficients were estimated from few views, their maps have an error of variance
-    `unsure2` (m^2): the true effects would shrink the gap by up to that much more. It reaches down by what poses may take of a healthy
-    camera's errors beyond what they usually take: the true effects leave it. Where nothing is removed, nothing shrinks.
+    The interval is that of a block bootstrap, widened by the error of the floor. Its upper end also contains the error of the fitted
+    maps: coefficients estimated from few views give maps an error of variance `unsure2` (m^2), by which the true effects would remove
+    more. It may exceed 1. Its lower end also contains the error of a healthy camera that poses may absorb beyond the usual, which the
+    true effects would not remove. The shrink is 0 where nothing is removed.
     """
     before, after = held_out.errors("before"), held_out.errors("after")
     floor2 = (1e-3 * held_out.floor_mm) ** 2
@@ -137,7 +137,7 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
         b2, a2, f2 = _drawn(held_out, rng, limits.rounds)
         above = (before.rmse * 1e-3) ** 2 - floor2
         whole = above + healthy2
-        # A draw of blocks without a gap says nothing of a ratio.
+        # A draw of blocks without a gap has no shrink.
         ratios = ((b2 - a2) / (b2 - f2 + healthy2))[b2 - f2 > limits.drawn_share * above]
         low, high = np.quantile(ratios, [0.025, 0.975]) if len(ratios) else (value, value)
         floor = abs(value) * limits.noise_known * floor2 / whole
@@ -148,7 +148,7 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
 
 
 def _drawn(held_out: HeldOut, rng: np.random.Generator, rounds: int) -> Float:
-    """(3, rounds) m^2: mean squares before, after and of the floor over blocks drawn with replacement."""
+    """(3, rounds) m^2: mean squares of error before, error after and floor, over blocks drawn with replacement."""
     sums, count = np.stack([held_out.before[2], held_out.after[2], held_out.floor2, held_out.n], axis=1), len(held_out.n)
     out = np.empty((rounds, 4))
     for start in range(0, rounds, DRAWN):
@@ -160,7 +160,7 @@ def _drawn(held_out: HeldOut, rng: np.random.Generator, rounds: int) -> Float:
 def _shrink(before_mm: float, after_mm: float, floor2: float, healthy2: float, above_floor: float) -> float | None:
     """The shrink, or None where the RMS before exceeds the floor by less than the share `above_floor`.
 
-    The floor is known to a few percent: what is left may seem to lie below it, but a gap shrinks to nothing at most.
+    The floor is known to a few per cent, so the error after may seem to lie below it; the shrink is 1 at most.
     """
     b2, a2 = (before_mm * 1e-3) ** 2, (after_mm * 1e-3) ** 2
     if not b2 > floor2 * (1.0 + above_floor) ** 2:

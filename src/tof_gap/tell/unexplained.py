@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What no named effect explains: whether it is structured, where it lies, what it depends on."""
+"""The gap that no named effect explains: whether it is structured, where it lies, what it depends on."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ LOST = "lost pixels"
 EDGES = "edge_px"
 """What the error of a filter that smears edges depends on."""
 HAND = "hand"
-"""What arm errors that all views share, or that lie along the view, depend on: the place of the camera on the hand."""
+"""The quantity that arm errors depend on if all views share them or they lie along the optical axis: the camera's place on the hand."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unexplained:
-    """What is left above the floor.
+    """The gap that is left above the floor once all named effects are subtracted.
 
-    rmse_mm: RMS of block means above the floor, by information; structured: whether that is more than the named effects' maps leave;
-    share: of the gap's energy above the floor, what is left or goes to free functions of an observable, 0 where nothing is structured;
-    depends_on: quantities that it varies with, most first; where: parts that carry it, most first; gross: share of the pixels away from
-    edges that are off by more than any bias, 0 where they are as few as tools and cables make; resembles: effects that were taken out
-    since the measurements contradict their maps (`tell.contradicted`): something like them is there.
+    rmse_mm: RMS of block means above the floor, weighted by information; structured: whether it is more than errors of the named
+    effects' maps; share: the part of the gap's energy that is left or that free functions of an observable describe, 0 without
+    structure; depends_on: quantities that it varies with, most first; where: parts that carry it, most first; gross: share of pixels
+    away from edges with an error that no bias reaches, 0 where they are as few as tools and cables make; resembles: effects that were
+    taken out since the views contradict their maps (`tell.contradicted`): a similar mechanism acts there.
     """
 
     rmse_mm: float
@@ -60,7 +60,7 @@ class Unexplained:
 
 
 def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits, contradicted: Sequence[str] = ()) -> Unexplained:
-    """Judge what the named effects leave away from edges, against the floor.
+    """Judge the gap that is left away from edges, against the floor.
 
     It is structured where block means exceed what white noise gives them, of all pixels or of a part's. Where a named noise is shared by neighbours (steps, rows,
     stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias and than the named effects, away from edges, unless
@@ -80,7 +80,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     before_mm = gap.shown_mm[0]
     before2 = max(before_mm**2, 1e-9)
     gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
-    # What appears and vanishes beside edges while the hand moves is in no model of motion.
+    # No model of motion describes surfaces that appear and vanish beside edges while the hand moves.
     reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
     gross = 0.0 if gross_named else min(gross_share(v, _explained(figures), reach) for v in (views, solved.linearised))
     signs = {HAND: solved.arms_alike > limit.arms or found.pushed, EDGES: smeared(solved.bare, missing)}
@@ -88,7 +88,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     gone = _lost_pixels(found, len(scene.parts), missing)
     least_mm = limit.alone_mm if all(EFFECTS[name].EXACT for name in solved.maps) else limit.mm
     a_gap = before_mm > limit.mm
-    # Parts share the noise of rows and stripes unevenly: beside it no part is judged by itself.
+    # The noise of rows and stripes is uneven over parts: beside it no part is judged by itself.
     off = np.zeros(len(scene.parts), bool)
     if not figures.alike_m:
         before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
@@ -117,11 +117,14 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
 
 
 def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limit: UnexplainedLimits, least_m: float) -> Mask:
-    """(parts,) parts whose own pixels are off by `least_m`, by `noise_share` of their noise and by `share` of what they were, RMS above the floor, also without the view that has most."""
+    """(parts,) parts whose RMS error above the floor exceeds `least_m`, `noise_share` of their noise, and `share` of the squared error before.
+
+    All three without the view that contributes most.
+    """
     (after, known), pixels = left.of_parts(parts, views), left.pixels_of(parts, views)
     most = np.argmax(after, axis=0), np.arange(parts)
     enough = pixels > limit.part_pixels * pixels.sum()
-    least = 1.0  # 1/m^2, where a part has no block: then nothing is divided by nothing
+    least = 1.0  # 1/m^2, of a part without a block: else 0 is divided by 0.
     size2 = (after.sum(axis=0) - after[most]) / np.maximum(known.sum(axis=0) - known[most], least)
     was2 = before.of_parts(parts, views)[0].sum(axis=0) / np.maximum(known.sum(axis=0), least)
     noise2 = pixels / np.maximum(known.sum(axis=0), least)
@@ -129,14 +132,14 @@ def off_parts(left: BlockMeans, before: BlockMeans, parts: int, views: int, limi
 
 
 def _share(left2: float, free2: float, before2: float) -> float:
-    """Share of the gap that no named effect explains: what is left and what free functions take, over that and the gap (all mm^2)."""
+    """Share of the gap that no named effect explains: error left and error of free functions, over both and the gap (all in mm^2)."""
     return min((left2 + free2) / max(before2 + free2, left2 + free2), 1.0)
 
 
 def misfit(before: Sequence[Float], left: Sequence[Float], floor2: Sequence[Float], noise_known: float) -> float:
-    """Chi-square per pixel above the floor that is left, over that before anything is subtracted (both (H, W) metres per view; floor2: m^2).
+    """Chi-square per pixel above the floor of the errors `left`, over that of the errors `before` ((H, W) metres per view; floor2: m^2).
 
-    0 where what is left exceeds the floor by less than the error of the noise variance, `noise_known`.
+    0 where `left` exceeds the floor by less than the relative error of the noise variance, `noise_known`.
     """
 
     def excess(errors: Sequence[Float]) -> float:
@@ -160,7 +163,7 @@ def by_part(views: Sequence[ViewEvidence], maps: Iterable[Float], parts: int) ->
 
 
 def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
-    """(parts,) pixels of each part that returned no light; none where they are few, or where `dropout` or a noise was named."""
+    """(parts,) lost pixels of each part; zeros where they are few, or where `dropout` or a noise is named."""
     views = found.solved.bare
     if any(f.name == Dropout.NAME or f.effect.makes_outliers for f in found.findings):
         return np.zeros(parts)
@@ -171,12 +174,12 @@ def _lost_pixels(found: Account, parts: int, missing: MissingLimits) -> Float:
 
 
 def _explained(figures: Figures) -> Iterator[Float]:
-    """(H, W) metres of each view that all named effects add, one view after the other: all at once would fill the memory."""
+    """(H, W) metres that all named effects add, one view after the other to save memory."""
     return (figures.total(list(figures.maps), v) for v in range(len(figures.residual)))
 
 
 def gross_share(views: Sequence[ViewEvidence], named: Iterable[Float], reach_px: int = 0) -> float:
-    """Mean over the views of the share of pixels, farther than `reach_px` from edges, that are gross with and without the named effects' metres (H, W)."""
+    """Share of gross pixels farther than `reach_px` from edges, mean over views: gross both with and without the named effects (H, W metres)."""
     shares = []
     for v, explained in zip(views, named, strict=True):
         away = ~(binary_dilation(v.edge, iterations=reach_px) if reach_px else v.edge)
@@ -186,7 +189,7 @@ def gross_share(views: Sequence[ViewEvidence], named: Iterable[Float], reach_px:
 
 
 def _depends_on(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Sequence[Float], limits: ReportLimits) -> tuple[str, ...]:
-    """Quantities whose bins' means carry the share `quantity_share` or more of what is left, most first."""
+    """Quantities whose bins' means carry the share `quantity_share` or more of the energy left, most first."""
     limit, share = limits.unexplained, {}
     for name, bins in by_quantity(views, left, floor2, limits.where.bins).items():
         if len(bins) < limit.quantity_bins:

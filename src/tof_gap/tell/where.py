@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A stretch of one part's surface: its share of the whole gap's energy above the floor."""
+    """A patch of one part's surface; share: of the whole gap's energy above the floor."""
 
     id: int
     name: str
@@ -37,7 +37,7 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """The gap over one stretch of a quantity: edges, mean and RMS in mm, floor in mm, pixels."""
+    """The gap over one interval of a quantity: its ends, mean, RMS and floor in mm, pixels."""
 
     low: float
     high: float
@@ -55,10 +55,10 @@ def regions(
     scene: Scene,
     limits: ReportLimits,
 ) -> list[Region]:
-    """Regions whose gap is more than chance, largest share first; `gap` (H, W) metres per view.
+    """Regions whose gap is significant, largest share first; `gap` (H, W) metres per view.
 
-    A region's evidence are the means of its blocks (`block_px` a side): their chi-square against the
-    floor is turned into a p-value, and the false discovery rate over all regions is held.
+    The chi-square of the means of a region's blocks (`block_px` a side) against the floor gives a p-value; the false discovery rate
+    over all regions is controlled.
     """
     ids = np.unique(np.concatenate([np.unique(r[r >= 0]) for r in region]))
     rows = [_region_sums(int(i), views, gap, floor2, region, limits.block_px) for i in ids]
@@ -104,7 +104,7 @@ def _region_sums(
 
 
 def _discoveries(p: Float, rate: float) -> Float:
-    """(n,) bool: which hypotheses stand at a false discovery rate (Benjamini and Hochberg 1995)."""
+    """(n,) bool: hypotheses that are rejected at a false discovery rate (Benjamini and Hochberg 1995)."""
     order = np.argsort(p)
     below = p[order] <= rate * np.arange(1, len(p) + 1) / max(len(p), 1)
     last = np.flatnonzero(below).max() + 1 if below.any() else 0
@@ -139,13 +139,13 @@ QUANTITIES: dict[str, Callable[[ViewEvidence], Float]] = {
     "row": lambda v: np.broadcast_to(np.arange(v.residual.shape[0], dtype=float)[:, None], v.residual.shape),
     "concavity": lambda v: v.concavity.astype(np.float64),
 }
-"""Per view (H, W): what the gap may vary with."""
+"""Quantities that the gap may vary with, (H, W) per view."""
 
 
 def _bins(
     value: Callable[[ViewEvidence], Float], views: Sequence[ViewEvidence], gap: Sequence[Float], floor2: Sequence[Float], bins: int
 ) -> list[Bin]:
-    """The gap by one quantity, computed twice of each view: kept for all views with what is made of it, it takes gigabytes."""
+    """The gap by one quantity. The quantity is computed twice for each view, since the images of all views take gigabytes."""
     q = np.concatenate([_known(value(v), g)[0] for v, g in zip(views, gap, strict=True)])
     if len(q) == 0 or np.ptp(q) == 0:
         return []
@@ -166,6 +166,6 @@ def _bins(
 
 
 def _known(quantity: Float, gap: Float) -> tuple[Float, Mask]:
-    """(n,) the quantity of the pixels that have it and a gap, and where these are (H, W)."""
+    """(n,) the quantity of the pixels where it and the gap are known, and the mask of these pixels (H, W)."""
     seen = np.isfinite(quantity) & np.isfinite(gap)
     return quantity[seen], seen

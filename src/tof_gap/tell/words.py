@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words of the report: the verdict as a sentence, what to do now, sizes of effects."""
+"""Sentences of the report: the verdict, what to do now, sizes of effects, what is unexplained."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from tof_core.errors import ToftwinError
 from tof_core.shares import in_percent
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from tof_gap.tell.unexplained import Unexplained
 
@@ -23,9 +24,9 @@ GOES_WITH = {
     "hand": "the camera's place on the hand",
     "stray_light": "stray light over the returned light",
 }
-"""Observables whose names say less than these words."""
+"""Words for observables whose names are no words of a reader."""
 MOST_STATED = 3
-"""Sizes that are stated of an effect that is there several times."""
+"""Instances of one effect whose sizes are stated."""
 
 
 def sentence(content: dict[str, Any]) -> str:
@@ -37,13 +38,13 @@ def sentence(content: dict[str, Any]) -> str:
     if not names:
         suspects = [spaced(c["effect"]) for c in content["causes"] if not c["asserted"]]
         also = f" Part of it looks like {listed(suspects)}, but too much is left to be sure." if suspects else ""
-        return f"Camera and simulation differ, and no effect known here explains the difference.{_clue(content['unexplained'])}{also}"
+        return f"Camera and simulation differ, and no effect known here explains the difference.{_clues(content['unexplained'])}{also}"
     verb = "explain" if len(names) > 1 else "explains"
     away = _off_edges(content)
     how = "" if gap["shrink"] is None or away else f" and {verb} {percent(gap['shrink'])} of the gap"
     more = ""
     if "unknown" in content["verdict"]:
-        more = f" Something else is left that no effect known here explains.{_clue(content['unexplained'])}"
+        more = f" Something else is left that no effect known here explains.{_clues(content['unexplained'])}"
     which = f"{', which together' if len(names) > 1 else ', which'}{how[4:]}" if how else ""
     return f"Camera and simulation differ by {listed(names)}{which}.{away}{more}"
 
@@ -70,16 +71,16 @@ def todo(content: dict[str, Any]) -> list[str]:
 
 
 def where_to_look(where: Sequence[str]) -> str:
-    """What to do about what is left, on these parts."""
+    """What to do about the unexplained gap; `where`: parts that carry it."""
     if where:
         return f"Look at {listed(where[:3])}: no effect known here explains the error there. Check whether it is as drawn and in its place, and whether it is glossy, wet or transparent."
     return "Look at the maps of the report: no effect known here explains the error that is left, and it lies on no part in particular."
 
 
 def size_in_words(cause: dict[str, Any], session_s: float) -> str:
-    """The size of an effect in its own units, as a session of so many seconds can tell it; "" where millimetres say it best.
+    """The size of an effect in its own units, as far as a session of `session_s` seconds determines it; "" where millimetres say it best.
 
-    `params` of the cause are those of the effect, or by part or frequency where the effect is there several times.
+    `params` of the cause are those of the effect, or of each instance by part or frequency.
     """
     params = cause["params"]
     several = params and all(isinstance(p, dict) for p in params.values())
@@ -100,7 +101,7 @@ def _stated(name: str, params: dict[str, Any], session_s: float) -> str:
 
 
 def _off_edges(content: dict[str, Any]) -> str:
-    """The gap away from edges, stated where edges count: their few pixels are off by centimetres and make most of an RMS."""
+    """The gap away from edges, where edges count: the few pixels there are off by centimetres and dominate an RMS."""
     away = content["gap"].get("off_edges_mm")
     if away is None:
         return ""
@@ -110,42 +111,33 @@ def _off_edges(content: dict[str, Any]) -> str:
     return f" Away from edges the gap is {before}, and {after} once the named effects are simulated."
 
 
-def _clue(unexplained: dict[str, Any]) -> str:
-    """What the unexplained part varies with and where it is, as a sentence."""
-    names = quantities(unexplained["depends_on"])
-    goes = f"varies with {listed(names)}" if names else ""
-    where = f"shows most on {listed(unexplained['where'][:3])}" if unexplained["where"] else ""
-    clues = "; it ".join(x for x in (goes, where) if x)
-    return (
-        (f" It {clues}." if clues else "")
-        + (f" {_gross(unexplained['gross'])}" if unexplained.get("gross") else "")
-        + (f" {_resembles(unexplained['resembles'])}" if unexplained.get("resembles") else "")
-    )
-
-
-def _gross(share: float) -> str:
-    """Pixels that no bias explains, as a sentence."""
-    return f"{in_percent(share, 1)} of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
-
-
-def _resembles(names: Sequence[str]) -> str:
-    """Effects that fit and are contradicted, as a sentence."""
-    return f"Something acts where {listed([spaced(n) for n in names])} would, but not as {'it does' if len(names) == 1 else 'they do'}: simulated, {'it leaves' if len(names) == 1 else 'they leave'} most of the error there."
+def _clues(unexplained: Mapping[str, Any]) -> str:
+    """What the unexplained gap varies with, where it is, and what it is like, as sentences that each begin with a space."""
+    varies, where, gross, like = (unexplained.get(key) for key in ("depends_on", "where", "gross", "resembles"))
+    clues = [f"varies with {listed(quantities(varies))}"] if varies else []
+    clues += [f"shows most on {listed(where[:3])}"] if where else []
+    found = [f"It {'; it '.join(clues)}."] if clues else []
+    if gross:
+        found.append(
+            f"{in_percent(gross, 1)} of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
+        )
+    if like:
+        it, leaves = ("it does", "it leaves") if len(like) == 1 else ("they do", "they leave")
+        found.append(
+            f"Something acts where {listed([spaced(n) for n in like])} would, but not as {it}: simulated, {leaves} most of the error there."
+        )
+    return "".join(f" {sentence}" for sentence in found)
 
 
 def quantities(observables: Sequence[str]) -> list[str]:
-    """What a reader calls these observables, once each."""
+    """Words for these observables, each once."""
     return list(dict.fromkeys(GOES_WITH.get(q, q.split("_")[0]) for q in observables))
 
 
 def unexplained_words(u: Unexplained, *, suspected: bool = False) -> str:
-    """What is left away from edges, how it is measured, where, and what it varies with; suspected: beside effects that are not asserted."""
-    where = f"most on {listed(u.where)}" if u.where else "on no part in particular"
-    goes = f"; it varies with {listed(quantities(u.depends_on))}" if u.depends_on else ""
-    after = f"With the {'suspected' if suspected else 'named'} effects simulated"
-    gross = f" {_gross(u.gross)}" if u.gross else ""
-    like = f" {_resembles(u.resembles)}" if u.resembles else ""
-    return f"{after}, neighbouring pixels still share an error of {u.rmse_mm:.2f} mm RMS (means of blocks of pixels away from edges, all views), {where}{goes}.{gross}{like}"
+    """The error left away from edges: its size, what it varies with, where it is; suspected: beside effects that are not asserted."""
+    size = f"{u.rmse_mm:.2f} mm RMS (means of blocks of pixels away from edges, all views)"
+    return f"With the {'suspected' if suspected else 'named'} effects simulated, neighbouring pixels still share an error of {size}.{_clues(asdict(u))}"
 
 
 def spaced(name: str) -> str:
@@ -164,5 +156,5 @@ def percent(share: float | None) -> str:
 
 
 def interval(ci: Sequence[float] | None) -> str:
-    """The 95 % interval of a share, "" where it is not known; no less than none and no more than all of it is shown."""
+    """The 95 % interval of a share, cut to 0 to 100 %; "" where it is not known."""
     return "" if ci is None else f"{percent(min(max(ci[0], 0.0), 1.0))} to {percent(min(ci[1], 1.0))} (95 % interval)"

@@ -105,12 +105,12 @@ LEFT = "neighbouring pixels still share an error of 0.32 mm RMS (means of blocks
 @pytest.mark.parametrize(
     ("where", "depends_on", "words"),
     [
-        ((), (), f"With the named effects simulated, {LEFT}, on no part in particular."),
-        (("door", "sill"), (), f"With the named effects simulated, {LEFT}, most on door and sill."),
+        ((), (), f"With the named effects simulated, {LEFT}."),
+        (("door", "sill"), (), f"With the named effects simulated, {LEFT}. It shows most on door and sill."),
         (
             ("door",),
             ("range_m", "edge_px"),
-            f"With the named effects simulated, {LEFT}, most on door; it varies with range and distance to an edge.",
+            f"With the named effects simulated, {LEFT}. It varies with range and distance to an edge; it shows most on door.",
         ),
     ],
 )
@@ -120,7 +120,7 @@ def test_what_is_left_is_stated_as_far_as_it_is_known(where: tuple[str, ...], de
 
 def test_what_is_left_beside_suspected_effects_is_stated_as_such() -> None:
     left = Unexplained(0.324, structured=True, depends_on=(), where=("door",))
-    assert unexplained_words(left, suspected=True) == f"With the suspected effects simulated, {LEFT}, most on door."
+    assert unexplained_words(left, suspected=True) == f"With the suspected effects simulated, {LEFT}. It shows most on door."
 
 
 def test_what_is_left_is_looked_for_on_its_parts() -> None:
@@ -146,7 +146,7 @@ def test_pixels_that_no_bias_explains_are_stated_by_their_share() -> None:
     """Blocks of pixels leave them out, so that an error of some tenths of a millimetre would explain nothing."""
     gross = "1.3 % of the pixels away from edges are off by centimetres: that is no bias, but another surface, a mirror or a wrapped phase."
     left = Unexplained(0.324, structured=True, depends_on=(), where=("door",), gross=0.013)
-    assert unexplained_words(left).endswith(f"{LEFT}, most on door. {gross}")
+    assert unexplained_words(left).endswith(f"{LEFT}. It shows most on door. {gross}")
     report = {
         "verdict": ["unknown"],
         "causes": [],
