@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects that bring a detector of their own: each is shown the session and its noise by amplitude."""
+"""Effects with a detector of their own: each detector gets the session and its noise by amplitude."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def detected_effects(
     views: Sequence[ViewEvidence], limits: NoiseLimits, law: PhotonLaw | None, left_out: AbstractSet[str] = frozenset()
 ) -> list[Finding]:
-    """What the own detectors of effects find that are not left out; `law`: the camera's photon law as `--sensor` states it."""
+    """Findings of all effects' own detectors but those in `left_out`; `law`: the camera's photon law as `--sensor` states it."""
     session = replace(session_of(views, limits, law=law), noise=binned(views, limits.bins, limits))
     found = [kind.detect(session) for kind in PHYSICAL_ORDER if kind.NAME not in left_out and kind.not_testable(session) is None]
     return [
@@ -44,9 +44,9 @@ def detected_effects(
 
 
 def explained(views: Sequence[ViewEvidence], found: Sequence[Finding]) -> list[ViewEvidence]:
-    """The views with the noise that a stated law and the effects found beside it predict, pixel by pixel.
+    """The views with `sigma` of each pixel as a stated law and the effects found beside it predict it.
 
-    Noise that follows range as well as amplitude is not that of the neighbours of like amplitude, which `sigma` is otherwise.
+    `sigma` is otherwise estimated over pixels of like amplitude, which is wrong where noise also follows range.
     """
     law = next((f.beside for f in found if f.beside is not None), None)
     if law is None:

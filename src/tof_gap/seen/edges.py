@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels near depth edges, which mix two surfaces, and near whatever blurs while the camera moves."""
+"""Pixels near depth edges, which mix two surfaces, and near structures that motion blurs."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from tof_sensor.frame import Frame
 
 STEEPEST = 1.4
-"""Radians of incidence beyond which a surface's slope is not followed: its tangent grows without bound."""
+"""Radians: largest incidence whose slope is used, since the tangent grows without bound."""
 
 
 def smear(frame: Frame, limits: BlurLimits) -> int:
-    """Motion blur of a view, in pixels: image flow over the longest exposure; 0 for a still view."""
+    """Motion blur of a view in pixels: image flow during the longest exposure; 0 for a still view."""
     if not frame.context.twist.any() or not frame.valid.any():
         return 0
     blur = limits.exposure_s * np.quantile(np.hypot(*image_flow(frame))[frame.valid], limits.flow_quantile)
@@ -31,8 +31,8 @@ def smear(frame: Frame, limits: BlurLimits) -> int:
 def excluded(frame: Frame, limits: EvidenceLimits, wider_px: int, blur_px: int) -> Mask:
     """(H, W) pixels that mixing or motion blur may reach.
 
-    In a still view, those within `edge_px + wider_px` of a depth edge. In a moving one, those within `edge_px + blur_px` of a
-    depth edge or, with `blur.creases`, a brightness edge; `wider_px` is not added there, since the blur already costs many pixels.
+    In a still view, pixels within `edge_px + wider_px` of a depth edge. In a moving view, pixels within `edge_px + blur_px` of a depth
+    edge or, with `blur.creases`, of a brightness edge; `wider_px` is not added there, since blur already costs many pixels.
     """
     if blur_px:
         return edge_band(frame, limits.edge_px + blur_px, limits, creases=limits.blur.creases)
@@ -61,9 +61,9 @@ def edge_band(frame: Frame, width: int, limits: EvidenceLimits, *, creases: bool
 
 
 def streaks(residual: Float, sigma: Float, keep: Mask, limits: BlurLimits) -> Mask:
-    """(H, W) thin marks in the residual of a moving view: rims and low steps blur as edges do, and `edge_band` predicts only some.
+    """(H, W) thin streaks in the residual of a moving view: rims and low steps blur as edges do, and `edge_band` finds only some.
 
-    A pixel is marked where it differs from the median of its neighbourhood by `streak_sigma` standard deviations, or touches one that does.
+    A pixel is marked if it, or a neighbour, differs from the median around it by `streak_sigma` standard deviations.
     """
     keep = keep & np.isfinite(residual)
     if not keep.any():

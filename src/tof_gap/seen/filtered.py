@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Holes that a filter in the camera leaves around outliers, and failed unwrapping, which makes such outliers in weak light."""
+"""Holes that a filter in the camera leaves around outliers, and failed phase unwrapping, which makes such outliers at low amplitude."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 
 def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limits: MissingLimits) -> Finding | None:
-    """`phase_wrap` where the camera's filter removes outliers that come in weak light and that noise is too small for.
+    """`phase_wrap` where the camera's filter removed outliers at low amplitude that are too large for noise.
 
-    Merging frequencies fails more often the weaker the light, pixel by pixel. A filter that takes such pixels with their neighbours
-    leaves nothing that is off by a period, but holes of its own shape. Below a threshold of amplitude, holes have no such shape, and
-    their rims are as dim as the threshold.
+    The lower the amplitude, the more pixels are unwrapped wrongly when frequencies are merged. A filter that removes these pixels with
+    their neighbours leaves no depth that is off by a period, but holes of the filter's shape. Holes below a threshold of amplitude
+    have no such shape, and their rims are as dim as the threshold.
 
-    holes: (H, W) per view, what `filtered` found.
+    holes: (H, W) per view, the result of `filtered`.
     """
     inside = [expected(v, limits) for v in views]
     gone = np.concatenate([h[i] for h, i in zip(holes, inside, strict=True)])
@@ -43,15 +43,15 @@ def failed_unwrapping(views: Sequence[ViewEvidence], holes: Sequence[Mask], limi
     note = (
         f"the camera's filter removed {in_percent(float(gone.mean()))} of the pixels, around outliers in weak light; their jump is not seen"
     )
-    # An effect without a name may make outliers, too.
+    # An effect outside the vocabulary may make outliers, too.
     return Finding(PhaseWrap(start_m=start, share=share), LOSS_CONFIDENT, note=note, structure=True)
 
 
 def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]:
-    """(H, W) per view: pixels in holes that a filter left around outliers of weak light.
+    """(H, W) per view: pixels in holes that a filter left around outliers of low amplitude.
 
-    They have a filter's shape, rims that are brighter than a threshold's, and less light than the pixels kept: else none of them is
-    known to be a filter's. Without amplitude none is either.
+    All three must hold, or none is returned: holes have a filter's shape, their rims are brighter than those of a threshold, and lost
+    pixels have a lower amplitude than measured ones. None is returned without an amplitude image either.
     """
     inside, shaped = [expected(v, limits) for v in views], [_shaped(v.view.valid, limits.filter) for v in views]
     none = [np.zeros(i.shape, bool) for i in inside]
@@ -61,7 +61,7 @@ def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]
     returned: list[Image] = []
     for v, i, s in zip(views, inside, shaped, strict=True):
         amplitude = np.full(i.shape, np.float32(np.nan)) if v.view.amplitude is None else v.view.amplitude
-        # Where light itself jumps, a threshold leaves bright rims too.
+        # Where amplitude jumps, a threshold leaves bright rims too.
         jumps = edge_band(v.frame, v.limits.edge_px, v.limits, creases=True)
         rims.append(amplitude[v.view.valid & i & ~jumps & binary_dilation(s & i & ~jumps, NEIGHBOURS)])
         returned.append(amplitude[v.view.valid & i])
@@ -74,7 +74,7 @@ def filtered(views: Sequence[ViewEvidence], limits: MissingLimits) -> list[Mask]
 
 
 def _shaped(valid: Mask, limits: FilterLimits) -> Mask:
-    """(H, W) pixels in holes that opening by a neighbourhood keeps."""
+    """(H, W) pixels in holes that morphological opening by a 3 x 3 neighbourhood keeps."""
     holes, count = label(~valid, NEIGHBOURS)
     # Beyond the image there is nothing that a filter could have kept.
     kept = binary_opening(np.pad(~valid, 1, constant_values=True), NEIGHBOURS)[1:-1, 1:-1]
@@ -83,9 +83,9 @@ def _shaped(valid: Mask, limits: FilterLimits) -> Mask:
 
 
 def chance_dimmer(views: Sequence[ViewEvidence], inside: Sequence[Mask], gone: Sequence[Mask]) -> float:
-    """Chance that a pixel that is `gone` has less light than another one `inside` (area under the ROC curve; equal light counts half).
+    """Chance that a pixel of `gone` has a lower amplitude, by the CAD, than another pixel of `inside`: the area under the ROC curve.
 
-    One view after the other: ranks of all pixels of a long session are a gigabyte.
+    One view after the other, since ranks of all pixels of a long session take a gigabyte.
     """
     lost = np.sort(np.concatenate([lambert_amplitude(v.rendering)[g] for v, g in zip(views, gone, strict=True)]))
     dimmer, pairs = 0.0, 0
@@ -97,7 +97,7 @@ def chance_dimmer(views: Sequence[ViewEvidence], inside: Sequence[Mask], gone: S
 
 
 def _noise_may_reach(views: Sequence[ViewEvidence], holes: Sequence[Mask], limits: MissingLimits) -> bool:
-    """Whether noise at the rims is as large as what the filter lets pass: the rise of a surface at `lost_grazing_deg` over a neighbourhood."""
+    """Whether noise at the rims is as large as the steps that the filter must pass: a surface at `lost_grazing_deg` over a neighbourhood."""
     sigma, passed = [], []
     for v, h in zip(views, holes, strict=True):
         rim = v.smooth & binary_dilation(h, NEIGHBOURS, iterations=2)

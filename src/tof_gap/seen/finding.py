@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An effect found by other evidence than smooth bias: by noise, missing pixels, gross errors or edges."""
+"""An effect that noise, missing pixels, gross errors or edges show, and not smooth bias."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ if TYPE_CHECKING:
     from tof_sensor.effects.photon_law import PhotonLaw
 
 CONFIDENT = 0.95
-"""Confidence of a finding whose tests pass or fail and give no graded statistic."""
+"""Confidence of a finding whose tests only pass or fail."""
 
 LOSS_CONFIDENT = 0.9
-"""The same of lost pixels, whose cause is read off the shape of holes and the light at their rims. Of nineteen on the emerging camera, eighteen were right."""
+"""The same for lost pixels, whose cause follows from the shape of holes and the amplitude at their rims: 18 of 19 were right on a camera of another author."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Finding:
-    """An effect found by noise, missing pixels, gross errors or mixed edges.
+    """An effect that noise, missing pixels, gross errors or mixed edges show.
 
-    `confidence` 0..1; `std` of its parameters; `share` (V, H, W) metres that it adds per pixel (standard deviation where it is
-    noise), or None; `corrects` whether the share can be subtracted from the measured depth; `common` (V, H, W) metres of noise
-    that neighbours share: no model predicts it, but it is no unexplained structure either; `note`: the evidence in words;
-    `beside`: the photon law that the noise was compared with, where that is stated and not fitted to the session; `posed_m`: metres RMS
-    of noise that neighbours share and that the poses took; `own_noise` (H, W): pixels with a noise of their own, which are in no figure;
-    `size`, `remedy`: in words, where the evidence says more than the effect's parameters; `parts`: indices of those that carry most of it;
-    `rare`: whether pixels are lost that are neither lost at random nor all that there is in the dark, as a filter around outliers takes them;
-    `structure`: whether it was read off structure of residuals, of arm errors, or of holes around outliers, which an effect without a name may leave too.
+    confidence: 0 to 1; std: of its parameters; share: (V, H, W) metres that it adds to each pixel (standard deviation if it is noise),
+    or None; corrects: whether the share can be subtracted from measured depth; common: (V, H, W) metres of noise that neighbours share:
+    no model predicts it, but it is no unexplained structure either; note: the evidence in words; beside: the photon law that noise was
+    compared with, if `--sensor` states one; posed_m: metres RMS of noise that neighbours share and that the poses absorbed; own_noise:
+    (H, W) pixels with a noise of their own, which are in no figure; size, remedy: in words, where the evidence says more than the
+    effect's parameters; parts: indices of those that carry most of it; rare: whether loss is neither at random nor below a threshold,
+    as a filter around outliers makes it; structure: whether the evidence is structure of residuals, arm errors or holes, which an effect
+    outside the vocabulary may make too.
     """
 
     effect: Effect

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where another camera's lamp stands: fringes of its light in the views, by the way from the lamp to each point."""
+"""Where another camera's lamp stands, by the fringes that its light makes in the views."""
 
 from __future__ import annotations
 
@@ -24,27 +24,28 @@ if TYPE_CHECKING:
 
 FREQUENCY_STEP_MHZ = 20.0
 FREQUENCIES_MHZ = tuple(FREQUENCY_STEP_MHZ * n for n in range(1, 7))
-"""Modulation frequencies tried, multiples of the first: fringes of neighbouring ones are alike."""
+"""Modulation frequencies tried, multiples of the first one: fringes of frequencies in between look alike."""
 CELL_STEP_M, CELL_REACH_M = 0.5, 1.0
-"""Spacing of the places tried in the cell, and how far they go beyond what the views measure."""
+"""Spacing of the places tried in the cell, and how far they extend beyond the measured points."""
 HAND_STEP_M, HAND_REACH_M, HAND_LEAST_M = 0.2, 0.6, 0.15
-"""The same of places that ride on the camera's hand, and the least distance from the lens: the own lamp stands nearer."""
+"""The same for places that move with the camera's hand, and their least distance from the lens: the camera's own lamp is nearer."""
 STEEPEST = 0.1
-"""Least cosine of incidence: grazing surfaces would outweigh all."""
+"""Least cosine of incidence used: grazing surfaces would outweigh all others."""
 STRONGEST = 50.0
-"""Most of the foreign light over the own, in units of their ratio at equal ways."""
+"""Largest ratio of foreign to own light, in units of their ratio at equal distance and incidence."""
 COMMON_STEP_M = 0.15
-"""Spacing of the knots of what all views have in common, along range: an eighth of a wave of 120 MHz."""
+"""Spacing along range of the knots of the error that all views share: an eighth of a wave of 120 MHz."""
 RIDGE = 1e-3
-"""Ridge of a view's four waves, of their mean square: where few pixels are lit, waves are alike."""
+"""Ridge of the fit of a view's four waves, as a share of their mean square: where few pixels are lit, the waves look alike."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForeignLamp:
-    """at_m (3,): the lamp, in the cell or, if `on_hand`, in the camera's frame; mhz: frequency of the best of those tried.
+    """The lamp of another camera.
 
-    share: of the views' chi-square beside smooth fields, what the lamp explains; hit (V,): views that have its light;
-    fields (V, H, W): metres of z that the light adds in each.
+    at_m (3,): its place, in the cell or, if `on_hand`, in the camera's frame; mhz: the best of the frequencies tried; share: of the
+    views' chi-square beside smooth fields, the part that the lamp explains; hit (V,): views with its light; fields (V, H, W): metres of
+    z that the light adds.
     """
 
     at_m: Float
@@ -56,15 +57,15 @@ class ForeignLamp:
 
     @property
     def stated(self) -> str:
-        """Where the lamp stands, and in which views its light is. Beyond a few metres of way, fringes hardly tell how far it stands."""
+        """Where the lamp stands, and which views have its light. Its distance is uncertain beyond a few metres."""
         frame = "on the camera's hand, near" if self.on_hand else "in the cell, within a metre of"
         views = f"{int(self.hit.sum())} of {len(self.hit)} views"
         return f"fringes as of a lamp {frame} ({', '.join(f'{x:.1f}' for x in self.at_m)}) m, in {views}"
 
     def finding(self, views: Sequence[ViewEvidence], limits: ForeignLightLimits) -> Finding:
-        """The `interference` that the light is, by its RMS in the views that have it.
+        """The finding `interference`, with the light's RMS in the views that have it.
 
-        What the model of one lamp without a beam lacks is a smooth field of the same views (`limits`).
+        A smooth field of the same views (`limits`) contains what the model lacks: the lamp's beam, and further lamps.
         """
         lit = np.stack([v.smooth for v in views]) & self.hit[:, None, None]
         rest = [field(replace(v, residual=v.residual - f), limits) for v, f in zip(views, self.fields, strict=True)]
@@ -78,8 +79,9 @@ class ForeignLamp:
 class Cells:
     """Means over squares of pixels of a view.
 
-    points, normals (n, 3) in the cell; range_m, cosine (n,); sigma (n,) of the mean error along the ray, metres; smooth (n, k):
-    orthonormal fields over sigma that pose and lens leave; error (n,): over sigma, beside those fields; T (4, 4): the camera's pose.
+    points, normals (n, 3) in the cell; range_m, cosine (n,); sigma (n,): standard deviation of the mean error along the ray, metres;
+    smooth (n, k): orthonormal fields, divided by sigma, that errors of pose and lens make; error (n,): divided by sigma, without these
+    fields; T (4, 4): the camera's pose.
     """
 
     points: Float
@@ -97,15 +99,15 @@ class Cells:
 
 
 def foreign_lamp(views: Sequence[ViewEvidence], limits: ForeignLampLimits) -> ForeignLamp | None:
-    """The lamp whose fringes explain most, None where no place explains much more than any other does.
+    """The lamp whose fringes explain most chi-square; None where no place explains much more than the others.
 
-    Light of another camera comes by way of the lamp's distance to the point. Against the own light it has the strength
-    cos(i_lamp) r^2 / (cos(i) d^2) and the phase k (d - r), or k (d + 3 r) where its phase changes from tap to tap; k = 2 pi f / c,
-    d is the distance from lamp to point and r the range. Strength and phase of the beat are new in every view (docs/effects.md).
+    At a point at range r from the camera and distance d from the lamp, the lamp's light relative to the camera's own has the strength
+    cos(i_lamp) r^2 / (cos(i) d^2) and the phase k (d - r), or k (d + 3 r) if its phase changes from tap to tap; k = 2 pi f / c.
+    Strength and phase of the beat are new in every view (docs/effects.md).
 
     Args:
         views: at the solution's poses, less all smooth bias.
-        limits: from which share on a lamp is believed.
+        limits: share of chi-square from which a lamp is believed.
     """
     cells = [cells_of(v, limits) for v in views]
     found = _standing_out(cells, limits)
@@ -119,7 +121,7 @@ def foreign_lamp(views: Sequence[ViewEvidence], limits: ForeignLampLimits) -> Fo
 
 
 def _standing_out(cells: Sequence[Cells | None], limits: ForeignLampLimits) -> _Search | None:
-    """The place whose light explains most, None where it explains too little, or hardly more than other places."""
+    """The place whose light explains most; None where it explains too little, or hardly more than other places."""
     if _chi2(cells) <= limits.chi2 * sum(len(c.error) for c in cells if c is not None):
         return None
     in_cell, on_hand = _search(cells, _places_in_cell(cells), on_hand=False), _search(cells, _places_on_hand(), on_hand=True)
@@ -132,7 +134,7 @@ def _chi2(cells: Sequence[Cells | None]) -> float:
 
 
 def cells_of(view: ViewEvidence, limits: ForeignLampLimits) -> Cells | None:
-    """None of a view with too few pixels."""
+    """The means of a view; None where too few pixels are seen."""
     seen, T = view.smooth, view.rendering.T_cell_camera
     h, w = view.residual.shape
     groups = blocks(seen, max(1, h // limits.rows))
@@ -162,10 +164,10 @@ def cells_of(view: ViewEvidence, limits: ForeignLampLimits) -> Cells | None:
 
 
 def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
-    """The cells less what all views have in common: a function of range, and one of range times r^2 / cos(i).
+    """The cells less the error that all views share: a function of range, and one of range times r^2 / cos(i).
 
-    Light that the camera's own glass throws back, as any error of the camera itself, is the same in every view, also where its fringes
-    look like those of a lamp.
+    An error of the camera itself, such as light that its own glass reflects, is the same in every view, even if its fringes look like
+    those of a lamp.
     """
     there = [c for c in cells if c is not None]
     if not there:
@@ -189,7 +191,7 @@ def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
 class _Search:
     """The place and the frequency whose light explains most.
 
-    gains (V,): chi-square that they explain in each view; median: in all views together, what the median place explains.
+    gains (V,): chi-square that they explain in each view; median: chi-square that the median place explains in all views together.
     """
 
     at_m: Float
@@ -247,7 +249,7 @@ def _field(view: ViewEvidence, c: Cells, found: _Search) -> Float:
 
 @njit(cache=True, nogil=True)
 def _waves(at: Float, k: float, points: Float, normals: Float, range_m: Float, cosine: Float) -> Float:
-    """(n, 4) strength of a lamp's light over the own, as cosine and sine of its phases k (d - r) and k (d + 3 r)."""
+    """(n, 4) ratio of a lamp's light to the camera's own, times cosine and sine of the phases k (d - r) and k (d + 3 r)."""
     out = np.zeros((len(points), 4))
     for i in range(len(points)):
         x, y, z = at[0] - points[i, 0], at[1] - points[i, 1], at[2] - points[i, 2]
@@ -274,9 +276,9 @@ def _gains(
     places: Float, k: float, count: int, points: Float, normals: Float, range_m: Float, cosine: Float, sigma: Float, smooth: Float,
     error: Float,
 ) -> Float:  # fmt: skip
-    """(count, places) chi-square that the light of a lamp at each place explains in a view, beside its smooth fields, at k, 2 k, ... radians per metre.
+    """(count, places) chi-square that a lamp at each place explains in a view beside its smooth fields, at k, 2 k, ... radians per metre.
 
-    Phases are taken once: those of a multiple come by the sines and cosines of sums.
+    Sines and cosines are computed for k alone; those of its multiples follow from the addition theorems.
     """
     out = np.zeros((count, len(places)))
     for p in range(len(places)):

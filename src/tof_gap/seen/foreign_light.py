@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Another camera's light as a bias that is new in every capture: arm errors along the view, beyond what the robot's arm does."""
+"""Another camera's light as a bias that is new in every capture: it looks like arm errors along the optical axis."""
 
 from __future__ import annotations
 
@@ -20,25 +20,24 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 ALONG, ACROSS = 2, (0, 1)
-"""Axes of the camera's frame along the view and across it."""
+"""Axes of the camera's frame: along the optical axis, and across it."""
 
 
 def foreign_light(
     views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, limits: ForeignLightLimits, named_m: float = 0.0
 ) -> Finding | None:
-    """`interference` where captures are off along the view, each by its own amount, and not across it, and have a field besides.
+    """`interference` where arm errors along the optical axis exceed those across it, and a smooth field is left in nearly every view.
 
-    Another camera's modulated light adds a phasor with a phase of its own in every capture (docs/effects.md). Most of what the
-    phasor adds to depth looks like a step of the camera along its view, and the arm's error takes it. No other effect is random
-    from capture to capture: an arm that errs does so across the view too. What the arm does not take is a smooth field in nearly
-    every view; a mount that gives way leaves none. Weak foreign light stays within the arm's prior: then the field must exceed what
-    inexact maps of named effects leave.
+    Another camera's modulated light adds a phasor with a phase of its own in every capture (docs/effects.md). Most of the depth error
+    that the phasor makes looks like a step of the camera along its optical axis, and the arm's error absorbs it. No other effect is
+    random from capture to capture, and an arm errs across the axis too. The rest is a smooth field; a loose mount leaves none.
+    Weak foreign light stays within the arm's prior: then the field must exceed the errors of the named effects' maps.
 
     Args:
         views: at the solution's poses, less all smooth bias.
         arms: (V, 6) arm errors in the camera's frame, metres and radians.
         arms_sd: (V, 6) their standard deviations by the robot's prior.
-        limits: from which chance on the effect is believed.
+        limits: largest probability by chance at which the effect is believed.
         named_m: metres, sizes of the named effects together (root of the sum of squares).
     """
     beyond = along_the_view(arms, arms_sd, limits)
@@ -56,25 +55,25 @@ def foreign_light(
 
 
 def along_the_view(arms: Float, arms_sd: Float, limits: ForeignLightLimits) -> bool:
-    """Whether arm errors (V, 6) along the view exceed what the robot's prior allows, and what the errors across the view suggest."""
+    """Whether arm errors (V, 6) along the optical axis exceed both the robot's prior and the errors across the axis."""
     along = float(((arms / arms_sd)[:, ALONG] ** 2).sum())
     return bool(chdtrc(len(arms), along) < limits.chance and _by_arm(arms, arms_sd) < limits.chance_across)
 
 
 def _by_arm(arms: Float, arms_sd: Float) -> float:
-    """Chance of the errors along the view given those across it."""
+    """Probability of errors along the optical axis as large as these, given those across it (F test)."""
     square, count = (arms / arms_sd) ** 2, len(arms)
     along, across = float(square[:, ALONG].sum()), float(square[:, ACROSS].sum())
     return float(fdtrc(2 * count, count, along / count / max(across / (2 * count), 1e-12))) if across > 0 else 0.0
 
 
 def drifts_by_chance(drift: Sequence[Float], posed_m: float, limits: ForeignLightLimits) -> bool:
-    """Whether amounts of each view's own, as foreign light adds them, would look like this drift from view to view.
+    """Whether foreign light, which shifts each view by an amount of its own, may look like this drift by chance (F test).
 
     Args:
-        drift: (H, W) metres per view that a drift over time adds, the same everywhere in a view.
-        posed_m: metres RMS by which foreign light moves captures along the view, beside the drift.
-        limits: from which chance on the drift is believed.
+        drift: (H, W) metres per view that a drift over time adds, the same at all pixels of a view.
+        posed_m: metres RMS by which foreign light shifts captures along the optical axis, beside the drift.
+        limits: largest probability by chance at which the drift is believed.
     """
     of_view = np.array([np.nanmedian(m) for m in drift])
     of_view = of_view[np.isfinite(of_view)]
@@ -86,16 +85,16 @@ def drifts_by_chance(drift: Sequence[Float], posed_m: float, limits: ForeignLigh
 
 
 def interference(views: Sequence[ViewEvidence], size_m: float, *, duty: float) -> Interference:
-    """The effect of so many metres RMS at the median amplitude of the views, in a share `duty` of them."""
+    """The effect with `size_m` metres RMS at the median amplitude of the views, in the share `duty` of them."""
     reference = float(np.median(np.concatenate([v.frame.amplitude[v.smooth] for v in views])))
     return Interference(burst_m=min(size_m, most(Interference, "burst_m")), duty=duty, reference=reference)
 
 
 def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
-    """(H, W) metres of z: the smooth field of a view that foreign light may have left, beside what its pose took.
+    """(H, W) metres of z: the smooth field of foreign light that the pose of a view does not absorb.
 
-    Linear in the image, and range^2 / cosine of incidence (own light is weak there, and foreign light counts more) times a function of
-    second order of the point: foreign light differs in phase and strength by the way to its lamp.
+    The sum of a linear function of row and column, and of range^2 / cos(incidence) times a quadratic function of the point. The factor
+    is the inverse of the camera's own light; phase and strength of the foreign light follow from the distance to its lamp.
     """
     h, w = view.residual.shape
     row, column = np.mgrid[:h, :w]
@@ -113,7 +112,7 @@ def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
 
 
 def _with_field(views: Sequence[ViewEvidence], fields: Sequence[Float], named_m: float, limits: ForeignLightLimits) -> float:
-    """Share of the views whose field takes more than chance, a healthy camera's tolerance, and inexact maps give it."""
+    """Share of the views whose field explains more chi-square than chance, a healthy camera's tolerance or errors of maps would."""
     least_m = max(limits.field_mm * 1e-3, limits.field_share * named_m)
     large = []
     for v, f in zip(views, fields, strict=True):

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from tof_gap.limits.seen import LevelLimits
 
 DARK = 1e-12
-"""Amplitude that stands for none, whose logarithm is taken."""
+"""Amplitude that replaces 0 before the logarithm is taken."""
 
 
 def noise_level(residual: Float, keep: Mask, amplitude: Float, limits: LevelLimits) -> Float:
     """(H, W) metres of z: standard deviation of the white noise in a residual (H, W), as a function of amplitude (H, W).
 
-    Second differences along rows and columns of the pixels to `keep` remove what is smooth; their trimmed standard
-    deviation in bins of amplitude is interpolated in ln amplitude. Pixels beyond the bins take the nearest bin's.
+    Second differences along rows and columns of the pixels to `keep` remove smooth errors. Their trimmed standard deviation in bins of
+    amplitude is interpolated in ln amplitude; beyond the bins, that of the nearest bin holds.
     """
     r = np.where(keep, residual, np.nan)
     samples, light = [], []
@@ -49,10 +49,10 @@ def noise_level(residual: Float, keep: Mask, amplitude: Float, limits: LevelLimi
 
 
 def depth_step(depth: Float, limits: LevelLimits, captures: int = 1) -> float:
-    """Metres between the codes of a depth image (H, W) that is the mean of so many captures, 0 where depth is continuous.
+    """Metres between the codes of a depth image (H, W), the mean of `captures` captures; 0 where depth is continuous.
 
-    The mean of captures has codes between those of one capture, where noise makes the captures differ. Noise that is wider than the step
-    takes all of them alike often; else most pixels keep whole codes, and the step is that of one capture.
+    A mean of captures may lie between two codes. If noise exceeds the step, all fractions of a step occur equally often; else most
+    pixels of the mean have whole codes, and the step is that of one capture.
     """
     z = depth[np.isfinite(depth)].astype(np.float64)
     if len(z) < limits.code_pixels:

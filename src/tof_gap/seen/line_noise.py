@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise that light cannot make: whole rows or columns that change together from view to view."""
+"""Noise of whole rows or columns, which change together from view to view; photon noise does not."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ SECOND_DIFFERENCE_VARIANCE = 6.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineNoise:
-    """Noise of rows (axis 1) or columns (axis 0).
+    """Noise that whole rows (axis 1) or columns (axis 0) share.
 
-    size_m: standard deviation in metres along the ray; sigma: its excess over white noise, in standard errors.
+    size_m: standard deviation in metres along the ray; sigma: its significance, the excess over white noise in standard errors.
     """
 
     axis: int
@@ -37,8 +37,8 @@ class LineNoise:
 def line_noise(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> LineNoise:
     """Noise that the pixels along `axis` share, from view to view.
 
-    Second differences across the lines, averaged along them, contain nothing smooth. Their mean over the views, a fixed
-    pattern, is subtracted. White noise leaves them a variance that is known from each line's own pixels.
+    Second differences across the lines, averaged along each line, contain no smooth error. Their mean over the views, a fixed
+    pattern, is subtracted. Their variance by white noise is known from the pixels of each line.
     """
     mean, white = (np.stack(a) for a in zip(*(_line_means(v, axis, limits) for v in views), strict=True))
     seen = np.isfinite(mean)
@@ -54,7 +54,7 @@ def line_noise(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> 
 
 
 def _line_means(view: ViewEvidence, axis: int, limits: LineLimits) -> tuple[Float, Float]:
-    """(L,) mean second difference across each line in metres, and the variance that white noise would give it."""
+    """(L,) mean second difference across each line in metres, and the variance of this mean by white noise."""
     r = np.where(view.smooth, view.residual * view.frame.length, np.nan)
     d2 = np.diff(r, n=2, axis=1 - axis)
     seen = np.isfinite(d2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What lost pixels go with: weak light, a limit of range, parts, or none of these."""
+"""What distinguishes lost pixels from measured ones: low amplitude, a limit of range, certain parts, or nothing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class GoesWith(Enum):
-    """What alone separates lost pixels from measured ones."""
+    """The one quantity that separates lost pixels from measured ones."""
 
     LIGHT = "light"
     RANGE = "range"
@@ -39,16 +39,17 @@ REMEDY = {
         "direction, expose longer, or mask it"
     ),
 }
-"""What a plant does about lost pixels, by what they go with; else what `Dropout` has."""
+"""What to do about lost pixels, by the quantity that separates them; without one, the remedy of `Dropout` holds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """Lost pixels: their share, what they go with, and the scene's parts that carry most of them, by index.
+    """Lost pixels: their share, the quantity that separates them, and indices of the scene's parts that carry most of them.
 
-    amplitude: below which they are lost, in the unit of the amplitude image; NaN where that does not show it. of_median: the same
-    over the median light, by the CAD where `amplitude` is NaN. range_m: metres from which (`beyond`), or up to which, they are lost.
-    weak: whether their amplitude is low although the scene's albedo says otherwise; share_on: share of the parts' own pixels.
+    amplitude: threshold below which pixels are lost, in the unit of the amplitude image; NaN where the image does not show it.
+    of_median: the same over the median amplitude, by the CAD if `amplitude` is NaN. range_m: metres beyond which (`beyond`), or up to
+    which, pixels are lost. weak: whether their amplitude is lower than the scene's albedo predicts; share_on: lost share of the pixels
+    of `parts`.
     """
 
     goes_with: GoesWith
@@ -77,20 +78,20 @@ class Loss:
 
     @property
     def remedy(self) -> str:
-        """What a plant does about it; empty where nothing separates lost pixels from measured ones."""
+        """What to do about it; empty where nothing separates lost pixels from measured ones."""
         return REMEDY.get(self.goes_with, "")
 
 
 def loss_of(gone: Float, amplitude: Float, light: Float, radial: Float, part: Ints, limits: LossLimits) -> Loss:
-    """What the lost pixels of a session go with.
+    """The quantity that separates the lost pixels of a session from the measured ones.
 
     Args:
         gone: (n,) share of the captures in which each pixel is lost.
         amplitude: (n,) of the amplitude image; NaN or 0 where it has none.
-        light: (n,) the CAD's, in the same unit.
-        radial: (n,) metres along the ray, the CAD's.
+        light: (n,) amplitude that the CAD predicts, in the same unit.
+        radial: (n,) metres along the ray, from the CAD.
         part: (n,) index of the part.
-        limits: how well each must separate lost pixels from measured ones.
+        limits: how well a quantity must separate lost pixels from measured ones.
     """
     share = float(gone.mean())
     known = np.isfinite(amplitude) & (amplitude > 0)
@@ -115,9 +116,9 @@ def loss_of(gone: Float, amplitude: Float, light: Float, radial: Float, part: In
 
 
 def lower(values: Float, gone: Float) -> float:
-    """Chance that a lost pixel has a lower value than a measured one, equal ones counted half: the area under the ROC curve.
+    """Chance that a lost pixel has a lower value than a measured one: the area under the ROC curve; equal values count half.
 
-    values (n,); gone (n,): share of captures in which each is lost.
+    values (n,); gone (n,): share of captures in which each pixel is lost.
     """
     _, place = np.unique(values, return_inverse=True)
     lost, kept = np.bincount(place, gone), np.bincount(place, 1.0 - gone)
@@ -126,14 +127,14 @@ def lower(values: Float, gone: Float) -> float:
 
 
 def balanced(values: Float, gone: Float) -> float:
-    """The value below which as many pixels lie as are lost."""
+    """The value below which there are as many pixels as lost ones."""
     return float(np.quantile(values, float(gone.mean())))
 
 
 def curve(light: Float, gone: Float) -> tuple[float, float]:
-    """Threshold and steepness of `Dropout`'s curve: it loses as many pixels as were lost, and of all that do it is the likeliest.
+    """Threshold and steepness of `Dropout`'s curve: the likeliest of the curves that lose as many pixels as were lost.
 
-    light (n,): amplitude, the CAD's; gone (n,): share of captures in which each pixel is lost.
+    light (n,): amplitude that the CAD predicts; gone (n,): share of captures in which each pixel is lost.
     """
     lit = light > 0
     edges = np.linspace(float(np.log(light[lit].min())), float(np.log(light[lit].max())), BINS + 1)
@@ -142,7 +143,7 @@ def curve(light: Float, gone: Float) -> tuple[float, float]:
     middle = 0.5 * (edges[1:] + edges[:-1])
 
     def of(steepness: float) -> tuple[float, float]:
-        """Log of the threshold, and log-likelihood."""
+        """Log of the threshold at this steepness, and log-likelihood."""
         low, high = middle[0] - 1.0, middle[-1] + 1.0
         for _ in range(HALVINGS):
             at = 0.5 * (low + high)
@@ -157,13 +158,13 @@ def curve(light: Float, gone: Float) -> tuple[float, float]:
 
 
 BINS, HALVINGS = 2000, 40
-"""Bins of the log of amplitude, a per cent each over nine decades, and halvings of the interval in which the threshold lies."""
+"""Bins of log amplitude (1 % each over nine decades), and steps of bisection for the threshold."""
 STEEPNESSES = (3.0, 4.0, 6.0, 9.0, 13.0, 20.0, 30.0, 50.0)
-"""Steepness of the curves that are tried, up to the most that the effect allows: a sharp threshold."""
+"""Steepness of the curves that are tried, up to the effect's bound, a sharp threshold."""
 
 
 def _carrying(gone: Float, part: Ints, carried: float) -> tuple[int, ...]:
-    """The parts that carry this share of all loss together, most first."""
+    """The parts that together carry the share `carried` of all loss, most first."""
     lost = np.bincount(part, gone)
     order = np.argsort(-lost)
     count = int(np.searchsorted(np.cumsum(lost[order]), carried * lost.sum())) + 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lost returns: pixels of the CAD, away from edges, where no light came back."""
+"""Lost returns: pixels on the CAD, away from edges, without a measured depth."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 NEIGHBOURS = np.ones((3, 3), bool)
-"""A filter takes an outlier with its neighbours."""
+"""A filter removes an outlier with its neighbours."""
 LEAST_COVER = 0.1
-"""Share of a window that must count, so that a mean over the rest stays finite."""
+"""Least share of a window over which a mean is taken."""
 
 
 def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
@@ -43,9 +43,9 @@ def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
 
 
 def brightest(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
-    """Amplitude from which a missing pixel had too much light and not too little: nearly the largest that the session's pixels returned.
+    """Amplitude from which a lost pixel counts as saturated: nearly the largest of the session's measured pixels.
 
-    A pixel whose charge is cut off shows less amplitude than it would have, no more than bright pixels that are just measured.
+    A saturated pixel shows no more amplitude than the brightest measured ones, since its charge is cut off.
     """
     light = [v.frame.amplitude[v.smooth] for v in views if v.view.amplitude is not None]
     returned = np.concatenate([*light, np.zeros(0)])
@@ -53,9 +53,9 @@ def brightest(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
 
 
 def lost(view: ViewEvidence, limits: MissingLimits, too_bright: float) -> Float:
-    """(H, W) share of a view's captures in which no light came back, where it is `expected` to, and no filter took it.
+    """(H, W) share of a view's captures in which an `expected` pixel has no return, and no filter removed it.
 
-    Saturation is too much light: its code says so, or an amplitude of `too_bright` and more there or all around.
+    Saturated pixels do not count: those with the code of saturation, or with an amplitude of `too_bright` and more there or all around.
     """
     seen = view.view
     by_filter = outliers_removed(seen.valid, limits)
@@ -69,8 +69,7 @@ def lost(view: ViewEvidence, limits: MissingLimits, too_bright: float) -> Float:
 def outliers_removed(valid: Mask, limits: MissingLimits) -> Mask:
     """(H, W) pixels that a filter in the camera removed around outliers.
 
-    A filter takes an outlier with its neighbours, so its holes are a few pixels large and never a single one; pixels lost one by one
-    are mostly single.
+    A filter removes an outlier with its neighbours, so its holes are a few pixels large. Pixels that are lost one by one are mostly single.
     """
     holes, _ = label(~valid, NEIGHBOURS)
     size = np.bincount(holes.ravel())[holes]
@@ -82,9 +81,9 @@ def outliers_removed(valid: Mask, limits: MissingLimits) -> Mask:
 
 
 def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask]) -> Finding | None:
-    """`dropout` where more is lost than `lost_share` of all, or `lost_on_part` of one part: by amplitude below a threshold, and at random.
+    """`dropout` where more than `lost_share` of all pixels is lost, or `lost_on_part` of one part: below a threshold of amplitude, and at random.
 
-    A pixel without a return has no amplitude, or one that says little: the CAD's, in the unit of the camera's amplitude image.
+    A lost pixel has no reliable amplitude; that of the CAD is used, in the unit of the camera's amplitude image.
 
     filtered: (H, W) per view, pixels that a filter in the camera removed.
     """
@@ -134,7 +133,7 @@ def _amplitude(view: ViewEvidence) -> Float:
 
 
 def _of_median(threshold: float, light: Float, *, known: bool) -> str:
-    """The threshold beside the session's light, in words; `known`: whether the bag has an amplitude image."""
+    """The threshold over the session's median amplitude, in words; `known`: whether the bag has an amplitude image."""
     if threshold <= 0:
         return ""
     unit = "" if known else " (the bag has no amplitude image: amplitude is albedo cos(incidence) / r² here)"
@@ -142,7 +141,7 @@ def _of_median(threshold: float, light: Float, *, known: bool) -> str:
 
 
 def _rate(view: ViewEvidence, lost_here: Float, unit: float, light: Float, gone: Float, limits: MissingLimits) -> Float:
-    """(H, W) predicted share of loss: mean of that at this amplitude (of albedo 1 head-on from 1 m: `unit`) and of that in this neighbourhood."""
+    """(H, W) predicted share of loss: mean of the shares at this amplitude and in this neighbourhood; unit: amplitude of albedo 1 at 1 m."""
     edges = np.unique(np.quantile(light, np.linspace(0, 1, limits.lost_bins + 1)))
     which = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, len(edges) - 2)
     by_light = np.bincount(which, gone, len(edges) - 1) / np.maximum(np.bincount(which, minlength=len(edges) - 1), 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Missing and grossly wrong pixels as evidence: lost returns, wrapped phase, mixed edges."""
+"""Effects that missing and grossly wrong pixels show: lost returns, wrapped phase, mixed edges."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def missing_effects(
     views: Sequence[ViewEvidence], limits: MissingLimits, left_out: AbstractSet[str] = frozenset(), *, blurred: bool = False
 ) -> list[Finding]:
-    """`dropout`, `phase_wrap` and `flying_pixels` where the pixels show them, unless left out; `blurred`: motion mixes edges of its own."""
+    """`dropout`, `phase_wrap` and `flying_pixels` where pixels show them, unless left out; `blurred`: whether motion mixes edges."""
     holes = filtered(views, limits)
     detectors: dict[str, Callable[[], Finding | None]] = {
         Dropout.NAME: lambda: dropout(views, limits, holes),

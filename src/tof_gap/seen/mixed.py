@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mixed pixels at depth edges: those that lie on neither of their two surfaces."""
+"""Mixed pixels at depth edges, whose depth lies on neither of their two surfaces."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def flying_pixels(views: Sequence[ViewEvidence], limits: MissingLimits, least_li
 def _fitted(
     views: Sequence[ViewEvidence], edges: Sequence[Edge], effect: FlyingPixels, limits: MissingLimits
 ) -> tuple[FlyingPixels, float]:
-    """The effect with its share by weighted median, and the mean absolute error left, over pixels whose own surface is certain."""
+    """The effect with its fitted share (weighted median), and the mean absolute error left, over pixels whose own surface is certain."""
     model, seen = [], []
     for v, edge in zip(views, edges, strict=True):
         residual = v.residual[edge.where]
@@ -77,9 +77,9 @@ def _fitted(
 
 
 def _nearest_wrap(effect: FlyingPixels, edge: Edge, seen: Float) -> Float:
-    """(n,) metres of z that mixing adds, wrapped to the period nearest to what was measured (n,).
+    """(n,) metres of z that mixing adds, shifted by the whole period that brings it nearest to the measured error `seen` (n,).
 
-    Over steps of more than half the unambiguous range the sign of the phase difference cannot be predicted.
+    Over steps of more than half the unambiguous range, the sign of the phase difference cannot be predicted.
     """
     mixture, turn = effect.mixture(edge), LIGHT_M_PER_S / (2e6 * effect.modulation_mhz) / edge.length
     periods = np.round((seen - mixture) / turn)
@@ -96,7 +96,7 @@ def _mixture_map(view: ViewEvidence, edge: Edge, effect: FlyingPixels) -> Float:
 def _between(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: float) -> tuple[Float, Float]:
     """Of mixed pixels at a clear step: place between the surfaces (0 own, 1 second; NaN where nothing is measured), and mixed share.
 
-    Pixels that a filter in the camera removed count as well: what such a filter misses is no sign of its absence.
+    Pixels that a filter in the camera removed count as well, since a filter may miss some.
     """
     lying, mixed = [], []
     for v in views:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise as evidence: beyond the photon law, in bursts, in stripes, or in steps of the depth code."""
+"""Effects that noise shows: noise beyond the photon law, bursts, stripes, steps of the depth code."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from tof_sensor.session import NoiseBins
 
 BURST_ROUNDS = 3
-"""Rounds in which views that are not apart from the quiet ones join them."""
+"""Rounds in which views that do not stand out from the quiet ones join them."""
 
 
 def noise_effects(
@@ -44,20 +44,20 @@ def noise_effects(
     *,
     unmerged: bool = False,
 ) -> list[Finding]:
-    """`quantization`, or else `interference` or `noise`, where the noise shows them and they are not left out.
+    """`quantization`, or else `interference` or `noise`, where noise shows them and they are not left out.
 
-    `law`: the camera's photon law as `--sensor` states it. Noise within it is no effect, whatever it does with amplitude.
-    `unmerged`: the camera fails to merge its frequencies, so that one of them counts for less than the law states and fewer
-    amplitudes are left to see the law by: noise at every amplitude, of some views or of all, is then no effect of its own.
+    law: the camera's photon law as `--sensor` states it; noise within it is no effect.
+    unmerged: whether the camera fails to merge its frequencies. Then noise no longer follows the law, and few amplitudes are left to
+    fit it; noise at every amplitude, of some views or of all, is no effect of its own.
     """
     step = code_step(views)
-    if step > limits.step_mm * 1e-3:  # Coarse steps leave contours and uneven noise of their own.
+    if step > limits.step_mm * 1e-3:  # Coarse steps make contours and uneven noise.
         found = Finding(Quantization(step_m=step), 1.0, share=_constant(views, step / np.sqrt(12)))
         return [] if Quantization.NAME in left_out else [found]
     b = binned(views, limits.bins, limits)
     if len(b.view) < limits.least_bins or step > np.sqrt(np.median(b.variance)):
-        return []  # Between steps wider than the noise nothing is known of it.
-    # Without amplitude there is no law to compare with: only noise that light cannot make is found.
+        return []  # Steps wider than the noise hide it.
+    # Without amplitude there is no photon law to compare with: only noise of rows, columns and single pixels is found.
     dark = all(v.view.amplitude is None for v in views)
     if Interference.NAME not in left_out:
         wave = beat(views, limits.beat)
@@ -75,10 +75,10 @@ def noise_effects(
 
 
 def without_offsets(b: NoiseBins, views: Sequence[ViewEvidence]) -> NoiseBins:
-    """The bins without the variance by which offsets of single pixels let views of many captures exceed those of few.
+    """The bins without the excess variance that constant offsets of single pixels give to views of many captures.
 
-    Noise falls with the number n of captures, and an offset that all views share, p, does not: the variance of one capture, n times that
-    of the mean, has n p^2 too much. That of the views with the fewest captures is left in all alike.
+    The variance of one capture is estimated as n times that of the mean of n captures. Averaging does not reduce the offset p of a
+    pixel, so the estimate is n p^2 too large. The excess of the views with the fewest captures is left in all views alike.
     """
     captures = np.array([v.view.captures for v in views], float)
     more = (captures - captures.min())[b.view.astype(int)]
@@ -100,9 +100,9 @@ def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: No
 
 
 def _stand_out(ln_variance: Float, limits: NoiseLimits) -> Mask:
-    """(V,) views whose noise exceeds the quiet views' by `burst`, and by more than quiet views differ from each other.
+    """(V,) views whose noise exceeds that of the quiet views by `burst`, and by more than quiet views differ from each other.
 
-    One camera's views differ too, where the law is not exact: by scene, range and albedo.
+    Quiet views differ by scene, range and albedo, since the photon law is not exact.
     """
     quiet = np.sort(ln_variance)[: max(len(ln_variance) // 2, 2)]
     hit = ln_variance > np.median(quiet) + 2.0 * np.log(limits.burst)
@@ -116,13 +116,13 @@ def _stand_out(ln_variance: Float, limits: NoiseLimits) -> Mask:
 
 
 def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, step: float, limits: NoiseLimits) -> Finding | None:
-    """Noise of one capture that no photon law has: constant, of whole rows or columns, of single pixels."""
-    # Noise of one capture over that of a dwell's mean, in which rows and pixels are seen.
+    """Noise of one capture that is not in the photon law: a constant part, noise of whole rows or columns, noise of single pixels."""
+    # Ratio of the noise of one capture to that of a dwell's mean, from which noise of rows and pixels is estimated.
     over_mean = float(np.sqrt(np.median([v.view.captures for v in views])))
     typical = float(np.sqrt(np.median(b.variance)))
     least = max(limits.extra_mm * 1e-3, limits.extra_share * typical)
     excess = 0.0 if fitted is None else constant_part(fitted, step)
-    # Offsets of single pixels, alike in every view, are a pattern, though neighbours show them as noise (`without_offsets`).
+    # Constant offsets of single pixels are a fixed pattern, but second differences contain them as noise (`without_offsets`).
     pattern_m = float(np.sqrt(min(v.view.captures for v in views))) * pixel_pattern(views)
     excess = float(np.sqrt(max(excess**2 - pattern_m**2, 0.0)))
     floor_std = 0.0 if fitted is None else fitted.floor_std
@@ -134,7 +134,7 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
         if of_lines.sigma > limits.lines.sigma and size_m > max(limits.line_mm * 1e-3, limits.line_share * typical):
             parts[name] = size_m
             common = np.stack([line_map(v, axis, limits.lines) for v in views]) + (0.0 if common is None else common)
-    # Offsets of single pixels are noise to their neighbours: no pixel stands out from noise that is not known.
+    # Constant offsets of pixels raise the estimated noise: single noisy pixels are not found beside them.
     pixels = _noisy(views, limits)
     of_pixels = 0.0 if pixels is None else over_mean * float(pixels.size_m * np.sqrt(pixels.share))
     few = pixels is not None and of_pixels > limits.extra_mm * 1e-3
@@ -157,13 +157,13 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
 
 
 def _noisy(views: Sequence[ViewEvidence], limits: NoiseLimits) -> NoisyPixels | None:
-    """Pixels with a noise of their own, None where they may be so by chance; offsets of pixels, which are noise to their neighbours, are none."""
+    """Pixels with a noise of their own; None where they may stand out by chance, or where constant offsets of pixels raise the noise."""
     found = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
     return found if found.share > limits.pixel_share and found.chance < limits.pixels.chance else None
 
 
 def without_noisy_pixels(views: Sequence[ViewEvidence], limits: NoiseLimits) -> Sequence[ViewEvidence]:
-    """The views less the pixels with a noise of their own: what light does to noise is read off the others."""
+    """The views less the pixels with a noise of their own: the photon law is fitted to the others."""
     found = _noisy(views, limits)
     return views if found is None else [replace(v, smooth=v.smooth & ~found.where) for v in views]
 
@@ -181,7 +181,7 @@ def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mas
     in_hit = hit[b.view.astype(int)]
     excess = (b.variance - fitted.law.variance(b.amplitude, b.surroundings2))[in_hit]
     weak = (fitted.law.reference / b.amplitude[in_hit]) ** 2
-    # The misfit, relative, of an excess that is constant and of one that goes with 1 / A^2.
+    # Relative misfit of an excess variance that is constant, and of one proportional to 1 / amplitude^2.
     relative = [np.log(np.maximum(excess, 1e-12) / x) for x in (np.ones_like(weak), weak)]
     constant, foreign = (float(np.median(np.abs(x - np.median(x)))) for x in relative)
     duty, steady = float(hit.mean()), constant < foreign
@@ -194,10 +194,10 @@ def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mas
 
 
 def _constant(views: Sequence[ViewEvidence], size: float) -> Float:
-    """(V, H, W) the same standard deviation at every smooth pixel, NaN elsewhere."""
+    """(V, H, W) the standard deviation `size` at every smooth pixel, NaN elsewhere."""
     return np.stack([np.where(v.smooth, size, np.nan) for v in views])
 
 
 def _of_means(views: Sequence[ViewEvidence], size: float) -> Float:
-    """(V, H, W) what one capture's standard deviation `size` is in the mean of each view, at every smooth pixel, NaN elsewhere."""
+    """(V, H, W) standard deviation of the mean of each view's captures, from that of one capture, `size`; NaN at pixels that are not smooth."""
     return _constant(views, size) / np.sqrt([v.view.captures for v in views])[:, None, None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fixed pattern: smooth fields and lines as columns, and the offsets of single pixels."""
+"""Fixed pattern: columns of smooth fields and of lines, and offsets of single pixels."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 def pattern_columns(view: ViewEvidence, seen: LineMeans, pattern: FixedPattern) -> Float:
-    """(n, k) on a view's drawn pixels: the field's cosines, those of columns and of rows, then the lines seen in views of other folds.
+    """(n, k) at a view's drawn pixels: cosines of the field, of columns and of rows, then the line means of views in other folds.
 
-    The last column is estimated without the fold that it is judged on, so a held-out score of it
-    is honest; its coefficient is 1 where the pattern is real.
+    The last column is estimated without the fold that judges it, so its held-out score is not biased; its coefficient is 1 where the
+    pattern is real.
     """
     h, w = view.residual.shape
     by_column, by_row = seen
@@ -46,9 +46,9 @@ def line_means(views: Sequence[ViewEvidence]) -> LineMeans:
 
 
 def line_means_of_others(views: Sequence[ViewEvidence], folds: Ints) -> list[LineMeans]:
-    """Of each view the line means over the views of other folds than its own (V,)."""
+    """For each view, the line means over the views of all other folds; folds (V,): fold of each view."""
     names, fold = np.unique(folds, return_inverse=True)
-    # Summed, not subtracted from the whole: where the others have no pixel, their weight is exactly zero.
+    # Summed over the others, not subtracted from the total: without a pixel in the others the weight is exactly zero.
     sums = [_sums([v for v, mine in zip(views, fold, strict=True) if mine == f]) for f in range(len(names))]
     none = np.zeros(views[0].residual.shape)
     means = []
@@ -59,7 +59,7 @@ def line_means_of_others(views: Sequence[ViewEvidence], folds: Ints) -> list[Lin
 
 
 def _sums(views: Sequence[ViewEvidence]) -> tuple[Float, Float]:
-    """(H, W) sums over the views of the high-passed residual, each weighed by its own noise, and of the weights."""
+    """(H, W) sums over the views of the high-passed residual, weighted by inverse variance, and of the weights."""
     total = np.zeros(views[0].residual.shape)
     weight = np.zeros_like(total)
     for view in views:
@@ -90,10 +90,10 @@ class PixelOffsets:
 
 
 def single_pixels(views: Sequence[ViewEvidence]) -> PixelOffsets:
-    """Means over the views of the high-passed residual less its lines, each weighed against its own noise."""
+    """Means over the views of the high-passed residual less its lines, weighted by inverse variance."""
     limits = views[0].limits.pattern
     by_column, by_row = line_means(views)
-    # Sums over the views of either half, one view after the other: the images of all at once are gigabytes.
+    # Sums over each half of the views, one view after the other: the images of all views take gigabytes.
     product, weight, number = (np.zeros((2, *views[0].residual.shape)) for _ in range(3))
     for v, view in enumerate(views):
         r = high_pass(view) - by_column[None] - by_row[:, None]
@@ -115,7 +115,7 @@ def single_pixels(views: Sequence[ViewEvidence]) -> PixelOffsets:
 
 
 def beside_pixels(views: Sequence[ViewEvidence], offsets: PixelOffsets) -> list[ViewEvidence]:
-    """The views with the noise that they have beside the offsets of single pixels, which neighbours show as noise."""
+    """The views with `sigma` less the constant offsets of single pixels, which second differences contain as noise."""
     if offsets.size_m == 0:
         return list(views)
     out = []
@@ -127,9 +127,9 @@ def beside_pixels(views: Sequence[ViewEvidence], offsets: PixelOffsets) -> list[
 
 
 def in_common(one: Float, other: Float, limits: PatternLimits) -> tuple[float, float]:
-    """m^2: variance that two halves of the views have in common at the same pixels (n,), and its standard error; 0 for too few pixels.
+    """Covariance in m^2 of the means of two halves of the views over pixels (n,), and its standard error; 0 for too few pixels.
 
-    The halves share the pattern and no noise: their covariance is the pattern's variance.
+    The halves share the pattern but no noise, so that their covariance is the pattern's variance.
     """
     product = one * other
     if len(product) < limits.pixels:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The photon law: noise variance as a function of amplitude and range, fitted to bins of a session."""
+"""The photon law, noise variance as a function of amplitude and range, fitted to bins of a session."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Effect
 
 ROUNDS = 4
-"""Fits of the law, each without the outliers of the one before."""
+"""Fits of the law, each without the outliers of the previous fit."""
 QUIET_ROUNDS = 2
-"""Fits of the quiet views' law, each to the views that are quiet against the one before."""
+"""Fits of the quiet views' law, each to the views that are quiet by the previous fit."""
 TREND_ROUNDS = 20
-"""Reweighted fits that make least absolute deviations of least squares."""
+"""Iterations of reweighted least squares that give least absolute deviations."""
 LEAST_DEVIATION = 0.02
-"""Deviation of ln variance below which a bin counts as one that agrees: 1 % of noise."""
+"""Deviation of ln variance below which a bin agrees with the fit: 1 % of the noise."""
 
 
 def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> NoiseBins:
@@ -74,7 +74,7 @@ def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits) -> LawFit:
     reference = float(np.median(b.amplitude))
     ratio = reference / b.amplitude
     own = step_m**2 / 12
-    # Weighed by the variance of bins of like amplitude: a bin whose depth code hardly ever changes would outweigh all others.
+    # Weighted by the variance of bins of like amplitude: a bin whose depth code hardly ever changes would outweigh all others.
     order = np.argsort(b.amplitude)
     usual = np.empty_like(b.variance)
     usual[order] = median_filter(b.variance[order], size=limits.smoothed_bins, mode="mirror")
@@ -95,20 +95,20 @@ def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits) -> LawFit:
 
 
 def variance_of_mean(law: PhotonLaw, view: ViewEvidence) -> Float:
-    """(H, W) m^2 along the ray: what the law of one capture leaves in the mean of a view's captures."""
+    """(H, W) m^2 along the ray: variance of the mean of a view's captures, by the law of one capture."""
     return law.variance(view.frame.amplitude, view.frame.surroundings_m2) / view.view.captures
 
 
 def constant_part(fitted: LawFit, step_m: float) -> float:
-    """Metres: noise that no light removes, beside the depth code's own."""
+    """Metres: standard deviation of the noise at infinite amplitude, less that of the depth code's step."""
     return float(np.sqrt(max(fitted.law.floor_m**2 - step_m**2 / 12, 0.0)))
 
 
 def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits) -> Float:
-    """(V,) median variance of each view's bins over the law's and over what all bins of that range have; 1 for a view without bins.
+    """(V,) median ratio of the variance of each view's bins to the law and to the trend over range; 1 for a view without bins.
 
-    The noise of a gated or pulsed camera depends on where in its gates the pulse arrives, and so on range as well as on light: far views
-    are not noisier than others by a burst.
+    The noise of a gated or pulsed camera depends on where in its gates the pulse arrives, and so on range as well as on amplitude.
+    Far views may therefore be noisier without a burst.
     """
     ratio = fitted.ratio(b)
     ratio = ratio / np.exp(_of_range(b, np.log(np.maximum(ratio, 1e-12)), limits.burst_knots))
@@ -116,7 +116,7 @@ def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits) ->
 
 
 def _of_range(b: NoiseBins, log: Float, knots: int) -> Float:
-    """(n,) what of `log` goes with range: piecewise linear in ln range, by least absolute deviations, about its median."""
+    """(n,) trend of `log` over range: piecewise linear in ln range, by least absolute deviations, less its median."""
     x = 0.5 * np.log(b.range2)
     columns = hats(x, np.unique(np.quantile(x, np.linspace(0, 1, knots))))
     left, trend = log, np.zeros_like(log)
@@ -148,7 +148,7 @@ def code_step(views: Sequence[ViewEvidence]) -> float:
 def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], limits: NoiseLimits, wrong2: Float | None = None) -> PhotonLaw | None:
     """The photon law of the session's noise beside the named effects, None where there are too few bins.
 
-    `wrong2`: (V,) m^2 along the ray by which the variance between neighbours in the mean of each view is known to be too large.
+    wrong2: (V,) m^2 along the ray by which the variance estimated from neighbours, in the mean of each view, is known to be too large.
     """
     b, step = binned(views, limits.bins, limits), code_step(views)
     if len(b.view) < limits.least_bins:

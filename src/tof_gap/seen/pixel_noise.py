@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise that light cannot make: single pixels that are noisier than their neighbours in most views."""
+"""Single pixels that are noisier than their neighbours in most views."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 BANDS = 16
-"""Bands of rows that are judged one after the other: the images of all views of a long session at once are gigabytes."""
+"""Bands of rows that are judged one after the other, since the images of all views of a long session take gigabytes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoisyPixels:
     """Pixels with a noise of their own.
 
-    where: (H, W) pixels noisier than their light; share: of the pixels seen; size_m: their own noise, metres along the ray; chance:
-    that among as many quiet pixels as many stand out.
+    where: (H, W) pixels noisier than their amplitude predicts; share: of the pixels seen; size_m: their own noise, metres along the
+    ray; chance: probability that as many of as many quiet pixels stand out.
     """
 
     where: Mask
@@ -39,13 +39,13 @@ class NoisyPixels:
 
 
 def noisy_pixels(views: Sequence[ViewEvidence], limits: PixelLimits) -> NoisyPixels:
-    """Pixels whose variance over the views stands out from the views' noise; constant offsets of pixels count in neither."""
+    """Pixels whose variance over the views exceeds the views' noise; constant offsets of pixels are removed from both."""
     bands = np.array_split(np.arange(views[0].residual.shape[0]), BANDS)
     known, variance = (np.concatenate(a) for a in zip(*(_over_views(views, rows, limits) for rows in bands), strict=True))
     quiet = float(np.median(variance[known])) if known.any() else 1.0
     where = known & (variance > limits.ratio * max(quiet, 1e-12))
     share = float(where.sum() / max(known.sum(), 1))
-    # A noisy pixel shows in its neighbours of the row too: one by one, only such groups are independent.
+    # A noisy pixel raises the variance of its neighbours in the row, too: only groups of adjacent pixels are independent.
     groups = label(where)[1]
     chance = float(pdtrc(groups - 1, limits.usual * known.sum())) if groups else 1.0
     light2 = float(np.mean([float(np.median(v.sigma[v.smooth] ** 2)) for v in views if v.smooth.any()] or [0.0]))
@@ -54,14 +54,14 @@ def noisy_pixels(views: Sequence[ViewEvidence], limits: PixelLimits) -> NoisyPix
 
 
 def _over_views(views: Sequence[ViewEvidence], rows: Ints, limits: PixelLimits) -> tuple[Mask, Float]:
-    """(rows, W) which pixels enough views see, and the variance of each over the views, 1 where it is as its neighbours have it."""
+    """(rows, W) pixels that enough views see, and the variance of each over the views, relative to that of its neighbours."""
     high, sigma = (np.stack(a) for a in zip(*(_against_neighbours(v, rows) for v in views), strict=True))
     seen = np.isfinite(high)
     known = seen.sum(axis=0) >= limits.views
     weight = np.where(seen, sigma**-2, 0.0)
     constant = (weight * np.where(seen, high, 0.0)).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
     centred = np.where(seen, (high - constant) / sigma, 0.0)
-    # The median over the views: an edge that crosses a pixel in one view does not make it noisy.
+    # The median over the views, so that an edge across a pixel in one view does not make it noisy.
     square = np.where(seen, centred**2, np.nan).reshape(len(views), -1)
     variance = np.zeros(known.shape)
     variance[known] = np.nanmedian(square[:, known.ravel()], axis=0) / CHI2_MEDIAN

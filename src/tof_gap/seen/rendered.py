@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an effect adds to a view where it moves the camera or gives it another lens: rendered, since first order fails at millimetres of shift."""
+"""The bias of an effect that moves the camera or changes its lens, by rendering: first order fails at millimetres of shift."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 def rendered_bias(effect: Effect, view: ViewEvidence, v: int, chain: Chain, caster: Raycaster, other_surface_m: float) -> Float:
-    """(H, W) metres that an effect adds to view `v` of a chain; where the camera is off its mount, or its lens another, rendered.
+    """(H, W) metres that an effect adds to view `v` of a chain; rendered where the effect moves the camera or changes its lens.
 
-    Where another surface comes into view by that, to first order only.
+    At pixels where another surface comes into view, to first order only.
     """
     linear, stated, mount = effect.bias(view.frame), view.view.camera, effect.mount
     camera = effect.camera(stated)

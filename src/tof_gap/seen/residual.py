@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Residuals of the views against the CAD, their noise, and the pixels to fit."""
+"""Residuals of the views against the CAD, their noise, and the pixels that fits use."""
 
 from __future__ import annotations
 
@@ -73,9 +73,9 @@ def gather(
         renderings: of each view.
         caster: the scene.
         limits: which pixels count.
-        concavity: whether to compute it (costs ray casts).
+        concavity: whether to compute the concavity, which takes ray casts.
         wider_px: pixels added to the edge bands of still views.
-        recorded: the views with the depth codes that the camera wrote, where `views` are those of another lens, whose z has none.
+        recorded: the views as the camera wrote them, if `views` were converted to another lens: converted z has no depth codes.
     """
     ideal = as_ideal(views, renderings, caster)
 
@@ -84,12 +84,12 @@ def gather(
         filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else _unknown(frame)
         return _of_view(view, frame, limits, filled, wider_px, code_of(source, limits.level))
 
-    rng = np.random.default_rng(limits.seed)  # One draw after the other: the same pixels whichever view is ready first.
+    rng = np.random.default_rng(limits.seed)  # Drawn one after the other: the same pixels whichever view is ready first.
     return tuple(replace(v, pixels=drawn(v.smooth, limits.pixels, rng)) for v in in_threads(one, views, renderings, recorded or views))
 
 
 def code_of(view: View, limits: LevelLimits) -> float:
-    """Metres between the codes that the camera wrote: stated of a view that was converted, else as its depth shows them; 0 without any."""
+    """Metres between the camera's depth codes: as stated for a converted view, else as its depth shows them; 0 without codes."""
     return view.code_m if view.code_m is not None else depth_step(view.depth.astype(np.float64), limits, view.captures)
 
 
@@ -99,7 +99,7 @@ def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image,
     blur_px = smear(frame, limits.blur)
     edge = excluded(frame, limits, wider_px, blur_px)
     grazing = frame.rendering.incidence > np.radians(limits.grazing_deg)
-    # Neighbours that are rounded to the same code of a coarse step show no noise: the step's own deviation is the least.
+    # Neighbours rounded to the same code show no noise: sigma is at least the standard deviation of the step.
     white = noise_level(residual, (np.abs(residual) < limits.gross_most_mm * 1e-3) & ~edge & ~grazing, frame.amplitude, limits.level)
     sigma = np.maximum(white, step_m / np.sqrt(12))
     gross = np.abs(residual) > gross_bound(sigma, limits)
@@ -112,14 +112,14 @@ def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image,
 
 
 def gross_bound(sigma: Float, limits: EvidenceLimits) -> Float:
-    """(H, W) metres beyond which an error is no bias of the camera: another surface, or a wrapped phase."""
+    """(H, W) metres beyond which an error is gross: no bias of the camera, but another surface or a wrapped phase."""
     return np.asarray(np.maximum(limits.gross_mm * 1e-3, np.minimum(limits.gross_sigma * sigma, limits.gross_most_mm * 1e-3)))
 
 
 def compact(frame: Frame) -> Frame:
-    """An ideal frame in a tenth of the memory: its depth is the rendering's own, amplitude has single precision, noise and loss are none.
+    """An ideal frame in a tenth of the memory: it shares the rendering's depth, has single precision, and no noise and loss.
 
-    Whatever is computed with rays or lengths is of doubles as before.
+    Results of rays and lengths are in double precision as before.
     """
     none, rendering = np.broadcast_to(0.0, frame.depth.shape), frame.rendering
     if not rendering.mixed.any():  # Rendered without footprints, or of one surface: there is no second one.
@@ -130,12 +130,12 @@ def compact(frame: Frame) -> Frame:
 
 
 def single(image: Float) -> Float:
-    """An image that is kept for every view, in single precision: what is computed from it and poses or rays is of doubles again."""
+    """An image in single precision, to be kept for every view; results computed from it with poses or rays are in double precision."""
     return cast("Float", image.astype(np.float32))
 
 
 def without_geometry(view: ViewEvidence) -> ViewEvidence:
-    """A view whose columns are computed: residual, noise and masks stay; of the frame, camera, pose and what surrounded it."""
+    """A view whose columns are computed already: residual, noise and masks stay, and of the frame the camera, pose and surroundings."""
     frame, none = view.frame, _unknown(view.frame)
     rendering = replace(depth_only(frame.camera, none), T_cell_camera=frame.rendering.T_cell_camera)
     frame = replace(frame, rendering=rendering, depth=cast("Float", none), amplitude=cast("Float", none))
@@ -143,7 +143,7 @@ def without_geometry(view: ViewEvidence) -> ViewEvidence:
 
 
 def _unknown(frame: Frame) -> Image:
-    """An image without a value, which takes no memory."""
+    """An image of NaN that takes no memory."""
     return np.broadcast_to(np.float32(np.nan), frame.depth.shape)
 
 

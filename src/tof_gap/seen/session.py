@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The session as the effects see it: what they may ask when they say which forms to try, or whether they can be tested."""
+"""The session as effects see it, to state which forms to try and whether they can be tested."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def session_of(views: Sequence[ViewEvidence], noise: NoiseLimits, scene: Scene | None = None, law: PhotonLaw | None = None) -> Session:
-    """What effects may ask about views; `scene` names the parts, `law` is the camera's photon law as `--sensor` states it."""
+    """The properties of the views that effects may use; scene: for names of parts; law: the photon law as `--sensor` states it."""
     return Session(
         _views(views),
         parts=() if scene is None else tuple(part.name for part in scene.parts),
@@ -33,7 +33,7 @@ def session_of(views: Sequence[ViewEvidence], noise: NoiseLimits, scene: Scene |
 
 
 def amplitude_unit(views: Sequence[ViewEvidence]) -> float | None:
-    """Amplitude of albedo 1 head-on from 1 m in the camera's unit: the median over the views that have an amplitude image, None where none has."""
+    """Amplitude of albedo 1 at normal incidence and 1 m, in the camera's unit: median over the views; None without an amplitude image."""
     lit = [(v.view.amplitude, lambert_amplitude(v.rendering)) for v in views]
     gains = [amplitude_gain(seen.astype(np.float64), own) for seen, own in lit if seen is not None]
     known = [g for g in gains if g is not None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras that triangulate: their noise follows range and not light."""
+"""Cameras that triangulate: their noise follows range and not amplitude."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def like_stereo(views: Sequence[ViewEvidence], noise: NoiseLimits) -> bool:
-    """Whether noise grows with the square of range and not with falling light: a camera that triangulates.
+    """Whether noise grows with the square of range and not with falling amplitude, as that of a camera that triangulates does.
 
-    Fitted over the bins: ln variance = c + p ln amplitude + q ln range^2. Photons give p from -1 to -2; disparity gives p = 0 and q = 2.
+    Fitted over the bins: ln variance = c + p ln amplitude + q ln range^2. Photon noise gives p from -1 to -2; disparity p = 0 and q = 2.
     """
     limits = noise.stereo
     if all(v.view.amplitude is None for v in views):

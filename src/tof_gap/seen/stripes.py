@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stripes of a beat with another modulated light: one wave over the image, in some of the views, with a new phase in each."""
+"""Stripes by the beat with another modulated light: one plane wave over the image, in some of the views, with a new phase in each."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 TURNS = np.arange(2.5, 20.1, 0.5)
 TILTS = np.arange(-3.0, 3.1, 0.5)
-"""Waves tried: periods over the height and over the width of the image."""
+"""Waves that are tried: periods over the height and over the width of the image."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Beat:
-    """turns, tilt: the wave; hit (V,): the views that have it; size_m: RMS in those, along the ray."""
+    """turns, tilt: periods of the wave over height and width; hit (V,): the views that have it; size_m: metres RMS in those, along the ray."""
 
     turns: float
     tilt: float
@@ -35,7 +35,7 @@ class Beat:
 
 
 def beat(views: Sequence[ViewEvidence], limits: BeatLimits) -> Beat | None:
-    """The wave that some views have and others do not, None where there is none."""
+    """The wave that some views have and others do not; None without one."""
     waves = np.stack([_waves(v, limits) for v in views])
     energy = np.abs(waves) ** 2
     total = energy.sum(axis=0)
@@ -45,7 +45,7 @@ def beat(views: Sequence[ViewEvidence], limits: BeatLimits) -> Beat | None:
         return None
     own = energy[:, best]
     hit = own > max(limits.chi2, limits.share * own.max())
-    # Rows that change together hold all waves across them alike: a beat must exceed those of its own tilt too.
+    # Noise of whole rows contains all waves across the rows equally: a beat must also exceed the other waves of its tilt.
     usual = max(np.median(total), np.median(total[best % len(TILTS) :: len(TILTS)]))
     if total[best] < limits.stands_out * usual or not limits.views <= hit.sum() < len(views):
         return None
@@ -68,7 +68,7 @@ def _cell_means(view: ViewEvidence, limits: BeatLimits) -> tuple[Float, Float, F
 
 
 def _waves(view: ViewEvidence, limits: BeatLimits) -> NDArray[np.complex128]:
-    """(turns * tilts,) amplitude of each wave in a view beside a cubic field: its squared size is the chi-square that it removes."""
+    """(turns * tilts,) complex amplitude of each wave in a view beside a cubic field; its squared magnitude is the chi-square removed."""
     y, x, r, white = _cell_means(view, limits)
     if len(r) < limits.cells:
         return np.zeros(len(TURNS) * len(TILTS), complex)
@@ -78,13 +78,13 @@ def _waves(view: ViewEvidence, limits: BeatLimits) -> NDArray[np.complex128]:
     e = r * root
     e -= Q @ (Q.T @ e)
     rows, columns = (np.exp(2j * np.pi * k[:, None] * q) for k, q in ((TURNS, y), (TILTS, x)))
-    # Cosine and sine of a wave of several periods are at right angles, each with half of the weights' sum.
+    # Cosine and sine over several periods are orthogonal, each with half of the sum of the weights.
     b = (rows * (root * e)) @ columns.T
     return np.asarray(b * np.sqrt(2.0 / (root**2).sum())).ravel()
 
 
 def stripes(view: ViewEvidence, turns: float, tilt: float, limits: BeatLimits) -> Float:
-    """(H, W) metres along the ray of a view's stripes: waves within the band of the line, fitted to the view itself."""
+    """(H, W) metres along the ray of a view's stripes: waves near the frequency (turns, tilt), fitted to the view itself."""
     h, w = view.residual.shape
     y, x, r, white = _cell_means(view, limits)
     waves = [(f, tilt) for f in np.arange(turns - limits.band, turns + limits.band + 0.1, 0.5)]
@@ -104,9 +104,9 @@ def stripes(view: ViewEvidence, turns: float, tilt: float, limits: BeatLimits) -
 
 
 def weakness(view: ViewEvidence, cosine: float) -> Float:
-    """(H, W) range^2 over the cosine of incidence (at least `cosine`), over its median: how much foreign light weighs.
+    """(H, W) range^2 / cos(incidence), with at least `cosine` in the denominator, over its median: inverse strength of the own light.
 
-    Foreign light off a surface is constant while the camera's own falls with range and incidence.
+    Foreign light off a surface does not depend on the camera's range and incidence; the camera's own light falls with both.
     """
     weak = np.nan_to_num(view.frame.radial**2 / np.maximum(np.cos(view.rendering.incidence), cosine))
     return np.asarray(weak / np.median(weak[view.smooth])) if view.smooth.any() else weak

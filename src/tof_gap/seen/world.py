@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world that is not the CAD: missing parts and foreign objects, found before any effect is asked, and taken out of the views.
+"""Missing parts and foreign objects, found before any effect is fitted, and removed from the views.
 
-They are the world's and no sensor's: left in, they would be noise, lost returns, or deviations of the CAD.
+They are no error of the sensor. Left in the views, they would look like noise, lost returns, or deviations of the CAD.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def world_of(evidence: Sequence[ViewEvidence], caster: Raycaster, limits: WorldEvidence) -> Surprises:
-    """What is not as the CAD has it, at the poses of the evidence; views that move are left out, since motion moves their edges."""
+    """Missing parts and foreign objects at the poses of the evidence; without moving views, whose edges motion shifts."""
     still = [k for k, v in enumerate(evidence) if not v.frame.context.moving]
     if not still:
         return Surprises(tuple(np.zeros(v.residual.shape, np.uint8) for v in evidence), (), ())
@@ -54,7 +54,7 @@ def _seen(v: ViewEvidence, limits: WorldEvidence) -> Seen:
 
 
 def without_world(views: Sequence[View], world: Surprises, rim_px: int) -> list[View]:
-    """The views without the pixels of missing parts and foreign objects, and without a rim of `rim_px` around, where both mix."""
+    """The views without the pixels of missing parts and foreign objects, and without the mixed pixels of a rim of `rim_px` around."""
     return [_without(view, np.isin(codes, (ABSENT, OBJECT)), rim_px) for view, codes in zip(views, world.pixels, strict=True)]
 
 
@@ -65,5 +65,5 @@ def _without(view: View, gone: Mask, rim_px: int) -> View:
 
 
 def taken_out(view: View, gone: Mask) -> View:
-    """The view without these pixels (H, W)."""
+    """The view without the pixels `gone` (H, W)."""
     return replace(view, depth=np.where(gone, np.float32(np.nan), view.depth), reason=np.where(gone, np.uint8(Reason.NOT_CAD), view.reason))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wrapped phase: pixels that are off by common jumps, the unambiguous range above all."""
+"""Wrapped phase: pixels whose errors are jumps of a common size, mostly the unambiguous range."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
 
 MOST_TURNS = 3
-"""Turns that a pixel may be off by: usual cameras merge frequencies over at most as many."""
+"""Largest error in whole periods: usual cameras merge frequencies over at most as many."""
 LEAST_WRAP_M = LIGHT_M_PER_S / (2e6 * PhaseWrap.__dataclass_fields__["modulation_mhz"].metadata["high"])
-"""Unambiguous range at the highest modulation frequency that the effect allows: no shorter jump is a wrapped phase."""
+"""Metres: unambiguous range at the highest modulation frequency that the effect allows; no shorter jump is a wrapped phase."""
 
 
 def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding | None:
     """`phase_wrap` where enough pixels jump by one common size."""
-    # Edges that blur or move jump too: a wrapped phase shows away from them.
+    # Edges that blur or move make jumps too: wrapped phase is looked for away from them.
     inner = [~binary_dilation(v.edge, iterations=limits.edge_reach_px) for v in views]
     jump = np.concatenate([(v.residual * v.frame.length)[v.gross & i] for v, i in zip(views, inner, strict=True)])
     total = sum(int((np.isfinite(v.residual) & i).sum()) for v, i in zip(views, inner, strict=True))
@@ -56,7 +56,7 @@ def phase_wrap(views: Sequence[ViewEvidence], limits: MissingLimits) -> Finding 
 
 
 def _common_size(sizes: Float, spread: float) -> float:
-    """Metres: median of the jumps (n,) within `spread` of the size that most have."""
+    """Metres: median of the jumps (n,) within `spread` of the most frequent size."""
     ordered = np.sort(sizes)
     counts = np.searchsorted(ordered, ordered + 2 * spread) - np.arange(len(ordered))
     first = int(np.argmax(counts))
@@ -64,9 +64,9 @@ def _common_size(sizes: Float, spread: float) -> float:
 
 
 def _other_jumps(sizes: Float, size: float, limits: MissingLimits, least: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Jumps, metres, that at least `least` of the jumps (n,) share besides `size`, most first, and the share that each has of all.
+    """Other sizes than `size` that at least the share `least` of the jumps (n,) has: metres, most frequent first, and the share of each.
 
-    A wrong choice among three frequencies lands at combinations of their periods that are no whole turns of one of them.
+    A wrong choice among three frequencies gives combinations of their periods that are no multiple of any one of them.
     """
     spread = limits.turn_spread_mm * 1e-3
     found: list[tuple[float, float]] = []
@@ -85,24 +85,24 @@ def _wraps(view: ViewEvidence, jumps: Float, limits: MissingLimits) -> Float:
     """(H, W) metres of z that wrapping adds; NaN where nothing is measured."""
     r = view.residual * view.frame.length
     nearest = _nearest(r, jumps)
-    # Once the jumps are known, a residual nearer to one of them than to zero is wrapped, however weak its light.
+    # Once the jumps are known, a residual nearer to one of them than to zero is wrapped, at any amplitude.
     wrapped = np.abs(r - nearest) < max(limits.turn_spread_mm * 1e-3, limits.turn_reach * float(jumps[0]))
     return np.where(np.isfinite(r), np.where(wrapped, nearest / view.frame.length, 0.0), np.nan)
 
 
 def _whole(size: float) -> Float:
-    """(MOST_TURNS,) metres of whole turns: where two frequencies are merged, a wrong choice may be off by more than one."""
+    """(MOST_TURNS,) metres of 1, 2, ... periods: merging two frequencies wrongly may cost more than one."""
     return size * np.arange(1.0, MOST_TURNS + 1)
 
 
 def _nearest(error: Float, jumps: Float) -> Float:
-    """Of each error the nearest of the ascending jumps (n,), with the error's sign."""
+    """For each error, the nearest of the ascending jumps (n,), with the sign of the error."""
     at = np.searchsorted(0.5 * (jumps[1:] + jumps[:-1]), np.abs(error))
     return np.asarray(np.sign(error) * jumps[at])
 
 
 def _where_wrapped(views: Sequence[ViewEvidence], maps: Sequence[Float], limits: MissingLimits, *, short: bool) -> tuple[float, float]:
-    """Range (metres) from which phases wrap, or up to which if not `short`; and the share of the pixels there that do."""
+    """Range in metres beyond which phases wrap, or up to which if not `short`, and the share of wrapped pixels there."""
     wrapped = np.concatenate([m[np.isfinite(v.residual)] != 0 for v, m in zip(views, maps, strict=True)])
     radial = np.concatenate([v.frame.radial[np.isfinite(v.residual)] for v in views])
     start = float(np.quantile(radial[wrapped], limits.turn_start if short else 1.0 - limits.turn_start))
