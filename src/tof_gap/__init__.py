@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where simulation and camera differ, which effect makes it, and how far it shrinks."""
+"""The gap between simulation and camera: where it is, which effects cause it, and how far it shrinks."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which captures would separate tied effects: each is tried on the design matrix, not looked up in a table."""
+"""Captures that would separate tied effects, each tried on the design matrix."""
 
 from __future__ import annotations
 
@@ -30,14 +30,13 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Effect
 
 EXTRA = 4
-"""Views that a piece of advice may cost."""
+"""Largest number of views that advice may ask for."""
 
 
 def advise(d: Diagnosis, caster: Raycaster) -> list[str]:
-    """A line per tie: the action that leaves most of one effect after pose and the other.
+    """A line for each tie: the action after which poses and one effect imitate least of the other effect.
 
-    Each action is tried with a few views of the session; what the wider system would leave is
-    computed from its Gram matrices.
+    Each action is tried with a few views of the session; the share that would be left follows from Gram matrices.
     """
     return sorted({_for_tie(d, caster, one, other) for one, other in d.solved.tied})
 
@@ -59,7 +58,7 @@ def _for_tie(d: Diagnosis, caster: Raycaster, effect: Effect | None, other: Effe
 
 
 def visible_share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidate, action: Action | None) -> float:
-    """Of the energy of `one` after pose, the share that `two` leaves, with the action's views added."""
+    """Share of the energy of `one` after poses that `two` cannot explain, with the action's views added."""
     views, chain = list(d.solved.evidence), d.solved.chain
     if action is not None:
         chosen = np.linspace(0, len(views) - 1, EXTRA).round().astype(int)
@@ -75,7 +74,7 @@ def visible_share(d: Diagnosis, caster: Raycaster, one: Candidate, two: Candidat
 
 
 def _imagined(view: ViewEvidence, caster: Raycaster, action: Action) -> ViewEvidence:
-    """What a view would be after the action: noise-free, its noise level as before."""
+    """The view after the action, without noise; sigma as before."""
     range_m = float(np.nanmedian(view.frame.depth))
     rendering = render(caster, view.frame.camera, action.pose(view.rendering.T_cell_camera, range_m), footprints=False)
     frame = action.change(ideal_frame(rendering, view.frame.context))

@@ -25,10 +25,10 @@ class GapConfig:
 
     hand_mm: float = param(
         0.05,
-        "deviation of hand-eye in hypotheses that do not test it, beside that of the stated calibration",
+        "prior deviation of hand-eye in hypotheses that do not test it, added to the stated calibration",
         unit="mm",
         low=1e-4,
-        why="keeps the equations solvable; larger errors show when it is under test",
+        why="keeps the equations solvable; larger errors are found by the hypothesis hand_eye",
     )
     hand_deg: float = param(0.005, "the same, rotation", unit="deg", low=1e-5, why="the same")
     calibration: Calibration = section(Calibration, "largest errors of the stated calibration (calibration.yaml beside scene.yaml)")

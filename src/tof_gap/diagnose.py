@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The diagnosis of one session: where it differs from its simulation, which effect does it, how far it shrinks."""
+"""The diagnosis of one session: where it differs from its simulation, which effects cause that, how far the gap shrinks."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ def diagnose(
         left_out: effects not to be considered (a test of `unknown`).
         progress: called with the name of each step.
         untestable: effects that this kind of session cannot have, each with the reason; none of them is considered.
-        law: the camera's photon law, where it is known; without one, noise has the law that the session itself shows.
-        given: what was found before depth was looked at, and is corrected in the views: a lens that the corners of a board contradict.
+        law: the camera's photon law, where it is known; else the law is fitted to the session.
+        given: findings that the views are corrected for already, such as a lens that the corners of a board contradict.
 
     Raises:
         RefusedError: the session fits the scene nowhere, or fewer views than `solve.views` do not even show distance along the ray.
@@ -109,24 +109,24 @@ def diagnose(
 
 
 def believed(joint: Joint, read: Callable[[Joint], Account], config: GapConfig) -> tuple[Account, list[str]]:
-    """What is read off the solution without causes that are not believed, and the names of those that the views contradict."""
+    """The account of the solution without causes that are not believed, and the names of causes that the views contradict."""
     found, resembled = read(joint), list[str]()
     while (taken := taken_out(found, config)) is not None:
         resembled += [taken.name] if taken.contradicted else []
         joint = without(joint, taken.name, config)
-        del found  # Images of all views are most of what a session needs in memory.
+        del found  # Images of all views are most of a session's memory.
         found = read(joint)
     return found, resembled
 
 
 def verdict(found: Account, unexplained: Unexplained, limits: ReportLimits) -> tuple[str, ...]:
-    """Names of effects, and `unknown` where structure is left; `none` without any. Beside much that is unexplained, causes are only suspected."""
+    """Names of effects, and `unknown` where structure is left; `none` without any. If much is unexplained, causes are not named."""
     names = found.names(causes=not doubted(unexplained, limits))
     return tuple(sorted({*names, *(("unknown",) if unexplained.structured else ())})) or ("none",)
 
 
 def too_few(views: int) -> dict[str, str]:
-    """All effects but `radial_depth`: so few views cannot test them."""
+    """All effects but `radial_depth`, each with the reason that there are too few views."""
     return {name: f"{views} views are too few" for name in VOCABULARY if name != RadialDepth.NAME}
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A diagnosis in a process of its own: the node's frames go on, its memory returns, and it ends at once where it is cancelled."""
+"""A diagnosis in a process of its own: the node continues, memory is freed afterwards, and a cancellation takes effect at once."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from tof_gap.config import GapConfig
 
 PERIOD_S = 0.2
-"""How often a cancellation is looked for."""
+"""Period at which a cancellation is checked."""
 NICENESS = 5
-"""Frames of the graph come first on a busy host."""
+"""On a busy host, the graph's frames have priority."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """What is diagnosed, and with what; `scene` and `sensor` are files (`sensor` may be empty), `out` the report's folder (empty: none)."""
+    """Views and settings of a diagnosis; scene, sensor: files (sensor may be empty); out: folder of the report (empty: none)."""
 
     views: tuple[View, ...]
     scene: str
@@ -84,7 +84,7 @@ def _serve(line: Connection[Any, Any]) -> None:
     from tof_core.cores import one_thread
 
     os.nice(NICENESS)
-    one_thread()  # read when NumPy is imported, with the task
+    one_thread()  # Before NumPy is imported, with the task.
     task: Task = line.recv()
     try:
         line.send(("done", _content(task, lambda step: line.send(("step", step)))))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The diagnosis of a session with what is known of its camera: effects of a sensor.yaml removed, the calibration beside the scene read."""
+"""The diagnosis of a session whose camera is partly known: by a sensor.yaml and by the calibration beside the scene."""
 
 from __future__ import annotations
 

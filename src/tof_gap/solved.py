@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the solution of a session hands to the report: poses, named effects, their maps."""
+"""The solution of a session for the report: poses, named effects, their maps."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class Named:
 
     @property
     def verdict(self) -> str:
-        """`a` or `a|b`: these the session cannot tell apart."""
+        """`a`, or `a|b` for effects that the session cannot distinguish."""
         return "|".join(sorted({self.name, *self.ties}))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Split:
-    """Indices of the views that coefficients are fitted to, and of the views held out, which every figure is stated on."""
+    """Indices of the views that coefficients are fitted to, and of the held-out views, on which every figure is stated."""
 
     fit: tuple[int, ...]
     held_out: tuple[int, ...]
@@ -53,12 +53,12 @@ class Solved:
     evidence: the views at `chain`; linearised: the views where the solution was linearised last, without the CAD's surfaces;
     named: the effects; maps: (H, W) metres of z per named effect and view; sizes: metres, RMS over the pixels that each named effect
     affects, as the held-out views confirm it; tied: pairs of an effect and of one that could stand in for it (None: hand-eye);
-    bare: the views where the cameras really were, less all smooth bias (that of free functions of an observable in, single pixels of
-    a pattern out): what noise, loss and edges are read from; unnamed_m: metres, sizes of those free functions together (root of the
-    sum of squares); depends_on: their observables, most first;
-    small_together: effects that each explain little and together much, not named for that;
-    small: effects of the solution, and observables, that a healthy camera's tolerance or the stated calibration covers: not named;
-    arms_alike: chi-square (6 degrees of freedom) of what all arm errors have in common;
+    bare: the views at the estimated true poses, less all smooth bias (free functions included, pixel offsets of a pattern not), from
+    which noise, loss and edges are read; unnamed_m: metres, sizes of the free functions together (root of the sum of squares);
+    depends_on: their observables, most first;
+    small_together: effects that each explain little and together much, and are therefore not named;
+    small: effects and observables within a healthy camera's tolerance or the stated calibration, and therefore not named;
+    arms_alike: chi-square (6 degrees of freedom) of the mean arm error;
     arms (V, 6): arm errors in the camera's frame, metres and radians; arms_sd (V, 6): their standard deviations by the robot's prior;
     split: views fitted to and held out.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gap watched live: of each view, the part that pose error cannot cause; growth is reported at a stated false-alarm rate.
+"""The gap watched live: the part of each view's gap that pose error cannot cause; growth is reported at a stated false-alarm rate.
 
 How to feed it (no ROS here)::
 
@@ -44,14 +44,14 @@ class WatchConfig:
 
     baseline: int = param(20, "views of the baseline, before growth is tested", low=6, high=1000, why="p-values down to 5 %")
     views_per_alarm: int = param(
-        1000, "healthy views per false alarm, on average, at least", low=20, why="with a dwell in ten seconds, one in three hours"
+        1000, "least mean number of healthy views per false alarm", low=20, why="with a dwell every ten seconds, one in three hours"
     )
-    calm_views: int = param(5, "usual views in a row that end an alarm", low=1, why="one usual view is no end of a growth")
+    calm_views: int = param(5, "usual views in a row that end an alarm", low=1, why="one usual view occurs by chance")
     calm: float = param(0.25, "p-value above which a view is usual", low=0.0, high=1.0, why="three of four healthy views")
     arm_mm: float = param(1.0, "position error of a pose without covariance", unit="mm", low=1e-3, why="the arm's own error")
     arm_deg: float = param(0.1, "rotation error of a pose without covariance", unit="deg", low=1e-4, why="the arm's own error")
     block_px: int = param(
-        16, "side of a block of pixels that err alike", unit="px", low=2, high=256, why="pixels share errors, blocks less so"
+        16, "side of a block of pixels with a common error", unit="px", low=2, high=256, why="neighbours share errors, blocks less so"
     )
     block_pixels: int = param(40, "pixels of a block", low=1, why="a sixth of the block; its mean is known to a sixth of the noise")
     blocks: int = param(6, "blocks of a view", low=2, why="the pose has six unknowns")
@@ -65,11 +65,11 @@ class WatchConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Watched:
-    """What one view shows.
+    """Result of one view.
 
-    gap_mm: RMS of block means above the floor, 0 where they do not exceed it; floor_mm: their RMS from noise and pose error
-    alone; usual_mm: median gap of the baseline (NaN while learning); alarm: 0 to 1, at 1 growth is reported; parts_mm: by name of
-    a part in view, RMS of measured minus rendered beyond the noise, in millimetres.
+    gap_mm: RMS of block means above the floor, 0 where they do not exceed it; floor_mm: RMS of block means by noise and pose error
+    alone; usual_mm: median gap of the baseline (NaN while learning); alarm: 0 to 1, at 1 growth is reported; parts_mm: for each part in
+    view, RMS of measured minus rendered beyond the noise, in mm.
     """
 
     state: str
@@ -99,12 +99,12 @@ The false-alarm rate holds for any bets."""
 
 @dataclass(slots=True)
 class GrowthTest:
-    """Whether values grow, by their ranks alone: whatever their distribution is.
+    """A test whether values grow, by their ranks alone, so that it holds for any distribution.
 
-    The rank of a new value among all before it gives a p-value that is uniform while values are exchangeable, so a bet on small
-    ones wins nothing on average. The bets' fortunes are restarted as in Shiryaev and Roberts' rule (Vovk 2021, "conformal
-    e-detectors"): R = (R + 1) e. E[R] then grows by one per view at most, so the mean run to R = `views_per_alarm` is at least `views_per_alarm`.
-    During an alarm, new values do not enter the pool; it ends when `calm_views` in a row have a p-value above `calm`.
+    The rank of a new value among all earlier ones gives a p-value, which is uniform while values are exchangeable. A bet on small
+    p-values therefore wins nothing on average. The fortunes of the bets follow Shiryaev and Roberts' rule (Vovk 2021, "conformal
+    e-detectors"): R = (R + 1) e. E[R] grows by at most one per view, so the mean run to R = `views_per_alarm` is at least that number
+    of views. During an alarm, new values do not enter the pool; it ends when `calm_views` in a row have a p-value above `calm`.
     """
 
     config: WatchConfig
@@ -143,14 +143,14 @@ class GrowthTest:
         insort(self._pool, value)
 
     def _p_value(self, value: float) -> float:
-        """Share of the pool and the value itself that is as large, ties drawn at random."""
+        """Share of the pool and of the value itself that is as large or larger; ties are broken at random."""
         above = len(self._pool) - bisect_right(self._pool, value)
         ties = bisect_right(self._pool, value) - bisect_left(self._pool, value) + 1
         return float((above + self._rng.uniform() * ties) / (len(self._pool) + 1))
 
 
 class GapWatch:
-    """Residual evidence view by view against a baseline."""
+    """The gap of each view against a baseline."""
 
     def __init__(self, caster: Raycaster, config: WatchConfig | None = None) -> None:
         """Nothing seen yet."""
@@ -169,7 +169,7 @@ class GapWatch:
 
         Args:
             view: a capture or a dwell, unfiltered.
-            T_cell_camera: (4, 4) where the camera was, as the label has it (never a free pose per view, which hides the gap).
+            T_cell_camera: (4, 4) the label's pose of the camera (never a free registration of this view, which hides the gap).
             pose_cov: (6, 6) of its right perturbation, metres and radians; the arm's prior where None.
 
         Raises:
@@ -197,7 +197,7 @@ class GapWatch:
 
 
 def part_gaps(view: ViewEvidence, names: Sequence[str], least: int) -> dict[str, float]:
-    """Millimetres by name of each part that at least so many smooth pixels show: RMS of the residual beyond the noise."""
+    """RMS in mm of the residual beyond the noise, for each part that at least `least` smooth pixels show."""
     part, beyond = view.rendering.part[view.smooth], view.residual[view.smooth] ** 2 - view.sigma[view.smooth] ** 2
     seen = part >= 0
     count = np.bincount(part[seen], minlength=len(names))
@@ -206,9 +206,9 @@ def part_gaps(view: ViewEvidence, names: Sequence[str], least: int) -> dict[str,
 
 
 def gap_beyond_pose(view: ViewEvidence, pose_cov: Float, config: WatchConfig) -> tuple[float, float]:
-    """(gap, floor) in m^2: mean square of block means above that of noise and pose error; and that of noise and pose error.
+    """(gap, floor) in m^2: floor is the mean square of block means by noise and pose error; gap is the measured one less the floor.
 
-    The most likely pose error within its covariance (6, 6) is subtracted first. The gap is signed: at the floor its mean is 0.
+    The most likely pose error by its covariance (6, 6) is subtracted first. The gap may be negative: without a gap its mean is 0.
 
     Raises:
         RefusedError: too few blocks of the view see the CAD.
@@ -232,5 +232,5 @@ def gap_beyond_pose(view: ViewEvidence, pose_cov: Float, config: WatchConfig) ->
     left = e - A @ (posterior @ (W.T @ e))
     weight = n[enough] / n[enough].sum()
     pose2 = np.einsum("bi,ij,bj->b", A, posterior, A)
-    # Fitting the pose removes its share of the noise too.
+    # The fit of the pose removes its share of the noise too.
     return float(weight @ (left**2 - (white2 - pose2))), float(weight @ (white2 + pose2))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is not as the CAD has it is set apart before poses and effects are solved."""
+"""Missing parts and foreign objects are set apart before poses and effects are solved."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def set_apart(begun: Start, caster: Raycaster, config: GapConfig) -> tuple[Surpr
     """Missing parts and foreign objects at the first poses, and the start without their pixels.
 
     Raises:
-        RefusedError: the session fits the scene nowhere; without what does not fit, another scene's floor would.
+        RefusedError: the session fits the scene nowhere. This is checked first, as without the pixels that do not fit, any floor would fit.
     """
     check_fit(begun.evidence, config.solve.start)
     world = world_of(begun.evidence, caster, config.world)
     if not (world.missing or world.foreign):
         return world, begun
-    begun.hand_over()  # those images go before the views are rendered again
+    begun.hand_over()  # Frees these images before the views are rendered again.
     views = without_world(begun.views, world, config.world.rim_px)
     return world, Start(views, begun.chain, observe(views, caster, begun.chain, config, footprints=False))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion in brief frames, which blur less: their pixels nearer to edges, and those at brightness edges, are evidence too."""
+"""Motion in brief frames, which blur less: pixels near depth edges and at brightness edges are evidence too."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 
 def solve_moving(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozenset[str] = frozenset()) -> tuple[Joint, GapConfig]:
-    """The joint solution of a session, and the settings that it and all that follows use.
+    """The joint solution of a session, and the settings that it and all later steps use.
 
-    In a moving session, pixels that the longest exposure may blur are left out, and brightness edges with them. Frames of some tens of
-    milliseconds err just there, by millimetres, and by little elsewhere. Where the pixels left show no `motion`, the session is solved
-    again as one of brief frames; that solution counts if it has `motion`. Blur of a longer exposure shows in the first one.
+    In a moving session, pixels that the longest exposure may blur are left out, at brightness edges too. Frames of some tens of
+    milliseconds have errors of millimetres just there, and small ones elsewhere. If the other pixels show no `motion`, the session is
+    solved again as one of brief frames; that solution counts if it has `motion`. The first solution shows motion in longer exposures.
     """
     joint = solve(begun, caster, config, left_out)
     if Motion.NAME in left_out or not moving(joint.views) or _has_motion(joint):

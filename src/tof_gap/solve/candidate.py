@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Effect
 
 HAND_EYE = HandEye.NAME
-"""X of the chain of poses; it has no columns: the system frees X instead."""
+"""X of the pose chain. It has no columns: the system frees X instead."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One hypothesis: an effect in one form, or an error that is a free function of one observable.
+    """One hypothesis: an effect in one form, or a free function of one observable.
 
-    `effect` is None for hand-eye, which the chain of poses holds, and for a free function.
+    `effect` is None for hand-eye, which is part of the pose chain, and for a free function.
     """
 
     name: str
@@ -35,5 +35,5 @@ class Candidate:
 
     @property
     def repeatable(self) -> bool:
-        """Whether there may be several of its name at once: one per part, one per observable."""
+        """Whether a hypothesis may contain several of its name: one per part, or one per observable."""
         return self.free is not None or (self.effect is not None and self.effect.REPEATS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hypotheses of a session: every effect in every form that it asks to be tried in."""
+"""The hypotheses of a session: every effect in every form that it asks to try."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def candidates(
 ) -> list[Candidate]:
     """All hypotheses that this session can test.
 
-    `left_out` names effects not to be considered; `quick` takes only those that look at each pixel by itself.
+    left_out: names of effects that are not considered; quick: only effects whose bias depends on the pixel alone.
     """
     session = session_of(views, noise, scene)
     tested = [kind for kind in PHYSICAL_ORDER if kind.NAME not in left_out and kind.not_testable(session) is None]
@@ -33,7 +33,7 @@ def candidates(
 
 
 def not_testable(views: Sequence[ViewEvidence], noise: NoiseLimits, law: PhotonLaw | None = None) -> dict[str, str]:
-    """Effects for which the session lacks what a test needs, with the reason; `law` is the photon law that `--sensor` states."""
+    """Effects that the session cannot test, each with what it lacks; law: the photon law that `--sensor` states."""
     session = session_of(views, noise, law=law)
     reasons = {name: EFFECTS[name].not_testable(session) for name in VOCABULARY}
     return {name: reason for name, reason in reasons.items() if reason is not None}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a selection to effects in physical units, with their errors, their ties and their maps."""
+"""From a selection to effects in physical units, with standard deviations, ties and maps."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def named(joint: Joint, fit_views: Sequence[int], judge: Selector, rng: np.rando
     chosen = selection.chosen
     whole = selection.fit
     solution = design.system.fit_to(fit_views, whole, inflate=chosen.inflate, free_hand=judge.frees_hand(chosen.members))
-    # What is not known of the bases is not known of the coefficients either.
+    # Uncertainty of the bases is uncertainty of the coefficients too.
     solution = replace(solution, answer=replace(solution.answer, cov=whole.answer.cov))
     out: dict[str, Named] = {}
     for place, (member, (_, _, columns)) in enumerate(zip(chosen.members, design.placed(chosen.members), strict=True)):
@@ -71,7 +71,7 @@ def _in_units(
     design = joint.design
     candidate, group = design.candidates[member], design.groups[member]
     if candidate.effect is None:
-        # X as the chain and its last step have it: the arms, which trade with it, are of that solution too.
+        # X of the chain and its last step, since the arm errors, which correlate with X, are of that solution.
         x = se3.log(joint.hand_eye)
         sd = np.sqrt(np.diag(solution.hand_eye_cov))
         return HandEye(*(float(v) for v in x)), dict(zip(HandEye.LINEAR, sd.tolist(), strict=True))
@@ -105,10 +105,7 @@ def _pattern(joint: Joint, effect: FixedPattern, values: Float, fit_views: Seque
 
 
 def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generator) -> float:
-    """Share of resampled sets of views in which the member still wins its place.
-
-    Views are drawn with replacement; a win is held-out chi-square above the selection's threshold.
-    """
+    """Share of resampled sets of views (drawn with replacement) in which the member's held-out chi-square exceeds the threshold."""
     chosen = joint.selection.chosen
     rest = [m for i, m in enumerate(chosen.members) if i != place]
     won = judge.score(rest, chosen.inflate).held_out - chosen.held_out
@@ -117,14 +114,14 @@ def confidence(joint: Joint, judge: Selector, place: int, rng: np.random.Generat
 
 
 def free_shares(joint: Joint, views: Sequence[ViewEvidence]) -> dict[str, list[Float]]:
-    """Per observable its (H, W) metres of z in every view that the solution gives to free functions: error that shows but has no name."""
+    """For each observable with a free function in the solution, its (H, W) metres of z in every view: error without a name."""
     return {c.note: [c.free.share(values, view) for view in views] for c, values in joint.members() if c.free is not None}
 
 
 def shares(
     causes: Sequence[Named], views: Sequence[ViewEvidence], chain: Chain, caster: Raycaster, other_surface_m: float
 ) -> dict[str, list[Float]]:
-    """Per named effect its (H, W) metres of z in every view; `chain` is where the views are seen from."""
+    """For each named effect, its (H, W) metres of z in every view; chain: poses of the views."""
 
     def of_view(cause: Named, v: int, view: ViewEvidence) -> Float:
         total = np.sum([rendered_bias(e, view, v, chain, caster, other_surface_m) for e in cause.effects], axis=0)
@@ -134,6 +131,6 @@ def shares(
 
 
 def smooth_ones(causes: Sequence[Named]) -> list[Named]:
-    """The causes less what single pixels err by: removed, that would leave the views that it was fitted to quieter than the others."""
+    """The causes without offsets of single pixels: subtracted, these would lower the noise of the views that they were fitted to."""
     smooth = [replace(c, effects=tuple(e.smooth for e in c.effects)) for c in causes]
     return [c if s.effects == c.effects else s for s, c in zip(smooth, causes, strict=True)]

@@ -34,10 +34,10 @@ FREE_SD_M = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Design:
-    """All hypotheses of a session over one linear system.
+    """All hypotheses of a session in one linear system.
 
-    `groups[i]` are the columns of candidate i, scaled to unit RMS over the session; a coefficient
-    in its own unit is theta / scale[column]. `always` are columns of every hypothesis: the lens within its stated calibration.
+    groups[i]: columns of candidate i, scaled to unit RMS over the session, so that a coefficient in its own unit is
+    theta / scale[column]; always: columns that every hypothesis contains, those of the lens within its stated calibration.
     """
 
     candidates: tuple[Candidate, ...]
@@ -47,19 +47,19 @@ class Design:
     always: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def active(self, members: Iterable[int]) -> Ints:
-        """Columns of a hypothesis: those of all hypotheses, then those of its members."""
+        """Columns of a hypothesis: `always`, then those of its members."""
         return np.concatenate([self.always, *(self.groups[m] for m in members)]).astype(np.int64)
 
     def own(self, members: Iterable[int]) -> Ints:
-        """Columns of some candidates alone."""
+        """Columns of these candidates alone."""
         return np.concatenate([np.zeros(0, np.int64), *(self.groups[m] for m in members)]).astype(np.int64)
 
     def without(self, members: Iterable[int], name: str) -> list[int]:
-        """The members of other names."""
+        """The members with another name than `name`."""
         return [m for m in members if self.candidates[m].name != name]
 
     def placed(self, members: Sequence[int]) -> Iterator[tuple[Candidate, Ints, slice]]:
-        """Of each member its candidate, its columns, and where its coefficients stand in a solution of all members."""
+        """For each member, its candidate, its columns, and the place of its coefficients in a solution of all members."""
         start = len(self.always)
         for member in members:
             group = self.groups[member]
@@ -71,7 +71,7 @@ class ColumnStore:
     """Columns by view and effect, kept while the reference poses stay."""
 
     def __init__(self, views: Sequence[ViewEvidence], folds: Ints) -> None:
-        """Nothing computed yet; `folds` (V,) as the selection deals the views."""
+        """An empty store; folds (V,): fold of each view in the selection."""
         self.views = views
         self._folds = folds
         self._thinned = [v.frame.take(v.pixels) for v in views]
@@ -79,9 +79,9 @@ class ColumnStore:
         self._kept: dict[Effect | FreeFunction | None, list[Image]] = {}
 
     def of(self, tested: Sequence[Candidate]) -> list[list[Image]]:
-        """(n, k) per candidate and view; no column for hand-eye, whose columns the pose has.
+        """(n, k) per candidate and view; none for hand-eye, whose columns are those of the pose.
 
-        Single precision: hundreds of columns of all views are most of what a long session needs, and each is a shape known to a percent.
+        In single precision: hundreds of columns of all views are most of a long session's memory, and forms are known to 1 %.
         """
         missing = {c.source: c for c in tested if c.source not in self._kept}
         if not self._lines and any(isinstance(c.effect, FixedPattern) for c in missing.values()):
@@ -96,7 +96,7 @@ class ColumnStore:
             return candidate.free.columns(view)
         if effect is None:
             return np.zeros((len(view.pixels), 0))
-        if isinstance(effect, FixedPattern):  # Lines have no formula: they are what the other views show.
+        if isinstance(effect, FixedPattern):  # Lines have no formula: they are estimated from the other views.
             return pattern_columns(view, self._lines[v], effect)
         if effect.LOCAL:
             return np.asarray(effect.columns(self._thinned[v])[0])
@@ -104,9 +104,9 @@ class ColumnStore:
 
 
 LENS_COLUMNS = 4
-"""Of `intrinsics`, those that a calibration states: fx, fy, cx, cy."""
+"""Columns of `intrinsics` that a calibration states: fx, fy, cx, cy."""
 PINNED_SD = np.repeat([3e-3, np.radians(0.2)], 3)
-"""How far the base of a moving session may be from where edges put it: smear shifts them by millimetres, and is given up to ask for effects."""
+"""Standard deviation (metres, radians) of a moving session's base about its pose by edges, which motion blur shifts by millimetres."""
 
 
 LENS = Candidate(Intrinsics.NAME, Intrinsics())
@@ -120,8 +120,8 @@ EXACT = np.zeros(LENS_COLUMNS)
 def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd: Float, lens_sd: Float = EXACT) -> Design:
     """One system of all hypotheses, linearised at `chain`.
 
-    `hand_sd` (6,) holds X where it is not freed, `lens_sd` (4,) focal lengths (relative) and principal point (pixels); `EXACT`
-    adds no column. The bases of a moving session stay by the chain's, and not by the robot's word.
+    hand_sd (6,): prior deviations of X where it is not freed; lens_sd (4,): of focal lengths (relative) and principal point (pixels),
+    `EXACT` adds no column. In a moving session, the prior of the bases is centred on the chain's bases and not on the robot's.
     """
     calibrated = bool(lens_sd.any())
     by_candidate = store.of(tested)
@@ -147,7 +147,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     system = ColumnSystem.of(
         in_blocks(lambda v: _gram(store.views[v], joined(v) / safe), every),
         chain,
-        # A column that vanishes everywhere is pinned: it explains nothing.
+        # The coefficient of a column that is zero everywhere is pinned to 0.
         np.where(live, sd, 1e-9),
         Priors(base_sd, hand_sd, at_chain=in_motion),
         pixels=np.array([float(len(v.pixels)) for v in store.views]),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a joint solution to what the report needs: coefficients of the fit views, maps, and the views at the final poses."""
+"""From a joint solution to the input of the report: coefficients of the fit views, maps, and the views at the final poses."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
     maps, free = shares(rest, evidence, final, caster, other_m), free_shares(joint, evidence)
     sizes = sizes_m(maps | free, evidence, split.held_out)
     small = _small(sizes, maps, config.select)
-    # What a healthy camera errs by is no gap: it is taken off before anything is stated.
+    # Errors of a healthy camera are no gap: they are subtracted before anything is stated.
     evidence = less(evidence, [by_view for name, by_view in (maps | free).items() if name in small])
     maps, free = ({name: by_view for name, by_view in one.items() if name not in small} for one in (maps, free))
     causes = tuple(n for n in rest if n.name not in small)
@@ -93,7 +93,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         depends_on=tuple(quantity for quantity in joint.selection.unknown if quantity in free),
         small=tuple(sorted(small | {n.name for n in found if n not in rest})),
         small_together=joint.selection.small_together,
-        # Motion shifts what poses are known by, and poses of corners share the errors of the lens: then arms that err alike say nothing of a mount.
+        # Motion shifts edges, and poses by a board's corners share the lens's errors: then equal arm errors are no sign of a loose mount.
         arms_alike=0.0 if Motion.NAME in maps or joint.chain.root is not None else judge.arms_alike(joint.selection.chosen),
         arms=judge.arms(joint.selection.chosen),
         arms_sd=judge.arms_sd,
@@ -102,7 +102,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
 
 
 def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], limits: SelectLimits) -> set[str]:
-    """Names of what a healthy camera errs by; and motion that explains too little of all, also where it errs most, at edges."""
+    """Names of effects within a healthy camera's tolerance, and of `motion` if it explains too little of all, also at edges."""
     small = {name for name, size in sizes.items() if size < limits.least_mm * 1e-3}
     if Motion.NAME in maps and energy_share(Motion.NAME, maps) < limits.share:
         small.add(Motion.NAME)
@@ -110,19 +110,19 @@ def _small(sizes: Mapping[str, float], maps: Mapping[str, Sequence[Float]], limi
 
 
 def _mount(joint: Joint, rest: Sequence[Named], stated: Calibration) -> Float:
-    """(4, 4) X that figures are stated at: the solution's where it is within the stated calibration, else none."""
+    """(4, 4) X for the figures: the solution's if it is within the stated calibration, else the identity."""
     return joint.hand_eye if stated.hand_eye_sd.any() and all(n.name != HAND_EYE for n in rest) else np.eye(4)
 
 
 def _tied(joint: Joint, names: set[str]) -> tuple[tuple[Effect | None, Effect | None], ...]:
-    """Pairs of a member of these names and of an effect that could stand in for it."""
+    """Pairs of a member with one of these names, and of an effect that could stand in for it."""
     candidates, selection = joint.design.candidates, joint.selection
     pairs = ((m, other) for m, others in zip(selection.chosen.members, selection.ties, strict=True) for other in others)
     return tuple((candidates[m].effect, candidates[other].effect) for m, other in pairs if candidates[m].name in names)
 
 
 def moves_camera(effect: Effect, stated: Camera) -> bool:
-    """Whether the effect puts the camera elsewhere or gives it another lens: pixels see other points."""
+    """Whether the effect moves the camera or changes its lens, so that pixels see other points."""
     return effect.mount is not None or effect.late_s != 0.0 or effect.camera(stated) != stated
 
 
@@ -138,6 +138,6 @@ def _beside_pattern(bare: Sequence[ViewEvidence], maps: Mapping[str, Sequence[Fl
 
 
 def noise_again(evidence: Sequence[ViewEvidence]) -> tuple[ViewEvidence, ...]:
-    """The views with the noise of their residuals as they are now: columns and rows of a pattern that was taken off had been noise to their neighbours."""
+    """The views with sigma estimated again: rows and columns of a fixed pattern, now subtracted, had raised it."""
     levels = [noise_level(e.residual, e.smooth, e.frame.amplitude, e.limits.level) for e in evidence]
     return tuple(replace(e, sigma=single(np.maximum(s, e.step_m / np.sqrt(12)))) for e, s in zip(evidence, levels, strict=True))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors along the ray that are some function of one observable: forms of the effect that owns the observable, or of none."""
+"""Errors along the ray that are any function of one observable: a form of the effect that owns the observable, or of none."""
 
 from __future__ import annotations
 
@@ -23,19 +23,20 @@ if TYPE_CHECKING:
 
 KNOTS = {"range_m": 12, "incidence_deg": 12, "amplitude": 12, "time_s": 9}
 USUAL_KNOTS = 7
-"""Linear pieces between so many knots, at equal numbers of pixels: no form is assumed. Over time there is at most one for two views."""
+"""Knots of the piecewise linear functions, at equal numbers of pixels. Over time, at most one for two views."""
 EVEN_KNOTS = {"range_m": 6, "amplitude": 6}
-"""Knots besides, at equal distances: a curve is steepest in the dark and near by, where few pixels are."""
+"""Further knots at equal distances: a curve is steepest at low amplitude and short range, where there are few pixels."""
 APART = 0.02
-"""Of the span of all knots, the least distance of two: closer ones cannot be separated."""
+"""Least distance of two knots, as a share of the span of all: closer ones cannot be separated."""
 
 
 @dataclass(frozen=True, slots=True)
 class FreeFunction:
-    """An error along the ray that is any function of the observable `quantity`, piecewise linear between `knots`, 0 in the mean.
+    """An error along the ray that is any function of the observable `quantity`, piecewise linear between `knots`, with mean 0.
 
-    `means` are those of the function's hats over the session's pixels: what is common to all pixels is an offset, and no dependence. It stands among the hypotheses so that named effects do not stand in for one that is missing from the vocabulary.
-    `STRAY_LIGHT` is a function of range over the pixel's own light: light of one phase that lies over the whole image.
+    It competes with the named effects, so that none of them stands in for an effect outside the vocabulary. means: of the hat functions
+    over the session's pixels; they are subtracted, since a constant is an offset and no dependence. For `STRAY_LIGHT` the function is
+    one of range, divided by the pixel's own light: stray light of one phase covers the whole image.
     """
 
     quantity: str
@@ -43,7 +44,7 @@ class FreeFunction:
     means: tuple[float, ...]
 
     def columns(self, view: ViewEvidence) -> Float:
-        """(n, knots) on a view's drawn pixels: metres of z for a metre along the ray at each knot."""
+        """(n, knots) at a view's drawn pixels: metres of z per metre along the ray at each knot."""
         return self._at(view, view.pixels)
 
     def share(self, values: Float, view: ViewEvidence) -> Float:
@@ -58,13 +59,13 @@ class FreeFunction:
 
 
 UNKNOWN = "unknown"
-"""Name of what a free function explains that is no form of an effect."""
+"""Name of a free function that is no form of an effect."""
 OWNERS = {kind.CURVE_OF: kind for kind in PHYSICAL_ORDER if issubclass(kind, CurveEffect)}
-"""By observable the effect of which any function of it is a form."""
+"""For each observable, the effect of which any function of that observable is a form."""
 
 
 def curves(views: Sequence[ViewEvidence], asked: AbstractSet[str]) -> list[Candidate]:
-    """Any function of each observable that varies over the session's pixels: of the effect that owns it, if that is `asked` for, else of none."""
+    """Any function of each observable that varies over the pixels: a form of the effect that owns it, if `asked` for, else of none."""
     out = []
     for name in OBSERVABLES:
         over = knots_of(views, name)
@@ -79,7 +80,7 @@ def curves(views: Sequence[ViewEvidence], asked: AbstractSet[str]) -> list[Candi
 
 
 def knots_of(views: Sequence[ViewEvidence], name: str) -> Knots | None:
-    """Knots over what the session's drawn pixels have of an observable; None where it does not vary."""
+    """Knots over the values of an observable at the session's drawn pixels; None where it does not vary."""
     base = RANGE if name == STRAY_LIGHT else name
     if name == STRAY_LIGHT and knots_of(views, AMPLITUDE) is None:
         return None
@@ -100,7 +101,7 @@ def knots_of(views: Sequence[ViewEvidence], name: str) -> Knots | None:
 
 
 def _spaced(ascending: Float) -> Float:
-    """Knots of which none is closer to the one before than `APART` of their span."""
+    """The knots without those closer to the previous one than `APART` of their span."""
     kept: list[float] = []
     for knot in ascending:
         if not kept or knot - kept[-1] > APART * np.ptp(ascending):
@@ -109,7 +110,7 @@ def _spaced(ascending: Float) -> Float:
 
 
 def _bends(view: ViewEvidence, name: str, knots: Sequence[float] | Float, at: Ints) -> Float:
-    """(n, knots) hats at pixels (flat indices), over the pixel's own light where the function is one of stray light; NaN where unknown."""
+    """(n, knots) hat functions at pixels (flat indices), for stray light divided by the pixel's own light; NaN where unknown."""
     if name != STRAY_LIGHT:
         return hats(observed(view, name, at), knots)
     light = view.frame.amplitude.ravel()[at]
@@ -140,7 +141,7 @@ def observed(view: ViewEvidence, name: str, at: Ints) -> Float:
 
 RANGE, AMPLITUDE, TIME, STRAY_LIGHT = "range_m", "amplitude", "time_s", "stray_light"
 LEAST_KNOTS = 3
-"""Fewer are a constant or a straight line."""
+"""Least number of knots: fewer describe a constant or a straight line."""
 PLACE = ("x_m", "y_m", "z_m")
 OBSERVABLES = ("range_m", "incidence_deg", "amplitude", "row", "column", "time_s", "concavity", STRAY_LIGHT, *PLACE)
-"""What an error may depend on; temperature and speed change with the view, as time does."""
+"""Quantities that an error may depend on. Temperature and speed are not among them: they are constant in a view, as time is."""

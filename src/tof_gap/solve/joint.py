@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The joint solution: poses and named effects together, linearised anew until they agree."""
+"""The joint solution: poses and named effects together, relinearised until they agree."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ if TYPE_CHECKING:
 
 
 def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozenset[str] = frozenset()) -> Joint:
-    """Poses and effects at once, from where `start` brought the cameras; linearised anew while they move.
+    """Poses and effects at once, from the poses of `start`; relinearised while the cameras move.
 
-    The first round asks only effects that look at each pixel by itself: it is there to bring the cameras near. Of a moving session it
-    asks all, as whatever stands in for motion takes the cameras away.
+    The first round brings the cameras near, with only those effects whose bias depends on the pixel alone. In a moving session it takes
+    all effects, since one that stands in for motion would move the cameras away.
     """
     give_back()
     views, chain, evidence, wider_px = begun.views, begun.chain, begun.hand_over(), 0
@@ -51,7 +51,7 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     check_fit(evidence, config.solve.start)
     if any(smear(v.frame, v.limits.blur) == 0 for v in evidence) and _mixes(views, caster, chain, config):
         wider_px = limits.mixed_px
-        del evidence  # Images of all views are most of what a session needs in memory: those of one round go before the next.
+        del evidence  # Images of all views are most of a session's memory: those of one round go before the next.
         evidence = observe(views, caster, chain, config, footprints=False, wider_px=wider_px)
     joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
     del evidence
@@ -67,18 +67,18 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
     if not joint.design.candidates:
         return replace(joint, views=tuple(map(without_geometry, joint.views)))
     give_back()
-    # Formulas go first, each in its best shape; then any function of an observable may compete.
+    # Formulas first, each in its best shape; then free functions of observables compete.
     finer = refined(store, joint.design, joint.selection, joint.chain, config)
     free = curves(joint.views, joint.asked)
     design = build(store, [*joint.design.candidates, *finer, *free], joint.chain, config.hand_sd, config.lens_sd)
-    del store  # Columns of all hypotheses are half a gigabyte of a long session, and a selection needs their products alone.
+    del store  # Columns of all hypotheses take half a gigabyte in a long session; a selection needs only their products.
     joint = replace(joint, design=design)
     final = settled(replace(joint, selection=select(design, config.select, joint.selection.chosen.members)), config)
     return replace(final, views=tuple(map(without_geometry, final.views)))
 
 
 def without(joint: Joint, name: str, config: GapConfig) -> Joint:
-    """The same solution with no effect of that name, everything else fitted anew; a lateness set apart from `motion` goes with it."""
+    """The same solution without the effect `name`, all others fitted again; without `motion`, the lateness set apart from it goes too."""
     members = joint.selection.chosen.members
     own = any(joint.design.candidates[m].name == name for m in members)
     rest = joint.design.without(members, name if own else Motion.NAME)
@@ -86,23 +86,20 @@ def without(joint: Joint, name: str, config: GapConfig) -> Joint:
 
 
 def _mixes(views: Sequence[View], caster: Raycaster, chain: Chain, config: GapConfig) -> bool:
-    """Whether edges show pixels that lie on neither surface."""
+    """Whether edges show mixed pixels, whose depth lies on neither surface."""
     some = range(0, len(views), config.solve.joint.mixed_every)
     renderings = in_threads(lambda i: render(caster, views[i].camera, chain.pose(i)), some)
     return mixing(gather([views[i] for i in some], renderings, caster, config.evidence), config.missing) is not None
 
 
 def _alike(one: Effect | None, other: Effect | None, stated: Camera, lens_px: float) -> bool:
-    """Whether two lenses look along the same rays, to within `lens_px` pixels."""
+    """Whether two lenses have the same rays to within `lens_px` pixels."""
     rays = [(stated if lens is None else lens.camera(stated)).rays() for lens in (one, other)]
     return one is other or bool(np.abs(rays[0] - rays[1]).max() < lens_px * stated.pixel_angle)
 
 
 def _as_recorded(evidence: Sequence[ViewEvidence], late_s: float, lens: Effect | None) -> tuple[ViewEvidence, ...]:
-    """Evidence seen from where the cameras were, through the lens that they have.
-
-    Its residual is what robot poses of the stamps, and CameraInfo's lens, would leave, to first order there.
-    """
+    """Evidence at the cameras' true times and with their true lens, but with the residual of the stated stamps and lens (first order)."""
     out = tuple(evidence)
     if late_s != 0.0:
         out = tuple(replace(v, residual=v.residual + late_s * (pose_columns(v.frame) @ v.frame.context.twist)) for v in out)
@@ -118,7 +115,7 @@ def _linearised(
     *,
     quick: bool = False,
 ) -> tuple[Joint, ColumnStore]:
-    """A selection among all hypotheses at one chain, and the columns it was made of."""
+    """A selection among all hypotheses, linearised at one chain, and its columns."""
     store = ColumnStore(evidence, deal(chain.station.tolist(), config.select.folds))
     design = build(store, candidates(evidence, caster.scene, config.noise, left_out, quick=quick), chain, config.hand_sd, config.lens_sd)
     asked = frozenset(c.name for c in design.candidates)

@@ -42,7 +42,7 @@ class Selector:
     """Held-out scores of hypotheses over one design."""
 
     def __init__(self, design: Design, config: SelectLimits) -> None:
-        """Deal the views into folds, every station in every fold as evenly as it goes."""
+        """Deal the views into folds, those of each station as evenly as possible."""
         self.design, self.config = design, config
         self.folds = deal(design.system.chain.station.tolist(), config.folds)
         self._empty: dict[float, float] = {}
@@ -51,14 +51,14 @@ class Selector:
         self._forms = Counter(c.name for c in design.candidates)
 
     def gain(self, member: int) -> float:
-        """Held-out chi-square that a candidate must win: less where it wins against a prior that is known, and not against pixels."""
+        """Held-out chi-square that a candidate must win; less if it reduces errors of arm or lens against known priors, not residuals."""
         return self.config.hand_gain if self.against_priors(member) else self.config.gain
 
     def share(self, member: int) -> float:
         """Share of the visible gap's energy that a candidate must explain.
 
-        Hand-eye and late stamps hardly show there, since errors of arm and base absorb them; nor does what smears, whose pixels are in no fit (`conclude` judges its share);
-        nor a lens where the stated calibration leaves one free, which gives way to more than is stated.
+        0 for effects that hardly show in residuals: hand-eye and late stamps, which errors of arm and base absorb; effects that smear,
+        whose pixels are in no fit (`conclude` judges their share); a lens beside the one that the stated calibration leaves free.
         """
         one = self.design.candidates[member]
         if self.against_priors(member) or one.name == TimeSync.NAME or (one.effect is not None and one.effect.SMEARS):
@@ -66,15 +66,15 @@ class Selector:
         return self.config.unknown_share if self.is_free(member) else self.config.share
 
     def against_priors(self, member: int) -> bool:
-        """Whether what it wins are errors of arm or lens against their priors, and hardly pixels.
+        """Whether the candidate reduces errors of arm or lens against their priors, and hardly residuals.
 
-        Hand-eye is such, and a wrong lens beside one that every hypothesis frees within the stated calibration: what it does not explain, they absorb.
+        That holds for hand-eye, and for a wrong lens if every hypothesis contains a lens within its stated calibration.
         """
         lens = len(self.design.always) > 0 and self.design.candidates[member].name == Intrinsics.NAME
         return lens or self.frees_hand([member])
 
     def needed_by_calibration(self, name: str, hypothesis: Hypothesis) -> bool:
-        """Whether, without the effect of that name, the lens that every hypothesis frees lies off its stated calibration by `gain` of chi-square."""
+        """Whether, without the effect `name`, the lens of every hypothesis would contradict its calibration by `gain` of chi-square."""
         always = self.design.always
         if name != Intrinsics.NAME or not len(always):
             return False
@@ -91,13 +91,13 @@ class Selector:
         return any(self.design.candidates[m].name == HAND_EYE for m in members)
 
     def score(self, members: Sequence[int], inflate: float) -> Hypothesis:
-        """Fit on all folds but one, judge on that one, for every fold."""
+        """The hypothesis of these members with its held-out chi-square: for each fold, fitted to all others and judged on it."""
         active, free = self.columns(members), self.frees_hand(members)
         held_out = self._folds(inflate).held_out(active, free_hand=free)
         return Hypothesis(tuple(members), held_out, inflate, self._price(members, held_out, inflate))
 
     def beside(self, rest: Sequence[int], place: int, inflate: float) -> Callable[[int], Hypothesis]:
-        """`score` of the members `rest` with one candidate more, at `place` among them: what the rest takes is computed once for all candidates."""
+        """`score` of the members `rest` and one candidate at `place` among them; what depends on `rest` alone is computed once."""
         folds, key = self._folds(inflate), tuple(sorted(rest))
         if key not in self._beside:
             groups = {i: group for i, group in enumerate(self.design.groups) if len(group) and not self.repeats(i, rest)}
@@ -107,23 +107,23 @@ class Selector:
 
         def scored(i: int) -> Hypothesis:
             members = (*rest[:place], i, *rest[place:])
-            if i not in of_all:  # Hand-eye has no columns: it frees what the poses have.
+            if i not in of_all:  # Hand-eye has no columns of its own.
                 return self.score(members, inflate)
             return Hypothesis(members, of_all[i], inflate, self._price(members, of_all[i], inflate))
 
         return scored
 
     def _folds(self, inflate: float) -> Folds:
-        """The folds at one inflation of the noise; what was computed at another goes."""
+        """The folds at one inflation of the noise; those at another are dropped."""
         if inflate not in self._folded:
             self._folded, self._beside = {inflate: Folds(self.design.system, self.folds, inflate)}, {}
         return self._folded[inflate]
 
     def _price(self, members: Sequence[int], held_out: Float, inflate: float) -> float:
-        """Chi-square that members pay for their forms.
+        """Chi-square that members pay for the number of their forms.
 
-        Of many forms one fits by chance. A form that physics predicts is never exact; a free function always is, so it pays a share besides,
-        and so does a form of an effect that is one (`Effect.free_form`).
+        The more forms are tried, the likelier one fits by chance. A free function, also as the form of an effect (`Effect.free_form`),
+        fits any error exactly, a formula never does: therefore it pays a share of the chi-square besides.
         """
         forms = sum(2.0 * float(np.log(self._forms[self.design.candidates[m].name])) for m in members if not self.is_free(m))
         free = sum(self._without_formula(m) for m in members)
@@ -143,7 +143,7 @@ class Selector:
         return self.design.candidates[member].free is not None
 
     def repeats(self, member: int, members: Iterable[int]) -> bool:
-        """Whether one of the members is this candidate, or another form of an effect that a hypothesis holds once."""
+        """Whether one of the members is this candidate, or another form of an effect that a hypothesis may contain only once."""
         one = self.design.candidates[member]
         return member in members or (not one.repeatable and any(self.design.candidates[m].name == one.name for m in members))
 
@@ -153,7 +153,7 @@ class Selector:
         return self.design.system.fit(self.columns(members), inflate=hypothesis.inflate, free_hand=self.frees_hand(members))
 
     def plausible(self, hypothesis: Hypothesis) -> bool:
-        """Whether every coefficient lies within its parameter's bounds, within `margin` standard errors, and the coefficients that define the effect differ from zero."""
+        """Whether all coefficients are within their bounds to `margin` standard errors, and those that define an effect differ from 0."""
         solution = self.fit(hypothesis)
         sd = np.sqrt(np.diag(solution.theta_cov))
         for candidate, group, at in self.design.placed(hypothesis.members):
@@ -187,5 +187,5 @@ class Selector:
         return float(len(errors) * (((errors / self.arms_sd).mean(axis=0)) ** 2).sum())
 
     def inflation(self, members: Sequence[int]) -> float:
-        """By how much the data's weight is divided, from what the members leave: errors that neighbours share count once."""
+        """Factor by which the weight of the data is divided, since errors that neighbours share count once; from the members' residual."""
         return self.design.system.inflation(self.columns(members), self.config.neighbours, free_hand=self.frees_hand(members))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Late stamps beside motion: a lateness that is longer than the frame takes is none of the taps'."""
+"""Late stamps beside motion: a lateness longer than the frame is an effect of its own."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 
 def late_apart(found: Sequence[Named], frame_taps: float, *, asked: bool = True) -> tuple[Named, ...]:
-    """The named effects with `time_sync` apart from `motion`, where motion's mean time lies outside of the frame that its taps make.
+    """The named effects with `time_sync` apart from `motion`, where the mean time of motion's taps lies outside of the frame.
 
-    Depth of taps that look one after another is that of their mean time, and the stamp is any time within the frame: motion has a
-    lateness of its own, of up to half of `frame_taps` taps. Stamps that are later than that have another cause, and where taps do not
-    err at all, what is left of motion is below every tolerance. Unless `time_sync` is `asked` for, it is not named.
+    Depth from taps that are exposed one after another is that of their mean time, and the stamp is any time within the frame. So motion
+    has a lateness of up to half of `frame_taps` taps. A longer one is named `time_sync`, if `asked` for. If taps make no error, the
+    remaining `motion` is below its tolerance.
     """
     at = next((k for k, one in enumerate(found) if one.name == Motion.NAME), None)
     if at is None or not asked:
@@ -27,7 +27,7 @@ def late_apart(found: Sequence[Named], frame_taps: float, *, asked: bool = True)
     motion, std = found[at].effects[0], found[at].std[0]
     if not isinstance(motion, Motion) or abs(motion.axial_s) <= 0.5 * frame_taps * motion.apart_s:
         return tuple(found)
-    # Each is what the other was taken for: beside each other they are no tie.
+    # Each could stand in for the other; named together, they are no tie.
     ties = tuple(name for name in found[at].ties if name != TimeSync.NAME)
     late = Named(TimeSync.NAME, (TimeSync(delay_s=motion.axial_s),), ({"delay_s": std["axial_s"]},), ties, found[at].confidence)
     taps = replace(found[at], effects=(replace(motion, axial_s=0.0),), ties=ties)

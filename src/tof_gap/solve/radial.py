@@ -36,8 +36,9 @@ def gate(
 ) -> tuple[Start, Finding | None]:
     """The views as z, brought to the CAD, and `radial_depth` where they were not z.
 
-    Both readings are brought to the CAD with the robot's priors; the one that misses it by less is believed. Few views leave poses
-    that bend with them: there wide planes of the views decide, which bend where distances are taken for z. Unless `asked`, they are z.
+    Both readings are registered to the CAD with the robot's priors; the one with the smaller median residual is believed. The poses of
+    few views adapt to either reading; then wide planes in the views decide, which appear bent if distances are read as z. Unless
+    `asked`, depth is z.
     """
     begun = start(views, caster, config, align)
     if not asked:
@@ -45,9 +46,9 @@ def gate(
     as_z = median_miss(begun.evidence)
     if as_z < config.solve.gate.least_mm * 1e-3:
         return begun, None
-    # Between codes wider than the noise nothing is known of the noise, whichever way the codes are read.
+    # Depth codes wider than the noise hide it, whichever way they are read.
     converted = [replace(v, depth=radial_to_z(v.camera, v.depth), code_m=code_of(v, config.evidence.level)) for v in views]
-    begun.hand_over()  # The images of one reading go before those of the other are made; where it is believed, they are made again.
+    begun.hand_over()  # Frees the images of one reading before those of the other are made; if believed, they are made again.
     other = start(converted, caster, config, align)
     if median_miss(other.evidence) > config.solve.gate.better * as_z and not all(_bends(v) for v in views):
         other.hand_over()
@@ -58,7 +59,7 @@ def gate(
 
 
 def _bends(view: View) -> bool:
-    """Whether the widest plane of a view bends as distances taken for z do."""
+    """Whether the widest plane of a view appears bent as distances read as z do."""
     found = wide_bend(view.depth, view.camera)
     return found is not None and found.radial
 

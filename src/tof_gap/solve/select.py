@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which effects: added one by one, each by what it explains on views it was not fitted to."""
+"""Selection of effects: added one by one, each by the chi-square that it explains on views that it was not fitted to."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Selection:
-    """The chosen hypothesis and what is known of its members.
+    """The chosen hypothesis.
 
-    fit: of the chosen one; ties: per member, candidates that could stand in for it;
-    unknown: observables of chosen free functions, most first; small_together: effects that each explain little, and much together.
+    fit: of the chosen hypothesis; ties: for each member, candidates that could stand in for it; unknown: observables of chosen free
+    functions, most first; small_together: effects that each explain little, and much together.
     """
 
     chosen: Hypothesis
@@ -39,10 +39,10 @@ class Selection:
 
 
 def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> Selection:
-    """Add, exchange and drop effects until no held-out chi-square is won; then find which effects the session cannot tell apart.
+    """Add, exchange and drop effects until no held-out chi-square is won; then find the effects that the session cannot distinguish.
 
-    Effects are added to none, and to those `begun` with; the better of both ends is chosen, since an addition that explains most by
-    itself may stand in for several.
+    The search starts twice, without effects and from the members `begun`, and the better result is chosen: an effect that explains most
+    by itself may stand in for several others.
     """
     judge = Selector(design, config)
     ends = [_grown(judge, members) for members in dict.fromkeys([(), tuple(begun)])]
@@ -52,7 +52,7 @@ def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> S
 
 
 def _grown(judge: Selector, members: Sequence[int]) -> Hypothesis:
-    """The hypothesis that members grow into by additions and exchanges, without those that turn out weak."""
+    """The hypothesis that additions and exchanges make of `members`, without weak members."""
     current = judge.score(members, judge.inflation(members))
     while len({judge.design.candidates[m].name for m in current.members}) < judge.config.most:
         better = _best_addition(judge, current)
@@ -83,7 +83,7 @@ def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
 
 
 def _steady(before: Hypothesis, after: Hypothesis, gain: float, limits: SelectLimits) -> bool:
-    """Whether more than one view gains: without the best view, a share of the gain remains, or all that is asked."""
+    """Whether more than one view gains: without the best view, `steady` of the gain remains, or the required gain."""
     won = before.held_out - after.held_out
     return bool(won.sum() - won.max() > min(limits.steady * won.sum(), gain) or len(won) < limits.steady_views)
 
@@ -107,7 +107,7 @@ def _exchange(judge: Selector, current: Hypothesis) -> Hypothesis:
 
 
 def _curved(judge: Selector, current: Hypothesis) -> Hypothesis:
-    """Formulas give way to a curve of the same effect that explains clearly more: what they leave would be taken for another effect."""
+    """Replace formulas by a curve of the same effect that explains clearly more: the rest would be attributed to another effect."""
     candidates = judge.design.candidates
     for place, member in enumerate(current.members):
         if judge.is_free(member) or _has_no_formula(judge, member):
@@ -149,7 +149,7 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
 
 
 def _plain(judge: Selector, current: Hypothesis) -> Hypothesis:
-    """Members whose own terms explain too little to be believed give way to the effect of which they are a form (`Effect.rest`)."""
+    """Replace members whose own terms explain too little by the effect that they are without these terms (`Effect.rest`)."""
     names = [c.name for c in judge.design.candidates]
     for place, member in enumerate(current.members):
         effect = judge.design.candidates[member].effect
@@ -166,7 +166,7 @@ def _plain(judge: Selector, current: Hypothesis) -> Hypothesis:
 
 
 def _lacking(judge: Selector, current: Hypothesis, place: int) -> float:
-    """Chi-square that the member at `place` may win by what the maps of other members lack (`Effect.LACKS`)."""
+    """Chi-square that the member at `place` may win because the maps of other members are incomplete (`Effect.LACKS`)."""
     effects = [judge.design.candidates[m].effect for m in current.members]
     of_part = getattr(effects[place], "part", -1) >= 0
     short = [(i, e.LACKS_ON_A_PART if of_part else e.LACKS) for i, e in enumerate(effects) if e is not None and e.LACKS and i != place]
@@ -176,7 +176,7 @@ def _lacking(judge: Selector, current: Hypothesis, place: int) -> float:
 def _absorbable(judge: Selector, current: Hypothesis, place: int) -> float:
     """Chi-square of the maps of all other members that the member at `place` could absorb.
 
-    Maps are never exact: a member that gains only a small part of that corrects the others' maps and is no effect of its own.
+    Maps are never exact: a member that gains only a small part of it corrects the other maps and is no effect of its own.
     """
     others = [i for i in range(len(current.members)) if i != place]
     return 0.0 if judge.is_free(current.members[place]) else _along(judge, current, place, others)
@@ -195,7 +195,7 @@ def _along(judge: Selector, current: Hypothesis, place: int, others_at: Sequence
 
 
 def _rough(judge: Selector, current: Hypothesis, place: int, lost: Float) -> float:
-    """Chi-square that inexact maps of the other members leave; unlimited for hand-eye beside motion, which shifts edges."""
+    """Chi-square that errors of the other members' maps may leave; infinite for hand-eye beside motion, which shifts edges."""
     effects = [judge.design.candidates[m].effect for m in current.members]
     if judge.frees_hand([current.members[place]]):
         return np.inf if any(e is not None and e.SMEARS for e in effects) else 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last step of a joint solution: the chosen effects and the poses, fitted to all pixels instead of those drawn for the selection."""
+"""The last step of a joint solution: chosen effects and poses, fitted to more pixels than the selection used."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def settled(joint: Joint, config: GapConfig) -> Joint:
-    """The same effects with more pixels a view (`solve.joint.settle_pixels`): a selection of hundreds of forms cannot afford them.
+    """The same effects, fitted to `solve.joint.settle_pixels` pixels of each view, too many for a selection among hundreds of forms.
 
     White noise limits the poses of a good camera: four times the pixels halve the error of its labels.
     """
@@ -32,7 +32,7 @@ def settled(joint: Joint, config: GapConfig) -> Joint:
     kept = list(dict.fromkeys([*chosen.members, *(other for of_one in ties for other in of_one)]))
     store = ColumnStore(views, deal(joint.chain.station.tolist(), config.select.folds))
     design = build(store, [joint.design.candidates[m] for m in kept], joint.chain, config.hand_sd, config.lens_sd)
-    # An error that neighbours share covers as many more pixels as are drawn more densely.
+    # An error that neighbours share covers more of the drawn pixels, by the ratio of their density.
     judge = Selector(design, replace(config.select, neighbours=config.select.neighbours * denser))
     members = [kept.index(m) for m in chosen.members]
     final = rescored(judge, members)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The finer search around an effect's best form, by the passes that the effect states: candidates are spaced wider."""
+"""A finer search around an effect's best form, in the passes that the effect states; the candidates' forms are spaced wider."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def _best_shape(
     config: GapConfig,
     inflate: float,
 ) -> Any:
-    """The effect whose parameter, within the pass's width of where it is, does best on held-out views.
+    """The effect with the value of its parameter, within the pass's width of the present one, that is best on held-out views.
 
-    A parameter that is 0 stays 0 unless another value wins what an effect must win: with it, the effect says more than its form did.
+    A parameter of 0 stays 0 unless another value wins as much as an effect must win: it would add a term to the effect.
     """
     value = getattr(effect, finer.parameter)
     if finer.relative and value == 0.0:

@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
 
 def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tuple[str, ...]]:
-    """The hypothesis without the effects beyond the second that each explain little, and their names where together they explain much.
+    """The hypothesis without small effects beyond the second effect, and the names of these effects if together they explain much.
 
-    Several small effects together fit almost any error, and so many causes at once are unlikely. Very small ones only correct inexact
-    maps of the others. Small is what explains little beside the others, and little beside what all of them leave: a constant of
-    centimetres in one of them says nothing against a curve of millimetres that halves the rest. A wrong lens hardly shows, since the lens
-    that is freed takes its pixels: it stays where that one would contradict its calibration.
+    Several small effects together fit almost any error, and so many causes at once are unlikely. Very small ones only correct errors of
+    the others' maps. An effect is small if it explains little of what all effects explain and little of what they leave: beside a
+    constant of centimetres, a curve of millimetres may still halve the rest. A wrong lens explains little, since the lens within the
+    stated calibration absorbs it; it stays if that lens would otherwise contradict its calibration.
     """
     whole, small = current, list[str]()
     while len(names := _names(judge, current)) > judge.config.named_freely:
@@ -33,7 +33,7 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
         small.append(least)
         current = rescored(judge, judge.design.without(current.members, least))
     if not set(small) - {judge.design.candidates[m].name for m in current.members}:
-        return whole, ()  # A second part that deviates is the same effect.
+        return whole, ()  # The same effect on a second part is no further cause.
     without = judge.score(current.members, whole.inflate).score - whole.score
     explained = judge.score((), whole.inflate).score - whole.score
     much = without > judge.config.small_together * explained
@@ -41,5 +41,5 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
 
 
 def _names(judge: Selector, current: Hypothesis) -> list[str]:
-    """Names of the effects, once each; hand-eye, whose evidence are the arms, is not among them."""
+    """Names of the effects, each once, without hand-eye, whose evidence is in the arm errors."""
     return sorted({judge.design.candidates[m].name for m in current.members if not judge.is_free(m) and not judge.frees_hand([m])})

@@ -33,7 +33,7 @@ class Joint:
     design: Design
     selection: Selection
     late_s: float = 0.0
-    """Seconds of stamps that the chain's robot poses make up for; the residuals still show it."""
+    """Lateness of the stamps in seconds that the chain's robot poses correct; the residuals still contain it."""
     asked: frozenset[str] = frozenset()
     """Names of the effects that the selection could choose: neither left out nor untestable. The design may hold the chosen ones alone."""
 
@@ -43,20 +43,20 @@ class Joint:
         return np.asarray(self.chain.hand_eye @ se3.exp(self.selection.fit.hand_eye))
 
     def members(self) -> Iterator[tuple[Candidate, Float]]:
-        """Of each member of the solution its candidate, and its coefficients in their own units."""
+        """For each member of the solution, its candidate, and its coefficients in their own units."""
         for candidate, group, at in self.design.placed(self.selection.chosen.members):
             yield candidate, self.selection.fit.theta[at] / self.design.scale[group]
 
 
 def solution(joint: Joint) -> tuple[Chain, float]:
-    """The chain after the solution's steps, its robot poses at the time that the solution says, and that lateness in seconds."""
+    """The chain after the solution's steps, with robot poses at the estimated times, and the lateness in seconds."""
     after = joint.selection.fit.moved(joint.chain)
     late_s = sum(c.effect.with_coefficients(values).late_s for c, values in joint.members() if c.effect is not None)
     return delayed(after, joint.views, late_s - joint.late_s), late_s
 
 
 def delayed(chain: Chain, views: Sequence[ViewEvidence], seconds: float) -> Chain:
-    """The chain with the robot's poses as they were `seconds` later, by each camera's own velocity."""
+    """The chain with the robot's poses `seconds` later, by each camera's velocity."""
     if seconds == 0.0:
         return chain
     steps = [se3.exp(seconds * v.frame.context.twist) for v in views]
@@ -64,7 +64,7 @@ def delayed(chain: Chain, views: Sequence[ViewEvidence], seconds: float) -> Chai
 
 
 def calibrated_lens(joint: Joint) -> Intrinsics | None:
-    """The lens within its stated calibration as the solution has it, None where the calibration is exact."""
+    """The solution's lens within its stated calibration; None where the calibration is exact."""
     design = joint.design
     if not len(design.always):
         return None
@@ -73,7 +73,7 @@ def calibrated_lens(joint: Joint) -> Intrinsics | None:
 
 
 def lens_of(joint: Joint) -> Effect | None:
-    """The effect by which the solution has another lens, None where CameraInfo's will do; both where it is named and calibrated."""
+    """The solution's lens as an effect, the named and the calibrated part together; None where it is that of CameraInfo."""
     camera, calibrated = joint.views[0].view.camera, calibrated_lens(joint)
     there = (c.effect.plausible(values) for c, values in joint.members() if c.effect is not None)
     named = next((effect for effect in there if effect.camera(camera) != camera), None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""First poses: the robot's word brought to the CAD, before any effect is considered."""
+"""First poses: the robot's poses registered to the CAD, before any effect is considered."""
 
 from __future__ import annotations
 
@@ -35,23 +35,23 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True, eq=False)
 class Start:
-    """Views at the poses that robot and CAD agree on before any effect is asked, and what they show there."""
+    """Views at the poses by robot and CAD before any effect is fitted, and the evidence there."""
 
     views: Sequence[View]
     chain: Chain
     evidence: tuple[ViewEvidence, ...]
 
     def hand_over(self) -> tuple[ViewEvidence, ...]:
-        """The evidence, which the start keeps no longer: the images of all views are most of what a session needs in memory."""
+        """The evidence, which the start then forgets: the images of all views are most of a session's memory."""
         evidence, self.evidence = self.evidence, ()
         return evidence
 
 
 def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: AlignConfig) -> Start:
-    """The robot's poses brought to the CAD: bases from afar, then all poses with no effect.
+    """The robot's poses registered to the CAD: bases from afar, then all poses, without effects.
 
-    Poses with a covariance of their own, as those of a board's corners, owe nothing to depth: depth, whose errors they would
-    take, does not move them here.
+    Poses with a covariance of their own, such as those by a board's corners, do not depend on depth. They are not registered, so that
+    they do not absorb errors of depth.
     """
     samples = [sample(v, align.weights) for v in views]
     chain = chain_of(samples, align.priors)
@@ -61,7 +61,7 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
     evidence = observe(views, caster, chain, config, footprints=False)
     for _ in range(config.solve.start.rounds):
         if moving(evidence):
-            break  # Edges, which these poses are found by, are given up from here on.
+            break  # These poses were found by edges, which are not used from here on.
         design = build(ColumnStore(evidence, chain.station), [], chain, config.hand_sd, config.lens_sd)
         before, chain = chain, design.system.fit(design.always, inflate=config.solve.start.inflate).moved(chain)
         del evidence
@@ -72,16 +72,16 @@ def start(views: Sequence[View], caster: Raycaster, config: GapConfig, align: Al
 
 
 def farthest(one: Chain, other: Chain, limits: JointLimits) -> float:
-    """The largest step of any camera between two chains; 1 is the step up to which nothing is rendered anew."""
+    """The largest step of any camera between two chains; up to 1, nothing is rendered again."""
     steps = [se3.distance(one.pose(v), other.pose(v)) for v in range(len(one.station))]
     return max(max(metres / (limits.near_mm * 1e-3), degrees / limits.near_deg) for metres, degrees in steps)
 
 
 def check_fit(views: Sequence[ViewEvidence], limits: StartLimits) -> None:
-    """Refuse a session that fits the scene nowhere, naming a wrong unit where that is the cause.
+    """Refuse a session that fits the scene nowhere; the message names a wrong unit if that is the cause.
 
     Raises:
-        RefusedError: of the pixels that see the CAD, fewer than `near_share` lie within the gross bound of it.
+        RefusedError: less than the share `near_share` of the pixels that see the CAD lies within the gross bound of it.
     """
     both = [np.isfinite(v.residual) & ~v.edge for v in views]
     total = sum(int(b.sum()) for b in both)
@@ -110,11 +110,11 @@ def observe(
     wider_px: int = 0,
     lens: Effect | None = None,
 ) -> tuple[ViewEvidence, ...]:
-    """Render every view where the chain has it, and gather what differs.
+    """Render every view at its pose in the chain, and compute residuals and noise.
 
-    `concavity`: whether to compute it; `wider_px`: of still views' edges; `lens`: the one that the camera has, None for CameraInfo's.
+    concavity: whether to compute it; wider_px: pixels added to the edges of still views; lens: of the camera, None for CameraInfo's.
     """
-    give_back()  # The images of an earlier round have gone by now.
+    give_back()  # The images of an earlier round are freed by now.
     seen = through(lens, views)
     renderings = in_threads(lambda i, v: render(caster, v.camera, chain.pose(i), footprints=footprints), range(len(seen)), seen)
     return gather(seen, renderings, caster, config.evidence, concavity=concavity, wider_px=wider_px, recorded=views)

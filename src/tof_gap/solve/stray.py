@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Views that contradict the robot: their depth fits the CAD only where the arm cannot have been."""
+"""Stray views, which contradict the robot: their depth fits the CAD only at a pose that the arm cannot have had."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
 def solve_agreeing(
     begun: Start, caster: Raycaster, config: GapConfig, left_out: frozenset[str] = frozenset()
 ) -> tuple[Joint, GapConfig, Sequence[View], tuple[int, ...]]:
-    """The joint solution of the views that agree with the robot, the settings that it and all that follows use, its views, and the stray ones.
+    """The joint solution of the views that agree with the robot, its settings, its views, and the indices of the stray views.
 
-    A stray view takes its station's base with it, and effects are fitted to its errors. Its pixels are taken out, and the session is
-    solved again; the view stays in its place, without evidence.
+    A stray view shifts its station's base, and effects are fitted to its errors. Therefore its pixels are removed and the session is
+    solved again; the view stays in its place, without evidence. All later steps use the same settings and views.
     """
     joint, used = solve_moving(begun, caster, config, left_out)
-    if joint.chain.root is not None:  # Poses with a covariance of their own owe nothing to the arm.
+    if joint.chain.root is not None:  # Poses with a covariance of their own do not depend on the arm.
         return joint, used, begun.views, ()
     judge = Selector(joint.design, config.select)
     stray = stray_views(judge.arms(joint.selection.chosen) / judge.arms_sd, config.solve.stray)
     if not stray.any():
         return joint, used, begun.views, ()
-    del joint, judge  # Images of all views are most of what a session needs in memory.
+    del joint, judge  # Images of all views are most of a session's memory.
     views = without_pixels(begun.views, stray)
     again = Start(views, begun.chain, observe(views, caster, begun.chain, config, footprints=False))
     joint, used = solve_moving(again, caster, config, left_out)
@@ -46,7 +46,7 @@ def solve_agreeing(
 
 
 def stray_views(arms: Float, limits: StrayLimits) -> Mask:
-    """(V,) views whose arm error is too large; none where many are, as those have a cause in common.
+    """(V,) views whose arm error is too large; none if there are many, since these have a common cause.
 
     arms (V, 6): arm errors in standard deviations of the robot's prior.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which effects the session cannot tell apart."""
+"""Ties: effects that the session cannot distinguish."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ...]:
-    """Candidates of other names that the data cannot tell from the member at `place`."""
+    """Candidates with other names that the data cannot distinguish from the member at `place`."""
     d, config = judge.design, judge.config
     member = current.members[place]
     rest = [m for i, m in enumerate(current.members) if i != place]
@@ -36,12 +36,12 @@ def stand_ins(judge: Selector, current: Hypothesis, place: int) -> tuple[int, ..
 
 
 def _contains(effect: Effect | None, name: str) -> bool:
-    """Whether the effect is, without its own terms, the one of that name: it explains as much whatever there is."""
+    """Whether the effect without its own terms is the effect `name`: it always explains at least as much."""
     return effect is not None and name == effect.rest
 
 
 def _hides(judge: Selector, current: Hypothesis, place: int, member: int, other: int, rest: Sequence[int]) -> bool:
-    """Whether `other`, with pose and the rest, leaves little of the member's map; of hand-eye, which has none, little to win."""
+    """Whether `other`, with the poses and the rest, leaves little of the member's map; for hand-eye, which has none, little to win."""
     design = judge.design
     if judge.frees_hand([member, other]):
         beside = judge.score([*rest, other], current.inflate).score - judge.score([*rest, other, member], current.inflate).score

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a healthy camera errs by: hand-eye and lens within their stated calibration, and effects below a tolerance."""
+"""Errors of a healthy camera: hand-eye and lens within their stated calibration, and effects below a tolerance."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def calibrated(one: Named, stated: Calibration, camera: Camera) -> bool:
-    """Whether a named effect is hand-eye, lens, or scale before a printed board, and no farther off than the calibration states."""
+    """Whether a named effect is hand-eye, lens, or scale before a printed board, and within the stated calibration."""
     if one.name == HAND_EYE:
         return _mounted_as_stated(one, stated)
     if one.name == DepthScale.NAME:
@@ -33,9 +33,9 @@ def calibrated(one: Named, stated: Calibration, camera: Camera) -> bool:
 
 
 def sizes_m(maps: Mapping[str, Sequence[Float]], views: Sequence[ViewEvidence], held_out: Sequence[int]) -> dict[str, float]:
-    """Of each map, (H, W) metres per view, the size in metres that the held-out views confirm.
+    """Size in metres of each map ((H, W) metres per view) that the held-out views confirm.
 
-    What errs most at edges (`Effect.AT_EDGES`) is in no fit there: as much of its map is taken for true there as elsewhere.
+    Effects with their largest errors at edges (`Effect.AT_EDGES`) are not fitted there: the share confirmed elsewhere is assumed.
     """
     left = {k: views[k].residual - sum((np.nan_to_num(m[k]) for m in maps.values()), np.zeros(views[k].residual.shape)) for k in held_out}
     out = {}
@@ -47,18 +47,18 @@ def sizes_m(maps: Mapping[str, Sequence[Float]], views: Sequence[ViewEvidence], 
 
 
 def energy_share(name: str, maps: Mapping[str, Sequence[Float]]) -> float:
-    """Share of the energy of all maps together, over all pixels, that the one of this name has by itself."""
+    """Energy of the map `name` over that of the sum of all maps, over all pixels."""
     own = sum(float(np.nansum(np.square(m, dtype=float))) for m in maps[name])
     whole = sum(float(np.square(sum(np.nan_to_num(m[v]) for m in maps.values()), dtype=float).sum()) for v in range(len(maps[name])))
     return own / max(whole, 1e-18)
 
 
 def confirmed(effect: Float, left: Float) -> float:
-    """Share of the square of a map (n,) in metres, over the pixels that it touches, that measurements agree with.
+    """Share of the squared map (n,), in metres, that the measurements confirm, over the pixels that the map touches.
 
-    `left` (n,) is what the map and all others leave of the measurements. Of e = `left` + `effect`, which the map stands for, subtracting
-    the map removes e^2 - left^2 = effect^2 + 2 effect left: the map's square where it is right, and less than nothing where nothing is
-    there. Pixels that the map was not fitted to make that an unbiased estimate of the square of the true effect's size.
+    left (n,): the residual after all maps. The residual before this map is e = left + effect, so the map removes
+    e^2 - left^2 = effect^2 + 2 effect left. That is effect^2 if the map is right, and negative if there is no such effect. Over pixels
+    that the map was not fitted to, it is an unbiased estimate of the squared size of the true effect.
     """
     affected = touched(effect)
     square = mean_square(effect)
@@ -76,26 +76,26 @@ def _errs_at_edges(name: str) -> bool:
 
 
 def _one_surface(effect: Float, view: ViewEvidence) -> Float:
-    """(n,) metres of a map where the CAD is, but for changes that no bias reaches: there another surface comes into view."""
+    """(n,) metres of a map on the CAD, without changes too large for a bias, where another surface comes into view."""
     values = effect[view.frame.valid & np.isfinite(effect)]
     return np.asarray(values[np.abs(values) < view.limits.gross_mm * 1e-3])
 
 
 def _mounted_as_stated(one: Named, stated: Calibration) -> bool:
-    """Whether place and direction of the camera are off by no more than stated, to within one standard deviation."""
+    """Whether position and rotation of the camera are within the stated calibration, to one standard deviation."""
     values, sd = one.effects[0].coefficients, np.array([*one.std[0].values()])
     parts = zip((slice(3), slice(3, 6)), stated.hand_eye_most, strict=True)
     return all(_no_longer(values[at], sd[at], bound) for at, bound in parts)
 
 
 def _no_longer(vector: Float, sd: Float, bound: float) -> bool:
-    """Whether a vector is no longer than a bound above 0, to within its standard deviation along itself."""
+    """Whether a vector's length is within a bound above 0, to one standard deviation in its direction."""
     length = float(np.linalg.norm(vector))
     return bound > 0 and length <= bound + float(np.linalg.norm(vector / max(length, 1e-12) * sd))
 
 
 def _seen_as_stated(one: Named, stated: Calibration, camera: Camera) -> bool:
-    """Whether a lens shifts rays no farther than stated, both as RMS over the image, in pixels."""
+    """Whether a lens shifts rays by no more than the stated calibration, both in pixels RMS over the image."""
     if not stated.lens_sd.any():
         return False
     rays, there = ((c.rays()[..., :2] * (camera.fx, camera.fy)) for c in (camera, one.effects[0].camera(camera)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each member of a hypothesis explains."""
+"""Chi-square that each member of a hypothesis explains."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 
 def rescored(judge: Selector, members: Sequence[int]) -> Hypothesis:
-    """The hypothesis of these members, with the inflation of the pixels' noise that they leave."""
+    """The hypothesis of these members, with the inflation of the noise by the residual that they leave."""
     return judge.score(members, judge.inflation(members))
 
 
 def worth(judge: Selector, current: Hypothesis) -> tuple[Float, Float]:
-    """Per member: held-out chi-square lost without it, and the same as metres RMS over all pixels."""
+    """For each member: held-out chi-square that is lost without it, and the same as metres RMS over all pixels."""
     lost = np.array(
         [
             judge.score([m for i, m in enumerate(current.members) if i != place], current.inflate).score - current.score
