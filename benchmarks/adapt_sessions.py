@@ -83,10 +83,10 @@ def camera_sessions(count: int, seed: int) -> list[CameraSessions]:
 
 def _record_calibration(case: ForeignCase, truth: Path, folder: Path) -> None:
     """Five views of the same camera in the same cell, with other poses, other errors of the robot and other noise."""
+    from benchmarks.emerging.record import record
+    from benchmarks.emerging.session import EmergingSession
     from tof_core.config import from_mapping
     from tof_virtual.config import VirtualConfig
-    from tof_virtual.emerging.record import record
-    from tof_virtual.emerging.session import EmergingSession
 
     folder.mkdir(parents=True, exist_ok=True)
     first = planned(case, folder / "scene", SIZE)

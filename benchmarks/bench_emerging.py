@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.bench_virtual import PUBLISHED_MM
+from benchmarks.emerging.bounce import indirect
+from benchmarks.emerging.device import Device
+from benchmarks.emerging.light import gather
+from benchmarks.emerging.record import record
+from benchmarks.emerging.session import EmergingSession
+from benchmarks.emerging.surfaces import surfaces
+from benchmarks.emerging.waveform import response
 from benchmarks.figure import Figure, at_most
 from tof_core.camera import Camera as Lens
 from tof_core.config import from_mapping, updated
 from tof_scene.builtin import make_builtin
 from tof_virtual.body import Body
 from tof_virtual.config import VirtualConfig
-from tof_virtual.emerging.bounce import indirect
-from tof_virtual.emerging.device import Device
-from tof_virtual.emerging.light import gather
-from tof_virtual.emerging.record import record
-from tof_virtual.emerging.session import EmergingSession
-from tof_virtual.emerging.surfaces import surfaces
-from tof_virtual.emerging.waveform import response
 from tof_virtual.sight import look
 from tof_virtual.taps import SPEED_OF_LIGHT
 from toftwin.commands.simulate import bodies_of

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from benchmarks.emerging.session import EmergingSession
     from benchmarks.gap_check.foreign.cases import ForeignCase
     from tof_core.arrays import Image, Ints
     from tof_core.board.spec import Board
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.scene import Scene
     from tof_sensor.effects.photon_law import PhotonLaw
-    from tof_virtual.emerging.session import EmergingSession
 
 EDGE = 0.03
 """Relative step of the true depth to a neighbouring pixel from which on a pixel lies at an edge: half a pixel of pose decides what it sees."""
@@ -120,9 +120,9 @@ def label_board(captures: Sequence[Capture], board: Board, folder: Path) -> Path
 
 def _recorded(case: ForeignCase, folder: Path, size: tuple[int, int]) -> EmergingSession:
     """Two sessions of one camera in one cell: `first` and `second`, each a bag with its truth beside."""
+    from benchmarks.emerging.record import record
+    from benchmarks.emerging.strength import calibrate
     from benchmarks.gap_check.foreign.record import planned
-    from tof_virtual.emerging.record import record
-    from tof_virtual.emerging.strength import calibrate
 
     first = planned(case, folder / "first" / "scene", size)
     reached = calibrate(first, case.causes)

@@ -34,9 +34,9 @@ def case(name: str, scene: str, robot: str, causes: dict[str, float], seed: int)
 
 def session_folder(one: ForeignCase) -> Path:
     """Folder of a recorded session: `bag`, `scene/scene.yaml`, `truth.npz`, `case.json`; recorded where it is missing."""
+    from benchmarks.emerging.record import record
+    from benchmarks.emerging.strength import calibrate
     from benchmarks.gap_check.foreign.record import planned
-    from tof_virtual.emerging.record import record
-    from tof_virtual.emerging.strength import calibrate
 
     folder = FOLDER / f"strong-{one.name}-{digest_config(one.to_dict() | {'size': list(SIZE)})}"
     if not (folder / "case.json").exists():

@@ -80,10 +80,10 @@ def record_case(case: Case, folder: Path) -> dict[str, Fate]:
 
         record(bodies, folder / "bag", config, effects=case.effects, truth_path=folder / "truth")
         return fate
-    from tof_virtual.emerging.healthy import draw as healthy
-    from tof_virtual.emerging.record import record as record_emerging
-    from tof_virtual.emerging.session import EmergingSession
-    from tof_virtual.emerging.strength import calibrate
+    from benchmarks.emerging.healthy import draw as healthy
+    from benchmarks.emerging.record import record as record_emerging
+    from benchmarks.emerging.session import EmergingSession
+    from benchmarks.emerging.strength import calibrate
 
     session = EmergingSession(bodies, config, healthy(np.random.default_rng([case.number, 9]), case.number), {})
     record_emerging(session, folder / "bag", folder / "truth", case.effects, calibrate(session, case.effects))

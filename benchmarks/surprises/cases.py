@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.emerging.record import record
+from benchmarks.emerging.strength import calibrate
 from benchmarks.gap_check.foreign.cases import ROBOTS, SCENES, ForeignCase
 from benchmarks.gap_check.foreign.record import planned
 from tof_core.config import updated
-from tof_virtual.emerging.record import record
-from tof_virtual.emerging.strength import calibrate
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from benchmarks.emerging.session import EmergingSession
     from tof_core.arrays import Float
-    from tof_virtual.emerging.session import EmergingSession
 
 KINDS = ("none", "foreign", "missing", "displaced", "arm", "foreign", "missing", "arm and foreign")
 """Kinds of eight sessions."""

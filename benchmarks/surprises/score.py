@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.emerging.person import reaches
 from tof_core import se3
 from tof_core.errors import RefusedError
 from tof_scene.raycast import Raycaster
@@ -19,7 +20,6 @@ from tof_sim_label.label import label_view
 from tof_sim_label.labeller import label_session
 from tof_sim_label.reasons import WORLD, LabelReason
 from tof_sim_label.world import session_surprises
-from tof_virtual.emerging.person import reaches
 from toftwin.inputs import opened
 from toftwin.pipeline import PipelineConfig, ViewStream
 

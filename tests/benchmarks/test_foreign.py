@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from benchmarks.emerging.causes import CAUSES
 from benchmarks.gap_check.foreign.cases import NAMED, ROBOTS, SCENES, draw_foreign
 from benchmarks.gap_check.foreign.record import planned, record_foreign
 from benchmarks.gap_check.foreign.score import ForeignRow, judge, shrink_of, wrong_ones
@@ -22,7 +23,6 @@ from benchmarks.gap_check.foreign.table import figures, misses
 from benchmarks.gap_check.record import SEAL, digest
 from tof_core.config import to_mapping
 from tof_virtual.config import VirtualConfig
-from tof_virtual.emerging.causes import CAUSES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -214,7 +214,7 @@ def test_the_table_counts_all_sessions_first_and_separable_ones_second() -> None
 def test_no_module_of_the_generators_side_loads_the_diagnosis() -> None:
     code = (
         "import sys; import benchmarks.gap_check.foreign.record, benchmarks.gap_check.foreign.separable, benchmarks.gap_check.foreign.score;"
-        "import tof_virtual.emerging.record, tof_virtual.emerging.strength, tof_virtual.emerging.healthy;"
+        "import benchmarks.emerging.record, benchmarks.emerging.strength, benchmarks.emerging.healthy;"
         "print([m for m in sys.modules if m.split('.')[0] in ('tof_gap', 'tof_align', 'tof_sensor')])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"

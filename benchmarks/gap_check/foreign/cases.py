@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tof_virtual.emerging.causes import CAUSES, OUTSIDE
+from benchmarks.emerging.causes import CAUSES, OUTSIDE
 
 if TYPE_CHECKING:
     from tof_core.arrays import Ints

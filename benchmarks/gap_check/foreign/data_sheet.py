@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import nnls
 
+from benchmarks.emerging.data_sheet import noise_table
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.model import SensorModel, save_model
-from tof_virtual.emerging.data_sheet import noise_table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tof_virtual.emerging.device import Device
+    from benchmarks.emerging.device import Device
 
 
 def write_data_sheet(healthy: Device, path: Path) -> None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from tof_virtual.emerging.session import EmergingSession
+    from benchmarks.emerging.session import EmergingSession
 
 
 def record_foreign(cases: Sequence[ForeignCase], folder: Path, size: tuple[int, int]) -> None:
@@ -37,11 +37,11 @@ def record_foreign(cases: Sequence[ForeignCase], folder: Path, size: tuple[int, 
 
 def record_one(case: ForeignCase, bag: Path, sealed: Path, size: tuple[int, int]) -> None:
     """One session: scene, prior, data sheet and bag for the diagnosis; case, truth and separability for the score."""
+    from benchmarks.emerging.healthy import write_prior
+    from benchmarks.emerging.record import record
+    from benchmarks.emerging.strength import calibrate
     from benchmarks.gap_check.foreign.data_sheet import write_data_sheet
     from benchmarks.gap_check.foreign.separable import separability
-    from tof_virtual.emerging.healthy import write_prior
-    from tof_virtual.emerging.record import record
-    from tof_virtual.emerging.strength import calibrate
 
     bag.mkdir(parents=True)
     sealed.mkdir(parents=True)
@@ -63,11 +63,11 @@ def planned(case: ForeignCase, scene_folder: Path, size: tuple[int, int], again:
     """
     import numpy as np
 
+    from benchmarks.emerging.healthy import draw
+    from benchmarks.emerging.session import EmergingSession
     from benchmarks.gap_check.foreign.scenes import write_foreign
     from tof_scene.scene_file import load_scene
     from tof_virtual.config import VirtualConfig
-    from tof_virtual.emerging.healthy import draw
-    from tof_virtual.emerging.session import EmergingSession
     from toftwin.commands.simulate import bodies_of
 
     scene = load_scene(write_foreign(case.scene, scene_folder, case.seed))

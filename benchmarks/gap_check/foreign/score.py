@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.emerging.causes import OUTSIDE
 from benchmarks.gap_check.foreign.separable import SMOOTH_M, correlation, poses
 from benchmarks.gap_check.record import BAGS, SEAL, SEALED, digest
 from benchmarks.gap_check.score import EVERYWHERE, LOCALISED, auroc
 from benchmarks.gap_check.separable import Truth, label_error
 from tof_core.errors import DatasetError
 from tof_core.progress import progress
-from tof_virtual.emerging.causes import OUTSIDE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -71,8 +71,8 @@ def _one(folder: Path, name: str) -> Promised | None:
 
 def _record(folder: Path, name: str) -> None:
     """The case's camera and causes in the case's cell, on another day: other poses, errors of the robot and noise."""
+    from benchmarks.emerging.record import record
     from benchmarks.gap_check.foreign.record import planned
-    from tof_virtual.emerging.record import record
 
     out = folder / SECOND / name
     if (out / "bag").exists():

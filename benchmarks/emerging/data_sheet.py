@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.emerging.camera import Camera
+from benchmarks.emerging.light import SIGNAL_RANGE_M, Light
+from benchmarks.emerging.waveform import ORDERS
 from tof_core.camera import Camera as Lens
-from tof_virtual.emerging.camera import Camera
-from tof_virtual.emerging.light import SIGNAL_RANGE_M, Light
-from tof_virtual.emerging.waveform import ORDERS
 from tof_virtual.taps import SPEED_OF_LIGHT
 
 if TYPE_CHECKING:
+    from benchmarks.emerging.device import Device
     from tof_core.arrays import Float
-    from tof_virtual.emerging.device import Device
 
 DISTANCES_M = (0.4, 0.6, 0.9, 1.3, 1.9, 2.6)
 """Distances of the targets."""

@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from benchmarks.emerging.device import Device
 from tof_core.config import flatten, table, updated
 from tof_core.errors import ConfigError
-from tof_virtual.emerging.device import Device
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

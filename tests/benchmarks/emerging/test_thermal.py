@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.tof_virtual.emerging.made import device
-from tof_virtual.emerging.thermal import Network, compensated_s, delay_s, reference
+from benchmarks.emerging.thermal import Network, compensated_s, delay_s, reference
+from tests.benchmarks.emerging.made import device
 
 
 def test_a_cold_camera_starts_at_the_air_and_ends_at_its_steady_state() -> None:

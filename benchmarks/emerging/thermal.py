@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from benchmarks.emerging.device import Device, Thermal
     from tof_core.arrays import Float
-    from tof_virtual.emerging.device import Device, Thermal
 
 REFERENCE_AIR_C = 24.0
 """Air of the factory calibration, at which the camera was steady."""

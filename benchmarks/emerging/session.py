@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from typing_extensions import override
 
+from benchmarks.emerging.bounce import indirect
+from benchmarks.emerging.camera import Camera
+from benchmarks.emerging.causes import CAUSES, applied
+from benchmarks.emerging.light import gather
+from benchmarks.emerging.person import arm, reaches
+from benchmarks.emerging.surfaces import Surfaces, surfaces
+from benchmarks.emerging.waveform import STEPS, response
 from tof_core import se3
 from tof_core.camera import Camera as Lens
-from tof_virtual.emerging.bounce import indirect
-from tof_virtual.emerging.camera import Camera
-from tof_virtual.emerging.causes import CAUSES, applied
-from tof_virtual.emerging.light import gather
-from tof_virtual.emerging.person import arm, reaches
-from tof_virtual.emerging.surfaces import Surfaces, surfaces
-from tof_virtual.emerging.waveform import STEPS, response
 from tof_virtual.robot import HAND_OF_CAMERA
 from tof_virtual.session import Session
 from tof_virtual.sight import look
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from benchmarks.emerging.device import Device
+    from benchmarks.emerging.light import Light
     from tof_core.arrays import Float
     from tof_virtual.body import Body
     from tof_virtual.config import VirtualConfig
     from tof_virtual.effect import Frame
-    from tof_virtual.emerging.device import Device
-    from tof_virtual.emerging.light import Light
     from tof_virtual.sight import Sight
     from tof_virtual.timeline import Shutter
 

@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
+from benchmarks.emerging.light import lamp_place
+from benchmarks.emerging.waveform import ORDERS
 from tof_virtual.bvh import shadow
-from tof_virtual.emerging.light import lamp_place
-from tof_virtual.emerging.waveform import ORDERS
 from tof_virtual.taps import SPEED_OF_LIGHT
 from tof_virtual.transfer import NEAR, far_patch, interpolate, near_patch
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from benchmarks.emerging.device import Device
+    from benchmarks.emerging.surfaces import Surfaces
     from tof_core.arrays import Float
-    from tof_virtual.emerging.device import Device
-    from tof_virtual.emerging.surfaces import Surfaces
     from tof_virtual.sight import Sight
 
 CONES = (24, 30)

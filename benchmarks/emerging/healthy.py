@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
+from benchmarks.emerging.device import Device
 from tof_core.config import from_mapping
-from tof_virtual.emerging.device import Device
 
 if TYPE_CHECKING:
     from pathlib import Path

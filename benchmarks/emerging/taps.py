@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
-from tof_virtual.emerging.waveform import STEPS
+from benchmarks.emerging.waveform import STEPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from benchmarks.emerging.device import Device
+    from benchmarks.emerging.light import Light
+    from benchmarks.emerging.waveform import Response
     from tof_core.arrays import Float, Mask
-    from tof_virtual.emerging.device import Device
-    from tof_virtual.emerging.light import Light
-    from tof_virtual.emerging.waveform import Response
 
 
 @dataclass(frozen=True, slots=True, eq=False)

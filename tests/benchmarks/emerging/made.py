@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.emerging.bounce import indirect
+from benchmarks.emerging.camera import Camera, target
+from benchmarks.emerging.device import Device
+from benchmarks.emerging.light import gather
+from benchmarks.emerging.surfaces import surfaces
 from tests.tof_virtual.made import looking
 from tof_core.camera import Camera as Lens
 from tof_core.config import updated
-from tof_virtual.emerging.bounce import indirect
-from tof_virtual.emerging.camera import Camera, target
-from tof_virtual.emerging.device import Device
-from tof_virtual.emerging.light import gather
-from tof_virtual.emerging.surfaces import surfaces
 from tof_virtual.sight import Sight, look
 
 if TYPE_CHECKING:

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.emerging import firmware, thermal
+from benchmarks.emerging.firmware import Correction, Reading
+from benchmarks.emerging.light import Light
+from benchmarks.emerging.taps import Individual, collect, individual
+from benchmarks.emerging.waveform import ORDERS, response
 from tof_virtual.effect import Frame
-from tof_virtual.emerging import firmware, thermal
-from tof_virtual.emerging.firmware import Correction, Reading
-from tof_virtual.emerging.light import Light
-from tof_virtual.emerging.taps import Individual, collect, individual
-from tof_virtual.emerging.waveform import ORDERS, response
 from tof_virtual.taps import SPEED_OF_LIGHT
 
 if TYPE_CHECKING:
+    from benchmarks.emerging.device import Device
+    from benchmarks.emerging.waveform import Response
     from tof_core.arrays import Float
     from tof_core.camera import Camera as Lens
-    from tof_virtual.emerging.device import Device
-    from tof_virtual.emerging.waveform import Response
 
 TARGET_AMBIENT_KE = 1.0
 """Ambient light of the calibration room on its target."""

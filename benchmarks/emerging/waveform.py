@@ -16,8 +16,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from benchmarks.emerging.device import Device
     from tof_core.arrays import Float
-    from tof_virtual.emerging.device import Device
 
 ORDERS = (1, 3, 5, 7)
 SAMPLES = 4096

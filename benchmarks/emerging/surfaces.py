@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from benchmarks.emerging.device import Device
     from tof_core.arrays import Float
-    from tof_virtual.emerging.device import Device
     from tof_virtual.sight import Rays
 
 WAVES = 6

@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.emerging.causes import CAUSES
 from tof_core.bag_writer import BagWriter
 from tof_core.config import to_mapping
 from tof_core.progress import progress
-from tof_virtual.emerging.causes import CAUSES
 from tof_virtual.record import AMPLITUDE_STEP_E, Event, stamp_ns, static_transforms, temperatures, transforms, write_frame
 from tof_virtual.truth import SCHEMA
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from benchmarks.emerging.session import EmergingSession
     from tof_core.arrays import Float
     from tof_virtual.effect import Frame
-    from tof_virtual.emerging.session import EmergingSession
     from tof_virtual.sight import Sight, World
 
 STEP_E = 1.0

@@ -14,9 +14,9 @@ from tof_virtual.taps import SPEED_OF_LIGHT
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from benchmarks.emerging.device import Device
+    from benchmarks.emerging.taps import Counts
     from tof_core.arrays import Float, Mask
-    from tof_virtual.emerging.device import Device
-    from tof_virtual.emerging.taps import Counts
 
 EDGE_SLOPE = 9.4
 """Rise over two pixels, in pixel pitches, beyond which the filter takes a 3 x 3 neighbourhood for an edge: tan 78 degrees, twice."""

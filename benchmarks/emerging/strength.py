@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.emerging.causes import CAUSES, applied
 from tof_virtual.effect import UNIT_M, rms
-from tof_virtual.emerging.causes import CAUSES, applied
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from benchmarks.emerging.causes import Cause
+    from benchmarks.emerging.device import Device
+    from benchmarks.emerging.session import EmergingSession
     from tof_core.arrays import Float
-    from tof_virtual.emerging.causes import Cause
-    from tof_virtual.emerging.device import Device
-    from tof_virtual.emerging.session import EmergingSession
 
 GOALS = {"bias": UNIT_M, "noise": UNIT_M, "loss": 0.1, "wrap": 0.05}
 """What a strength of 1 is, of each metric: metres RMS over affected pixels, or a share of pixels."""

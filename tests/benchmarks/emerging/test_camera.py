@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from benchmarks.bench_emerging import corner_bias
-from tests.tof_virtual.emerging.made import LENS, PERFECT, device, error_mm, on_targets, view
+from benchmarks.emerging.camera import Camera, target
+from benchmarks.emerging.firmware import edges
+from tests.benchmarks.emerging.made import LENS, PERFECT, device, error_mm, on_targets, view
 from tests.tof_virtual.made import quad, wall
 from tof_core.camera import Camera as Lens
-from tof_virtual.emerging.camera import Camera, target
-from tof_virtual.emerging.firmware import edges
 from tof_virtual.taps import SPEED_OF_LIGHT
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.tof_virtual.emerging.made import PERFECT, device
-from tof_virtual.emerging.waveform import ORDERS, SAMPLES, edge_limited, gate, pulse, response, series
+from benchmarks.emerging.waveform import ORDERS, SAMPLES, edge_limited, gate, pulse, response, series
+from tests.benchmarks.emerging.made import PERFECT, device
 
 
 def test_a_driver_without_time_constants_gives_the_square_wave_and_its_series() -> None:

@@ -10,16 +10,16 @@ import numpy as np
 from numba import njit
 from scipy import fft
 
-from tof_virtual.emerging.waveform import ORDERS
+from benchmarks.emerging.waveform import ORDERS
 from tof_virtual.sight import Rays
 from tof_virtual.taps import SPEED_OF_LIGHT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from benchmarks.emerging.device import Device
+    from benchmarks.emerging.surfaces import Surfaces
     from tof_core.arrays import Float
-    from tof_virtual.emerging.device import Device
-    from tof_virtual.emerging.surfaces import Surfaces
     from tof_virtual.sight import Sight
 
 SIGNAL_RANGE_M = 0.8

@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tests.tof_virtual.emerging.made import PERFECT, device
+from benchmarks.emerging.causes import CAUSES, OUTSIDE, applied
+from benchmarks.emerging.healthy import HAND_EYE_DEG, HAND_EYE_MM, LENS_PX, draw
+from benchmarks.emerging.record import record
+from benchmarks.emerging.session import EmergingSession
+from benchmarks.emerging.strength import calibrate
+from tests.benchmarks.emerging.made import PERFECT, device
 from tests.tof_virtual.made import bench, config
 from tests.vocabulary import EFFECT_NAMES
 from tof_core.bag import open_bag
 from tof_core.config import flatten
 from tof_core.errors import ConfigError
-from tof_virtual.emerging.causes import CAUSES, OUTSIDE, applied
-from tof_virtual.emerging.healthy import HAND_EYE_DEG, HAND_EYE_MM, LENS_PX, draw
-from tof_virtual.emerging.record import record
-from tof_virtual.emerging.session import EmergingSession
-from tof_virtual.emerging.strength import calibrate
 from tof_virtual.truth import load_truth
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tof_virtual.emerging.device import Device
+    from benchmarks.emerging.device import Device
 
 
 def session(sizes: dict[str, float], healthy: Device = PERFECT, **extra: object) -> EmergingSession:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from benchmarks.emerging.data_sheet import ALBEDOS, DISTANCES_M, noise_table
+from benchmarks.emerging.healthy import draw
 from benchmarks.gap_check.foreign.data_sheet import write_data_sheet
 from tof_sensor.model import load_model
-from tof_virtual.emerging.data_sheet import ALBEDOS, DISTANCES_M, noise_table
-from tof_virtual.emerging.healthy import draw
 
 if TYPE_CHECKING:
     from pathlib import Path
