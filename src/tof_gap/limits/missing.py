@@ -27,10 +27,10 @@ class FilterLimits:
     )
     dimmer: float = param(
         0.8,
-        "chance that a pixel removed has less light than one kept",
+        "chance that a removed pixel has a lower amplitude than a measured one",
         low=0.5,
         high=1.0,
-        why="outliers of single pixels come at any light: 0.5",
+        why="outliers of single pixels occur at any amplitude: 0.5",
     )
     noise_sigma: float = param(
         3.0, "standard deviations of noise that nine pixels span", low=1.0, why="expected range of nine normal values"
@@ -39,7 +39,7 @@ class FilterLimits:
 
 @dataclass(frozen=True, slots=True)
 class LossLimits:
-    """What lost pixels go with: chances that what is stated separates a lost pixel from a measured one; 0.5 is none, 1 all."""
+    """The chance from which a quantity separates a lost pixel from a measured one (area under the ROC curve): 0.5 never, 1 always."""
 
     by_amplitude: float = param(
         0.99,
@@ -48,8 +48,10 @@ class LossLimits:
         high=1.0,
         why="two cameras with a threshold: 1.00; a part or a range that is lost: 0.98 at most",
     )
-    by_range: float = param(0.999, "by range", low=0.5, high=1.0, why="a measuring range ends at once; weak light far away: 0.99")
-    by_light: float = param(0.95, "by the light that the CAD states", low=0.5, high=1.0, why="two cameras with a threshold: 0.98 at least")
+    by_range: float = param(0.999, "by range", low=0.5, high=1.0, why="a measuring range ends sharply; low amplitude far away: 0.99")
+    by_light: float = param(
+        0.95, "by the amplitude that the CAD predicts", low=0.5, high=1.0, why="two cameras with a threshold: at least 0.98"
+    )
     by_part: float = param(
         0.8, "by part", low=0.5, high=1.0, why="a third of a quarter of the pixels lost on one part: 0.91; at random: 0.51"
     )
@@ -97,22 +99,22 @@ class MissingLimits:
     )
     lost_on_part: float = param(
         0.05,
-        "the same, of one part's pixels",
+        "the same, on one part",
         low=1e-6,
         high=1.0,
-        why="parts of healthy cameras lose 0.1 % at most; a small dark part is little of the CAD",
+        why="healthy cameras lose 0.1 % of a part at most; a small dark part is little of the CAD",
     )
     weakest: float = param(
         0.02,
-        "share of the CAD's pixels, those of the weakest light, whose loss is no part's own",
+        "share of the CAD's pixels, the darkest ones, whose loss is not attributed to their part",
         low=0.0,
         high=1.0,
-        why="a floor seen far away at 55 degrees lies below a healthy camera's threshold; twice `lost_share`",
+        why="a far floor at 55 degrees is below a healthy camera's threshold; twice `lost_share`",
     )
     brighter: float = param(
-        0.8, "chance that a saturated pixel has more light than one returned on its part", low=0.5, high=1.0, why="lost at random: 0.5"
+        0.8, "chance that a saturated pixel is brighter than a measured one of its part", low=0.5, high=1.0, why="lost at random: 0.5"
     )
-    part_pixels: int = param(500, "pixels of the session, of a part whose loss is judged by itself", low=1, why="5 % are known to 1 %")
+    part_pixels: int = param(500, "pixels of a part whose loss is judged by itself", low=1, why="5 % are known to 1 %")
     filter_px: int = param(
         18, "largest hole that a filter leaves around an outlier", unit="px", low=1, why="two outliers, each with its 3 x 3"
     )
@@ -129,20 +131,20 @@ class MissingLimits:
         unit="deg",
         low=30.0,
         high=90.0,
-        why="filters of flying pixels take slopes for edges; across a pixel's diagonal and with noise from 65 degrees on",
+        why="filters of flying pixels mistake slopes for edges; across a pixel's diagonal and with noise from 65 degrees on",
     )
     saturated: float = param(
         0.999,
-        "quantile of the session's amplitudes that is its brightest light",
+        "quantile of the session's amplitudes that counts as the brightest",
         low=0.0,
         high=1.0,
         why="single pixels are brighter by noise",
     )
     bright: float = param(
         0.95,
-        "amplitude of a saturated pixel, over that of the brightest light",
+        "amplitude of a saturated pixel, over the brightest",
         low=0.0,
-        why="where charge is cut off, amplitude stays as it is or falls by some per cent",
+        why="where charge is cut off, amplitude stays or falls by some per cent",
     )
     half_lost: float = param(0.5, "loss at the stated threshold amplitude", low=0.0, high=1.0, why="definition of the threshold")
     dark_lost: float = param(
@@ -156,12 +158,20 @@ class MissingLimits:
     lost_bins: int = param(40, "bins of amplitude of the predicted loss", low=2, why="loss follows amplitude closely")
     half_bins: int = param(20, "bins of amplitude of the threshold", low=2, why="the threshold is known to 5 % of the pixels")
     near_px: int = param(7, "side of the window of local loss", unit="px", low=1, high=99, why="49 pixels: a share is known to 7 %")
-    turn_share: float = param(0.002, "share of pixels off by one common jump", low=1e-6, high=1.0, why="foreign objects jump by many sizes")
-    turn_spread_mm: float = param(60.0, "spread of one common jump", unit="mm", low=1.0, why="bias beside the wrap: the gross bound")
-    turn_majority: float = param(0.5, "of the jumps, share of the common one", low=0.0, high=1.0, why="else they are foreign objects")
-    turn_least_mm: float = param(200.0, "least jump that is counted", unit="mm", low=1.0, why="wraps are longer: 375 mm at 400 MHz")
+    turn_share: float = param(
+        0.002, "share of pixels off by a common jump", low=1e-6, high=1.0, why="foreign objects make jumps of many sizes"
+    )
+    turn_spread_mm: float = param(60.0, "spread of a common jump", unit="mm", low=1.0, why="bias beside the wrap: the gross bound")
+    turn_majority: float = param(
+        0.5, "share of all jumps that have the common size", low=0.0, high=1.0, why="else they are foreign objects"
+    )
+    turn_least_mm: float = param(200.0, "least jump that counts", unit="mm", low=1.0, why="wraps are longer: 375 mm at 400 MHz")
     turn_reach: float = param(
-        0.4, "residual, off the known jump and in its units, of a wrapped pixel", low=0.0, high=0.5, why="nearer to a wrap than to none"
+        0.4,
+        "largest deviation of a wrapped pixel from the known jump, over the jump",
+        low=0.0,
+        high=0.5,
+        why="nearer to a wrap than to none",
     )
     turn_start: float = param(
         0.02, "quantile of the wrapped pixels' range that is the stated start", low=0.0, high=0.5, why="2 % may be outliers"
@@ -176,7 +186,7 @@ class MissingLimits:
     )
     edge_reach_px: int = param(
         4,
-        "distance beyond the edge band where jumps may be edges, and lost pixels shadows of the lamp",
+        "distance beyond the edge band within which jumps may be edges, and lost pixels shadows of the lamp",
         unit="px",
         low=0,
         high=64,
@@ -184,17 +194,17 @@ class MissingLimits:
     )
     flying_share: float = param(
         0.25,
-        "mixed pixels that lie between their surfaces, over those expected",
+        "mixed pixels measured between their surfaces, over those expected",
         low=1e-6,
         high=1.0,
-        why="pose errors put some there without mixing",
+        why="pose errors place some there without mixing",
     )
     unfiltered_share: float = param(
         0.5,
-        "the same share from which `flying_pixels` is named",
+        "the same ratio, from which `flying_pixels` is named",
         low=1e-6,
         high=1.0,
-        why="an edge filter that works takes most mixed pixels; what it misses is no sign of its absence",
+        why="a working edge filter removes most mixed pixels, and may miss some",
     )
     step_mm: float = param(
         30.0, "depth step of an edge that can show mixing", unit="mm", low=1.0, why="ten standard deviations of usual noise"
@@ -205,7 +215,7 @@ class MissingLimits:
     mixed_fitted: float = param(0.02, "mixed share of a pixel that is fitted", low=0.0, high=1.0, why="the fit weighs by size")
     between: float = param(
         0.15,
-        "distance from either surface, of their step, of a pixel between them",
+        "least distance of a pixel between two surfaces from either, over their step",
         low=0.0,
         high=0.5,
         why="pose and noise blur the surfaces",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers that decide what the report states: how far the gap shrinks, where it lies, what stays unexplained."""
+"""Numbers that decide what the report states: how far the gap shrinks, where it is, what is unexplained."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class ShrinkLimits:
     """How far the gap shrinks, with its interval."""
 
     above_floor: float = param(
-        0.02, "RMS above the floor, relative, below which there is no gap to shrink", low=0.0, why="the floor is not known better"
+        0.02, "relative excess of the RMS over the floor below which there is no gap", low=0.0, why="the floor is not known better"
     )
     noise_known: float = param(0.03, "error of the noise variance, relative", low=0.0, high=1.0, why="bins of amplitude interpolate it")
     noise_px: int = param(
@@ -22,42 +22,46 @@ class ShrinkLimits:
     resolution: float = param(0.005, "half width of the interval", low=0.0, high=1.0, why="rounding of the depth code and of the floor")
     healthy_mm: float = param(
         0.3,
-        "RMS of what poses absorb of a healthy camera's errors",
+        "RMS of a healthy camera's error that poses absorb",
         unit="mm",
         low=0.0,
-        why="47 emerging cameras: 0.32 mm RMS, of errors of 0.72 mm; the rest shows in the residual",
+        why="47 emerging cameras: 0.32 mm RMS, of 0.72 mm; the rest shows in the residual",
     )
     healthy_most_mm: float = param(
-        0.5, "the same of one camera in twenty, for the interval", unit="mm", low=0.0, why="44 of the 47 have at most that"
+        0.5, "the same, exceeded by one camera in twenty, for the interval", unit="mm", low=0.0, why="44 of the 47 are below"
     )
     drawn_share: float = param(
-        0.05, "of the gap's energy, what a bootstrap draw must hold to count", low=0.0, high=1.0, why="a ratio to nothing says nothing"
+        0.05,
+        "least share of the gap's energy in a bootstrap draw",
+        low=0.0,
+        high=1.0,
+        why="the shrink of a draw without a gap is undefined",
     )
     rounds: int = param(400, "bootstrap resamples of the blocks", low=50, high=100_000, why="a 2.5 % quantile rests on ten of them")
     common_left: float = param(
-        0.5, "of noise that neighbours share, what its map may leave", low=0.0, high=1.0, why="rows and stripes are known coarsely"
+        0.5, "error of the map of noise that neighbours share, relative", low=0.0, high=1.0, why="rows and stripes are known coarsely"
     )
     worsens: float = param(
-        0.05, "shrink that is won without an effect which is then dropped", low=0.0, why="a shrink has sampling errors of some points"
+        0.05, "gain in shrink without an effect from which the effect is dropped", low=0.0, why="sampling error of a shrink: some points"
     )
 
 
 @dataclass(frozen=True, slots=True)
 class ConfidenceLimits:
-    """How often names turned out right on sessions of the emerging camera (docs/foreign_cameras.md)."""
+    """Share of names that proved right on sessions of the emerging camera (docs/foreign_cameras.md)."""
 
     asserted: float = param(
-        0.95, "of effects that win on all resampled views and leave little", low=0.0, high=1.0, why="40 of 43 were right"
+        0.95, "of effects that all resampled sets of views choose, with little unexplained", low=0.0, high=1.0, why="40 of 43 were right"
     )
-    suspected: float = param(0.4, "of effects beside much that is unexplained", low=0.0, high=1.0, why="2 of 5 were right")
+    suspected: float = param(0.4, "of effects with much unexplained beside them", low=0.0, high=1.0, why="2 of 5 were right")
 
 
 @dataclass(frozen=True, slots=True)
 class UnexplainedLimits:
-    """When what no named effect explains has structure: verdict `unknown`."""
+    """When the gap that no named effect explains has structure: verdict `unknown`."""
 
     mm: float = param(
-        0.7, "RMS of block means above the floor, beside named effects", unit="mm", low=0.0, why="what inexact maps of named effects leave"
+        0.7, "RMS of block means above the floor, beside named effects", unit="mm", low=0.0, why="errors of the named effects' maps"
     )
     alone_mm: float = param(
         0.4,
@@ -67,17 +71,17 @@ class UnexplainedLimits:
         why="parts of healthy cameras of two authors: 0.23 at most; a pane before the camera 0.60, gloss of one part 0.67",
     )
     share: float = param(
-        0.12, "the same, of the whole gap's energy above the floor", low=0.0, high=1.0, why="maps of named effects are never exact"
+        0.12, "its square, over the whole gap's energy above the floor", low=0.0, high=1.0, why="maps of named effects are never exact"
     )
-    misfit: float = param(0.25, "of the chi-square above the floor, what the named effects may leave", low=0.0, high=1.0, why="the same")
+    misfit: float = param(0.25, "share of the chi-square above the floor that effects may leave", low=0.0, high=1.0, why="the same")
     contradicted: float = param(
         0.35,
-        "of the chi-square that neighbours share where an effect acts, what all effects may leave",
+        "share of the block means' chi-square, where an effect acts, that all effects may leave",
         low=0.0,
         high=1.0,
         why="true effects of 32 sessions leave 0.25 at most (a pattern of columns), most of them 0.02; a ghost taken for lens_scatter 0.54",
     )
-    sure: float = param(2.0, "standard deviations by which that share must be exceeded", low=0.0, why="chance: 1 in 40")
+    sure: float = param(2.0, "standard deviations by which it must be exceeded", low=0.0, why="chance: 1 in 40")
     contradicted_px: int = param(8, "side of the blocks of that share", unit="px", low=2, high=64, why="an effect may act on few pixels")
     contradicted_pixels: int = param(38, "pixels of such a block that count", low=1, why="six in ten")
     uneven_views: float = param(
@@ -92,24 +96,24 @@ class UnexplainedLimits:
     )
     doubt: float = param(
         0.1,
-        "of the gap's energy, what may stay unexplained before the named effects are only suspected",
+        "unexplained share of the gap's energy from which the named effects are only suspected",
         low=0.0,
         high=1.0,
-        why="a fit bends its effects towards whatever it cannot name",
+        why="an unknown error biases the fitted effects",
     )
     block_pixels: int = param(40, "pixels of a block", low=1, why="a sixth of the block; its mean is known to a sixth of the noise")
     part_pixels: float = param(
-        0.01, "of the session's pixels, those of a part that is judged by itself", low=0.0, high=1.0, why="smaller ones are edges all over"
+        0.01, "share of the session's pixels of a part that is judged by itself", low=0.0, high=1.0, why="smaller parts are mostly edges"
     )
     noise_share: float = param(
         0.2,
-        "of the noise of the part's pixels, the RMS that is left on it",
+        "RMS left on a part, over the noise of its pixels",
         low=0.0,
-        why="healthy cameras err by 0.10 to 0.16 of it on dark and far parts; a pane, a ghost or gloss leaves 0.4 and more",
+        why="healthy cameras: 0.10 to 0.16 on dark and far parts; a pane, a ghost or gloss: 0.4 and more",
     )
-    part_share: float = param(0.1, "of what is left, share of a part that is reported", low=0.0, high=1.0, why="brevity")
+    part_share: float = param(0.1, "share of the unexplained energy of a part that is reported", low=0.0, high=1.0, why="brevity")
     parts: int = param(4, "parts that are reported", low=1, why="brevity")
-    quantity_share: float = param(0.1, "of what is left, share that a quantity's bin means carry", low=0.0, high=1.0, why="brevity")
+    quantity_share: float = param(0.1, "the same of a quantity's bin means", low=0.0, high=1.0, why="brevity")
     quantity_bins: int = param(3, "bins of such a quantity", low=2, why="two show no dependence")
     quantities: int = param(4, "quantities that are reported", low=1, why="brevity")
 
@@ -143,14 +147,14 @@ class ReportLimits:
     """What the report states."""
 
     advice_gain: float = param(
-        1.2, "visible share of a tied effect after a capture, over the present one, that is worth a line", low=1.0, why="less is no remedy"
+        1.2, "visible share of a tied effect after an advised capture, over the present share", low=1.0, why="less is no remedy"
     )
-    advice_least: float = param(0.02, "and so much more at least", low=0.0, high=1.0, why="the error of a share")
+    advice_least: float = param(0.02, "least difference of the two shares", low=0.0, high=1.0, why="the error of a share")
     block_px: int = param(
-        16, "side of a block of pixels that err alike", unit="px", low=2, high=256, why="pixels share errors, blocks less so"
+        16, "side of a block of pixels with a common error", unit="px", low=2, high=256, why="neighbours share errors, blocks less so"
     )
     shrink: ShrinkLimits = section(ShrinkLimits, "how far")
     confidence: ConfidenceLimits = section(ConfidenceLimits, "how often names are right")
-    unexplained: UnexplainedLimits = section(UnexplainedLimits, "what is left")
+    unexplained: UnexplainedLimits = section(UnexplainedLimits, "what is unexplained")
     where: WhereLimits = section(WhereLimits, "where")
     explainable: ExplainableLimits = section(ExplainableLimits, "what any model could explain")

@@ -25,9 +25,9 @@ class LevelLimits:
     code_gaps: int = param(5, "different codes", low=1, why="one plane at rest may have two or three")
     code_whole: float = param(
         1.5,
-        "share of pixels on codes of one capture, over that of chance, above which a mean of captures keeps them",
+        "share of pixels on codes of one capture, over that by chance, above which a mean of captures has them",
         low=1.0,
-        why="noise of half a step takes all codes alike to 2 %",
+        why="with noise of half a step, all fractions of a step are equally frequent to 2 %",
     )
     code_share: float = param(0.5, "codes per pixel above which depth is continuous", low=0.0, high=1.0, why="16-bit codes repeat")
 
@@ -45,7 +45,7 @@ class BlurLimits:
     still_px: float = param(0.25, "blur below which a view is still", unit="px", low=0.0, why="TF jitters by as much")
     most_share: float = param(0.04, "most blur, of the image width", low=0.0, high=1.0, why="a wider edge band leaves too few pixels")
     streak_sigma: float = param(
-        5.0, "standard deviations off the local median of a streak's pixel", low=1.0, why="chance: 1 in 1.7 million"
+        5.0, "deviation of a streak's pixel from the local median, in standard deviations", low=1.0, why="chance: 1 in 1.7 million"
     )
     streak_px: int = param(9, "side of the square of the local median", unit="px", low=3, high=99, why="over twice the width of a streak")
 
@@ -70,7 +70,7 @@ class WorldEvidence:
 
     pose_mm: float = param(2.0, "error of the first poses along a surface's normal", unit="mm", low=0.0, why="arm, hand-eye and bias")
     least_cosine: float = param(0.2, "least cosine of incidence", low=0.01, high=1.0, why="its inverse grows without bound")
-    rim_px: int = param(2, "pixels around what is not the CAD that do not count", unit="px", low=0, high=50, why="they mix both")
+    rim_px: int = param(2, "rim around foreign objects that does not count", unit="px", low=0, high=50, why="its pixels mix both")
     world: WorldLimits = section(WorldLimits, "when measurement and CAD contradict each other")
 
 
@@ -95,7 +95,7 @@ class EvidenceLimits:
         80.0, "incidence beyond which a pixel is left out", unit="deg", low=30.0, high=90.0, why="1 mm of pose is 6 mm of z"
     )
     own_share: float = param(
-        0.35, "mixed share up to which a pixel's own surface is certain", low=0.0, high=0.5, why="half a pixel of pose decides beyond"
+        0.35, "mixed share up to which a pixel's own surface is certain", low=0.0, high=0.5, why="beyond, half a pixel of pose decides"
     )
     concavity_px: int = param(
         6, "spacing of the pixels that concavity is computed at", unit="px", low=1, high=64, why="concavity is smooth"
@@ -116,13 +116,13 @@ class LineLimits:
         8.0, "standard errors of the lines' excess variance", low=0.0, why="neighbouring differences overlap: as 5.7 of independent ones"
     )
     most_ratio: float = param(
-        12.0, "cap of one line's variance ratio", low=1.0, why="one line must not decide; costs 0.2 % of chi-square's mean"
+        12.0, "cap of one line's variance ratio", low=1.0, why="one line must not decide; lowers the mean of chi-square by 0.2 %"
     )
 
 
 @dataclass(frozen=True, slots=True)
 class PixelLimits:
-    """When single pixels are noisier than their light."""
+    """When single pixels are noisier than their amplitude predicts."""
 
     ratio: float = param(
         6.0, "median squared deviation over the views, over that of quiet pixels", low=1.0, why="1 in 2000 quiet pixels of 12 views"
@@ -131,7 +131,7 @@ class PixelLimits:
         5e-4, "share of quiet pixels beyond `ratio`", low=0.0, high=1.0, why="normal noise: 1 in 1000 of 8 views, fewer of more"
     )
     chance: float = param(
-        1e-3, "chance of as many noisy pixels among quiet ones", low=0.0, high=1.0, why="one pixel of 300 is no kind of noise"
+        1e-3, "probability of as many noisy pixels by chance", low=0.0, high=1.0, why="a single pixel in 300 is no evidence"
     )
     views: int = param(8, "views that see the pixel", low=2, why="the median of fewer exceeds `ratio` by chance")
 
@@ -141,14 +141,18 @@ class BeatLimits:
     """When stripes of another light source cross some of the views."""
 
     rows: int = param(43, "rows of cells that are averaged", low=5, high=999, why="two per period of the finest wave")
-    turns: float = param(3.5, "fewest periods over the image height", low=0.0, why="fewer are a slope, which other effects leave")
-    band: float = param(1.5, "periods to either side that belong to the stripes", low=0.0, why="the envelope of a beat widens its line")
+    turns: float = param(3.5, "least number of periods over the image height", low=0.0, why="fewer look like slopes of other effects")
+    band: float = param(1.5, "periods to either side that belong to the stripes", low=0.0, why="a beat's envelope widens its spectrum")
     chi2: float = param(25.0, "chi-square (2 degrees of freedom) of a view with stripes", low=0.0, why="chance: 4 in a million")
-    share: float = param(0.03, "the same, of the strongest view's", low=0.0, high=1.0, why="views that share a weak pattern are not hit")
+    share: float = param(
+        0.03, "the same, over that of the strongest view", low=0.0, high=1.0, why="a weak pattern of all views is no stripe"
+    )
     phase: float = param(
         5.0, "Rayleigh's n R^2 from which the views share one phase", low=0.0, why="0.7 % by chance; a fixed pattern has n"
     )
-    stands_out: float = param(8.0, "energy of the best wave over the median wave's", low=1.0, why="rows that jump hold all waves alike")
+    stands_out: float = param(
+        8.0, "energy of the best wave over the median wave's", low=1.0, why="noise of rows contains all waves equally"
+    )
     views: int = param(3, "views with stripes", low=1, why="one or two may be another kind of scene")
     cells: int = param(100, "cells of a view", low=20, why="the smooth field has ten terms")
     cosine: float = param(0.1, "least cosine of incidence", low=1e-3, high=1.0, why="grazing surfaces would outweigh all")
@@ -157,15 +161,17 @@ class BeatLimits:
 
 @dataclass(frozen=True, slots=True)
 class ForeignLightLimits:
-    """When another camera's light moves captures along the view."""
+    """When another camera's light shifts captures along the optical axis."""
 
-    chance: float = param(1e-3, "chance of such arm errors by the robot's prior", low=0.0, high=1.0, why="a session in a thousand")
+    chance: float = param(
+        1e-3, "probability of arm errors along the optical axis by the robot's prior", low=0.0, high=1.0, why="a session in a thousand"
+    )
     chance_across: float = param(
         0.01,
-        "chance of such arm errors given those across the view",
+        "probability of these errors given those across the axis",
         low=0.0,
         high=1.0,
-        why="an arm worse than its prior errs across the view too; what the light leaves turns the camera a little",
+        why="an arm worse than its prior has errors across the axis too; foreign light makes few there",
     )
     chance_across_fields: float = param(
         0.03,
@@ -174,17 +180,17 @@ class ForeignLightLimits:
         high=1.0,
         why="two signs, each rare without foreign light",
     )
-    field_chi2: float = param(100.0, "chi-square that the field of a view takes", low=0.0, why="chance gives thirteen terms 13")
+    field_chi2: float = param(100.0, "chi-square that the field of a view explains", low=0.0, why="by chance, thirteen terms explain 13")
     field_mm: float = param(
         0.2, "RMS of such a field", unit="mm", low=0.0, why="healthy emerging cameras leave 0.05, foreign light of 2 mm 0.3"
     )
     field_share: float = param(
-        0.1, "of the size of the named effects, the same", low=0.0, high=1.0, why="maps are never exact: wiggling of 4.3 mm leaves 0.26 mm"
+        0.1, "the same, over the size of the named effects", low=0.0, high=1.0, why="maps are not exact: wiggling of 4.3 mm leaves 0.26 mm"
     )
     field_views: float = param(0.75, "share of the views with such a field", low=0.0, high=1.0, why="foreign light is in every capture")
-    drift_terms: int = param(3, "free numbers of a drift over time", low=1, why="amount, time constant, and the choice of a form")
+    drift_terms: int = param(3, "parameters of a drift over time", low=1, why="amount, time constant, and the choice of a form")
     cosine: float = param(0.1, "least cosine of incidence", low=1e-3, high=1.0, why="grazing surfaces would outweigh all")
-    ridge: float = param(1e-6, "ridge of a view's field, each of its terms of norm 1", low=0.0, why="small views leave terms alike")
+    ridge: float = param(1e-6, "ridge of a view's field, whose terms have norm 1", low=0.0, why="in small views terms look alike")
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,26 +199,26 @@ class ForeignLampLimits:
 
     rows: int = param(16, "rows of cells that are averaged", low=4, high=999, why="fringes are a quarter of the image wide, or wider")
     cells: int = param(60, "cells of a view", low=20, why="smooth field and waves have eleven terms")
-    rough_mm: float = param(0.2, "error of a cell's mean beside its noise", unit="mm", low=0.0, why="what inexact maps leave")
-    chi2: float = param(1.2, "chi-square of a cell beside smooth fields below which nothing is looked for", low=0.0, why="chance: 1")
+    rough_mm: float = param(0.2, "error of a cell's mean beside its noise", unit="mm", low=0.0, why="errors of the other effects' maps")
+    chi2: float = param(1.2, "chi-square per cell beside smooth fields from which a lamp is looked for", low=0.0, why="chance: 1")
     share: float = param(
         0.33,
-        "of that chi-square, what one lamp must explain",
+        "share of that chi-square that one lamp must explain",
         low=0.0,
         high=1.0,
         why="another camera: 0.44 to 0.70 in seven sessions; other causes: 0.24 at most in twenty",
     )
     stands_out: float = param(
-        2.0, "the same, over the median of all places in the cell", low=1.0, why="any waves explain any structure a little"
+        2.0, "the same, over that of the median place in the cell", low=1.0, why="any wave explains a little of any structure"
     )
     view_chi2: float = param(50.0, "chi-square (4 degrees of freedom) of a view that has the light", low=0.0, why="beyond any chance")
-    view_share: float = param(0.03, "the same, of the strongest view's", low=0.0, high=1.0, why="views beside it share a weak pattern")
+    view_share: float = param(0.03, "the same, over that of the strongest view", low=0.0, high=1.0, why="other views share a weak pattern")
     views: int = param(3, "views with the light", low=1, why="one or two may be another kind of scene")
 
 
 @dataclass(frozen=True, slots=True)
 class StereoLimits:
-    """When noise follows range and not light: a camera that triangulates."""
+    """When noise follows range and not amplitude: a camera that triangulates."""
 
     bins: int = param(8, "bins of amplitude per view", low=3, high=60, why="two slopes need no more")
     least_bins: int = param(12, "bins of the session", low=4, why="four per unknown")
@@ -221,23 +227,23 @@ class StereoLimits:
         0.2, "standard deviation of ln amplitude that range does not explain", low=0.0, why="else the two slopes are one"
     )
     amplitude_power: float = param(
-        -0.3, "power of the variance in amplitude above which light plays no part", low=-2.0, high=2.0, why="photons: -1 to -2"
+        -0.3, "exponent of amplitude in the variance above which amplitude plays no part", low=-2.0, high=2.0, why="photons: -1 to -2"
     )
     range_power: float = param(
-        1.2, "power of the variance in range^2 above which range decides", low=-4.0, high=4.0, why="disparity: 2; shot noise: 0"
+        1.2, "exponent of range^2 in the variance above which range decides", low=-4.0, high=4.0, why="disparity: 2; shot noise: 0"
     )
 
 
 @dataclass(frozen=True, slots=True)
 class NoiseLimits:
-    """When there is more noise than photons make."""
+    """When there is more noise than photon noise."""
 
-    extra_share: float = param(0.35, "constant noise, of the median noise", low=0.0, high=1.0, why="less changes the total by 6 %")
+    extra_share: float = param(0.35, "constant noise, over the median noise", low=0.0, high=1.0, why="less changes the total by 6 %")
     law_excess: float = param(
         0.35,
-        "median variance beyond the stated photon law, of the law's, from which noise is no more the camera's own",
+        "relative excess of the median variance over the stated photon law from which noise may be named",
         low=0.0,
-        why="offsets of pixels and inexact maps make healthy sessions 0.1 to 0.3 noisier than single captures of a target",
+        why="by offsets of pixels and errors of maps, healthy sessions exceed single captures of a target by 0.1 to 0.3",
     )
     extra_mm: float = param(0.4, "constant noise", unit="mm", low=0.0, why="the floor of a usual camera is 0.3 mm")
     extra_sigma: float = param(4.0, "constant noise, in its own standard errors", low=0.0, why="chance: 1 in 30,000")
@@ -248,29 +254,29 @@ class NoiseLimits:
         5,
         "knots of the noise's dependence on range",
         low=2,
-        why="noise over a pulse's gates has one or two turns; more follow single views",
+        why="noise over a pulse's gates has one or two extrema; more knots follow single views",
     )
     burst_sigma: float = param(3.0, "the same, in standard deviations of the quiet views' ln variance", low=0.0, why="chance: 1 in 700")
     alone: float = param(
         2.0, "variance of a single view over that of the quiet views", low=1.0, why="one view may be another kind of scene"
     )
     quiet_share: float = param(
-        0.25, "share of the views that a burst leaves alone", low=0.0, high=1.0, why="with fewer there is nothing to compare"
+        0.25, "least share of the views without a burst", low=0.0, high=1.0, why="with fewer there is nothing to compare"
     )
-    quiet_margin: float = param(1.3, "variance over the quietest quarter's that is quiet too", low=1.0, why="the same, in variance")
+    quiet_margin: float = param(1.3, "variance of a quiet view over that of the quietest quarter", low=1.0, why="the same, in variance")
     line_mm: float = param(0.5, "noise of whole rows or columns", unit="mm", low=0.0, why="the floor of a usual camera is 0.3 mm")
-    line_share: float = param(0.25, "the same, of the median noise", low=0.0, high=1.0, why="less changes the total by 3 %")
-    pixel_share: float = param(0.004, "share of noisy pixels", low=0.0, high=1.0, why="eight times what chance gives")
+    line_share: float = param(0.25, "the same, over the median noise", low=0.0, high=1.0, why="less changes the total by 3 %")
+    pixel_share: float = param(0.004, "share of noisy pixels", low=0.0, high=1.0, why="eight times the share by chance")
     step_mm: float = param(1.5, "step of a usual depth code", unit="mm", low=0.0, why="16UC1 codes are 1 mm apart")
     bins: int = param(12, "bins of amplitude per view", low=3, high=60, why="the law has four terms")
     least_bins: int = param(6, "bins of the session", low=4, why="the law has four terms")
     bin_samples: int = param(60, "samples of a bin", low=2, why="the variance is known to 18 %")
     view_samples: int = param(200, "samples of a view", low=2, why="fewer fill no three bins")
     smoothed_bins: int = param(
-        9, "bins next in amplitude whose median variance gives a bin its weight", low=1, why="one odd bin must not decide"
+        9, "neighbouring bins in amplitude whose median variance gives a bin's weight", low=1, why="one odd bin must not decide"
     )
-    outlier_sigma: float = param(3.0, "robust standard deviations of a bin that leaves the fit", low=1.0, why="chance: 1 in 370")
-    outlier_least: float = param(0.2, "ln variance below which no bin leaves the fit", low=0.0, why="sampling error of small bins")
+    outlier_sigma: float = param(3.0, "robust standard deviations from which a bin is an outlier", low=1.0, why="chance: 1 in 370")
+    outlier_least: float = param(0.2, "least deviation in ln variance of an outlier", low=0.0, why="sampling error of small bins")
     lines: LineLimits = section(LineLimits, "rows and columns")
     foreign_light: ForeignLightLimits = section(ForeignLightLimits, "another camera's light")
     foreign_lamp: ForeignLampLimits = section(ForeignLampLimits, "another camera's lamp")

@@ -13,10 +13,14 @@ class GateLimits:
     """When the depth image holds distance along the ray."""
 
     better: float = param(
-        0.6, "median residual read as distance along the ray, over that read as depth", low=0.0, high=1.0, why="a few views bend poses"
+        0.6,
+        "ratio of the median residual with depth read as distance along the ray to that with z",
+        low=0.0,
+        high=1.0,
+        why="poses of a few views adapt to either reading",
     )
     least_mm: float = param(
-        4.0, "median residual read as depth", unit="mm", low=0.0, why="the wrong reading gives tens of millimetres at the corners"
+        4.0, "least median residual with depth read as z", unit="mm", low=0.0, why="the wrong reading is off by tens of mm at the corners"
     )
 
 
@@ -29,7 +33,7 @@ class StartLimits:
         100.0, "divisor of the pixels' weight", low=1.0, why="unmodelled errors are shared by neighbours: the robot's prior must hold"
     )
     pixels: int = param(2000, "pixels on the CAD, of the session", low=6, why="fewer do not determine poses")
-    view_pixels: int = param(500, "pixels on the CAD per view, of a short session", low=6, why="the same")
+    view_pixels: int = param(500, "the same per view, in a short session", low=6, why="the same")
     near_share: float = param(
         0.5, "share of those pixels that are not gross", low=0.0, high=1.0, why="else most of what is seen is not the CAD"
     )
@@ -47,25 +51,29 @@ class JointLimits:
 
     rounds: int = param(3, "linearisations at most", low=1, why="steps shrink fast")
     near_mm: float = param(
-        2.0, "step of a camera below which nothing is rendered anew", unit="mm", low=1e-3, why="columns change by less than noise"
+        2.0, "step of a camera below which nothing is rendered again", unit="mm", low=1e-3, why="columns change by less than noise"
     )
     near_deg: float = param(0.2, "the same, rotation", unit="deg", low=1e-4, why="2 mm at 0.6 m")
     lens_px: float = param(
-        0.3, "difference of two lenses below which nothing is rendered anew", unit="px", low=1e-3, why="a pixel sees one surface point"
+        0.3,
+        "difference of two lenses below which nothing is rendered again",
+        unit="px",
+        low=1e-3,
+        why="a pixel sees the same surface point",
     )
     mixed_px: int = param(
         1, "width added to edge bands where pixels mix", unit="px", low=0, high=10, why="rendering without footprints does not show which"
     )
-    mixed_every: int = param(3, "of so many views, one is tested for mixed pixels", low=1, why="all views have the same optics")
+    mixed_every: int = param(3, "every so many views, one is tested for mixed pixels", low=1, why="all views have the same optics")
     settle_pixels: int = param(
         20_000,
-        "pixels of a view that the poses and the chosen effects are fitted to last",
+        "pixels of a view in the last fit of poses and chosen effects",
         low=200,
         high=2_000_000,
         why="memory: 8 MB a view",
     )
     frame_taps: float = param(
-        12.0, "taps of a frame at most: a stamp is off their mean time by half of them", low=1.0, why="three frequencies of four taps"
+        12.0, "most taps of a frame; a stamp is off their mean time by half of them", low=1.0, why="three frequencies of four taps"
     )
     other_surface_mm: float = param(
         20.0, "difference of a rendered map from its first order", unit="mm", low=0.1, why="beyond, another surface is in view"
@@ -83,7 +91,7 @@ class StrayLimits:
         why="as a single pose is refused (`align.verdict.max_step`); 2.4 at most in 30 sessions of other cameras",
     )
     share: float = param(
-        0.1, "share of the views that may be left out", low=0.0, high=1.0, why="more have a cause in common, which is to be found"
+        0.1, "largest share of the views that are left out", low=0.0, high=1.0, why="more have a common cause, which is to be found"
     )
 
 
@@ -92,37 +100,37 @@ class SelectLimits:
     """When an effect is believed."""
 
     gain: float = param(
-        30.0, "held-out chi-square that an effect must win; one tried in n forms pays 2 ln n besides", low=1.0, why="inexact maps win some"
+        30.0, "held-out chi-square that an effect must win; n forms of it cost 2 ln n more", low=1.0, why="errors of other maps win some"
     )
     hand_gain: float = param(
         14.0,
         "the same for hand-eye, and for a lens that the stated calibration leaves free",
         low=1.0,
-        why="the evidence are errors of the arm and of the lens, whose priors are known",
+        why="they reduce errors of arm and lens, whose priors are known",
     )
     share: float = param(
-        0.015, "of the visible gap's energy, what an effect must explain", low=0.0, high=1.0, why="less changes a gap of 3 mm by 0.02 mm"
+        0.015, "share of the visible gap's energy that an effect must explain", low=0.0, high=1.0, why="less changes 3 mm by 0.02 mm"
     )
     own_mm: float = param(
         0.1,
-        "error that an effect's own terms explain beyond the effect of which it is a form, RMS over all pixels",
+        "RMS over all pixels that an effect's own terms must explain beyond the effect without them",
         unit="mm",
         low=0.0,
-        why="a tenth of what a healthy camera errs by; an offset leaves 0.05 mm to the logarithm of amplitude",
+        why="a tenth of a healthy camera's error; the logarithm of amplitude explains 0.05 mm of an offset",
     )
     absorbed: float = param(
         0.1,
-        "minimum gain, of the chi-square that an effect could absorb from the others",
+        "least gain, as a share of the chi-square that an effect could absorb from the others",
         low=0.0,
         high=1.0,
         why="maps of the others are never exact",
     )
     steady: float = param(
-        0.25, "of the gain, what must remain without the best view", low=0.0, high=1.0, why="an effect shows in more than one view"
+        0.25, "share of the gain that must remain without the best view", low=0.0, high=1.0, why="an effect shows in more than one view"
     )
-    steady_views: int = param(4, "views of a session in which that is asked", low=2, why="fewer cannot spare one")
+    steady_views: int = param(4, "least number of views for that test", low=2, why="fewer cannot spare one")
     exchange: float = param(
-        1.0, "held-out chi-square for which one member is exchanged for another", low=0.0, why="rounding; exchanges end"
+        1.0, "least gain in held-out chi-square by an exchange of members", low=0.0, why="above rounding, so that exchanges end"
     )
     margin: float = param(
         2.0,
@@ -134,37 +142,37 @@ class SelectLimits:
         0.25, "share of a map's visible energy below which another effect hides it", low=0.0, high=1.0, why="half of its size"
     )
     tie_gain: float = param(
-        6.0, "held-out chi-square by which tied effects differ at most", low=0.0, why="odds of 20 to 1: what a name with 0.95 states"
+        6.0, "largest difference of tied effects in held-out chi-square", low=0.0, why="odds of 20 to 1, as a confidence of 0.95"
     )
-    most: int = param(5, "effects named at most", low=1, high=12, why="more are rarely separable")
+    most: int = param(5, "most effects that are named", low=1, high=12, why="more are rarely separable")
     unknown: float = param(25.0, "held-out chi-square that a free function of an observable pays", low=0.0, why="it has up to twelve knots")
     unknown_share: float = param(
         0.03,
-        "of the explained chi-square, what it pays besides, and must win to stay",
+        "share of the explained chi-square that it pays besides, and must explain to stay",
         low=0.0,
         high=1.0,
         why="maps of effects are never exact",
     )
     small_share: float = param(
-        0.15, "of the visible gap's energy, what an effect beyond the second must explain", low=0.0, high=1.0, why="coincidence"
+        0.15, "share of the visible gap's energy that an effect beyond the second must explain", low=0.0, high=1.0, why="coincidence"
     )
     small_left: float = param(
         0.15,
-        "of the held-out chi-square that is left, what suffices for it instead",
+        "share of the remaining held-out chi-square that suffices instead",
         low=0.0,
-        why="without it clearly more would be left: no coincidence",
+        why="clearly more would remain without it: no coincidence",
     )
     small_together: float = param(
-        0.06, "of the explained chi-square, what such effects explain together", low=0.0, high=1.0, why="beyond, it is `unknown`"
+        0.06, "share of the explained chi-square that such effects may explain together", low=0.0, high=1.0, why="beyond, it is `unknown`"
     )
     least_mm: float = param(
         1.0,
         "RMS over the affected pixels, confirmed by held-out views, that an effect must exceed to be named",
         unit="mm",
         low=0.0,
-        why="a healthy camera errs by up to a millimetre: table, temperature, albedo",
+        why="a healthy camera has errors of up to a millimetre: table, temperature, albedo",
     )
-    named_freely: int = param(2, "effects of which small ones are believed", low=1, high=12, why="two causes are usual")
+    named_freely: int = param(2, "number of effects up to which small ones are named", low=1, high=12, why="two causes are usual")
     neighbours: float = param(30.0, "drawn pixels that share one unmodelled error", low=1.0, why="such errors are some 15 pixels wide")
     folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50, why="two of twelve views each")
     rounds: int = param(300, "resamples of the views behind a confidence", low=20, high=100_000, why="confidence is known to 3 points")
@@ -175,9 +183,9 @@ class SolveLimits:
     """First poses and linearisation."""
 
     views: int = param(
-        4, "views below which nothing but `radial_depth` is named", low=2, why="fewer leave none to hold out at two stations"
+        4, "number of views below which only `radial_depth` is named", low=2, why="fewer leave none to hold out at two stations"
     )
-    held_out: int = param(3, "of so many views, one is held out", low=2, high=50, why="most views fit, and every figure rests on several")
+    held_out: int = param(3, "every so many views, one is held out", low=2, high=50, why="most views are fitted, figures rest on several")
 
     gate: GateLimits = section(GateLimits, "distance along the ray, or depth")
     start: StartLimits = section(StartLimits, "first poses")
