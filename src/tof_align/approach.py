@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From far to near: the pose of a rigid set of cameras, with a kernel that narrows as it goes."""
+"""Search from afar: the pose of a rigid set of cameras, with a robust kernel that narrows from step to step."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def approach(
 
     Args:
         pixels: coarse rasters of the views.
-        poses: (V, 4, 4) T_cell_camera as believed.
+        poses: (V, 4, 4) T_cell_camera by the robot.
         frame: (4, 4) T_cell_frame in which the prior holds.
         prior_std: (6,) of a right perturbation of the frame.
         caster: the scene.
         config: kernels and verdict limits.
 
-    Starts at the robot's pose; where that ends badly, at many others inside the prior; and slides
-    along the directions that the surfaces determine least, since a descent does not move there.
+    The search starts at the robot's pose and, where that ends with a poor score, at many others within the prior. Then it slides along
+    the directions that the surfaces determine least, in which a descent does not move.
     """
     limits = config.approach
     seen = _spread_out(pixels, limits.views)
@@ -72,8 +72,8 @@ def _slid(
 ) -> Float:
     """Score poses along the directions that the surfaces determine least, as far as the prior reaches, and descend again.
 
-    A part that is nearly the same everywhere along a direction holds the descent at whatever
-    place it reached; its few features count there as outliers. The score sees them.
+    On a part that is nearly uniform along a direction, the descent stays where it arrived, and the part's few features count as
+    outliers there. The score includes them.
     """
     limits = config.approach
     few = _Looks.of([p.thinned(max(limits.slide_pixels, p.depth.size // 2)) for p in pixels])
@@ -98,7 +98,7 @@ def _slid(
 
 
 def _along(twist: Float, motion: Float, cost: Callable[[Float], float], limits: ApproachLimits) -> Float:
-    """The best place along a direction (6,), within `slide_reach` of it to either side: evenly spaced looks, then closer ones."""
+    """The best motion along a direction (6,), within `slide_reach` to either side: evenly spaced trials, then closer ones."""
     looks, best = limits.slide_looks, motion
     step = limits.slide_reach / looks
     for offsets in (np.arange(-looks, looks + 1) * step, CLOSER * step):
@@ -116,9 +116,9 @@ def _least_known(
     caster: Raycaster,
     config: AlignConfig,
 ) -> Float:
-    """(slides, 6) unit directions, in the prior's deviations, that the surfaces which agree determine least.
+    """(slides, 6) unit directions, in prior standard deviations, that the agreeing surfaces determine least.
 
-    Residuals that disagree are left out: a feature rendered in the wrong place would hold the very slide that is needed.
+    Surfaces that disagree are left out: a feature rendered in the wrong place would prevent the very slide that is needed.
     """
     H = np.zeros((6, 6))
     for p, T in zip(pixels, local, strict=True):
@@ -129,13 +129,13 @@ def _least_known(
 
 
 CLOSER = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])
-"""Looks around the best one, in steps of the looks: they reach past the middle to either neighbour."""
+"""Trials around the best one, in units of the first spacing: they reach beyond the middle to either neighbour."""
 STARTS_SEED = 1
-"""Of the low-discrepancy set: the same starts in every run."""
+"""Seed of the low-discrepancy set, for the same starts in every run."""
 
 
 def _spread_out(pixels: Sequence[Pixels], most: int) -> list[int]:
-    """Enough views to find a station by: the first ones spread over the whole."""
+    """Indices of at most `most` views, spread over the station."""
     return sorted({int(i) for i in np.linspace(0, len(pixels) - 1, min(most, len(pixels)))})
 
 
@@ -209,7 +209,7 @@ class _Looks:
 
 
 def _score(looks: _Looks, poses: Float, caster: Raycaster, limits: ApproachLimits) -> float:
-    """Mean of min(|residual|, `residual_mm`) in metres over all pixels that have a depth; where the ray misses the CAD, the most."""
+    """Mean of min(|residual|, `residual_mm`) in metres over all pixels with a depth; `residual_mm` where the ray misses the CAD."""
     if not len(looks.depth):
         return 0.0
     return float(np.minimum(looks.errors(poses, caster), limits.residual_mm * 1e-3).mean())
@@ -224,7 +224,7 @@ def _starts(
     limits: ApproachLimits,
 ) -> list[Float]:
     """The most promising of many motions inside the prior (a fixed low-discrepancy set), on few rays."""
-    from scipy.stats import qmc  # a second to import, and rarely needed
+    from scipy.stats import qmc  # Takes a second to import, and is rarely needed.
 
     reach, stride, most = limits.reach, limits.start_stride, limits.start_residual_mm * 1e-3
     sobol = qmc.Sobol(6, scramble=True, seed=STARTS_SEED).random(limits.starts)

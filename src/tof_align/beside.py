@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Held-out scores of many groups of columns, each by itself beside the same other columns: those are eliminated once for all groups.
+"""Held-out scores of many groups of columns, each with the same other columns, which are eliminated once for all groups.
 
 Notation: R are the poses and the columns that all choices share, C the columns of all groups, f a fold, v a view.
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Equations:
-    """Each view's normal equations about R and C, its own unknowns eliminated.
+    """Each view's normal equations in R and C, with the view's own unknowns eliminated.
 
     where (V, r): places of a view's unknowns of R among all m of them; RR (V, r, r), RC (V, r, c), b_R (V, r), b_C (V, c), energy (V,).
     """
@@ -70,7 +70,7 @@ def held_out_beside(
 
 
 _Products = list[tuple["Ints", "Ints", "Float"]]
-"""Per size of a group: which groups (g,), where their columns (g, k) stand in C, and their products (V, g, k, k) in each view."""
+"""For each size of a group: the groups (g,), the places of their columns (g, k) in C, and their products (V, g, k, k) in each view."""
 
 
 def _equations(system: ColumnSystem, inflate: float, rest: Ints, c: Ints, groups: Sequence[Ints]) -> tuple[_Equations, _Products]:
@@ -87,7 +87,7 @@ def _equations(system: ColumnSystem, inflate: float, rest: Ints, c: Ints, groups
 
 
 def _by_size(groups: Sequence[Ints]) -> Iterator[tuple[Ints, Ints]]:
-    """Groups of one size (g,), and where their columns (g, k) stand among those of all."""
+    """For each size: its groups (g,), and the places of their columns (g, k) among those of all."""
     sizes = np.array([len(g) for g in groups])
     starts = np.cumsum(sizes) - sizes
     for size in np.unique(sizes):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where light of other parts can bias a depth: one bounce, as columns with a size to be estimated.
+"""Depth bias by light of other parts (multipath with one bounce), as columns with a size to be estimated.
 
-Concave places lie in each other's light; their error has one sign and one pattern, which a pose can imitate. One size is estimated
-for the light of all parts; single parts may send more or less than their stated albedo says.
+Surfaces in concave places light each other. The error has one sign and a pattern that a pose can imitate. One size is estimated for the
+light of all parts; single parts may send more or less than their stated albedo predicts.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 RAYS = 48
-"""Rays per point: shares of light to a few per cent."""
+"""Rays per point: light is known to a few per cent."""
 SPACING = 4
 """Raster pixels between the points that are computed: indirect light is smooth on a part."""
 ALBEDO_OFF = 0.5
-"""Relative deviation of what one part sends from what its stated albedo says: infrared albedo is hardly known."""
+"""Relative deviation of one part's light from that by its stated albedo: infrared albedo is hardly known."""
 LEAST_SHARE = 0.02
-"""Part of the light of all parts below which a part has no column of its own."""
+"""Share of the light of all parts below which a part has no column of its own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ class Light:
         from scipy.spatial import cKDTree
 
         height, width = pixels.camera.shape
-        apart = 2.0 * (height + width)  # another part is farther than the whole image
+        apart = 2.0 * (height + width)  # Another part counts as farther than the whole image.
         row, column = np.divmod(view.index, width)
         tree = cKDTree(np.column_stack([self.row, self.column, self.part * apart]))
         nearest = tree.query(np.column_stack([row, column, view.part * apart]))[1]
@@ -95,7 +95,7 @@ def emitters_of(views: Sequence[Linearised]) -> Emitters:
 
 
 def bounced_columns(emitters: Emitters, view: Linearised) -> Float:
-    """(n, 1 + E) columns: the light of all parts, of unit RMS, and what single parts may send more or less."""
+    """(n, 1 + E) columns: the light of all parts, with unit RMS, and deviations of single parts from it."""
     if view.bounced is None or not emitters.count:
         return np.zeros((len(view.residual), 0))
     return np.column_stack([view.bounced.sum(axis=1), ALBEDO_OFF * view.bounced[:, emitters.index]]) / emitters.scale

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The camera's own errors at any pixel of a view, as a session's discrepancy describes them: functions of range, amplitude and image."""
+"""The camera's own errors at any pixel of a view, by a session's discrepancy: functions of range, amplitude and image position."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
 
 LARGEST_FALL = 3.0
-"""Largest fall of ln amplitude below the darkest seen for which the law of late charge is followed: a twentieth of the light."""
+"""Largest fall of ln amplitude below the darkest pixels seen to which the law of late charge is extrapolated: 1/20 of their amplitude."""
 
 
 def camera_columns(basis: Basis, radial: Float, log_amplitude: Float, shape: tuple[int, int], index: Ints) -> tuple[Float, Float]:
     """(n, sum(basis.shared)), (n, sum(basis.local)): the columns of the camera's own errors at any pixels of a view.
 
-    Errors that depend on range, on amplitude and on the place in the image do not need the CAD; columns of the surface, of bounced light and
-    of parts are zero. radial (n,): distance along the ray, metres; log_amplitude (n,): NaN where unknown; shape: (H, W); index (n,): flat.
+    Errors that depend on range, amplitude or image position need no CAD; columns of the surface, of bounced light and of parts are zero.
+    radial (n,): distance along the ray, metres; log_amplitude (n,): NaN where unknown; shape: (H, W); index (n,): flat.
     """
     image = cosines(*shape, basis.order)[index] if basis.order >= 0 else np.zeros((len(index), 0))
     blocks = dict.fromkeys(SHARED, None) | {
@@ -46,10 +46,11 @@ def _splines(knots: Float, x: Float) -> Float:
 def beyond_data(
     basis: Basis, radial: Float, log_amplitude: Float, by_amplitude: Float, sizes: dict[str, float], config: DiscrepancyConfig
 ) -> Float:
-    """(n, 2) deviation, metres, of the camera's error at ranges and amplitudes outside those that the session saw on the CAD.
+    """(n, 2) standard deviation in metres of the camera's error at ranges and amplitudes that the session did not see on the CAD.
 
-    The columns are constant there; a process of variance s^2 has s^2 (1 - rho^2) left at a distance where its correlation is rho. An error by
-    late charge grows as 1 / amplitude: at darker pixels than any seen, the error `by_amplitude` (n,) of the darkest ones may grow so, too.
+    The columns are constant there. A process of variance s^2 has the variance s^2 (1 - rho^2) left where its correlation with the data
+    is rho. An error by late charge grows as 1 / amplitude; at darker pixels than any seen, the error `by_amplitude` (n,) of the darkest
+    ones may grow so, too.
     """
     out = np.zeros((len(radial), 2))
     if len(basis.knots_range):
@@ -64,5 +65,5 @@ def beyond_data(
 
 
 def _outside(knots: Float, x: Float) -> Float:
-    """(n,) how far x is from what the data span; infinite where it is not known."""
+    """(n,) distance of x from the range of the data; infinite where x is unknown."""
     return np.asarray(np.nan_to_num(np.maximum(np.maximum(knots[1] - x, x - knots[-2]), 0.0), nan=np.inf))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What views that are gone still say: a quadratic about base, hand-eye and shared errors."""
+"""Information of views that left the window: a quadratic form in base, hand-eye and shared errors."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 class Carry:
     """Information H (G, G) and right side b (G,) about steps of [base, hand-eye | shared errors].
 
-    Steps of base and hand-eye are counted from `base` and `hand_eye` (4, 4), the state when this
-    was written; the shared errors' coefficients are absolute.
+    Steps of base and hand-eye are relative to the state `base` and `hand_eye` (4, 4); coefficients of shared errors are absolute.
     """
 
     H: Float
@@ -32,7 +31,7 @@ class Carry:
 
     @classmethod
     def of(cls, normal: Normal, sizes: dict[str, float], chain: Chain, before: Carry | None) -> Carry:
-        """What these views know, beside what was carried before; no prior is counted twice."""
+        """The information of these views and of `before`; no prior is counted twice."""
         bare = replace(normal, info=np.zeros_like(normal.info))
         own = {kind: size for kind, size in sizes.items() if kind in normal.own_kinds}
         r = reduce(bare, own)
@@ -43,7 +42,7 @@ class Carry:
         return cls(H, b, chain.base[0], chain.hand_eye)
 
     def at(self, chain: Chain) -> tuple[Float, Float]:
-        """The same about steps from another state."""
+        """H and b about steps from the state of `chain`."""
         moved = np.zeros(len(self.b))
         moved[:6] = se3.log(se3.inverse(self.base) @ chain.base[0])
         moved[6:12] = se3.log(se3.inverse(self.hand_eye) @ chain.hand_eye)

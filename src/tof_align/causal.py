@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The session as it comes in: each view's pose from the views so far, and the final solution at the end."""
+"""The causal mode: each view's pose from the views so far, and the final solution at the end."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 STILL = 1e-4
-"""Step of a live camera (metres, radians) after which its fit ends: a tenth of the arm's own error."""
+"""Step of a live camera (metres, radians) below which its fit ends: a tenth of the arm error."""
 STEPS = 3
-"""Linearisations of a live view at most: the prediction is within the arm's error, so they are few."""
+"""Most linearisations of a live view; its predicted pose is within the arm error."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,16 +68,14 @@ class _Fit:
 
 @dataclass(slots=True, eq=False)
 class SessionAligner:
-    """Poses of views as they come, each from what came before it and itself.
+    """Poses of views as they arrive, each from itself and the views before it.
 
-    A view is linearised where the views before it predict its camera, and solved with the
-    station's last `window` views, which are kept as small normal equations. What leaves the
-    window, and every station that is over, lives on as information about hand-eye and shared
-    errors. `finish` solves the whole session anew.
+    A view is linearised at the pose that earlier views predict, and solved with the station's last `window` views, which are kept as
+    small normal equations. Views that leave the window, and finished stations, remain as information about hand-eye and shared errors.
+    `finish` solves the whole session again.
 
-    caster: the scene; config: as for `solve_session` (in the modes per_view and robot nothing is
-    carried); window: views that are solved together; bias: what is known of the camera, removed where
-    the views before predict the view's camera.
+    caster: the scene; config: as for `solve_session` (in the modes per_view and robot, views are independent); window: views that are
+    solved together; bias: known bias of the camera, removed at the predicted pose.
     """
 
     caster: Raycaster
@@ -95,8 +93,8 @@ class SessionAligner:
     def push(self, view: View) -> Posed:
         """The pose of a view, from the views so far.
 
-        A refused view (too few pixels, fits nowhere, too large a step) is posed where the robot
-        and the views before it say, `accepted` is False, and it teaches nothing.
+        A refused view (too few pixels, fits nowhere, too large a step) gets the pose that the robot and earlier views predict. Its
+        `accepted` is False, and it does not influence later views.
 
         Raises:
             TransformError: the view has no robot pose.
@@ -181,7 +179,7 @@ class SessionAligner:
         return verdicts.judge(before, after, T_robot, moved.pose(-1), _prior_cov(fit.chain), seen.names, self.config, disputed)
 
     def _predicted(self, taken: Sample) -> Chain:
-        """The window's chain with the new view at its end; a station is found from afar until one of its views is accepted."""
+        """The window's chain with the new view at its end; until a view of a station is accepted, its base is searched from afar."""
         if self._chain is None or self._chain.names != (taken.station,) or not self._kept:
             self._close_station()
             fresh = chain_of([taken], self.config.priors)
@@ -220,7 +218,7 @@ class SessionAligner:
             self._kept = self._kept[1:]
 
     def _fold(self, views: list[_Kept]) -> None:
-        """Views leave: what they know of base, hand-eye and shared errors is carried."""
+        """Views leave the window: their information about base, hand-eye and shared errors is kept in `_carry`."""
         assert self._chain is not None
         assert self._basis is not None
         chain = chain_of([k.sample for k in views], self.config.priors)
@@ -232,7 +230,7 @@ class SessionAligner:
         self._carry = Carry.of(normal, self._sizes, chain, self._carry)
 
     def _close_station(self) -> None:
-        """The base moves on: its pose is integrated out, the rest is carried."""
+        """The base drives on: its pose is integrated out, the other information is kept."""
         if self._kept:
             self._fold(self._kept)
             self._kept = []
@@ -250,12 +248,12 @@ def _robot(taken: Sample) -> Float:
 
 
 def _prior_cov(chain: Chain) -> Float:
-    """(6, 6) how sure the robot is of the last view's camera."""
+    """(6, 6) covariance of the last view's camera by the robot's priors."""
     return replace(chain, base=np.eye(4)[None], hand_eye=np.eye(4)).prior_cov(-1)
 
 
 def _pin(fit: _Fit, seen: Observability) -> Mixed:
-    """Solve again with the base held where the robot says along open directions."""
+    """Solve again with the base held at the robot's pose along directions that the data do not determine."""
     if not len(seen.null):
         return fit.answer
     G = fit.normal.info.size

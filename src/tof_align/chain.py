@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The chain T_cell_camera = B_station T_cell_body T_body_camera A_view X, and how each link moves it."""
+"""The pose chain T_cell_camera = B_station T_cell_body T_body_camera A_view X, and the Jacobian of each link."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Rig(Protocol):
-    """How unknowns move cameras: `globals_` of them are shared by views, `own` belong to one view."""
+    """Pose unknowns of cameras: `globals_` of them are shared by views, `own` belong to each view."""
 
     @property
     def globals_(self) -> int:
@@ -30,19 +30,19 @@ class Rig(Protocol):
 
     @property
     def own(self) -> int:
-        """Pose unknowns that every view has for itself."""
+        """Pose unknowns of each view."""
 
     def pose(self, view: int) -> Float:
         """T_cell_camera (4, 4)."""
 
     def where(self, view: int) -> Ints:
-        """(s,) which of the global unknowns move this view's camera."""
+        """(s,) indices of the global unknowns that move this view's camera."""
 
     def links(self, view: int) -> tuple[Float, Float]:
         """(6, s), (6, own): the camera's right perturbation per global and per own unknown."""
 
     def prior(self) -> tuple[Float, Float, Float, Float]:
-        """Inverse variances (G,), (own,) and how far the state is from the prior's mean, (G,), (V, own)."""
+        """Inverse prior variances (G,), (own,), and deviation of the state from the prior's mean, (G,), (V, own)."""
 
     def moved(self, x: Float, own: Float) -> Self:
         """The rig after steps x (G,) and own (V, own)."""
@@ -50,15 +50,15 @@ class Rig(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """Where every camera is, for S stations and V views.
+    """Poses of all cameras, for S stations and V views.
 
-    station (V,): which station a view belongs to (0..S-1); names (S,): the stations' numbers;
-    pivot (S, 4, 4): T_cell_pivot, the frame in which B's prior holds (the body where the chain
-    has one, else the middle of the cameras); robot (V, 4, 4): the robot's own T_cell_camera.
+    station (V,): index of each view's station (0..S-1); names (S,): the stations' numbers;
+    pivot (S, 4, 4): T_cell_pivot, the frame in which B's prior holds (the body where TF
+    has one, else the middle of the cameras); robot (V, 4, 4): T_cell_camera by the robot.
     base (S, 4, 4), arm (V, 4, 4), hand_eye (4, 4): the corrections, with
     B = pivot @ base @ inv(pivot), A = arm, X = hand_eye.
     root (V, 6, 6): with root @ root.T the covariance of each arm pose, where each has its own; the arm's unknowns are then
-    whitened, A = exp(root z), z ~ N(0, 1). None: the priors' deviations hold for every pose.
+    whitened, A = exp(root z), z ~ N(0, 1). None: the configured priors hold for every pose.
     """
 
     station: Ints
@@ -87,7 +87,7 @@ class Chain:
         return np.asarray(self.pivot @ self.base @ se3.inverse(self.pivot))
 
     def frame(self, s: int) -> Float:
-        """T_cell_pivot (4, 4) of a station, corrected: what a step of its base perturbs on the right."""
+        """Corrected T_cell_pivot (4, 4) of a station; a step of its base is a right perturbation of it."""
         return np.asarray(self.pivot[s] @ self.base[s])
 
     def pose(self, view: int) -> Float:
@@ -95,7 +95,7 @@ class Chain:
         return np.asarray(self.B[self.station[view]] @ self.robot[view] @ self.arm[view] @ self.hand_eye)
 
     def where(self, view: int) -> Ints:
-        """The view's station's base, and hand-eye."""
+        """The unknowns of the station's base, and of hand-eye."""
         return np.concatenate([6 * self.station[view] + np.arange(6), 6 * len(self.names) + np.arange(6)])
 
     def links(self, view: int) -> tuple[Float, Float]:
@@ -106,7 +106,7 @@ class Chain:
         return np.concatenate([base, np.eye(6)], axis=1), arm if self.root is None else np.asarray(arm @ self.root[view])
 
     def prior(self) -> tuple[Float, Float, Float, Float]:
-        """As the configuration's priors have it."""
+        """By the configured priors."""
         p = self.priors
         info = np.concatenate([np.tile(p.base**-2, len(self.names)), p.hand_eye**-2])
         error = np.concatenate([*(se3.log(T) for T in self.base), se3.log(self.hand_eye)])
@@ -142,7 +142,7 @@ class Chain:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Single:
-    """One camera whose pose is unknown by a full covariance: T_cell_camera = T_prior exp(root z), z ~ N(0, 1)."""
+    """One camera with a full prior covariance: T_cell_camera = T_prior exp(root z), z ~ N(0, 1)."""
 
     T_prior: Float
     T: Float
@@ -155,7 +155,7 @@ class Single:
 
     @property
     def own(self) -> int:
-        """Nothing beside it."""
+        """None."""
         return 0
 
     def pose(self, view: int) -> Float:  # noqa: ARG002
@@ -167,7 +167,7 @@ class Single:
         return np.arange(6)
 
     def links(self, view: int) -> tuple[Float, Float]:  # noqa: ARG002
-        """The root of the covariance whitens the unknowns."""
+        """The root of the covariance, since the unknowns are whitened."""
         return self.root, np.zeros((6, 0))
 
     def prior(self) -> tuple[Float, Float, Float, Float]:
@@ -181,7 +181,7 @@ class Single:
 
 
 def chain_of(views: Sequence[View | Sample], priors: Priors) -> Chain:
-    """The chain as the robot believes it; a view without a robot pose is refused."""
+    """The chain by the robot's poses; a view without one is refused."""
     missing = [v.stamp_ns for v in views if v.robot is None]
     if missing:
         msg = f"{len(missing)} of {len(views)} views have no robot pose (first stamp {missing[0]})"
@@ -202,7 +202,7 @@ def _roots(robots: Sequence[RobotPose]) -> Float | None:
 
 
 def _pivot(views: Sequence[View | Sample]) -> Float:
-    """The body's frame, or where there is none the cell's axes in the middle of the cameras."""
+    """The body's frame; without one, the middle of the cameras with the cell's axes."""
     robots = [v.robot for v in views if v.robot is not None]
     if not np.allclose(robots[0].T_cell_body, np.eye(4)):
         return robots[0].T_cell_body

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A session linearised once with many extra columns: any choice of them is fitted without rendering anything again."""
+"""A session linearised once with many extra columns; any choice of them is fitted without rendering again."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
 
 HAND_EYE_FREE = np.repeat([0.05, 0.1], 3)
-"""Prior deviations (m, rad) of a hand-eye error under test: whatever a mount can do (50 mm, 6 degrees)."""
+"""Prior deviations (m, rad) of a hand-eye error under test: the largest of a mount (50 mm, 6 degrees)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Priors:
-    """Prior deviations (6,) of base steps and of hand-eye; `at_chain`: bases are held to the chain, not to the robot's word."""
+    """Prior deviations (6,) of bases and of hand-eye; at_chain: whether the bases' prior is centred on the chain, not on the robot's."""
 
     base: Float
     hand_eye: Float
@@ -36,7 +36,7 @@ class Priors:
 class ColumnFit:
     """A solution with some columns.
 
-    active (k,): the columns; answer: poses and coefficients; poses: how many unknowns of the answer are the stations' and hand-eye's.
+    active (k,): the columns; answer: poses and coefficients; poses: number of unknowns of bases and hand-eye in the answer.
     """
 
     active: Ints
@@ -80,7 +80,7 @@ class ColumnFit:
 
     @property
     def energy(self) -> float:
-        """Chi-square that is left, priors included."""
+        """Chi-square of the residual, priors included."""
         return self.answer.energy
 
 
@@ -88,8 +88,8 @@ class ColumnFit:
 class ColumnSystem:
     """Normal equations of V views in poses and K columns.
 
-    chain: where the views were linearised; normal: [base 6 | hand-eye 6 | columns K | arm 6 | residual] in each view, all columns in;
-    columns: K; pixels (V,): how many took part; weight (V,): the sums of their 1 / sigma^2.
+    chain: the poses of linearisation; normal: [base 6 | hand-eye 6 | columns K | arm 6 | residual] in each view, with all columns;
+    columns: K; pixels (V,): number of pixels used; weight (V,): sums of their 1 / sigma^2.
     """
 
     chain: Chain
@@ -111,18 +111,18 @@ class ColumnSystem:
 
     @property
     def poses(self) -> int:
-        """How many unknowns of the normal equations are the stations' and hand-eye's."""
+        """Number of unknowns of bases and hand-eye in the normal equations."""
         return int(self.normal.info.size) - self.columns
 
     @property
     def sigma(self) -> float:
-        """Metres: the typical pixel's noise."""
+        """Metres: noise of a typical pixel."""
         return float(np.sqrt(self.pixels.sum() / self.weight.sum()))
 
     def chosen(self, active: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> Normal:
         """The normal equations with the columns `active` alone.
 
-        `inflate` divides the data's weight: errors that neighbours share count once. `free_hand`: hand-eye is under test.
+        inflate: divides the weight of the data, since errors that neighbours share count once; free_hand: whether hand-eye is under test.
         """
         n = self.normal
         take = np.concatenate([self.local(active), np.arange(n.shared, n.gram.shape[1])])
@@ -130,7 +130,7 @@ class ColumnSystem:
         return replace(n, gram=n.gram[:, take[:, None], take] / inflate, where=self.placed(len(active)), info=info, error=error)
 
     def prior(self, active: Ints, *, free_hand: bool = False) -> tuple[Float, Float]:
-        """(g,), (g,) inverse prior variances of poses and of the columns `active`, and how far the state is from the prior's mean."""
+        """(g,), (g,) inverse prior variances of poses and of the columns `active`, and deviation of the state from the prior's mean."""
         at = np.concatenate([np.arange(self.poses), self.poses + active]).astype(np.int64)
         info = self.normal.info[at]
         if free_hand:
@@ -138,12 +138,12 @@ class ColumnSystem:
         return info, self.normal.error[at]
 
     def local(self, active: Ints) -> Ints:
-        """Where poses and the columns `active` stand among a view's shared unknowns."""
+        """Places of poses and of the columns `active` among a view's shared unknowns."""
         pose = self.normal.shared - self.columns
         return np.concatenate([np.arange(pose), pose + active]).astype(np.int64)
 
     def placed(self, k: int) -> Ints:
-        """(V, s) where each view's shared unknowns stand among the session's when k columns are chosen."""
+        """(V, s) places of each view's shared unknowns among the session's, with k columns chosen."""
         pose = self.normal.where[:, : self.normal.shared - self.columns]
         return np.concatenate([pose, np.broadcast_to(self.poses + np.arange(k), (len(pose), k))], axis=1)
 
@@ -152,7 +152,7 @@ class ColumnSystem:
         return ColumnFit(active, solve(self.chosen(active, inflate=inflate, free_hand=free_hand), {}), self.poses)
 
     def inflation(self, active: Ints, neighbours: float, *, free_hand: bool = False) -> float:
-        """By how much the data's weight is divided: errors that neighbours share count once (`discrepancy.shared_inflation`)."""
+        """Factor that divides the weight of the data, since errors that neighbours share count once (`discrepancy.shared_inflation`)."""
         return shared_inflation(self.fit(active, free_hand=free_hand).energy, float(self.pixels.sum()), neighbours)
 
     def subset(self, views: Sequence[int]) -> ColumnSystem:
@@ -162,9 +162,9 @@ class ColumnSystem:
         return replace(self, chain=self.chain.subset(views), normal=normal, pixels=self.pixels[at], weight=self.weight[at])
 
     def fit_to(self, views: Sequence[int], solution: ColumnFit, *, inflate: float, free_hand: bool) -> ColumnFit:
-        """The columns of a solution fitted anew to some views only, the bases held where the solution has them.
+        """The columns of a solution fitted again to some views, with the bases held at the solution's.
 
-        Coefficients that some views alone would trade against a base do not fit the solution's poses.
+        With free bases, coefficients of some views alone would correlate with a base and not fit the solution's poses.
         """
         part, b = self.subset(views), self.poses - 6
         info, error = part.normal.info.copy(), part.normal.error.copy()
@@ -177,9 +177,9 @@ class ColumnSystem:
         return np.stack([camera_cov(self.chain, solution.answer, v) for v in range(len(self.pixels))])
 
     def left_of(self, target: Ints, coefficients: Float, others: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> float:
-        """Chi-square that poses and the columns `others` leave of the map C[target] @ coefficients.
+        """Chi-square of the map C[target] @ coefficients that poses and the columns `others` cannot explain.
 
-        The map takes the residual's place and everything else is fitted to it: what is left is what the session can see of the map.
+        The map replaces the residual, and poses and columns are fitted to it: the rest is the part of the map that the session can see.
         """
         n, mine = self.normal, self.normal.shared - self.columns + target
         whole = self.chosen(others, free_hand=free_hand)

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Unmodelled errors: smooth, shared by neighbours and by views, as columns with a prior.
+"""The discrepancy: smooth unmodelled errors that neighbours and views share, as columns with a prior.
 
-A depth camera's systematic errors are functions of few things: range (wiggling), amplitude,
-the place on the part (multipath, deviation), the pixel (fixed pattern, lens), the view (drift), and
-the rest is smooth in the image. Each is a Gaussian process with an exponential (Ornstein
-Uhlenbeck) covariance, written as a few columns with unit-variance coefficients times one size
-in metres per kind. The sizes are estimated from the data (`mixed`); near zero where there is
-noise only. This is Kennedy and O'Hagan's discrepancy, kept low-rank: without it thousands of
-neighbours with the same error count as thousands of measurements and outweigh every prior.
+Systematic errors of a depth camera depend on few quantities: range (wiggling), amplitude, the place on
+the part (multipath, deviation), the pixel (fixed pattern, lens) and the view (drift); the rest is smooth
+in the image. Each kind is a Gaussian process, written as a few columns with unit-variance coefficients
+times one size in metres. The sizes are estimated from the data (`mixed`), and are near zero where there is
+only noise. This is a low-rank form of Kennedy and O'Hagan's discrepancy. Without it, thousands of
+neighbours with a common error would count as thousands of measurements and outweigh every prior.
 """
 
 from __future__ import annotations
@@ -35,26 +34,26 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 SHARED = ("range", "amplitude", "object", "image", "bounce", "lens", "part")
-"""Kinds whose coefficients all views share, in the order of their columns."""
+"""Kinds with coefficients that all views share, in the order of their columns."""
 SPAN = (0.002, 0.998)
-"""Quantiles of an observable between which knots stand: a few gross pixels must not stretch them."""
+"""Quantiles of an observable between which knots are placed, so that a few gross pixels do not stretch them."""
 SURFACE_STRIDE = 7
-"""Of so many pixels, one is a candidate for a centre on the surface."""
+"""Every so many pixels, one is a candidate for a centre on the surface."""
 CHORD_45 = 0.77
 """Difference of two unit normals 45 degrees apart: one correlation length."""
 FACE_LENGTHS = 5.0
-"""Correlation lengths of what a whole face shares."""
+"""Correlation length of the error that a whole face shares, in those of `object_m`."""
 LOCAL = ("offset", "bend", "smooth")
-"""Kinds whose coefficients are one view's own: a constant, cosines of orders 1 and 2, the higher ones."""
+"""Kinds with coefficients of each view: a constant, cosines of orders 1 and 2, cosines of higher orders."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Basis:
-    """Fixes the columns for a session, so that every view writes the same ones.
+    """The columns of a session's discrepancy, the same for all views.
 
-    knots_range (metres), knots_amplitude (ln amplitude): where cubic B-splines stand;
-    centres (m, 6): place and scaled normal of points of the surface; root_*: Cholesky-like
-    factors that turn them into unit-variance coefficients; lens_m: RMS in metres of the raw columns of the lens, 0 for none.
+    knots_range (metres), knots_amplitude (ln amplitude): knots of cubic B-splines; centres (m, 6): position and scaled normal of points
+    of the surface; root_*: square roots of covariances, by which coefficients have unit variance; lens_m: RMS in metres of the raw
+    columns of the lens, 0 for none.
     """
 
     knots_range: Float
@@ -86,13 +85,13 @@ class Basis:
 
 
 def empty_basis() -> Basis:
-    """No discrepancy at all: residuals are noise."""
+    """No discrepancy: all residuals are noise."""
     none = np.zeros((0, 0))
     return Basis(np.zeros(0), none, np.zeros(0), none, np.zeros((0, 6)), none, 1.0, -1)
 
 
 def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: float = 1.0) -> Basis:
-    """Columns that cover what these views saw; ranges and amplitudes `widen` times beyond."""
+    """Columns for the ranges, amplitudes and surfaces of these views; ranges and amplitudes are extended by the factor `widen`."""
     if not config.enabled or not any(len(v.residual) for v in views):
         return empty_basis()
     ranges = np.concatenate([v.depth * v.ray_length for v in views])
@@ -122,7 +121,7 @@ def basis_of(views: Sequence[Linearised], config: DiscrepancyConfig, *, widen: f
 
 
 def least_sizes(kinds: Iterable[str], basis: Basis, config: DiscrepancyConfig) -> dict[str, float]:
-    """Metres: the least size of each kind; no lens is known better than the best calibrations."""
+    """Metres: the least size of each kind; that of the lens is the error of a good calibration."""
     floor = config.floor_mm * 1e-3
     return {kind: max(floor, config.lens_least * basis.lens_m) if kind == "lens" else floor for kind in kinds}
 
@@ -134,7 +133,7 @@ def _line(values: Float, length: float, config: DiscrepancyConfig) -> tuple[Floa
     low, high = np.quantile(values, SPAN)
     step = config.knots * length
     count = int(np.clip(np.ceil((high - low) / step), 1, config.most_knots))
-    # Values all alike (one pixel, an amplitude without contrast) still need knots that lie apart.
+    # Equal values (one pixel, an amplitude without contrast) still need distinct knots.
     knots = low + max((high - low) / count, 0.01 * step) * np.arange(-1, count + 2)
     between = matern(np.abs(knots[:, None] - knots[None]) / length)
     return knots, np.asarray(np.linalg.cholesky(between + 1e-9 * np.eye(len(knots))), float)
@@ -147,7 +146,7 @@ def matern(distance: Float) -> Float:
 
 
 def spline_entries(knots: Float, x: Float) -> tuple[NDArray[np.int32], Float]:
-    """Places and values (n, 4) of the uniform cubic B-splines about the knots that are not zero at x.
+    """Places and values (n, 4) of the uniform cubic B-splines that are not zero at x.
 
     Constant beyond the outer knots; zero where x is NaN.
     """
@@ -166,14 +165,14 @@ def surface_columns(basis: Basis, view: Linearised) -> Float:
 
 
 def _surface(view: Linearised, length: float) -> Float:
-    """(n, 6) where the surface is, in correlation lengths, and how it faces (45 degrees are one)."""
+    """(n, 6) position of the surface in correlation lengths, and its normal, scaled so that 45 degrees are one length."""
     return np.concatenate([view.point / length, view.normal / CHORD_45], axis=1)
 
 
 def _surface_covariance(x: Float, y: Float) -> Float:
-    """(n, m) between places on the part: half dies out within a correlation length, half within five.
+    """(n, m) covariance between places on the part: half of it decays within a correlation length, half within five.
 
-    The second half is what a whole face shares; a pose can imitate it, so it must be allowed for.
+    The second half is an error that a whole face shares. A pose can imitate it, so it must be allowed for.
     """
     place, facing = _square_distance(x[:, :3], y[:, :3]), _square_distance(x[:, 3:], y[:, 3:])
     return np.asarray(0.5 * np.exp(-np.sqrt(place + facing)) + 0.5 * np.exp(-np.sqrt(place / FACE_LENGTHS**2 + facing)))
@@ -184,7 +183,7 @@ def _square_distance(x: Float, y: Float) -> Float:
 
 
 def _inverse_root(K: Float) -> Float:
-    """K^-1/2 for Nystroem's columns."""
+    """K^-1/2, for the columns of Nystroem's approximation."""
     if not K.size:
         return np.zeros((0, 0))
     values, vectors = np.linalg.eigh(K)
@@ -192,7 +191,7 @@ def _inverse_root(K: Float) -> Float:
 
 
 def farthest_points(points: Float, count: int) -> Float:
-    """(min(count, n), d) points spread as widely as can be (greedy, starts at the first)."""
+    """(min(count, n), d) points as far apart as possible (greedy, from the first one)."""
     if not len(points) or count < 1:
         return points[:0]
     chosen = [0]
@@ -204,12 +203,12 @@ def farthest_points(points: Float, count: int) -> Float:
 
 
 def image_count(order: int) -> int:
-    """Cosines over the image up to an order, without the constant."""
+    """Number of cosines over the image up to an order, without the constant."""
     return max(0, (order + 1) * (order + 2) // 2 - 1)
 
 
 def image_columns(view: Linearised, order: int) -> Float:
-    """(n, k) cosines over the image up to an order, fading, without the constant."""
+    """(n, k) cosines over the image up to an order, without the constant; higher orders are smaller (`fading`)."""
     return cosines(*view.raster, order)[view.cell]
 
 
@@ -224,16 +223,15 @@ def cosines(h: int, w: int, order: int) -> Float:
 
 
 def fading(i: int, j: int) -> float:
-    """How large a cosine of orders (i, j) is beside the lowest ones."""
+    """Size of a cosine of orders (i, j), relative to the lowest ones."""
     return float((1.0 + i * i + j * j) ** -0.75)
 
 
 def inflation(view: Linearised, residual: Float, weight: Float, limits: SharedLimits) -> float:
-    """By how much the variance of a mean exceeds what independent pixels would give (at least `least`).
+    """Ratio of the variance of a mean of pixels to that of independent pixels, at least `least`.
 
-    residual (n,) metres after the fit; weight (n,): inverse variances before this factor. Sums over
-    blocks of block x block raster pixels are compared with their expectation; where neighbours
-    are independent this is the noise's own scale.
+    residual (n,): metres after the fit; weight (n,): inverse variances before this factor. Sums over blocks of block x block raster
+    pixels are compared with their expected variance; for independent neighbours the ratio is the scale of the noise.
     """
     used = weight > 0
     e2 = weight * residual**2
@@ -250,9 +248,9 @@ def inflation(view: Linearised, residual: Float, weight: Float, limits: SharedLi
 
 
 def shared_inflation(energy: float, pixels: float, neighbours: float) -> float:
-    """By how much the variance of each of `pixels` exceeds white noise, from the chi-square `energy` that a fit leaves of them.
+    """Factor for the variance of each of `pixels`, from the chi-square `energy` that a fit leaves of them.
 
-    White noise leaves energy = pixels. What is left above is shared by about `neighbours` drawn pixels each. The smooth kinds of this
-    module are not put beside columns under test: with a free function of range in the model a wiggle is no longer evidence.
+    White noise leaves energy = pixels. Any excess is an error that about `neighbours` drawn pixels share. It replaces the smooth kinds
+    of this module while effects are tested: beside a free function of range, a wiggle would be no evidence.
     """
     return 1.0 + max(energy / pixels - 1.0, 0.0) * neighbours

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gauss-Newton with casting between the steps: the one loop behind sessions and single views."""
+"""Gauss-Newton with ray casting in each step: the one loop of sessions and single views."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 STILL = 2e-6
-"""Step of a camera (metres, radians) that changes nothing any more."""
+"""Step of a camera (metres, radians) below which the iteration ends."""
 Columns = Callable[[int, "Linearised"], Float]
 """Extra columns (n, k) of view v at its linearisation, metres of z per unit."""
 
 
 @dataclass(slots=True, eq=False)
 class Fitter:
-    """Views to fit, and what stays between linearisations: basis and sizes of the discrepancy."""
+    """Views to fit, and the discrepancy's basis and sizes, which are kept between linearisations."""
 
     pixels: Sequence[Pixels]
     caster: Raycaster
@@ -57,8 +57,8 @@ class Fitter:
     def fit(self, rig: R, iterations: int) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
         """Step `iterations` times, then linearise and fit once more.
 
-        The last time with the pixels of `last`, if given and if noise is what limits: where errors
-        nobody modelled are larger than `weights.last_mm`, more pixels only repeat them.
+        The last time with the pixels of `last`, if given and if unmodelled errors are below `weights.last_mm`; more pixels would only
+        repeat larger ones.
 
         Returns the last system, its answer (whose step is not taken yet), and the columns.
         """
@@ -71,11 +71,11 @@ class Fitter:
         smooth = [size for kind, size in (self.sizes or {}).items() if kind != "lens" and not kind.startswith(PART)]
         if self.last and max(smooth, default=0.0) < self.config.weights.last_mm * 1e-3:
             self.pixels = self.last
-        self._light.clear()  # computed at the first pose and at the last: the steps between move it by less than its rays are wrong
+        self._light.clear()  # Computed at the first and last pose: the steps between change it by less than the error of its rays.
         return self.once(rig, answer)
 
     def once(self, rig: R, before: Mixed | None = None) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
-        """Cast, linearise, weigh by what the last answer left (the first time: a free pose), solve."""
+        """Cast rays, linearise, weigh by the residual of the last answer (the first time: of a free pose), solve."""
         views = tuple(in_threads(lambda v: self._linearised(rig, v), range(len(self.pixels))))
         if not any(len(v.residual) for v in views):
             raise RefusedError("no view sees the CAD", where="alignment", todo="check the scene's frame and the robot's pose")

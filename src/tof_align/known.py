@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of the sensor already, removed before poses are solved: from a session, from one view, from a view as it comes."""
+"""Known bias of the sensor, removed before poses are solved: from a session, from one view, from a live view."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ if TYPE_CHECKING:
     from tof_scene.render import Rendering
 
 ROUNDS = 2
-"""Solutions of the poses: of their error each leaves what the bias changes per metre, some hundredths."""
+"""Solutions of the poses. Each reduces their error to some hundredths, the change of the bias per metre."""
 
 
 class Bias(Protocol):
-    """The stated bias of a camera, from what the CAD shows where the camera is."""
+    """The stated bias of a camera, computed from the CAD at the camera's pose."""
 
     def __call__(
         self, views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster, start_ns: int | None = None
     ) -> list[Float]:
-        """(H, W) metres of z per view; `start_ns`: stamp of the session's first view, where it is not among them."""
+        """(H, W) metres of z per view; start_ns: stamp of the session's first view, if it is not among `views`."""
 
     def camera(self, stated: Camera) -> Camera:
-        """The camera as it is where CameraInfo says `stated`."""
+        """The true camera, for the one that CameraInfo states."""
 
 
 def through_known(posed: Sequence[Posed], views: Sequence[View], bias: Bias) -> tuple[Posed, ...]:
-    """The poses, of which each without a lens of its own has the one that is known."""
+    """The poses, with the known lens where they have none of their own."""
     cameras = [p.camera or bias.camera(v.camera) for p, v in zip(posed, views, strict=True)]
     return tuple(replace(p, camera=None if c == v.camera else c) for p, v, c in zip(posed, views, cameras, strict=True))
 
 
 def known_removed(views: Sequence[View], caster: Raycaster, bias: Bias, align: AlignConfig) -> list[View]:
-    """The views of a session less the bias, at the poses that they have without it.
+    """The views of a session less the bias, computed at the poses of the corrected views.
 
-    The bias is removed, not fitted: poses that could absorb a share of it would.
+    The bias is removed and not fitted, since poses would absorb a share of it.
     """
     samples = [sample(v, align.weights) for v in views]
     chain = near(samples, chain_of(samples, align.priors), caster, align)
@@ -61,7 +61,7 @@ def known_removed(views: Sequence[View], caster: Raycaster, bias: Bias, align: A
 
 
 def known_removed_alone(view: View, caster: Raycaster, bias: Bias, T_prior: Float, cov_prior: Float, align: AlignConfig) -> View:
-    """One view less the bias, at the pose that it has without it; prior as of `align_view`."""
+    """One view less the bias, computed at the pose of the corrected view; prior as for `align_view`."""
     less = view
     for _ in range(ROUNDS):
         less = removed_at([view], [align_view(less, caster, T_prior, cov_prior, align).posed.T_cell_camera], caster, bias)[0]
@@ -69,7 +69,7 @@ def known_removed_alone(view: View, caster: Raycaster, bias: Bias, T_prior: Floa
 
 
 def removed_at(views: Sequence[View], cameras: Sequence[Float], caster: Raycaster, bias: Bias, start_ns: int | None = None) -> list[View]:
-    """The views less the bias as cameras (4, 4) there have it."""
+    """The views less the bias at the camera poses (4, 4)."""
     renderings = in_threads(lambda v, T: render(caster, v.camera, T), views, cameras)
     found = bias(views, renderings, caster, start_ns)
     return [replace(v, depth=(v.depth - np.nan_to_num(b)).astype(np.float32)) for v, b in zip(views, found, strict=True)]

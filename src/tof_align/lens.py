@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lens that is not quite CameraInfo's: what its parameters add to depth, as columns with a size to be estimated.
+"""A lens that differs from CameraInfo: changes of depth by its parameters, as columns with a size to be estimated.
 
-A calibration is good to some tenths of a pixel, a wrong one is off by several. Each turns the pixels' rays, and the distance measured along
-a ray is turned into z by the stated lens or by the true one (`intrinsics` in docs/effects.md). A pose imitates both, so that poses solved
-with the stated lens alone are off by millimetres and centimetres. How the rays turn and what the conversion adds have coefficients of their
-own: either way of conversion is among them.
+A calibration is good to some tenths of a pixel; a wrong one is off by several. Its error turns the pixels' rays. Besides, the camera
+converts the distance along a ray to z by the stated lens or by the true one (`intrinsics` in docs/effects.md). A pose imitates both, so
+that poses solved with the stated lens alone are off by millimetres or centimetres. Turned rays and conversion have separate
+coefficients, so either conversion is covered.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from tof_core.capture import View
 
 FOCAL, CENTRE, RADIAL, TANGENTIAL = 0.002, 0.005, 0.01, 1e-4
-"""Deviations of a lens, to one another: relative focal length, principal point in tangents (one pixel of 200 to the radian), k1 and k2, p1
-and p2. Their common size is estimated; proportions follow what calibrations of one lens differ by."""
+"""Proportions of a lens's errors: relative focal length, principal point in tangents (one pixel of 200 per radian), k1 and k2, p1 and p2.
+They follow the differences of calibrations of one lens; the common size is estimated."""
 
 
 def lens_columns(view: Linearised, camera: Camera) -> Float:
-    """(n, 16) metres of z by how the rays turn and by what the conversion from distance adds, for one deviation of each of `LENS`."""
+    """(n, 16) metres of z by turned rays (8) and by the conversion from distance (8), for one deviation of each parameter of `LENS`."""
     shift = ray_shift(view.ray, camera) * deviations(camera)
     turned = np.einsum("ni,nik->nk", view.jacobian[:, :2], shift)
     longer = np.einsum("ni,nik->nk", view.ray[:, :2], shift) / (view.ray_length**2)[:, None]
@@ -43,7 +43,7 @@ def deviations(camera: Camera) -> Float:
 
 
 def lens_scale(views: Sequence[Linearised]) -> float:
-    """RMS in metres of what a lens of these deviations adds; 0 where it was not computed."""
+    """RMS in metres of the depth change by a lens with these deviations; 0 where it was not computed."""
     known = [v.lens for v in views if v.lens is not None and len(v.lens)]
     if len(known) < sum(len(v.residual) > 0 for v in views):
         return 0.0
@@ -54,14 +54,14 @@ def lens_scale(views: Sequence[Linearised]) -> float:
 class Lens:
     """The lens that a session shows.
 
-    camera: with that lens; conversion (8,): `LENS` that distance was turned into z by, less that of the camera; 0 where it is z by the true lens.
+    camera: with that lens; conversion (8,): parameters `LENS` by which distance was converted to z, less those of `camera`; 0 if equal.
     """
 
     camera: Camera
     conversion: Float
 
     def over(self, view: View) -> View:
-        """The view as of that camera: its rays, and z along them."""
+        """The view with the rays of that camera, and z along them."""
         rays = view.camera.rays()
         longer = np.einsum("hwi,hwik,k->hw", rays[..., :2], ray_shift(rays, view.camera), self.conversion) / view.camera.ray_length() ** 2
         return replace(view, camera=self.camera, depth=(view.depth / (1.0 + longer)).astype(view.depth.dtype))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One view against the CAD at one pose: residuals along z, and how the pose moves them."""
+"""One view against the CAD at one pose: residuals along z, and their Jacobian."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearised:
-    """n pixels that both the camera and the CAD have, at the pose `T_cell_camera`.
+    """The n pixels with both a measured and a rendered depth, at the pose `T_cell_camera`.
 
     jacobian (n, 6): metres of rendered z per right perturbation of the camera's pose (x, y, z,
     rotX, rotY, rotZ); residual (n,): measured minus rendered z, metres; sigma (n,): its noise,
     metres; index (n,): flat indices into (H, W); cell: flat indices into the raster (h, w);
-    point (n, 3), normal (n, 3): where the rays hit, cell frame; part (n,): of which part of the scene; ray_length (n,).
-    bounced (n, P): metres of z that the light of each part adds (`bounced.Light`), where it was computed; lens (n, 16): what a
-    lens off the stated one adds (`lens.lens_columns`), the same.
+    point (n, 3), normal (n, 3): of the surface, cell frame; part (n,): index of the part in the scene; ray_length (n,).
+    bounced (n, P): metres of z by the light of each part (`bounced.Light`), None if not computed; lens (n, 16): metres of z by
+    errors of the lens (`lens.lens_columns`), None if not computed.
     `on_cad` counts raster pixels with a depth where the CAD has a surface too (before the cuts
     for edges and grazing): the denominator of support.
     """
@@ -76,7 +76,7 @@ def linearise(pixels: Pixels, T_cell_camera: Float, caster: Raycaster, config: W
     p_camera = z[at, None] * rays[at]
     jacobian = np.concatenate([n_camera, np.cross(p_camera, n_camera)], axis=1) / -facing[at, None]
     slope = np.sqrt(np.maximum((length[at] / facing[at]) ** 2 - 1.0, 0.0))
-    lateral = 0.3 * pixels.angle * z[at] * slope  # a third of a footprint, as depth on a slope
+    lateral = 0.3 * pixels.angle * z[at] * slope  # A third of a footprint, as depth on a slope.
     return Linearised(
         T_cell_camera=T_cell_camera,
         index=pixels.index.ravel()[at],
@@ -96,7 +96,7 @@ def linearise(pixels: Pixels, T_cell_camera: Float, caster: Raycaster, config: W
 
 
 def _edges(z: Float, normal: Float, direction: Float, facing: Float, raster: tuple[int, int], limit: float) -> Mask:
-    """(h*w,) raster points one of whose four neighbours lies off their own tangent plane."""
+    """(h*w,) raster points with one of four neighbours off the tangent plane by more than `limit`."""
     h, w = raster
     z = z.reshape(h, w)
     n, d = normal.reshape(h, w, 3), direction.reshape(h, w, 3)

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The linear mixed model of a session: unknowns all views share, unknowns of one view, sizes of both.
+"""The linear mixed model of a session: unknowns that all views share, unknowns of each view, and sizes (prior deviations) of both.
 
-Each view brings its normal equations in the order [shared unknowns | own unknowns | residual].
-Own unknowns are eliminated view by view (Schur complement), the rest is one small dense
-solve. Unknowns whose prior variance is a size to be found get it by MacKay's fixed point on
-the marginal likelihood, size^2 = |u|^2 / (n - trace(C) / size^2), with a little doubt added.
+Each view has normal equations in the order [shared unknowns | own unknowns | residual]. Own unknowns are eliminated view by view (Schur
+complement); the rest is one small dense system. Prior deviations that are to be estimated follow from MacKay's fixed point on the
+marginal likelihood, size^2 = |u|^2 / (n - trace(C) / size^2), with `DOUBT` added to n.
 """
 
 from __future__ import annotations
@@ -21,12 +20,11 @@ if TYPE_CHECKING:
 
 
 SETTLED = 0.02
-"""Change of ln size in a round below which the sizes are found."""
+"""Change of ln size in a round below which the estimate ends."""
 LITTLE = 0.05
 """Share of a kind's coefficients that the data determine below which the fixed point overshoots."""
 DOUBT = 1.0
-"""Coefficients of size zero that every kind is taken to have beside its own: one view's single
-offset is no evidence that cameras drift."""
+"""Coefficients of value zero that are added to every kind: one view's single offset is no evidence that cameras drift."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,10 +32,10 @@ class Normal:
     """Normal equations of V views.
 
     gram (V, p, p) with p = s + o + 1: weighted products of [shared | own | residual] columns;
-    where (V, s): where each view's shared columns stand among the G global unknowns;
-    info (G,), own_info (o,): inverse prior variances of what has a fixed prior, 0 elsewhere;
-    error (G,), own_error (V, o): how far the current state is from the prior's mean.
-    kinds: name -> indices among the globals; own_kinds: the same among a view's own.
+    where (V, s): places of each view's shared columns among the G global unknowns;
+    info (G,), own_info (o,): inverse prior variances of unknowns with a fixed prior, 0 elsewhere;
+    error (G,), own_error (V, o): deviation of the present state from the prior's mean;
+    kinds: name -> indices among the global unknowns; own_kinds: the same among a view's own.
     """
 
     gram: Float
@@ -60,7 +58,7 @@ class Mixed:
     """The answer: x (G,), own (V, o), cov (G, G), sizes per kind.
 
     gain (V, o, s) and own_cov (V, o, o): own = own0 - gain @ shared, and the covariance of own
-    given shared. `energy` is the weighted square that is left.
+    given shared. energy: chi-square of the residual.
     """
 
     x: Float
@@ -82,10 +80,10 @@ class Mixed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ByView:
-    """Each view's normal equations about the shared unknowns once its own are eliminated.
+    """Each view's normal equations in the shared unknowns, with its own eliminated.
 
-    H (V, s, s), b (V, s), energy (V,): priors of the view's own unknowns are in, those of the shared ones are not.
-    own0 (V, o), gain (V, o, s), own_cov (V, o, o) bring the own unknowns back: own = own0 - gain @ shared.
+    H (V, s, s), b (V, s), energy (V,): with the priors of the view's own unknowns, without those of the shared ones.
+    own0 (V, o), gain (V, o, s), own_cov (V, o, o): the own unknowns follow as own = own0 - gain @ shared.
     """
 
     H: Float
@@ -106,9 +104,9 @@ class ByView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduced:
-    """The session's normal equations once every view's own unknowns are eliminated.
+    """The session's normal equations, with every view's own unknowns eliminated.
 
-    H (G, G), b (G,) with the priors in; energy: the weighted square before the globals explain any of it; views: per view.
+    H (G, G), b (G,): with the priors; energy: chi-square with all global unknowns zero; views: the equations of each view.
     """
 
     H: Float
@@ -119,7 +117,7 @@ class Reduced:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Own:
-    """What eliminating each view's own unknowns takes: right (V, o, s), the products of own with shared columns; the rest as in `ByView`."""
+    """Intermediate results of the elimination: right (V, o, s), products of own with shared columns; the others as in `ByView`."""
 
     right: Float
     gain: Float
@@ -130,7 +128,7 @@ class Own:
 
 
 def own_eliminated(normal: Normal, prior: Float, inflate: float = 1.0) -> Own:
-    """Eliminate what is one view's own, of inverse prior variances (o,), but for the products of the shared columns; `inflate` divides all products."""
+    """Eliminate each view's own unknowns with inverse prior variances (o,), up to the products of shared columns; inflate divides all."""
     s, o, K = normal.shared, normal.own_info.size, normal.gram
     right, residual = K[:, s : s + o, :s] / inflate, K[:, :, -1] / inflate
     own_cov = np.asarray(np.linalg.inv(K[:, s : s + o, s : s + o] / inflate + np.diag(prior)), float)
@@ -147,7 +145,7 @@ def own_eliminated(normal: Normal, prior: Float, inflate: float = 1.0) -> Own:
 
 
 def by_view(normal: Normal, sizes: dict[str, float]) -> ByView:
-    """Eliminate what is one view's own (Schur complement), for given sizes in metres."""
+    """Eliminate each view's own unknowns (Schur complement), for given sizes in metres."""
     s, prior = normal.shared, normal.own_info.copy()
     for kind, size in sizes.items():
         if kind in normal.own_kinds:
@@ -158,7 +156,7 @@ def by_view(normal: Normal, sizes: dict[str, float]) -> ByView:
 
 
 def reduce(normal: Normal, sizes: dict[str, float]) -> Reduced:
-    """Eliminate what is one view's own, view by view, and sum what is left about the shared unknowns."""
+    """Eliminate each view's own unknowns, and sum the equations in the shared ones."""
     views, prior = by_view(normal, sizes), normal.info.copy()
     for kind, size in sizes.items():
         if kind in normal.kinds:
@@ -194,7 +192,7 @@ def _scatter(normal: Normal, reduced: Float, right: Float) -> tuple[Float, Float
 
 
 def _solve(H: Float, b: Float) -> tuple[Float, Float]:
-    """Inverse and solution, scaled so that metres and radians do not fight; ridge 1e-12."""
+    """Inverse and solution, with a unit diagonal so that metres and radians are of one order; ridge 1e-12."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-30))
     scaled = H * scale[:, None] * scale + 1e-12 * np.eye(len(H))
     cov = _inverse(scaled) * scale[:, None] * scale
@@ -203,7 +201,7 @@ def _solve(H: Float, b: Float) -> tuple[Float, Float]:
 
 
 def _inverse(H: Float) -> Float:
-    """Inverse by Cholesky's factor, half the work of `numpy.linalg.inv`; where rounding leaves H indefinite, by the latter."""
+    """Inverse by Cholesky's factor, in half the time of `numpy.linalg.inv`, which is used where rounding leaves H indefinite."""
     from scipy.linalg.lapack import dpotrf, dpotri
 
     factor, wrong = dpotrf(H, lower=1)
@@ -222,7 +220,7 @@ def estimate(
     high: float,
     pull: tuple[Float, Float] | None = None,
 ) -> Mixed:
-    """Solve, and find the sizes (metres, between `low` of each kind and `high`) that make the data most probable."""
+    """Solve, with the sizes (metres, between `low` of each kind and `high`) of maximum marginal likelihood."""
     answer = solve(normal, sizes, pull)
     for _ in range(rounds if sizes else 0):
         own = _own_variance(answer)
@@ -248,7 +246,7 @@ def _size(normal: Normal, answer: Mixed, kind: str, own: Float) -> float:
         posterior = float(own[:, at].sum())
         count = len(at) * len(answer.own)
     learnt = count - posterior / variance
-    # EM's step where little is learnt: it is slower but never overshoots.
+    # EM's step where the data determine little: it is slower but never overshoots.
     if learnt < LITTLE * count:
         return float(np.sqrt((square + posterior) / (count + DOUBT)))
     return float(np.sqrt(square / (learnt + DOUBT)))

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which motions the data do not determine, and how to say so: metres, degrees and axes.
+"""Degenerate directions: motions that the data do not determine, described by axes, mm and degrees.
 
-Directions are judged by what counts: how sure the data are against how sure the robot is
-(an eigenvalue threshold on the Hessian, as in Zhang 2016, has no unit a user can set; X-ICP
-and DCReg map eigenvectors to axes, and so does this).
+A direction is judged by the ratio of the data's standard deviation to the robot's. (A threshold on eigenvalues of the Hessian, as in
+Zhang 2016, has no unit that a user can set.) Eigenvectors are mapped to axes, as in X-ICP and DCReg.
 """
 
 from __future__ import annotations
@@ -21,21 +20,21 @@ if TYPE_CHECKING:
 
 AXES = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
 NO_TURN, NO_SLIDE = 0.05, 0.05
-"""Turn, and slide, in a unit direction below which it is described without one: 3 degrees beside it."""
+"""Turn and slide in a unit direction below which they are not mentioned: 3 degrees beside it."""
 SCREW = 0.2
-"""Slide along the axis of a turn, of the direction, from which it is described as both."""
+"""Slide along the axis of a turn, as a share of the unit direction, from which both are mentioned."""
 SAME_AXIS_DEG = 8.0
-"""Angle to an axis of the cell within which a direction is called by it."""
+"""Angle to an axis of the cell within which a direction has the axis's name."""
 MOST_SLIDE_M, MOST_TURN_DEG = 10.0, 180.0
-"""Standard deviations beyond which nothing is known: larger than a cell, and any turn at all."""
+"""Largest standard deviations that are stated: larger than a cell, and any rotation."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observability:
-    """What the data know of a rigid motion about `centre` with the cell's axes.
+    """Directions of a rigid motion about `centre`, with the cell's axes, that the data do or do not determine.
 
-    null (k, 6): orthonormal directions in (x, y, z, lever * rotX, lever * rotY, lever * rotZ)
-    that the data leave open; names (k,): in words; rank: 6 - k; data_std (6,) ascending:
+    null (k, 6): orthonormal degenerate directions in (x, y, z, lever * rotX, lever * rotY,
+    lever * rotZ); names (k,): in words; rank: 6 - k; data_std (6,) ascending:
     standard deviations of the data alone along the eigenvectors, metres.
     """
 
@@ -47,7 +46,7 @@ class Observability:
 
     @property
     def rank(self) -> int:
-        """How many of the six directions the data determine."""
+        """Number of the six directions that the data determine."""
         return 6 - len(self.null)
 
     def at(self, point: Float) -> Float:
@@ -61,22 +60,22 @@ class Observability:
 
 
 def centred(T_cell_frame: Float, centre: Float) -> Float:
-    """(6, 6): motion about `centre` with the cell's axes, per right perturbation of a frame."""
+    """(6, 6): Jacobian of the motion about `centre`, with the cell's axes, by a right perturbation of a frame."""
     at_centre = np.eye(4)
     at_centre[:3, 3] = centre
     return se3.adjoint(se3.inverse(at_centre) @ T_cell_frame)
 
 
 def observe(info: Float, root: Float, T_cell_frame: Float, centre: Float, *, lever: float, ratio: float) -> Observability:
-    """Split motions into known and open.
+    """Split motions into known and degenerate directions.
 
     Args:
         info: (6, 6) information of the data alone about a right perturbation of the frame.
         root: (6, 6) with root @ root.T the covariance of the robot's pose in that frame.
         T_cell_frame: the frame.
-        centre: (3,) cell frame; the point whose place is kept along open directions.
-        lever: metres that weigh like one radian.
-        ratio: a direction is known when the data's deviation is below ratio * the robot's.
+        centre: (3,) cell frame; the point about which degenerate directions turn.
+        lever: metres that count as much as one radian.
+        ratio: a direction is known if the data's standard deviation is below ratio times the robot's.
     """
     to_y = np.repeat([1.0, lever], 3)[:, None] * centred(T_cell_frame, centre)
     back = np.linalg.inv(to_y)
@@ -94,7 +93,7 @@ def observe(info: Float, root: Float, T_cell_frame: Float, centre: Float, *, lev
 
 
 def observe_block(cov: Float, prior: Float, T_cell_frame: Float, centre: Float, config: VerdictConfig) -> Observability:
-    """Split motions into known and open, from posterior and prior covariance (6, 6) of the frame."""
+    """Split motions into known and degenerate directions, from posterior and prior covariance (6, 6) of the frame."""
     root = np.linalg.cholesky(prior)
     inverse = np.linalg.inv(root)
     values, vectors = np.linalg.eigh(inverse @ cov @ inverse.T)
@@ -105,13 +104,13 @@ def observe_block(cov: Float, prior: Float, T_cell_frame: Float, centre: Float, 
 
 
 def most_disputed(seen: Observability, T_cell_frame: Float, agreeing: Float, everyone: Float, prior: Float) -> tuple[float, str]:
-    """The known direction with the least share of information from pixels that agree: that share, and the direction in words.
+    """The known direction with the least share of information from agreeing pixels: that share, and the direction in words.
 
-    A flat wall agrees with itself wherever it is slid to; what would tell the slide are few pixels, and where most of
-    those disagree the rest must not vouch for the pose.
+    A flat wall agrees wherever it is slid to, and only few pixels determine the slide. If most of these disagree, the agreement of the
+    others must not make the pose acceptable.
 
     Args:
-        seen: what the data leave open; those directions claim nothing.
+        seen: degenerate directions, which are not judged.
         T_cell_frame: the frame.
         agreeing: (6, 6) information of the pixels that agree, about a right perturbation of the frame.
         everyone: (6, 6) the same of all pixels.
@@ -129,9 +128,9 @@ def most_disputed(seen: Observability, T_cell_frame: Float, agreeing: Float, eve
 
 
 def pinned(o: Observability, T_cell_frame: Float, moved: Float, strength: float = 1e12) -> tuple[Float, Float]:
-    """Information (6, 6) and right side (6,) that hold a frame where it was along open directions.
+    """Information (6, 6) and right side (6,) that hold a frame at its former pose along degenerate directions.
 
-    `moved` (4, 4): the motion of the cell (left factor) that the frame has made already.
+    moved (4, 4): motion of the frame so far, as a left factor in the cell.
     """
     if not len(o.null):
         return np.zeros((6, 6)), np.zeros(6)
@@ -141,12 +140,12 @@ def pinned(o: Observability, T_cell_frame: Float, moved: Float, strength: float 
 
 
 def spread(direction: Float, vectors: Float, std: Float) -> float:
-    """Standard deviation along a unit direction of a Gaussian with these principal axes."""
+    """Standard deviation along a unit direction, of a Gaussian with these principal axes."""
     return float(np.sqrt((((direction @ vectors) * std) ** 2).sum()))
 
 
 def _amount(direction: Float, std: float, lever: float) -> str:
-    """A standard deviation as mm for slides and degrees for turns; capped where nothing is known."""
+    """A standard deviation in mm for slides and in degrees for turns, at most `MOST_SLIDE_M` and `MOST_TURN_DEG`."""
     if np.linalg.norm(direction[:3]) >= np.linalg.norm(direction[3:]):
         return f"±{std * 1000:.3g} mm" if std < MOST_SLIDE_M else "nothing"
     degrees = np.degrees(std / lever)
@@ -154,7 +153,7 @@ def _amount(direction: Float, std: float, lever: float) -> str:
 
 
 def describe(direction: Float, centre: Float, lever: float) -> str:
-    """A unit direction in words: slides along, turns about (through where), or screws."""
+    """A unit direction in words: a slide along an axis, a turn about an axis through a point, or both."""
     v, w = direction[:3], direction[3:] / lever
     turn = float(np.linalg.norm(w)) * lever
     if turn < NO_TURN:
@@ -179,7 +178,7 @@ def _axis(v: Float) -> str:
 
 
 def _tidy(null: Float) -> Float:
-    """The same subspace with pure slides first and everything as near the cell's axes as it can be."""
+    """Another basis of the subspace: pure slides first, and directions as near to the cell's axes as possible."""
     if not len(null):
         return null.reshape(0, 6)
     _, sizes, mix = np.linalg.svd(null[:, 3:].T, full_matrices=True)
@@ -189,7 +188,7 @@ def _tidy(null: Float) -> Float:
 
 
 def _along_axes(null: Float, part: slice) -> Float:
-    """Turn a basis within its span towards the cell's axes, best fitting first."""
+    """Rotate a basis within its span towards the cell's axes, best match first."""
     out = np.zeros((0, 6))
     while len(null):
         share = np.linalg.norm(null[:, part], axis=0)

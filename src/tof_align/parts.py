@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts that stand off their CAD, or look as if they did: a rigid motion of each, with a size of its own.
+"""Parts that are displaced from their CAD, or appear so: a rigid motion of each part, with a size of its own.
 
-A random effect per part with its own variance (automatic relevance determination, MacKay 1994): the variance of a part that agrees
-with the others goes to zero and the part holds the cameras; one that disagrees gets a large variance and no longer pulls. Multipath
-in a corner, a part put down elsewhere and a wrong CAD all move a part as a whole, first of all.
+Each part has a random effect with its own variance (automatic relevance determination, MacKay 1994). The variance of a part that agrees
+with the others goes to zero, and the part determines the cameras. A part that disagrees gets a large variance and loses its influence.
+Multipath in a corner, a displaced part and a wrong CAD all move a part mainly as a whole.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 MOTIONS = 6
 """Columns of a part: slides along the cell's axes, turns about them through the part's middle."""
 PART = "part "
-"""How the kind of a part begins; the part's index in the scene follows."""
+"""Prefix of the name of a part's kind; the part's index in the scene follows."""
 LEAST_RADIUS_M = 0.01
-"""Radius of the smallest part: keeps the turn of a single pixel finite."""
+"""Least radius of a part, so that the turn of a single pixel stays finite."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartFrames:
-    """The parts that a session sees well enough: index (P,) in the scene, middle (P, 3) of what is seen, and its radius (P,), metres."""
+    """Parts with enough pixels: index (P,) in the scene, middle (P, 3) and radius (P,) of the visible surface, metres."""
 
     index: Ints
     middle: Float
@@ -46,7 +46,7 @@ def no_parts() -> PartFrames:
 
 
 def parts_of(views: Sequence[Linearised], share: float) -> PartFrames:
-    """The parts that have this share of all pixels, where there are at least two."""
+    """The parts with at least this share of all pixels; none if there is only one."""
     part = np.concatenate([v.part for v in views])
     point = np.concatenate([v.point for v in views])
     index, of, count = np.unique(part, return_inverse=True, return_counts=True)
@@ -60,14 +60,14 @@ def parts_of(views: Sequence[Linearised], share: float) -> PartFrames:
 
 
 def counts(parts: PartFrames, view: Linearised) -> Mask:
-    """(n,) pixels that may hold the cameras: not those of a part too small for columns, which would pull as if it stood right."""
+    """(n,) pixels that may determine the cameras: not those of parts too small for columns, which would count as correctly placed."""
     return np.isin(view.part, parts.index) if len(parts.index) else np.ones(len(view.part), bool)
 
 
 def part_entries(parts: PartFrames, view: Linearised) -> tuple[NDArray[np.int32], Float]:
-    """Places and values (n, 6) of the columns of the part that each pixel sees, zero where it is none of these.
+    """Places among all 6 P columns, and values (n, 6), of the columns of each pixel's part; zero for other parts.
 
-    Of the 6 P columns in all, metres of z per metre of motion: turns count by how far they move the part's radius.
+    Values are metres of z per metre of motion: a turn counts as the motion of a point at the part's radius.
     """
     places, values = np.zeros((len(view.residual), MOTIONS), np.int32), np.zeros((len(view.residual), MOTIONS))
     at, place, normal = _normal_motion(parts, view)
@@ -79,7 +79,7 @@ def part_entries(parts: PartFrames, view: Linearised) -> tuple[NDArray[np.int32]
 
 
 def stand_off(parts: PartFrames, views: Sequence[Linearised], second: Float) -> Float:
-    """(P,) metres, RMS over what is seen: how far each part moves along its normal; second (P, 6, 6): second moment of its motion."""
+    """(P,) metres: motion of each part along its normal, RMS over its pixels; second (P, 6, 6): second moment of its motion."""
     total, count = np.zeros(len(parts.index)), np.zeros(len(parts.index))
     for view in views:
         _, place, normal = _normal_motion(parts, view)
@@ -89,7 +89,7 @@ def stand_off(parts: PartFrames, views: Sequence[Linearised], second: Float) -> 
 
 
 def _normal_motion(parts: PartFrames, view: Linearised) -> tuple[Ints, Ints, Float]:
-    """Pixels (k,) of these parts, the place of each one's part, and how its columns move it along its normal (k, 6)."""
+    """Pixels (k,) of these parts, the index of each pixel's part among them, and its motion along the normal by each column (k, 6)."""
     if not len(parts.index):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, MOTIONS))
     place = np.searchsorted(parts.index, view.part).clip(0, len(parts.index) - 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pixels of a view that take part: a raster of rays with their depth and noise."""
+"""The pixels of a view that a registration uses: a raster of rays with depth and noise."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tof_core.capture import RobotPose, View
 
 ROUNDING = 1e-4
-"""Share of a window that single precision leaves where no pixel counts."""
+"""Share of a window below which it contains no pixel: rounding of single precision."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +71,7 @@ def take_pixels(view: View, config: WeightConfig, *, pixels: int = 0) -> Pixels:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """What alignment keeps of a view: a raster of its pixels, and where the robot says it is."""
+    """The part of a view that registration keeps: a raster of its pixels, and the robot's pose."""
 
     stamp_ns: int
     station: int
@@ -91,7 +91,7 @@ class Sample:
 
 
 def sample(view: View, config: WeightConfig) -> Sample:
-    """Take what is kept of a view."""
+    """The sample of a view."""
     return Sample(view.stamp_ns, view.station, view.robot, take_pixels(view, config, pixels=config.last_pixels), config)
 
 
@@ -121,8 +121,8 @@ def _log_amplitude(amplitude: Image | None, at: tuple[Ints, ...]) -> Float | Non
 def view_sigma(view: View, config: WeightConfig, at: tuple[Ints, ...]) -> Float:
     """Standard error of the pixels `at` in metres, with the noise of few captures pooled.
 
-    The variance of n captures is itself uncertain (chi-square, n - 1 degrees of freedom);
-    it is averaged with its neighbours', which count as eight captures more.
+    The variance of n captures is itself uncertain (chi-square with n - 1 degrees of freedom). It is averaged with that of its
+    neighbours, which counts as eight captures more.
     """
     assumed = config.noise_mm * 1e-3 / np.sqrt(np.maximum(view.count, 1))
     measured = np.isfinite(view.sigma) & (view.sigma > 0) & (view.count > 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Robust weights: gross disagreement (a missing part, a foreign object) must not pull."""
+"""Robust weights, so that gross errors (a missing part, a foreign object) have no influence."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 LEAST_SPREAD_M = 1e-4
-"""Spread of residuals that are all equal: keeps a division finite."""
+"""Least spread of residuals, so that a division stays finite."""
 RIDGE = 1e-6
-"""Of the mean diagonal: keeps the step of a view that sees one plane finite."""
+"""Ridge as a share of the mean diagonal, so that the step of a view of one plane stays finite."""
 
 
 def _wrong_shares(limits: SharedLimits) -> Float:
-    """(kinds,) share of each kind of discrepancy that is taken to be wrong, in the order of `SHARED` and `LOCAL`.
+    """(kinds,) share of each fitted kind of discrepancy that is assumed wrong, in the order of `SHARED` and `LOCAL`.
 
-    Small for a function of a measured number, large for one view's own; a constant is a part of the pose's error, and of errors
-    that stick to the surface the wrong part is known (`beyond_columns`).
+    Small for functions of a measured quantity, large for errors of one view. 0 for a constant, which is part of the pose's error, and for
+    errors that belong to the surface, whose wrong share is known (`beyond_columns`).
     """
     shares = {"range": limits.measured, "amplitude": limits.measured, "image": limits.image, "bend": limits.view, "smooth": limits.view}
     return np.array([shares.get(kind, 0.0) for kind in (*SHARED, *LOCAL)])
@@ -39,7 +39,7 @@ def tukey(error: Float, width: Float | float) -> Float:
 
 
 def kernel_width(view: Linearised, error: Float, config: WeightConfig) -> Float:
-    """(n,) metres beyond which a pixel does not count, from what the fit leaves (n,)."""
+    """(n,) metres beyond which a pixel does not count, from the residuals (n,) of the fit."""
     scale = np.maximum(view.sigma, robust_std(error))
     return np.maximum(config.kernel * scale, config.kernel_floor_mm * 1e-3)
 
@@ -47,12 +47,12 @@ def kernel_width(view: Linearised, error: Float, config: WeightConfig) -> Float:
 def weigh(
     view: Linearised, error: Float, config: WeightConfig, explained: Float | None = None, beyond_columns: Float | float = 0.0
 ) -> Float:
-    """(n,) inverse variances, 1/m^2: robust, and honest about neighbours that err together.
+    """(n,) inverse variances, 1/m^2: robust, and reduced where neighbours share errors.
 
-    error (n,): metres after the fit; explained (n, kinds): metres that it attributes to the discrepancy; beyond_columns (n,): standard
-    deviation of what the discrepancy's columns cannot describe, metres. Of what is explained a share
-    is taken to be wrong (`SharedLimits`); both errors are alike within a patch of the image: columns never
-    describe all of an unmodelled error, and thousands of pixels would turn the missing part into a pose.
+    error (n,): metres after the fit; explained (n, kinds): metres that the fit attributes to the discrepancy; beyond_columns (n,):
+    standard deviation in metres of errors that the discrepancy's columns cannot describe. A share of `explained` is assumed wrong
+    (`SharedLimits`). Both errors are equal within a patch of the image: columns never describe an unmodelled error completely, and
+    thousands of pixels would turn the rest into an error of the pose.
     """
     if not len(error):
         return np.zeros(0)
@@ -65,7 +65,7 @@ def weigh(
 
 
 def first_look(view: Linearised, limits: SharedLimits) -> Float:
-    """(n,) metres after one robust step of a free pose: residuals to weigh by before anything is fitted."""
+    """(n,) metres: residuals after one robust step of a free pose, for the first weights."""
     if len(view.residual) < limits.first_pixels:
         return view.residual
     scale = float(np.median(np.abs(view.residual - np.median(view.residual)))) + LEAST_SPREAD_M

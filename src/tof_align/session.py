@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One solution of a whole session: base, arm, hand-eye, extra columns and what nobody modelled."""
+"""One solution of a whole session: bases, arm, hand-eye, extra columns and unmodelled errors."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SessionSolution:
-    """Where everything was.
+    """Poses and coefficients of a session.
 
     posed (V,): the cameras with covariance and verdict; stations (S,): their numbers;
     B (S, 4, 4): T_cell_body is really B @ T_cell_body; A (V, 4, 4); X (4, 4), X_cov (6, 6) of its
     right perturbation; theta (k,), theta_cov (k, k): coefficients of the extra columns;
-    sizes: how large the unmodelled errors are per kind, metres (what `discrepancy` lists; `part I` for part I of the scene);
-    observability (S,): what the data leave open; system: the linear system at the solution, to
-    refit with; fitted: its answer; lens: what the session shows, None where the stated one will do.
+    sizes: metres of unmodelled error per kind of `discrepancy` (`part I` for part I of the scene);
+    observability (S,): degenerate directions of each base; system: the linear system at the solution, for
+    further fits; fitted: its answer; lens: the estimated lens, None if within limits of the stated one.
     """
 
     posed: tuple[Posed, ...]
@@ -85,7 +85,7 @@ def solve_session(
         config: priors, weights, limits, and the mode.
         terms: extra columns, fitted jointly.
         theta_std: (k,) prior standard deviations of their coefficients (default: none).
-        start: a state to start from (an earlier solution's `chain`); default: the robot's.
+        start: poses to start from (an earlier solution's `chain`); default: the robot's.
 
     Raises:
         RefusedError: no view sees the CAD, or the session fits it nowhere.
@@ -105,7 +105,7 @@ def solve_samples(
     theta_std: Float | None = None,
     start: Chain | None = None,
 ) -> SessionSolution:
-    """`solve_session` on what `sample` kept of the views; `columns(v, linearised) -> (n, k)`."""
+    """`solve_session` for samples of the views; `columns(v, linearised) -> (n, k)`."""
     if not samples:
         raise RefusedError("there are no views", where="alignment", todo="record at least one still view of the parts")
     seed = chain_of(samples, config.priors)
@@ -127,7 +127,7 @@ def solve_samples(
 
 
 def _lens(system: SessionSystem[Chain], answer: Mixed, stated: Camera, least_px: float) -> Lens | None:
-    """The lens that the answer means; None within `least_px` of the stated one."""
+    """The lens by the answer's coefficients; None within `least_px` of the stated one."""
     at = system.kinds.get("lens", np.zeros(0, np.int64))
     return estimated_lens(stated, answer.x[at], system.basis.lens_m, least_px)
 
@@ -139,9 +139,9 @@ def _through(solution: SessionSolution, lens: Lens | None) -> SessionSolution:
 
 
 def _without_session(samples: Sequence[Sample], seed: Chain, caster: Raycaster, config: AlignConfig) -> SessionSolution:
-    """The ways that the session solution is measured against: a free pose per view, or the robot's own.
+    """The modes that the session solution is compared with: a free pose per view, or the robot's own.
 
-    Every view's correction stands in A; B and X are the identity.
+    A contains every view's correction; B and X are the identity.
     """
     chain, found = seed, None
     if config.mode == "per_view":
@@ -163,7 +163,7 @@ def _without_session(samples: Sequence[Sample], seed: Chain, caster: Raycaster, 
 
 
 def near(samples: Sequence[Sample], chain: Chain, caster: Raycaster, config: AlignConfig) -> Chain:
-    """The chain with every station's base brought near the CAD (arm and hand-eye as they were)."""
+    """The chain with every station's base brought near the CAD; arm and hand-eye are unchanged."""
     base = chain.base.copy()
     for s in range(len(chain.names)):
         mine = [int(v) for v in np.flatnonzero(chain.station == s)]
@@ -179,7 +179,7 @@ def _conclude(
     columns: list[Float] | None,
     seed: Chain,
 ) -> SessionSolution:
-    """Keep the robot's pose where nothing is known, judge every view, and sum up."""
+    """Keep the robot's pose along degenerate directions, judge every view, and make the solution."""
     config, g = fitter.config, seed.globals_
     seen = tuple(_observe_station(system, answer, s, seed, config) for s in range(len(seed.names)))
     kept = _keep(system, columns, answer, seen)
@@ -194,7 +194,7 @@ def _conclude(
     judged = tuple(
         in_threads(lambda v: _judge_view(fitter, system, explained[v], chain, seed, seen, disputed, words, v), range(len(system.views)))
     )
-    given = config.mode == "robot" and seed.root is not None  # poses of a board's corners: depth has no say in them
+    given = config.mode == "robot" and seed.root is not None  # Poses by a board's corners do not depend on depth.
     if not given and not any(j.accepted for j in judged):
         raise RefusedError(judged[0].reason, where="alignment", todo="check the scene, its placement and the robot's pose")
     k = 0 if columns is None else columns[0].shape[1]
@@ -217,7 +217,7 @@ def _conclude(
 
 
 def _observe_station(system: SessionSystem[Chain], answer: Mixed, s: int, seed: Chain, config: AlignConfig) -> Observability:
-    """What this station's views know of its base, all else marginalised."""
+    """Observability of a station's base by its views, with all other unknowns marginalised."""
     at = slice(6 * s, 6 * s + 6)
     centre = np.mean([seed.pose(int(v))[:3, 3] for v in np.flatnonzero(seed.station == s)], axis=0)
     return observe_block(answer.cov[at, at], np.diag(config.priors.base**2), system.rig.frame(s), centre, config.verdict)
@@ -229,7 +229,7 @@ def _keep(
     answer: Mixed,
     seen: Sequence[Observability],
 ) -> Mixed:
-    """Solve again with the base pinned to the robot's pose along what the data leave open."""
+    """Solve again with the base held at the robot's pose along degenerate directions."""
     if not any(len(o.null) for o in seen):
         return answer
     normal = system.normal(columns)
@@ -246,7 +246,7 @@ def _disputed(
     seen: Sequence[Observability],
     config: AlignConfig,
 ) -> list[tuple[float, str]]:
-    """Per station the direction of its base that its views dispute most; views that fit nowhere do not count."""
+    """For each station, the direction of its base on which its views disagree most; views that fit nowhere do not count."""
     if config.mode != "session":
         return [(1.0, "") for _ in seen]
     rig = system.rig

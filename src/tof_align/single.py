@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One view to the CAD, with the robot's pose as a prior or without one (the paper's way)."""
+"""Registration of one view to the CAD, with the robot's pose as a prior or without one (the paper's method)."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 FREE = np.diag(np.repeat([0.3, np.radians(20.0)], 3)) ** 2
-"""Covariance (6, 6) that stands for no prior: wider than any start this can converge from."""
+"""Covariance (6, 6) in place of a missing prior: wider than the range of convergence."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewAlignment:
-    """One view's pose and what speaks for it.
+    """One view's pose with its evidence.
 
     posed: pose, covariance (with the discrepancy's share), open directions, verdict in a line;
     hessian (6, 6): information of this view's pixels about the right perturbation of the camera,
@@ -50,7 +50,7 @@ class ViewAlignment:
 
     @property
     def rank(self) -> int:
-        """How many of six directions the data determine."""
+        """Number of the six directions that the data determine."""
         return self.observability.rank
 
 
@@ -61,14 +61,14 @@ def align_view(
     cov_prior: Float | None,
     config: AlignConfig | None = None,
 ) -> ViewAlignment:
-    """Align one view to the CAD, point to plane along the pixels' rays, robustly, coarse to fine.
+    """Register one view to the CAD: point to plane along the pixels' rays, with a robust kernel, coarse to fine.
 
     Args:
         view: depth in metres along z.
         caster: the scene.
-        T_prior: (4, 4) T_cell_camera the robot believes.
-        cov_prior: (6, 6) covariance of its right perturbation; None: a free pose, as the paper's
-            ICP per view has it, and then no unmodelled error is allowed for.
+        T_prior: (4, 4) T_cell_camera by the robot.
+        cov_prior: (6, 6) covariance of its right perturbation; None: a free pose, as in the paper's
+            ICP per view, without unmodelled errors.
         config: default `AlignConfig()`.
 
     A refused alignment keeps `T_prior` with its covariance (`posed.accepted` is False).
@@ -81,13 +81,13 @@ def align_view(
 
 
 def align_sample(taken: Sample, caster: Raycaster, T_prior: Float, cov_prior: Float | None, config: AlignConfig) -> ViewAlignment:
-    """`align_view` on what `sample` kept of the view."""
+    """`align_view` for the sample of a view."""
     free = cov_prior is None
     prior = FREE if cov_prior is None else np.asarray(cov_prior, float)
     if free:
         config = replace(config, discrepancy=replace(config.discrepancy, enabled=False))
     else:
-        # In one view what sticks to the object is what is smooth in the image: one kind is enough.
+        # In one view, errors of the surface are smooth in the image: one kind is enough.
         config = replace(config, discrepancy=config.discrepancy.of_one_view)
     std = np.sqrt(np.diag(prior))
     start = T_prior @ approach([taken.coarse], T_prior[None], T_prior, std, caster, config)

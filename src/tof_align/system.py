@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A session linearised once: poses, discrepancy and extra columns in one set of normal equations.
 
-`SessionSystem` holds per view the Jacobian with respect to the camera (n, 6), the residual
-(n,), the weights (n,), and how base, arm and hand-eye move the camera; extra columns are metres
-of z per unit of their coefficients.
+`SessionSystem` holds for each view the Jacobian with respect to the camera (n, 6), the residual (n,), the weights (n,), and the links
+from base, arm and hand-eye to the camera; extra columns are metres of z per unit of their coefficients.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
 
 FREE_PART_M = 0.005
-"""Size of the motion of a part that has no vote: beyond what a part or its light usually makes, and too little to let go of a base."""
+"""Metres: size of a free part's motion, larger than usual displacements and multipath, and small enough to keep a base determined."""
 R = TypeVar("R", bound=Rig)
 
 
@@ -35,9 +34,9 @@ R = TypeVar("R", bound=Rig)
 class SessionSystem(Generic[R]):
     """The linear system of a session at one state.
 
-    rig: the state (a `Chain` for a session); views: per view what `linearise` gives; weights:
-    per view (n,) inverse variances in 1/m^2 (robust, and deflated where neighbours are not
-    independent); basis, sizes: the discrepancy's columns and the sizes found for them;
+    rig: the state (a `Chain` for a session); views: each view's result of `linearise`; weights:
+    (n,) inverse variances per view in 1/m^2 (robust, and reduced where neighbours are not
+    independent); basis, sizes: the discrepancy's columns and their estimated sizes;
     theta_std: (k,) prior deviations of extra columns' coefficients, None for none.
     """
 
@@ -59,7 +58,7 @@ class SessionSystem(Generic[R]):
 
     @property
     def kinds(self) -> dict[str, Ints]:
-        """Where the columns of each kind that all views share stand among the session's unknowns."""
+        """Places of the columns of each shared kind among the session's unknowns."""
         return _kinds(self.basis, self.rig.globals_)
 
     def theta_info(self, k: int) -> Float:
@@ -71,7 +70,7 @@ class SessionSystem(Generic[R]):
         return solve(self.normal(columns, discrepancy=discrepancy), self.sizes if discrepancy else {})
 
     def camera_steps(self, answer: Mixed) -> Float:
-        """(V, 6) right perturbations of the cameras that an answer means."""
+        """(V, 6) right perturbations of the cameras by an answer."""
         return np.array([camera_step(self.rig, answer, v) for v in range(len(self.views))])
 
     def camera_cov(self, answer: Mixed, v: int) -> Float:
@@ -79,9 +78,9 @@ class SessionSystem(Generic[R]):
         return camera_cov(self.rig, answer, v)
 
     def without_each_part(self, answer: Mixed) -> Float:
-        """(P, V, 6) right perturbations of the cameras when one part after the other has no vote: free to stand anywhere.
+        """(P, V, 6) right perturbations of the cameras if one part after the other is free to be anywhere, and so has no influence.
 
-        The part's prior information is taken off the solution (Woodbury's identity), so nothing is solved again.
+        The part's prior information is subtracted from the solution (Woodbury's identity), so nothing is solved again.
         """
         at = self._part_columns
         out = np.zeros((len(at), len(self.views), 6))
@@ -97,13 +96,13 @@ class SessionSystem(Generic[R]):
 
     @property
     def _part_columns(self) -> Ints:
-        """(P, 6) where the columns of each part stand among the session's unknowns."""
+        """(P, 6) places of the columns of each part among the session's unknowns."""
         parts = len(self.basis.parts.index)
         start = self.rig.globals_ + sum(self.basis.shared) - MOTIONS * parts
         return start + np.arange(MOTIONS * parts).reshape(-1, MOTIONS)
 
     def stand_off(self, answer: Mixed, count: int) -> tuple[Float, Float]:
-        """(count,), (count,) metres by which each of the scene's parts seems to stand off its CAD, RMS along its normal, and its deviation."""
+        """(count,), (count,) metres: displacement of each part of the scene from its CAD, RMS along its normal, and its standard deviation."""
         parts, at = self.basis.parts, self._part_columns
         motion, cov = answer.x[at], answer.cov[at[:, :, None], at[:, None, :]]
         apart, std = np.zeros(count), np.zeros(count)
@@ -118,7 +117,7 @@ class SessionSystem(Generic[R]):
 
 
 def camera_step(rig: Rig, answer: Mixed, v: int) -> Float:
-    """(6,) right perturbation of a camera that an answer means."""
+    """(6,) right perturbation of a camera by an answer."""
     shared, own = rig.links(v)
     return np.asarray(shared @ answer.x[rig.where(v)] + own @ answer.own[v, : rig.own])
 
@@ -156,7 +155,7 @@ def assemble(grams: Iterable[Float], rig: Rig, basis: Basis | None, theta_info: 
     info, own_info, error, own_error = rig.prior()
     views, (shared, own) = len(own_error), (links.shape[1] for links in rig.links(0))
     moved = np.zeros((views, 6)) if shifts is None else shifts
-    # Each view's products in their place at once: those of hundreds of columns in sixty views are a quarter of a gigabyte.
+    # Each view's products are put in their place at once: those of hundreds of columns in sixty views take a quarter of a gigabyte.
     gram = np.empty((views, *(2 * (shared + m + k + own + q + 1,))))
     for v, G in enumerate(grams):
         gram[v] = _expand(G, *rig.links(v), m + k, moved[v])
@@ -173,7 +172,7 @@ def assemble(grams: Iterable[Float], rig: Rig, basis: Basis | None, theta_info: 
 
 
 def _kinds(basis: Basis | None, start: int) -> dict[str, Ints]:
-    """Where the columns of each kind that all views share stand; every part is a kind of its own."""
+    """Places of the columns of each shared kind; every part is a kind of its own."""
     if basis is None:
         return {}
     kinds = _indices(SHARED, basis.shared, start)
@@ -191,7 +190,7 @@ def _indices(names: Sequence[str], sizes: Sequence[int], start: int) -> dict[str
 
 
 def _expand(G: Float, shared: Float, own: Float, middle: int, moved: Float) -> Float:
-    """Put the links in the place of the camera's six columns; residual - jacobian @ moved in that of the residual."""
+    """Replace the camera's six columns by those of the links, and the residual by residual - jacobian @ moved."""
 
     def linked(rows: Float) -> Float:
         camera = rows[:6]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Extra columns of a session: what a caller's own terms add to the depth of each view, fitted beside the poses."""
+"""Extra columns of a session: changes of depth by a caller's own terms, fitted together with the poses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosedView:
-    """A view with the CAD rendered (pixel centres) where its camera is believed to be."""
+    """A view with the CAD rendered (at pixel centres) from the estimated pose of its camera."""
 
     view: View
     rendering: Rendering
@@ -34,7 +34,7 @@ Terms = Callable[[PosedView], Float]
 
 
 def columns_of_terms(terms: Terms, views: Sequence[View], caster: Raycaster) -> Columns:
-    """Ask for a view's columns where its camera is believed to be, and keep the raster's pixels."""
+    """The columns of a view by `terms` at the estimated pose of its camera, at the raster's pixels."""
     from tof_scene.render import render
 
     def at(v: int, lin: Linearised) -> Float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether an alignment may be trusted: support, improvement, step, and what stays unknown."""
+"""Whether a registration is accepted: by support, improvement and step; and the directions that are not determined."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """How a view agrees with the CAD at one pose.
+    """Agreement of a view with the CAD at one pose.
 
     pixels: raster pixels with a depth where the CAD has a surface; support: the share of them
     closer than `support_mm` (edges and grazing pixels left out of both); rms: metres, over
@@ -42,7 +42,7 @@ class Information:
     everyone: Float
 
     def moved(self, links: Float) -> Information:
-        """The same about a frame whose perturbation moves this one by `links` (6, 6)."""
+        """The information about another frame, whose right perturbation moves this one by `links` (6, 6)."""
         return Information(links.T @ self.agreeing @ links, links.T @ self.everyone @ links)
 
     def __add__(self, other: Information) -> Information:
@@ -54,7 +54,7 @@ def information_of(view: Linearised, weight: Float, config: AlignConfig, offset:
     """A view's information about its camera; `weight` (n,) and `offset` (n,) as in the fit."""
     near = _errors(view, config, offset) < config.verdict.support_mm * 1e-3
     plain = view.sigma**-2
-    # Pixels that were cut count as those that agree do: neighbours err together, n of them are not n measurements.
+    # Pixels that the kernel cut count as much as agreeing ones: neighbours share errors, so n of them are not n measurements.
     share = float(weight[near].sum() / plain[near].sum()) if near.any() else 1.0
     J = view.jacobian * np.sqrt(share * plain)[:, None]
     return Information(J[near].T @ J[near], J.T @ J)
@@ -68,7 +68,7 @@ def _errors(view: Linearised, config: AlignConfig, offset: Float | float) -> Flo
 
 
 def fit_of(view: Linearised, config: AlignConfig, offset: Float | float = 0.0) -> Fit:
-    """Judge a view; `offset` (n,) is a discrepancy that the fit explained, metres."""
+    """Agreement of a view; offset (n,): metres that the fit attributes to the discrepancy."""
     limit, error = config.verdict.support_mm * 1e-3, _errors(view, config, offset)
     if not len(error):
         return Fit(0, 0.0, float("nan"), limit)
@@ -79,11 +79,11 @@ def fit_of(view: Linearised, config: AlignConfig, offset: Float | float = 0.0) -
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The answer to "may I use this pose?", with its reasons.
+    """Whether a pose is accepted, with the reasons.
 
     accepted; reason: one line; seed, fit: agreement at the robot's pose and at the answer;
     step_mm, step_deg: how far the answer is from the robot's pose; step: the same in the
-    robot's standard deviations (Mahalanobis over the rank, 1 is usual); null: open directions.
+    robot's standard deviations (Mahalanobis over the rank, 1 is usual); null: degenerate directions in words.
     """
 
     accepted: bool
@@ -109,10 +109,9 @@ def judge(
 ) -> Verdict:
     """Accept or refuse, with the first reason that applies.
 
-    `cov_prior` (6, 6) is of the right perturbation of `T_seed`; None: nothing is known and no
-    step is too large. `disputed`: the known direction in which pixels disagree most: the share of
-    its information that agrees with the CAD, and the direction in words (`observability.most_disputed`).
-    `apart`: parts that disagree with the rest, in words (`apart_in_words`); "" where all agree.
+    cov_prior (6, 6): of the right perturbation of `T_seed`; None: no step is too large. disputed: the known direction in which pixels
+    disagree most, as the share of its information that agrees with the CAD, and in words (`observability.most_disputed`). apart: parts
+    that disagree with the others, in words (`apart_in_words`); "" where all agree.
     """
     limits = config.verdict
     metres, degrees = se3.distance(T_seed, T)
@@ -141,15 +140,15 @@ def _praise(null: tuple[str, ...], apart: str) -> str:
 
 
 def disagreeing(apart: Float, std: Float, config: VerdictConfig) -> Float:
-    """(P,) `apart` of the parts that disagree with the rest by more than chance, 0 of the others.
+    """(P,) `apart` of the parts that disagree with the others significantly, 0 for all others.
 
-    apart (P,): metres by which each seems to stand off its CAD, std (P,): its deviation.
+    apart (P,): metres by which each part is displaced from its CAD; std (P,): its standard deviation.
     """
     sure = (apart > config.part_mm * 1e-3) & (apart > config.part_sigma * std)
     return np.where(sure, apart, 0.0)
 
 
 def apart_in_words(names: Sequence[str], apart: Float) -> str:
-    """Which parts disagree with their CAD, largest first; "" where none does. names (P,); apart (P,) metres, 0 where one agrees."""
+    """The parts that disagree with their CAD, largest first; "" without any. names (P,); apart (P,) metres, 0 where a part agrees."""
     found = [f"{names[p]} by {1e3 * apart[p]:.0f} mm" for p in np.argsort(-apart) if apart[p] > 0]
     return "parts disagree with the CAD: " + ", ".join(found) if found else ""

@@ -2,8 +2,8 @@
 """The columns of one view, kept as products, and what is computed with them.
 
 A column of the discrepancy is a combination of raw columns by the root of a covariance. Raw columns of range, amplitude and part motion
-have few entries in a row (four cubic B-splines, six motions). Products are therefore summed over raw columns, and the small roots are
-applied to the sums: the same numbers to rounding, in a tenth of the operations.
+have few entries in a row (four cubic B-splines, six motions). Therefore products are summed over raw columns, and the small roots are
+applied to the sums. The results are the same to rounding, in a tenth of the operations.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 ORDER = ("camera", *SHARED, "extra", "offset", "image", "residual")
-"""Columns as the normal equations have them; those of the image appear twice, shared by all views and as one view's own."""
+"""Order of the columns in the normal equations; those of the image appear twice, shared by all views and for each view."""
 SPARSE = ("range", "amplitude", "part")
-"""Kinds whose raw columns are kept as entries."""
+"""Kinds whose raw columns are sparse, kept as entries."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewColumns:
     """[camera 6 | shared | extra | own | residual] for the n pixels of a view.
 
-    at: where the raw columns of each kind are; roots: what combines them, per kind (none: as they are);
+    at: places of the raw columns of each kind; roots: root of the covariance that combines them, per kind (none: not combined);
     dense (n, d): raw columns of all kinds but `SPARSE`; entries: per kind of `SPARSE` the places (n, e) among all raw columns, ascending,
     and the values (n, e) there.
     """
@@ -86,11 +86,11 @@ class ViewColumns:
         return np.asarray(self.dense[:, self.at["extra"]] @ coefficients)
 
     def beyond(self, sizes: dict[str, float], limits: SharedLimits) -> Float:
-        """(n,) deviation, metres, of errors that stick to the surface and that the columns cannot describe.
+        """(n,) standard deviation in metres of errors of the surface that the columns cannot describe.
 
-        A few dozen centres describe the smooth part of a rough process; how much is left at each place is known
-        (the Schur complement that Nystroem's columns leave out). Of the light of other parts, one bounce between matt surfaces leaves a
-        share (`limits.light`), so concave places count less.
+        A few dozen centres describe the smooth part of a rough process; the variance left at each place is known (the Schur complement
+        in Nystroem's approximation). One bounce between matt surfaces leaves the share `limits.light` of the light of other parts, so
+        concave places count less.
         """
         out = np.zeros(len(self.dense))
         if "object" in self.roots and "object" in sizes:
@@ -143,7 +143,7 @@ def columns_of(view: Linearised, basis: Basis | None = None, extra: Float | None
 
 @njit(cache=True, nogil=True)
 def _add_entries(dense: Float, place: NDArray[np.int32], value: Float, out: Float) -> None:
-    """Add to `out` the lower triangle of the products of sparse columns with dense ones and with each other; places ascend in a row."""
+    """Add to `out` the lower triangle of the products of sparse columns with dense and sparse ones; places ascend in each row."""
     d = dense.shape[1]
     for i in range(len(place)):
         for a in range(place.shape[1]):
