@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the camera's own bias adds to a pose's covariance: a surface that is seen from elsewhere is measured with another bias.
+"""The covariance that the camera's bias adds to a pose: a surface seen from another place is measured with another bias.
 
-Bias of a ToF camera is a function of range (wiggling) and of the light that returns, which goes with cos(incidence) / range^2. Where
-view and reference see a surface at the same range it cancels; after a motion its difference remains, and the pose takes a part of
-it. The size is not known beforehand: what the pose does not take shows in the residuals, and states it.
+The bias of a ToF camera is a function of range (wiggling) and of amplitude, which is proportional to cos(incidence) / range^2. If view
+and reference see a surface at the same range, it cancels. After a motion the difference remains, and the pose absorbs a part of it. Its
+size is not known beforehand; it is estimated from the residuals, which contain the other part.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ RANGE_M = 0.1
 LIGHT = 0.5
 """Distance of the knots over ln(cos / range^2): amplitude bias changes little within half of that."""
 KNOTS = 161
-"""Number of knots: 8 m of range each way; those that nothing lies at are left out."""
+"""Number of knots: 8 m of range each way; those without a point are left out."""
 SIZES_MM = np.linspace(0.0, 10.0, 101)
 """Sizes of the bias that are tried."""
 USUAL_MM = 2.0
-"""Scale of the prior (half normal) of the size: usual cameras err by one to three millimetres."""
+"""Scale of the prior (half normal) of the size: the bias of usual cameras is one to three millimetres."""
 
 
 def sights(direction: Float, normal: Float, radial: Float) -> Float:
@@ -80,7 +80,7 @@ def bias_covariance(e: Float, J: Float, weight: Float, D: Float, unknown: Unknow
 def _size(c: Float, values: Float, noise: float) -> float:
     """Root mean square size of the bias, metres, by its posterior: each coefficient has variance noise + size^2 values^2.
 
-    Only those count in which a usual bias would exceed the noise: in the others the residuals show edges and curved surfaces.
+    Only coefficients in which a usual bias would exceed the noise count: the others contain errors at edges and curved surfaces.
     """
     shows = 1e-3 * USUAL_MM * values > np.sqrt(noise)
     variance = noise + (1e-3 * SIZES_MM[:, None] * values[shows]) ** 2

@@ -20,10 +20,10 @@ class RegisterConfig:
     reach_deg: float = param(17.0, "largest rotation of the camera from the wanted pose", unit="deg", low=0.1)
     tried: int = param(8192, "starts that are scored if the near search fails", low=64)
     kept: int = param(96, "number of the best starts that are refined", low=1)
-    far_kernel_mm: float = param(80.0, "residuals beyond this do not count at the start", unit="mm", low=1.0)
-    kernel: float = param(4.0, "residuals beyond this many robust scales do not count in the end", low=1.0)
-    grazing_deg: float = param(75.0, "surfaces seen flatter than this do not count", unit="deg", low=10.0, high=89.0)
-    rounds: int = param(20, "iterations at most of each stage", low=1)
+    far_kernel_mm: float = param(80.0, "largest residual that counts at the start", unit="mm", low=1.0)
+    kernel: float = param(4.0, "largest residual that counts in the end, in robust standard deviations", low=1.0)
+    grazing_deg: float = param(75.0, "largest incidence that counts", unit="deg", low=10.0, high=89.0)
+    rounds: int = param(20, "most iterations of each stage", low=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class TrustConfig:
     min_pixels: int = param(400, "least number of pixels that both images see", low=20)
     min_overlap: float = param(0.15, "least share of the view that the reference also sees", low=0.0, high=1.0)
     min_support: float = param(0.75, "least share of those pixels that agree", low=0.0, high=1.0)
-    agree_mm: float = param(8.0, "agreeing means closer than this (and than four of their sigmas)", unit="mm", low=0.1)
+    agree_mm: float = param(8.0, "largest distance of a pixel that agrees (at most four of its sigmas)", unit="mm", low=0.1)
     rival: float = param(1.15, "the result is ambiguous if another solution's misfit is within this factor of the best one's", low=1.0)
     rival_mm: float = param(15.0, "another solution differs by at least this translation", unit="mm", low=0.1)
     rival_deg: float = param(1.5, "or by this rotation", unit="deg", low=0.01)

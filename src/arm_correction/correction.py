@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 SMALLEST_COV = 1e-18 * np.eye(6)
-"""m^2 and rad^2: a nanometre, so that two covariances of zero can be solved with."""
+"""m^2 and rad^2: a nanometre, so that a sum of two zero covariances is regular."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,7 +122,7 @@ def _refusal(
     earlier: Registration | None,
     moment: Moment,
 ) -> str:
-    """The first reason not to move, or "". Each bound is asked so that what is no number is beyond it."""
+    """The first reason not to move, or "". Comparisons are written so that NaN exceeds every bound."""
     metres, degrees = se3.distance(np.eye(4), delta)
     if not found.accepted:
         return found.reason

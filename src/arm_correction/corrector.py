@@ -44,7 +44,15 @@ class Corrector:
         reference: Reference | None = None,
         bias: Bias | None = None,
     ) -> None:
-        """`bias`: what is known of the camera, removed before a view is compared with the CAD (against a reference it cancels). `caster` allows corrections to the CAD, `reference` corrections to a stored view. Both may be given; `reference` also later."""
+        """Without reference and CAD, nothing can be proposed.
+
+        Args:
+            config: registration, acceptance, limits.
+            align: registration to the CAD.
+            caster: the CAD, for corrections to it.
+            reference: a stored view, for corrections to it; may be given later.
+            bias: known bias of the camera, removed before a view is compared with the CAD; between view and reference it cancels.
+        """
         self.config, self._align, self._caster = config or CorrectConfig(), align or AlignConfig(), caster
         self._bias = bias
         self._busy = Lock()
@@ -142,7 +150,7 @@ class Corrector:
         return posed.T_cell_camera if posed.accepted else None
 
     def _clean(self, view: View, caster: Raycaster) -> View:
-        """The view less what is known of the camera."""
+        """The view less the known bias of the camera."""
         if self._bias is None or view.robot is None:
             return view
         prior = np.diag(self._align.priors.base**2)

@@ -18,10 +18,9 @@ def misfits(
 ) -> tuple[Float, Float]:
     """(m,) mean of min(|dz| - slack, limit) of points (n, 3) under motions (m, 4, 4), against depth (H, W).
 
-    slack (n,) is what noise may do; inf where fewer than a share `least` of the points meet a depth.
-    A point that leaves the image or meets no depth is no evidence and counts `neutral`. So does a point far behind the
-    reference's surface, since it was hidden (a point in front of it would have been visible and counts in full). Also returns the
-    share (m,) of neutral points.
+    slack (n,): error by noise that does not count. The result is inf if less than the share `least` of the points meets a depth.
+    A point that leaves the image, meets no depth, or lies far behind the reference's surface, where it was hidden, is no evidence and
+    counts as `neutral`. A point in front of the surface counts in full. Also returns the share (m,) of neutral points.
     """
     h, w = depth.shape
     out, silent = np.empty(len(motions)), np.empty(len(motions))
@@ -50,7 +49,7 @@ def misfits(
 def associate(
     T: Float, points: Float, depth: Float, normal: Float, usable: Mask, rays: Float, K: Float
 ) -> tuple[Ints, Float, Float, Float]:
-    """Point to plane by projection: which points (k,) met a usable pixel and its flat index, residual (k,), J (k, 6).
+    """Point to plane by projection: indices of the points (k,) that meet a usable pixel, its flat index, residual (k,), J (k, 6).
 
     e = n . (T p - r), where r is the reference's point in the pixel that T p falls into; J = [R' n, p x R' n].
     Also the cosine (k,) of the plane against the reference's ray, by which noise along z becomes noise along n.

@@ -28,9 +28,7 @@ class LiveConfig(ColourViewOptions):
     reference: str = param(
         "", "file of the reference: read if it exists, written by ~/capture_reference; empty keeps the reference in memory"
     )
-    sensor: str = param(
-        "", "sensor.yaml of the camera: its effects are removed before a view is compared with the CAD; empty: nothing is known"
-    )
+    sensor: str = param("", "sensor.yaml of the camera: its effects are removed before a view is compared with the CAD; empty: none")
     frame: str = param("", "TF frame in which targets are given; empty: the body")
     hand_frame: str = param("", "TF frame that the arm moves to the target; empty: 'hand', else the camera itself")
     connect: str = param("", "topic to which accepted proposals are sent, such as arm_pose_commands: the arm then moves; empty: none")
@@ -41,7 +39,7 @@ class CorrectNodeConfig:
     """Parameters of the node."""
 
     correct: CorrectConfig = section(CorrectConfig, "registration, trust and limits")
-    align: AlignConfig = section(AlignConfig, "how far the robot's pose may be off")
+    align: AlignConfig = section(AlignConfig, "errors of the robot's pose")
     live: LiveConfig = section(LiveConfig, "the running node")
 
 

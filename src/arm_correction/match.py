@@ -34,7 +34,7 @@ def reference_surface(reference: Reference, config: CorrectConfig) -> Surface:
 
 
 def _straight(camera: Camera) -> tuple[Camera, Float]:
-    """The camera without distortion, and which pixel of the distorted one each of its pixels shows (-1: none)."""
+    """The camera without distortion, and for each of its pixels the pixel of the distorted one (-1: none)."""
     plain = replace(camera, distortion=())
     uv = camera.project(plain.rays())
     col, row = np.floor(uv[..., 0] + 0.5), np.floor(uv[..., 1] + 0.5)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The captures of a dwell to one depth per pixel: outliers over time are rejected, the rest averaged, with a standard error.
+"""One depth per pixel from the captures of a dwell: outliers over time are rejected, the others averaged, with a standard error.
 
 Equation 1 of Kim et al. (Appl. Sci. 2024, 14, 4595): the next average is half the last one plus half the new value.
 The newest value therefore always has weight 1/2, and the variance never falls below a third of one capture's.
@@ -190,9 +190,9 @@ def _variances(
     on_code: bool,  # noqa: FBT001  (compiled: positional)
     error2: Float,
 ) -> None:
-    """Sums of squared deviations to the variance of one capture (in their place) and to the value's squared standard error.
+    """Replace sums of squared deviations by the variance of one capture, and compute the value's squared standard error.
 
-    One capture's variance is the pixel's own, drawn towards the law's while its captures are few.
+    The variance of one capture is a weighted mean of the pixel's own and that of the law, which counts as `PRIOR_DOF` captures.
     """
     banded, share, price, least = False, 1.0, 1.0, quantum * quantum / 12
     for code in codes:

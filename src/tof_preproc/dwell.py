@@ -47,7 +47,7 @@ class Dwell:
 
     @property
     def ended(self) -> bool:
-        """Whether it takes no other capture, whatever comes: it has its most, or its capture moved."""
+        """Whether it takes no further capture: it is full, or its capture was taken in motion."""
         return self._ended or self._stack.captures >= self._config.accumulate.max_captures
 
     def takes(self, capture: Capture) -> bool:
@@ -61,7 +61,7 @@ class Dwell:
         )
 
     def add(self, capture: Capture, *, last: bool = False) -> None:
-        """Filter one capture by itself and keep it; `last`: it takes no other."""
+        """Filter one capture and keep it; last: whether no other one follows."""
         self._ended = last
         frame = Frame(capture.camera, capture.depth.copy(), capture.reason.copy(), np.zeros_like(capture.depth), capture.amplitude)
         if any(s not in ("range", "amplitude", "self") for s in self._before):

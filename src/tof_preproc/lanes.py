@@ -109,7 +109,7 @@ def bounds(
         for c in range(LANES):
             reach = max(numbers[3] * law[c], 1.01 * quantum)
             low[c], high[c] = centre[c] - reach, centre[c] + reach
-        # The expected noise is the least that the deviation is taken to be: only what lies beyond it needs the MAD.
+        # The deviation is at least the expected noise, so the MAD is needed only for pixels with depths beyond that.
         beyond = _beyond(s, n, lo, hi, low, high, np.float32(fewest))
         for c in range(LANES):
             if beyond[c]:

@@ -23,7 +23,7 @@ class LiveConfig:
     patience_s: float = param(1.0, "longest wait of a frame for its transform and amplitude", unit="s", low=0.2, high=60.0)
     view_every: int = param(
         1,
-        "captures of a dwell from one published view to the next; its last view is always published; 0: that one alone, at half the processor time, when the dwell has ended or after preproc.motion.max_gap_s without a frame",
+        "captures of a dwell from one published view to the next; the last view is always published; 0: the last view alone, at half the processor time, once the dwell has ended or after preproc.motion.max_gap_s without a frame",
         low=0,
         high=256,
     )

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 WINDOWS = (1.4, 1.9, 3.0)
 """Radii of the windows, one after the other, in radii of a disc that holds k pixels."""
 DENSE = 1.22
-"""Radius of the window that is counted, in the same unit: on a surface it holds half as many pixels again as are needed."""
+"""Radius of the window that is counted, in the same unit: on a surface it holds 1.5 times the pixels that are needed."""
 WIDE = 2.4
 """Half the side of the square that is counted next: half of it, as at a straight rim, holds more than twice as many as are needed."""
 
@@ -54,7 +54,7 @@ class Neighbourhood:
     def mean_distance(self, pixels: Ints, at_least: float = 0.0) -> Image:
         """(n,) mean distance in metres of known pixels, given by their flat index (n,), to their k nearest points.
 
-        `at_least`: a distance in metres that their k-th is known to be beyond; windows that reach less far are left out.
+        at_least: lower bound in metres of the distance to the k-th; smaller windows are left out.
         """
         out = self.mean_distance_near(pixels, at_least)
         rest = np.flatnonzero(out < 0)
@@ -74,8 +74,8 @@ class Neighbourhood:
     def beyond(self, pixels: Ints, limit: Image) -> Mask:
         """(n,) whether the mean distance of known pixels (flat indices (n,)) to their k nearest points is at least a limit (n,) in metres.
 
-        Most need no search for the nearest: the k nearest within a window bound the mean from above, and what lies outside is no
-        nearer than the window reaches, which bounds it from below. Only where the limit lies between the two is the mean found.
+        For most pixels no search is needed. The k nearest points within a window give an upper bound of the mean; the reach of the
+        window gives a lower bound. The mean is computed only where the limit lies between the two.
         """
         verdict = np.full(pixels.size, UNDECIDED, np.int8)
         rest = np.arange(pixels.size)
@@ -104,8 +104,8 @@ class Neighbourhood:
     def doubtful(self, within: Image, *, at_rims: bool = True) -> Ints:
         """(n,) flat indices of known pixels without k points closer than the distance `within` (H, W); elsewhere the mean is below it, too.
 
-        A small window of pixels is looked at, and a wider one where that does not suffice, as at the rim of a surface (not with `at_rims`
-        false, where most of them are too far from each other anyway): a pixel that is named may be as dense all the same.
+        A small window of pixels is counted, and a wider one where that does not suffice, as at the rim of a surface (not if `at_rims` is
+        false). The windows are limited, so a pixel that is returned may have k such points all the same.
         """
         rest = np.flatnonzero(self.known & ~_dense_there(self._cloud, within, self.k, self._reach, self._pad))
         if not at_rims:

@@ -33,9 +33,9 @@ SAMPLES = 4000
 The scaled limit is within 0.3 % of that from all points. Of recorded frames 1 pixel in 20 000 is decided otherwise; of a noisy
 slanted plane, whose far end the paper's filter cuts, 13 in 10 000 (`python -m benchmarks --only preproc`)."""
 FAR_BEYOND = 1.3
-"""Multiple of the limit as a sample gives it, beyond which every distance enters the final limit: these make its heavy tail."""
+"""Multiple of the sample's limit beyond which every distance enters the final limit: these make the heavy tail."""
 LONE_SHARE = 0.1
-"""Largest share of a sample whose distances are taken to be infinite; medians bear up to a half, less what lies beyond them otherwise."""
+"""Largest share of a sample whose distances are set to infinity; a median tolerates up to a half."""
 FLATTEST = 0.1
 """Least cosine of incidence in the expected spacing."""
 
@@ -55,7 +55,7 @@ def _beyond_scaled(cloud: Neighbourhood, frame: Frame, ratio: float) -> Ints:
     """Flat indices of the pixels whose distance, in units of the spacing expected there, is beyond the limit."""
     unit = spacing(frame.depth, frame.camera)
     _, some = _some(cloud)
-    some = some[np.isfinite(unit.ravel()[some])]  # Beside pixels where the lens model folds over nothing is expected.
+    some = some[np.isfinite(unit.ravel()[some])]  # Where the lens model folds over, no spacing is expected.
     if some.size < 2:
         return some[:0]
     limit = scaled_threshold(_beyond_medians(cloud, some) / unit.ravel()[some], ratio)
@@ -65,9 +65,9 @@ def _beyond_scaled(cloud: Neighbourhood, frame: Frame, ratio: float) -> Ints:
 
 
 def _beyond_medians(cloud: Neighbourhood, pixels: Ints) -> Image:
-    """(n,) mean distances in metres for medians, which do not ask how far a lone point is: infinite beyond the widest window.
+    """(n,) mean distances in metres, infinite beyond the widest window, which a median tolerates.
 
-    Where many points are lone, as in a sparse cloud, all are measured.
+    If many points are that far apart, as in a sparse cloud, all distances are computed.
     """
     near = cloud.mean_distance_near(pixels)
     lone = near < 0
@@ -79,7 +79,7 @@ def _beyond_medians(cloud: Neighbourhood, pixels: Ints) -> Image:
 def _beyond(cloud: Neighbourhood, frame: Frame, ratio: float) -> Ints:
     """Flat indices of the pixels whose distance in metres is beyond the limit.
 
-    Outliers make most of the standard deviation: all pixels that may be far beyond the limit enter it, of the others a sample.
+    Outliers dominate the standard deviation. Therefore it contains all pixels that may be far beyond the limit, and a sample of the others.
     """
     known, some = _some(cloud)
     distance = np.full(frame.depth.size, np.float32(np.nan))

@@ -27,7 +27,7 @@ PAIR, FAN = float(np.sqrt(2.0)), SECOND_DIFFERENCE_STD
 ROUNDED = np.float32(1 - 1e-5)
 """Factor that takes a float32 limit below the same limit in float64."""
 LOST = np.float32(1e-6)
-"""Share of a depth that a second difference of 1/z in float32 may be wrong by: eight roundings of half an ulp."""
+"""Relative error of a depth by a second difference of 1/z in float32: eight roundings of half an ulp."""
 AXES = np.array([[0, 1], [1, 0]])
 """Rows and columns: every edge crosses one of them. Along a diagonal, a clean corner would look like a mixed pixel."""
 
@@ -104,8 +104,8 @@ def _gentler(a: np.float32, b: np.float32) -> np.float32:
 def _mixed(depth: Image, sigma: Image, axes: Ints, ratio: float, pitch: float) -> Mask:
     """Pixels (H, W) that, along a row or a column, lie at a step or a hole and continue neither side of it.
 
-    Nearly all pixels are as deep as their neighbours or in line with two of them. Passes over rows without a branch, eight pixels
-    with one instruction, find these in float32; the others are looked at one by one.
+    Nearly all pixels are as deep as their neighbours or in line with two of them. Branch-free passes over rows, eight pixels per
+    instruction, find these in float32; the others are tested one by one.
     """
     height, width = depth.shape
     out = np.zeros((height, width), np.bool_)

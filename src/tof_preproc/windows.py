@@ -21,8 +21,8 @@ LANES = 64
 STEPS = 6
 """Secant steps to the k-th distance."""
 DECISIVE = 2.0
-"""Distance in limits within which a window's k nearest are looked for to decide that their mean is below the limit: evenly spread points
-within 1.5 limits have the limit as their mean."""
+"""Radius, in multiples of the limit, of the search for the k nearest that decides whether their mean is below the limit: points spread
+evenly within 1.5 limits have the limit as their mean."""
 WITHIN, BEYOND, UNDECIDED = 0, 1, 2
 """Whether a pixel's mean distance is below its limit, at least that, or not known."""
 

@@ -16,15 +16,15 @@ class LabelConfig:
     cad_sigma_mm: float = param(0.1, "standard deviation of the real surface from its CAD, along the normal", unit="mm", low=0.0, high=50.0)
     unseen_offset_mm: float = param(
         2.0,
-        "standard deviation of the label from a constant range offset of the camera, which no one-sided session can see "
-        "(3 mm of it move the label of a panel by 2 mm); lower it to what a calibration on a reference vouches for",
+        "standard deviation of the label by a constant range offset of the camera, which a session from one side does not determine "
+        "(an offset of 3 mm moves the label of a panel by 2 mm); lower it if a calibration on a reference states less",
         unit="mm",
         low=0.0,
         high=100.0,
     )
     open_mm: float = param(
         2.0,
-        "what a session leaves open of its labels beside the unseen offset (one standard deviation, median), from which toftwin label says that they are unsure",
+        "standard deviation of the labels without the unseen offset (median of a session) from which toftwin label prints a warning",
         unit="mm",
         low=0.0,
         high=100.0,
@@ -33,6 +33,6 @@ class LabelConfig:
     edge_px: float = param(0.05, "least uncertainty of a silhouette in the image", unit="px", low=0.0, high=5.0)
     max_incidence_deg: float = param(85.0, "labels seen at a flatter angle are masked", unit="deg", low=0.0, high=90.0)
     max_sigma_mm: float = param(
-        10.0, "labels less certain than this are masked: at silhouettes the pose decides which surface a pixel sees", unit="mm", low=0.01
+        10.0, "labels with a larger sigma are masked: at silhouettes the pose decides which surface a pixel sees", unit="mm", low=0.01
     )
-    world: WorldLimits = section(WorldLimits, "where the world is not as the CAD has it")
+    world: WorldLimits = section(WorldLimits, "where measurement and CAD contradict each other")

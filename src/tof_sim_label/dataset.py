@@ -139,7 +139,7 @@ class Dataset:
         self._arrays: dict[str, Any] = {}
 
     def lens(self, view: int) -> Camera:
-        """The camera through which a view's label was rendered: `camera`, or what its session shows the lens to be."""
+        """The camera with which a view's label was rendered: `camera`, or that with the lens estimated from its session."""
         values = self._lenses[view] if view < len(self._lenses) else None
         return self.camera if values is None else schema.camera_of(values)
 

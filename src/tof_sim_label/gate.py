@@ -28,7 +28,7 @@ class RadialGate:
         """Check one view.
 
         Raises:
-            RefusedError: flat surfaces are bent as radial distance taken for z bends them.
+            RefusedError: flat surfaces appear bent as they do if radial distance is read as z.
         """
         if self._left <= 0:
             return
@@ -36,6 +36,6 @@ class RadialGate:
         wide = None if abs(found.suspicion - 0.5) > SURE - 0.5 else wide_bend(view.depth, view.camera)
         if found.suspicion > SURE or (wide is not None and wide.radial):
             bend = 1e3 * wide.metres if wide is not None else found.bend_z_mm
-            msg = f"a plane bends: the depth looks radial (what is flat is off by {bend:.0f} mm when read as z)"
+            msg = f"a plane bends: the depth looks radial (read as z, a flat surface is off by {bend:.0f} mm)"
             raise RefusedError(msg, where=f"depth at {view.stamp_ns * 1e-9:.3f} s", todo="pass --depth radial")
         self._left = 0 if found.suspicion < 1 - SURE or wide is not None else self._left - 1

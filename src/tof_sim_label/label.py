@@ -53,11 +53,11 @@ def label_view(
 
     Args:
         view: the view.
-        posed: where its camera was.
+        posed: the solved pose of its camera.
         caster: the scene.
         config: uncertainty and mask.
-        world: (H, W) where the world is not as the CAD has it, by all views of the session (`session_surprises`); None: this
-            view is judged by itself.
+        world: (H, W) reasons where measurement and CAD contradict each other in all views of the session (`session_surprises`);
+            None: this view is judged by itself.
         rendering: of the scene at that pose, where the caller has it.
     """
     from tof_scene.render import render
@@ -90,7 +90,7 @@ def _reasons(view: View, rendering: Rendering, sigma: Image, world: Bytes, confi
         LabelReason.NO_CAD: ~np.isfinite(sigma),
         LabelReason.ROBOT: view.reason == Reason.SELF,
         LabelReason.GRAZING: rendering.incidence > np.radians(config.max_incidence_deg),
-        LabelReason.ABSENT: world == LabelReason.ABSENT,  # what the solution finds an absent part to stand off makes it uncertain, too
+        LabelReason.ABSENT: world == LabelReason.ABSENT,  # Before UNCERTAIN: an absent part appears displaced, which raises sigma, too.
         LabelReason.UNCERTAIN: sigma > config.max_sigma_mm * 1e-3,
     }
     return np.select(list(applies.values()), [np.uint8(code) for code in applies], world)

@@ -41,7 +41,7 @@ def label_session(
 ) -> tuple[SessionSolution, Labels]:
     """Final labels of a whole session (batch): its solution, and its views with their labels.
 
-    `bias`: what is known of the camera, removed before the poses are solved.
+    bias: known bias of the camera, removed before the poses are solved.
 
     Raises:
         RefusedError: the session fits the CAD nowhere, there is none, or its depth is radial, not z.

@@ -15,11 +15,11 @@ class LiveConfig(ViewOptions):
     """Parameters that only the running node has."""
 
     settle_s: float = param(
-        2.5, "a view is labelled after this time without another one; 0: only when the next dwell begins", unit="s", low=0.0, high=3600.0
+        2.5, "time without another view after which a view is labelled; 0: when the next dwell begins", unit="s", low=0.0, high=3600.0
     )
     share: float = param(
         0.0,
-        "largest share of a core for labels, which are then made beside the views that come; a dwell that ends while it is used up has no label, which is counted; 0: every dwell has its label, and views wait for it",
+        "largest share of a core for labels, which are then made in a thread of their own; a dwell that ends while the share is used up gets no label, and is counted; 0: every dwell gets its label, and views wait for it",
         low=0.0,
         high=1.0,
     )

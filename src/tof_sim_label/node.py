@@ -55,11 +55,11 @@ OUTPUTS = {
 SHARED = {"label/path": Path, "scene/markers": MarkerArray}
 """Latched topics for RViz: the corrected camera since the session began, and the CAD."""
 SKIPPED = "skipped"
-"""Among the verdicts: a dwell that has no label because `live.share` was used up."""
+"""Verdict of a dwell without a label because `live.share` was used up."""
 LONGEST_PATH = 1000
 """Poses: a day of views, 60 kB a message."""
 SETTLE_TICKS = 5
-"""How often a node looks, within `live.settle_s`, whether it has passed: each look wakes the node."""
+"""Checks per `live.settle_s` whether this time has passed; each check wakes the node."""
 CONFIG = LabelNodeConfig
 
 
@@ -89,11 +89,11 @@ class LabelNode(ManagedNode[LabelNodeConfig]):
         self._caster = Raycaster(self._scene)
         self._bias = known_bias(live.sensor)
         warming = ThreadPoolExecutor(1)
-        self._warm = warming.submit(warm_up, self._caster)  # while the middleware finds preproc, whose views are taken meanwhile
+        self._warm = warming.submit(warm_up, self._caster)  # While the middleware connects to preproc.
         warming.shutdown(wait=False)
 
     def start(self) -> None:
-        """Hear `preproc` and TF; a session begins."""
+        """Subscribe to `preproc` and TF; a session begins."""
         live = self.config.live
         self._stream = LabelStream(self._caster, self.config, self._bias)
         self._frames = Frames(self) if live.publish_tf else None

@@ -7,7 +7,7 @@ from enum import IntEnum
 
 
 class LabelReason(IntEnum):
-    """Codes of `views/reason`; 0 is a pixel with mask 1. Of several reasons the first that applies, in the order of the codes, but `ABSENT` goes before `UNCERTAIN`."""
+    """Codes of `views/reason`; 0 is a pixel with mask 1. If several apply, the lowest code is stored, but `ABSENT` before `UNCERTAIN`."""
 
     USABLE = 0
     POSE = 1
@@ -21,14 +21,14 @@ class LabelReason(IntEnum):
     UNCERTAIN = 5
     """The label's sigma is too large: a silhouette."""
     ABSENT = 6
-    """Of a part that is not there, by all views."""
+    """Pixel of a part that is absent by all views."""
     FOREIGN = 7
     """Measured before the CAD: an object that the CAD lacks, a hand, a displaced part."""
     BEHIND = 8
     """Measured behind the CAD: something is missing there, or displaced."""
     DISPLACED = 9
-    """Of a part that stands elsewhere: something of its size is measured beside its place, which is empty."""
+    """Pixel of a displaced part: its place is empty, and an object of its size is measured beside."""
 
 
 WORLD = (LabelReason.ABSENT, LabelReason.FOREIGN, LabelReason.BEHIND, LabelReason.DISPLACED)
-"""Reasons that say that the world is not as the CAD has it."""
+"""Reasons by which measurement and CAD contradict each other."""
