@@ -36,7 +36,9 @@ def main() -> int:
         "--only", action="append", default=[], metavar="NAME", help="numbers whose name begins so, such as gap.noise; may be repeated"
     )
     parser.add_argument("--table", action="store_true", help="print what was measured and stop")
-    parser.add_argument("--write", action="store_true", help="renew benchmarks/limits.json, which docs/limits.md is made of")
+    parser.add_argument(
+        "--write", action="store_true", help="renew the measured rows of benchmarks/limits.json, which docs/limits.md is made of"
+    )
     args = parser.parse_args()
     log = args.out / "trials.jsonl"
     if not args.table:
@@ -50,6 +52,7 @@ def main() -> int:
     rows = results.rows(results.read(log))
     print("\n".join(results.text(row) for row in rows))
     if args.write:
+        rows = results.renewed(json.loads(PAGE.read_text())["rows"], rows)
         PAGE.write_text(json.dumps({"measured": f"{time.strftime('%Y-%m-%d')}", "rows": rows}, indent=1) + "\n")
     return 0
 

@@ -45,6 +45,12 @@ def rows(lines: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
+def renewed(before: Iterable[dict[str, Any]], measured: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows of a table, replaced where they were measured again, in the order of `--settings`; numbers that no longer exist are dropped."""
+    by_name = {row["name"]: row for row in (*before, *measured)}
+    return [by_name[name] for of in SECTIONS for info in numbers(of) if (name := f"{of}.{info.name}") in by_name]
+
+
 def _row(name: str, lines: list[dict[str, Any]]) -> dict[str, Any]:
     tried = {line["session"] for line in lines}
     row: dict[str, Any] = {"name": name, "sessions": len(tried), "read": len({line["session"] for line in lines if line["read"]})}

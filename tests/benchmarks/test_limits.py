@@ -83,6 +83,15 @@ def test_the_last_commit_counts() -> None:
     assert (row["code"], row["halved"]["changed"], row["halved"]["most"]) == ("new", 0, 1.0)
 
 
+def test_a_row_that_is_measured_again_replaces_the_one_before_and_others_stay() -> None:
+    def row(name: str, sessions: int) -> dict[str, Any]:
+        return {"name": name, "sessions": sessions}
+
+    before = [row("gap.noise.burst", 4), row("gap.noise.extra_mm", 4), row("gap.noise.gone", 4)]
+    rows = results.renewed(before, [row("align.iterations", 2), row("gap.noise.burst", 2)])
+    assert [(r["name"], r["sessions"]) for r in rows] == [("gap.noise.extra_mm", 4), ("gap.noise.burst", 2), ("align.iterations", 2)]
+
+
 def test_a_line_that_was_cut_off_is_left_out(tmp_path: Path) -> None:
     path = tmp_path / "trials.jsonl"
     path.write_text(json.dumps(line("a", 0.5)) + "\n" + json.dumps(line("b", 0.5))[:20])
