@@ -25,8 +25,6 @@ class Linearised:
     point (n, 3), normal (n, 3): of the surface, cell frame; part (n,): index of the part in the scene; ray_length (n,).
     bounced (n, P): metres of z by the light of each part (`bounced.Light`), None if not computed; lens (n, 16): metres of z by
     errors of the lens (`lens.lens_columns`), None if not computed.
-    `on_cad` counts raster pixels with a depth where the CAD has a surface too (before the cuts
-    for edges and grazing): the denominator of support.
     """
 
     T_cell_camera: Float
@@ -42,7 +40,6 @@ class Linearised:
     normal: Float
     log_amplitude: Float | None
     part: Ints
-    on_cad: int
     bounced: Float | None = None
     lens: Float | None = None
 
@@ -91,7 +88,6 @@ def linearise(pixels: Pixels, T_cell_camera: Float, caster: Raycaster, config: W
         normal=normal[at],
         log_amplitude=None if pixels.log_amplitude is None else pixels.log_amplitude.ravel()[at],
         part=hits.part[at].astype(np.int64),
-        on_cad=int(both.sum()),
     )
 
 

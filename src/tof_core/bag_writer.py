@@ -75,7 +75,7 @@ class BagWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        """Finish the bag, also after an error: what was written stays readable."""
+        """Finish the bag, also after an error: messages written so far stay readable."""
         if self._writer is None:
             return
         try:

@@ -106,7 +106,7 @@ class CaptureBuilder:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what waits (the clock was set back); the camera is kept."""
+        """Drop waiting messages (the clock was set back); the camera is kept."""
         self._frames: deque[_Frame] = deque()
         self._amplitude, self._colour = Joined([], []), Joined([], [])
         self._temperatures: list[tuple[int, float]] = []

@@ -30,7 +30,7 @@ def param(
     choices: tuple[str, ...] = (),
     why: str = "",
 ) -> Any:
-    """A field of a configuration: its default, what it means, its unit and its bounds, and why it has this default."""
+    """A field of a configuration: default, meaning, unit, bounds, and the reason for the default."""
     return field(default=default, metadata={"text": text, "unit": unit, "low": low, "high": high, "choices": choices, "why": why})
 
 

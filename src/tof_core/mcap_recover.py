@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MCAP files without an end: what a killed recorder left, read up to the last whole message.
+"""MCAP files without an end, as a killed recorder leaves them, read up to the last whole message.
 
 Follows the MCAP specification (records of opcode, length, content; mcap.dev/spec).
 """

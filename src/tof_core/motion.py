@@ -64,35 +64,16 @@ class MotionConfig:
     turn_deg_s: float = param(1.0, "a camera that turns faster counts as moving", unit="deg/s", low=0.001, high=1000.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Twist:
-    """How fast the camera moves: metres and degrees per second."""
-
-    speed: float
-    turn: float
-
-
 def camera_velocity(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, window_s: float) -> Float | None:
     """(6,) mean velocity of the camera over stamp ± window in its own axes (m/s, rad/s), or None where TF has no data.
 
-    Where TF covers only one side of the stamp (live, the future is not here yet), that side counts.
+    Where TF covers only one side of the stamp (live, the later side is still missing), that side counts.
     """
     half = round(window_s * 1e9)
     ends = [T for s in (stamp_ns - half, stamp_ns, stamp_ns + half) if (T := _pose(transforms, cell, camera, s)) is not None]
     if len(ends) < 2:
         return None
     return np.asarray(se3.log(se3.inverse(ends[0]) @ ends[-1]) / (window_s * (len(ends) - 1)))
-
-
-def camera_twist(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int, window_s: float) -> Twist | None:
-    """Mean speed of the camera in the cell over stamp ± window, or None where TF has no data."""
-    return _twist(camera_velocity(transforms, cell, camera, stamp_ns, window_s))
-
-
-def _twist(velocity: Float | None) -> Twist | None:
-    if velocity is None:
-        return None
-    return Twist(float(np.linalg.norm(velocity[:3])), float(np.degrees(np.linalg.norm(velocity[3:]))))
 
 
 def _pose(transforms: TransformBuffer, cell: str, camera: str, stamp_ns: int) -> Float | None:
@@ -116,5 +97,7 @@ def is_still(
 
 def is_slow(velocity: Float | None, config: MotionConfig) -> bool:
     """Whether a camera's velocity (6,), as of `camera_velocity`, counts as standing still; False where it is not known."""
-    twist = _twist(velocity)
-    return twist is not None and twist.speed * 1e3 <= config.speed_mm_s and twist.turn <= config.turn_deg_s
+    if velocity is None:
+        return False
+    speed, turn = np.linalg.norm(velocity[:3]), np.degrees(np.linalg.norm(velocity[3:]))
+    return bool(1e3 * speed <= config.speed_mm_s and turn <= config.turn_deg_s)

@@ -227,7 +227,7 @@ class TransformBuffer:
 
 
 def _checked(sent: StampedTransform) -> Motion:
-    """Refuse what is not finite; normalise the quaternion."""
+    """Refuse numbers that are not finite; normalise the quaternion."""
     x, y, z, qx, qy, qz, qw = sent.motion
     n = math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
     if not math.isfinite(n + x + y + z) or abs(n - 1.0) > 1e-2:

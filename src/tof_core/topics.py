@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which topic is what: by type, by words in the name, by sibling; never by a silent guess.
+"""Finds the topics of depth, amplitude and others: by type, by words in the name, by sibling; never by a silent guess.
 
 Default names are spot_ros2's (`/depth/hand/image`, ...) under any namespace.
 """

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tof_core import se3
-from tof_core.motion import MotionConfig, StationConfig, StationTracker, camera_twist, camera_velocity, is_still
+from tof_core.motion import MotionConfig, StationConfig, StationTracker, camera_velocity, is_still
 from tof_core.tf import TransformBuffer
 
 MS = 1_000_000
@@ -54,13 +54,6 @@ def test_the_velocity_is_the_camera_s_own() -> None:
     velocity = camera_velocity(moving(0.2, 0.1), "cell", "camera", 500 * MS, 0.04)
     assert velocity is not None
     np.testing.assert_allclose(velocity, [0.2, 0, 0, 0, 0, 0.1], atol=1e-6)
-
-
-def test_the_twist_is_speed_and_turn() -> None:
-    twist = camera_twist(moving(0.2, 0.0), "cell", "camera", 500 * MS, 0.04)
-    assert twist is not None
-    assert twist.speed == pytest.approx(0.2)
-    assert twist.turn == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(

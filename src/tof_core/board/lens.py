@@ -24,7 +24,7 @@ LENS_SHARE = 0.1
 """Share of the squared reprojection error that another lens must take before the stated one is wrong: of a lens calibrated with other boards
 half the frames of a session leave 1 to 5 %, of one without its distortion 18 to 27 %."""
 USUAL_SD = (3.0, 3.0, 0.05, 0.1, 1e-3, 1e-3)
-"""Deviations of (cx, cy, k1, k2, p1, p2) between two calibrations of one lens, pixels and ratios: what is known before any corner is seen."""
+"""Prior standard deviations of (cx, cy, k1, k2, p1, p2), pixels and ratios: those between two calibrations of one lens."""
 STEPS = (0.5, 0.5, 1e-3, 1e-3, 1e-4, 1e-4)
 """Steps of the same for differences: a tenth of a pixel in the image, far above rounding."""
 
