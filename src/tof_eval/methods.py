@@ -24,7 +24,7 @@ METHODS = ("raw", "rules", "corrected", "model")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """A method's answer for one view: depth (H, W) metres, NaN where it gives none; its own sigma (H, W) or None; run time in seconds."""
+    """Result of a method for one view: depth (H, W) metres, NaN where none; its sigma (H, W) or None; run time in seconds."""
 
     depth: Image
     sigma: Image | None
@@ -32,7 +32,7 @@ class Estimate:
 
 
 class Method(Protocol):
-    """A way to repair depth. `frames`: how many captures of a view it takes."""
+    """A method that repairs depth; frames: number of captures of a view that it uses."""
 
     name: str
     frames: int

@@ -16,7 +16,7 @@ WORDS = {"raw": "raw depth", "rules": "the filters", "corrected": "the filters a
 LOST = 0.005
 """Share of pixels without a depth that is worth a word."""
 WON = 0.1
-"""Share of the error that more captures must win before they are recommended: each takes its time."""
+"""Share of the error that more captures must remove before they are recommended, since each takes time."""
 
 
 def called(name: str) -> str:

@@ -144,7 +144,7 @@ class Inspector:
         return ReferenceSession(parts)
 
     def _solved(self, views: Sequence[View], progress: Callable[[str], None]) -> tuple[Sequence[View], SessionSolution]:
-        """The views less what is known of the camera, seen through the lens that they show, and their poses."""
+        """The views less the known bias of the camera, with the estimated lens, and their poses."""
         if not views:
             raise RefusedError("there is no view to judge", where="inspection", todo="toftwin doctor lists what the input lacks")
         progress("poses of all views")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels of a view that a part may fill, and what a motion of the part does to them."""
+"""Pixels of a view that a part may fill, and their change by a motion of the part."""
 
 from __future__ import annotations
 

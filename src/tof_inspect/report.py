@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "toftwin.inspection/1"
 ORDER = {"absent": 0, "displaced": 1, "not_observable": 2, "present": 3}
-"""Order of the states on the page: what needs a hand first."""
+"""Order of the states on the page: parts that need attention first."""
 
 PICTURE_PX = 900
 """Width of a part's picture: as wide as a page shows it."""

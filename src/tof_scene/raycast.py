@@ -98,7 +98,7 @@ class Raycaster:
 
     @cached_property
     def outline(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Mask]:
-        """Edges that may bound what is seen (see `seams.outline_edges`), found when first asked for."""
+        """Edges that may be outlines in an image (see `seams.outline_edges`), computed on first use."""
         return outline_edges(self._edges, self.face_normal)
 
     @cached_property

@@ -38,7 +38,7 @@ class Rendering:
 
 
 def depth_only(camera: Camera, depth: Image) -> Rendering:
-    """A rendering of which depth (H, W) alone is known, seen from the origin of the cell: no part, no normal, no second surface."""
+    """A rendering with depth (H, W) alone, from the origin of the cell: without parts, normals and second surfaces."""
     unknown = np.broadcast_to(np.float32(np.nan), camera.shape)
     part, face = np.broadcast_to(np.int16(-1), camera.shape), np.broadcast_to(np.int32(-1), camera.shape)
     normal = np.broadcast_to(np.float32(np.nan), (*camera.shape, 3))

@@ -74,7 +74,7 @@ class Scene:
     digest: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse an empty scene and names used twice; digest what is there."""
+        """Refuse an empty scene and names used twice; compute the digest."""
         names = [part.name for part in self.parts]
         if not names:
             raise SceneError("the scene has no parts", where=self.folder)

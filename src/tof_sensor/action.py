@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Captures that tell effects apart: what to do in words, where the camera goes, what else changes."""
+"""Captures that separate effects: the action in words, the camera's pose, and other changes."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ class Knots(NamedTuple):
 
 
 class CurveEffect(Effect):
-    """Base of effects whose mechanism says on what the error depends, and not how.
+    """Base of effects whose mechanism determines the quantity that the error depends on, but not the function.
 
     The fields `knots` (k,), ascending, and `values` (k,), metres along the ray at them, are the free form: piecewise linear, constant
     beyond the ends. Both are empty in the forms with a formula. A table that a factory measured on another unit bends as no formula does.

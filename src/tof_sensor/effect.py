@@ -106,7 +106,7 @@ class Effect(ABC):
     IN_CHAIN: ClassVar[bool] = False
     """Whether it is a member of the chain of poses, which the solution frees in place of columns."""
     SMEARS: ClassVar[bool] = False
-    """Whether it moves what edges show, and by that the poses that edges hold."""
+    """Whether it shifts depth edges, and with them the poses that edges determine."""
     AT_EDGES: ClassVar[bool] = False
     """Whether it errs most at edges, which are in no fit: its size is that of its map on all pixels."""
     FINER: ClassVar[tuple[Finer, ...]] = ()
@@ -142,7 +142,7 @@ class Effect(ABC):
 
     @property
     def rivals(self) -> tuple[str, ...]:
-        """Effects that leave the same trace as it does with these parameters."""
+        """Effects that cannot be distinguished from it at these parameters."""
         return ()
 
     @property
@@ -199,7 +199,7 @@ class Effect(ABC):
         return replace(frame, depth=frame.depth + self.bias(frame))
 
     def camera(self, stated: Camera) -> Camera:
-        """The camera as it is where `stated` is what CameraInfo says: the same, unless the effect is the lens's."""
+        """The true camera, if CameraInfo states `stated`: the same, unless the effect changes the lens."""
         return stated
 
     def published(self, stated: Camera) -> Float:
@@ -228,7 +228,7 @@ class Effect(ABC):
 
     @property
     def smooth(self) -> Effect:
-        """The effect without what single pixels err by: the same, unless it has such."""
+        """The effect without offsets of single pixels: the same, unless it has such."""
         return self
 
     # noise --------------------------------------------------------------------------------------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rendered view on its way through the sensor: what each effect reads and changes."""
+"""A rendered view on its way through the sensor model, which each effect reads and changes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LIGHT_M_PER_S = 299_792_458.0
 MOVING_M_S = 5e-3
 """Speed from which a view counts as taken in motion: 0.1 mm within an exposure of 20 ms."""
 GRAZING = 0.1
-"""Cosine of incidence below which surfaces count as seen at this one: what grazes more is in no fit."""
+"""Least cosine of incidence in formulas; surfaces at a flatter angle are in no fit."""
 MOVING_RAD_S = float(np.radians(0.5))
 """The same as a turn rate."""
 
@@ -50,7 +50,7 @@ class Context:
 
 
 def in_motion(twist: Float) -> bool:
-    """Whether a camera of this velocity (6,), m/s and rad/s, takes a view in motion."""
+    """Whether a camera with this velocity (6,), m/s and rad/s, counts as moving."""
     return bool(np.linalg.norm(twist[:3]) > MOVING_M_S or np.linalg.norm(twist[3:]) > MOVING_RAD_S)
 
 

@@ -138,7 +138,7 @@ def _gather(
     patches: Float,
     waves: float,
 ) -> ComplexImage:
-    """(n,) sum of what every patch sends to each pixel, seen as its group's middle pixel sees it."""
+    """(n,) sum of the light of all patches at each pixel, computed for the middle pixel of its group."""
     w = points.shape[1]
     out = np.zeros(len(at), np.complex128)
     receiver = receivers[at]

@@ -30,12 +30,12 @@ STEP = 3
 STEEPEST = 0.25
 """Cosine of the incidence below which amplitude is not asked for albedo."""
 ROUNDING = 1e-4
-"""Velocity (m/s, rad/s) that differences of rounded TF give a camera that stands still."""
+"""Velocity (m/s, rad/s) that rounding of TF gives to a camera that stands still."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownBias:
-    """The bias of a model's effects at views of a session; what `tof_align.known` removes."""
+    """The bias of a model's effects at views of a session, which `tof_align.known` removes."""
 
     model: SensorModel
 
@@ -53,7 +53,7 @@ class KnownBias:
         return in_threads(self.model.bias, ideal_frames(views, renderings, scene, start_ns))
 
     def camera(self, stated: Camera) -> Camera:
-        """The camera as it is where CameraInfo says `stated`."""
+        """The true camera, if CameraInfo states `stated`."""
         return reduce(lambda camera, effect: effect.camera(camera), self.model.effects, stated)
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "toftwin.sensor/1"
 FREQUENCY = "# modulation_mhz: the frequency at which the effect's formula fits best; a pulsed camera has none (docs/effects.md)\n"
-"""First line of a `sensor.yaml` with an effect of a frequency: no statement of what the camera has."""
+"""First line of a `sensor.yaml` with an effect that has a frequency: fitted, and no data of the camera."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ def simulate(
 
 
 def save_model(model: SensorModel, path: Path) -> None:
-    """Write `sensor.yaml`: schema, what is known of unit of amplitude, camera and promise, then one block per effect."""
+    """Write `sensor.yaml`: schema; unit of amplitude, camera and promise if known; then one block per effect."""
     blocks = [{"effect": e.NAME} | _plain(to_mapping(e)) for e in model.effects]
     gain = {} if model.gain is None else {"gain": float(model.gain)}
     origin = to_blocks(model.camera, model.promise)

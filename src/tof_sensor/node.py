@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `sensor`: subscribes to a simulator's ideal depth, publishes what the modelled camera measures."""
+"""The node `sensor`: subscribes to a simulator's ideal depth, publishes the depth that the modelled camera would measure."""
 
 from __future__ import annotations
 

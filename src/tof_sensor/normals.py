@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images of surface normals, as a simulator gives them beside its depth."""
+"""Images of surface normals that a simulator publishes beside its depth."""
 
 from __future__ import annotations
 
@@ -52,5 +52,5 @@ class Normals:
         return np.asarray(raster[..., :3], np.float32)
 
     def clear(self) -> None:
-        """Forget what waits."""
+        """Drop waiting images."""
         self._joined = Joined([], [])

@@ -32,7 +32,7 @@ PHYSICAL_ORDER: tuple[type[Effect], ...] = tuple(sorted((kind for module in _MOD
 EFFECTS: dict[str, type[Effect]] = {effect.NAME: effect for effect in PHYSICAL_ORDER}
 
 VOCABULARY: tuple[str, ...] = tuple(sorted(name for name, effect in EFFECTS.items() if effect.MEANING))
-"""Names that a diagnosis may give; the photon law, which every sensor has, means no effect."""
+"""Names of effects in a diagnosis; the photon law is not among them, since every sensor has it."""
 
 
 def effect_class(name: str) -> type[Effect]:

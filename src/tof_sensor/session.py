@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an effect may ask about a recorded session: its views at their reference poses, its parts, what the camera gives."""
+"""Properties of a recorded session that effects may use: its views at their reference poses, its parts, the camera's images."""
 
 from __future__ import annotations
 

@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 NOISY_SHARE = 0.25
 """Noise over distance from which a pixel has no depth: four sigmas reach the camera itself, and a phase so noisy is not known to a period."""
 STILL = 1e-4
-"""Velocity (m/s, rad/s) that differences of rounded TF give a camera that stands still."""
+"""Velocity (m/s, rad/s) that rounding of TF gives to a camera that stands still."""
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatorConfig:
-    """What is simulated, and what the images beside the ideal depth mean."""
+    """Which effects are simulated, and the meaning of the images beside the ideal depth."""
 
     model: str = param("", "sensor.yaml of the camera, as `toftwin gap` writes it")
     seed: int = param(0, "seed of noise, losses and edges", low=0, high=2**31 - 1)
@@ -122,7 +122,7 @@ class Simulator:
         )
 
     def _light(self, ideal: Capture) -> tuple[Float | None, float]:
-        """The amplitude that the simulator gives, None where it gives none; and the camera's unit."""
+        """The simulator's amplitude image, None without one; and the camera's unit."""
         if ideal.amplitude is not None and self.config.light == "amplitude":
             return ideal.amplitude.astype(np.float64), 1.0
         gain = self.config.gain or self.model.gain

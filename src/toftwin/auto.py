@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin node --auto`: the topics of the only camera that is published, as parameters of the nodes that hear it."""
+"""`toftwin node --auto`: the topics of the only published camera, as parameters of the nodes that subscribe to it."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def views_of(reader: BagReader, config: CorrectionConfig) -> list[View]:
 
 
 def corrector_of(scene: Scene | None, reference: Reference | None, config: CorrectionConfig, bias: Bias | None = None) -> Corrector:
-    """A corrector that compares with the CAD, with a reference view, or with both; `bias`: what is known of the camera."""
+    """A corrector that compares with the CAD, with a reference view, or with both; bias: known bias of the camera."""
     from arm_correction.corrector import Corrector
 
     caster = None

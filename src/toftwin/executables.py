@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ros2 run toftwin NODE` and `ros2 launch` start: a node, or several in one process, with the arguments as ROS gives them."""
+"""Entry points of `ros2 run toftwin NODE` and `ros2 launch`: a node, or several in one process, with ROS's arguments."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _main(call: Callable[[list[str]], RosCall]) -> int:
 
 
 def graph() -> int:
-    """Several nodes in one process, a tenth less processor a frame, and what kills one kills all."""
+    """Several nodes in one process: 10 % less processor time per frame, but a crash of one ends all."""
     return _main(called_together)
 
 

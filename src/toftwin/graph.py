@@ -41,11 +41,11 @@ DONE = {
     "gap": "gap/done",
     "sensor": "sensor/done",
 }
-"""Where each node says what became of a frame."""
+"""Topic on which each node reports the fate of a frame."""
 PLACED = ("sim_label", "correct", "inspect", "gap")
 """Nodes that need to know where the cell is."""
 WITH_SCENE = (*PLACED, "sensor")
-"""Nodes that take the CAD."""
+"""Nodes that need the CAD."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +188,7 @@ class RunningGraph:
     """A graph that somebody else started; nothing is known of its process."""
 
     def alive(self) -> bool:
-        """Taken for granted: what is not there does not answer."""
+        """Assumed to be active: a node that is not there does not answer."""
         return True
 
     def memory_bytes(self) -> int:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the poses of labels come from: the mode, what is known of the camera, and what a diagnosis finds beside them."""
+"""The source of the labels' poses: the mode, the known effects of the camera, and the effects that a diagnosis finds."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class LabelCall:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of one bag: `done` now, `kept` from an earlier call, or `failed` with the line that says why."""
+    """The outcome for one bag: `done` now, `kept` from an earlier call, or `failed` with the reason in a line."""
 
     bag: str
     out: str

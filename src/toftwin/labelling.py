@@ -188,7 +188,7 @@ class _Job:
             yield view, pose, partial(label_view, view, pose, self.caster, self.config.label, codes)
 
     def _poses(self, views: Sequence[View]) -> Sequence[Posed]:
-        """The cameras of all views, by what is known of the camera and, where asked for, by what its diagnosis finds."""
+        """The cameras of all views, corrected for known effects and, if asked for, for the effects that a diagnosis finds."""
         from tof_sim_label.labeller import label_session
 
         if self.known.joint:

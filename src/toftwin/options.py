@@ -97,7 +97,7 @@ def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_sensor(parser: argparse.ArgumentParser, use: str) -> None:
-    """`--sensor`: what is known of the camera; `use` says before what it is removed."""
+    """`--sensor`: known effects of the camera; use: the step before which they are removed."""
     parser.add_argument(
         "--sensor", type=Path, metavar="FILE", help=f"sensor.yaml of this camera (toftwin gap): its effects are removed before {use}"
     )

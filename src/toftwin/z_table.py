@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a driver made depth from distance, before a board whose poses owe nothing to depth: its table of ray lengths, or none at all."""
+"""How a driver converted distance to depth, by its table of ray lengths or not at all: tested on a board, whose poses do not depend on depth."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def reading(views: Sequence[View], scene: Scene, left_out: AbstractSet[str] = fr
 
 
 def converted(views: Sequence[View], found: Reading, limits: LevelLimits) -> tuple[list[View], list[Finding]]:
-    """The views with depth as the stated lens makes it, and per effect of the reading a finding with what it added to each."""
+    """The views with depth converted by the stated lens, and for each effect of the conversion a finding with its metres in each view."""
     out, findings = list(views), list[Finding]()
     for effect in found.effects():
         ratio = _ratio(effect, views[0].camera)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of the CAD that are not there: where a part stands, the views measure what the scene has behind it."""
+"""Absent parts of the CAD: in place of the part, the views measure the surfaces behind it."""
 
 from __future__ import annotations
 

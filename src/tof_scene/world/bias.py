@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The session's own sensor effects, roughly: what residuals have in common by range, by amplitude and by view.
+"""The session's sensor effects, roughly: the parts of the residuals that depend on range, on amplitude and on the view.
 
 Medians, so that surprises that fill less than half of a bin do not count; fitted kind by kind in turn (backfitting).
 They say what a contradiction may not be, and are no model of the sensor.
@@ -76,7 +76,7 @@ class _Steps:
 
 
 def _backfit(r: Float, samples: Sequence[Float], views: int) -> list[_Steps]:
-    """One function per kind of sample (n,), each fitted to what the others leave of the residuals (n,)."""
+    """One function per kind of sample (n,), each fitted to the residuals (n,) less the other functions."""
     bins = [_bins(x, views if k == 0 else 0) for k, x in enumerate(samples)]
     share = [np.zeros(len(r)) for _ in samples]
     fits = [_Steps(np.zeros(1), np.zeros(1)) for _ in samples]

@@ -162,7 +162,7 @@ def _among(cloud: _Cloud, mine: Ints, others: Ints, rim_px: int) -> float:
 
 
 def _cloud(views: Sequence[Seen], before: Sequence[Mask], measured: Sequence[Float], limits: WorldLimits) -> _Cloud:
-    """All points before the CAD, each compared with what the other views measure in its direction."""
+    """All points before the CAD, each compared with the depth that the other views measure in its direction."""
     points, view, pixel, jump, step = [], [], [], [], []
     for number, (seen, near, z) in enumerate(zip(views, before, measured, strict=True)):
         at = near & np.isfinite(z)

@@ -10,7 +10,7 @@ from tof_core.config import param
 
 @dataclass(frozen=True, slots=True)
 class WorldLimits:
-    """Limits of contradictions and of what is made of them."""
+    """Limits of contradictions between measurement and CAD, and of the conclusions from them."""
 
     least_mm: float = param(
         6.0, "least contradiction between measurement and CAD", unit="mm", low=0.5, why="two sigma of usual sensor errors, 3 mm RMS"

@@ -70,6 +70,6 @@ def _shrunk(mask: Mask, pixels: int) -> Mask:
 
 
 def most_end_in_a_step(views: Iterable[tuple[Seen, Float, Mask]], *, on_a_part: bool) -> bool:
-    """Whether the object of most views, each as `ends_in_a_step` takes it, does."""
+    """Whether the object ends in a step in most of the views, each as in `ends_in_a_step`."""
     found = [ends_in_a_step(*one, on_a_part=on_a_part) for one in views]
     return sum(found) > 0.5 * len(found)

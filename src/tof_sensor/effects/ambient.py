@@ -110,7 +110,7 @@ class Ambient(Effect):
 
     @classmethod
     def detect(cls, session: Session) -> Detection | None:
-        """Noise beyond the law of `--sensor`, in most views, that goes with amplitude as foreign light's does."""
+        """Noise beyond the law of `--sensor`, in most views, that depends on amplitude as that of foreign light does."""
         law, bins = session.law, session.noise
         if law is None or bins is None or len(bins.view) < LEAST_BINS:
             return None

@@ -77,7 +77,7 @@ class CadDeviation(FieldEffect):
         return np.where(here[..., None], object_columns(frame, motion), 0.0)
 
     def prior_sd(self, scale: Float) -> Float:
-        """(9,) the smaller of what a column may reach, and what a part may move or bend by."""
+        """(9,) prior deviations: the smaller of a column's bound, and of the largest motion or bow of a part."""
         return np.asarray(np.minimum(self.REACH_M, COEFFICIENT_SD * scale))
 
     @classmethod
@@ -88,7 +88,7 @@ class CadDeviation(FieldEffect):
 
     @classmethod
     def of(cls, session: Session, part: int) -> CadDeviation:
-        """The deviation of a part, centred on what was seen of it, bowing along its mean normal."""
+        """The deviation of a part, centred on its visible surface, with the bow along its mean normal."""
         points, normals = session.surface(part)
         low, high = np.quantile(points, [0.02, 0.98], axis=0)
         mean = normals.mean(axis=0)

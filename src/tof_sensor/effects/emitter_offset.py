@@ -56,7 +56,7 @@ class EmitterOffset(Effect):
         return stack([scale * frame.rays[..., 0], scale * frame.rays[..., 1]], frame)
 
     def bias(self, frame: Frame) -> Float:
-        """Half of what the way from the lamp is longer than the way to the lens, along z."""
+        """Half of the difference between the path from the lamp and the path to the lens, along z."""
         radial = frame.radial
         from_lamp = np.linalg.norm(frame.points - (self.x_m, self.y_m, 0.0), axis=-1)
         return np.asarray(np.nan_to_num(0.5 * (from_lamp - radial) / frame.length))

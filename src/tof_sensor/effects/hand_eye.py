@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hand-eye: the camera sits in the hand otherwise than TF says, the same in every view."""
+"""Hand-eye: the pose of the camera in the hand differs from TF, by the same motion in every view."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Interference(Effect):
-    """Noise that comes and goes between frames (docs/effects.md), larger where own light is weak."""
+    """Noise in some of the frames (docs/effects.md), larger where the camera's own light is weak."""
 
     NAME: ClassVar[str] = "interference"
     ORDER: ClassVar[int] = 74

@@ -66,7 +66,7 @@ class Intrinsics(Effect):
         return np.asarray(true / assumed)
 
     def camera(self, stated: Camera) -> Camera:
-        """The camera as it is where `stated` is what CameraInfo says."""
+        """The true camera, if CameraInfo states `stated`."""
         return with_lens(stated, self.coefficients)
 
     def columns(self, frame: Frame) -> Float:
@@ -90,7 +90,7 @@ class Intrinsics(Effect):
         return _ray_shift(frame.camera) if frame.rays is frame.camera.rays() else ray_shift(frame.rays, frame.camera)
 
     def prior_sd(self, scale: Float) -> Float:
-        """(k,) prior deviations of what lenses have, times `scale`: hand-eye, principal point and tangential terms could trade without end."""
+        """(k,) prior deviations, those of usual lenses times `scale`: without them, hand-eye, principal point and tangential terms correlate."""
         return np.array(USUAL_SD) * scale
 
     @classmethod

@@ -74,7 +74,7 @@ class LensScatter(Effect):
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """An amplitude image: it says how bright the veil is."""
+        """An amplitude image, which shows how bright the veil is."""
         return "" if session.has_amplitude else "no amplitude image"
 
     @classmethod

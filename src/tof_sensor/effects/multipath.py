@@ -60,7 +60,7 @@ class Multipath(Effect):
         return stack([indirect_bias(indirect_phasor(frame, self._waves), self._waves) / frame.length], frame)
 
     def columns_at(self, frame: Frame, pixels: Ints) -> Float:
-        """The same on chosen pixels: what reaches the others is not summed."""
+        """The same on chosen pixels; light that reaches other pixels is not computed."""
         bias = indirect_bias(indirect_phasor(frame, self._waves, pixels), self._waves)
         return np.asarray(np.nan_to_num(bias / frame.length.ravel()[pixels])[:, None])
 

@@ -38,7 +38,7 @@ class Noise(Effect):
         return f"{1e3 * self.extra_m:.1f} mm of noise beside the photon noise"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Add what is missing to the noise so far."""
+        """Raise the noise so far to that of the effect."""
         if self.duty < 1.0 and rng.random() >= self.duty:
             return frame
         grown = (max(self.factor, 1.0) ** 2 - 1) * frame.sigma**2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Radial depth: the camera gives distance along the ray where z is expected."""
+"""Radial depth: the camera writes distance along the ray, not z."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RadialDepth(Effect):
-    """dz = share (r - z); a share of 1 is a camera that gives r (docs/effects.md)."""
+    """dz = share (r - z); a share of 1 is a camera that writes r (docs/effects.md)."""
 
     NAME: ClassVar[str] = "radial_depth"
     ORDER: ClassVar[int] = 84

@@ -61,7 +61,7 @@ class Specular(Effect):
         return self.part >= 0
 
     def columns(self, frame: Frame) -> Float:
-        """The coat's share of the light, and the bias of what a lacquer mirrors, along z."""
+        """The coat's share of the light, and the bias by light that a lacquer mirrors, along z."""
         incidence = np.minimum(np.nan_to_num(frame.rendering.incidence.astype(np.float64), nan=1.5), 1.5)
         coat = self.gloss * np.exp(-((np.tan(incidence) / np.tan(np.radians(self.lobe_deg))) ** 2))
         matt = np.maximum(np.nan_to_num(frame.rendering.albedo.astype(np.float64)) * np.cos(incidence), 1e-6)

@@ -66,11 +66,11 @@ class TemperatureDrift(CurveEffect):
 
     @property
     def stated(self) -> str:
-        """What goes with the thermometer, and what warms up beside it."""
+        """The drift with the thermometer, and the warm-up beside it."""
         return self.stated_in(np.inf)
 
     def stated_in(self, session_s: float) -> str:
-        """The same of a session; what fades more slowly than the session lasts, by what it was at the session's start and end."""
+        """The same for a session; a warm-up slower than the session is stated by its values at the session's start and end."""
         if self.knots:
             return f"{1e3 * self.swing_m:.1f} mm between the extremes, in no regular course"
         shown = [f"{1e3 * self.drift_m:+.1f} mm a kelvin of the thermometer"] if self.drift_m else []
@@ -138,4 +138,4 @@ class TemperatureDrift(CurveEffect):
 TIME_CONSTANTS_S = (60.0, 300.0, 1200.0)
 """Usual of a lamp's driver, a sensor and a housing."""
 CHANGES = 0.5
-"""Share of a warm-up that must pass while the thermometer stands: what changes less ties with a constant offset."""
+"""Share of a warm-up that must pass while the thermometer stands: a smaller change ties with a constant offset."""

@@ -70,7 +70,7 @@ class Wiggling(CurveEffect):
 
     @property
     def stated(self) -> str:
-        """Amplitude and period; of a curve how far it swings, and over what range."""
+        """Amplitude and period; for a curve, its largest values and its range."""
         if self.knots:
             return f"{1e3 * self.swing_m:.1f} mm between the extremes, over ranges of {self.knots[0]:.2f} to {self.knots[-1]:.2f} m, in no regular wave"
         return f"±{1e3 * np.hypot(self.sine_m, self.cosine_m):.1f} mm every {self.period_m:.2f} m of range"

@@ -23,7 +23,7 @@ FAR_M = 0.05
 """A larger difference is no effect of the sensor: another surface is seen."""
 
 NOISY_M = 0.003
-"""Standard error of a difference beyond which a pixel says nothing about an effect of millimetres."""
+"""Standard error of a difference above which a pixel does not show an effect of millimetres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -58,7 +58,7 @@ def examine_fit(bag: Path | str, scene: Scene, options: BagOptions, initial_pose
 
 
 def in_words(found: Found) -> Finding:
-    """How many pixels fit, what fits means, and from which share on it is as usual."""
+    """The share of pixels that fit, the distance within which a pixel fits, and the usual share."""
     from toftwin.mistakes.find import FITS
     from toftwin.mistakes.fit import fitting
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The running robot: who publishes what with which QoS; a few seconds of it are recorded and examined as a bag."""
+"""The running robot: published topics with their QoS; a few seconds of them are recorded and examined as a bag."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def examine_live(options: BagOptions, scene: Scene | None, initial_pose: str | N
 
 
 def publishers(seen: Mapping[str, Sequence[Publisher]]) -> Iterator[Finding]:
-    """Which topics of the graph's types are published, and whether our subscriptions can hear them."""
+    """Published topics of the graph's types, and whether the QoS of our subscriptions fits them."""
     if not seen:
         yield fix(
             "live",

@@ -27,7 +27,7 @@ LACKING = {
     "colour": "record the colour camera if parts are to be inspected in 2D, too",
     "temperature": "record sensor_msgs/Temperature: without it, drift can only be related to time",
 }
-"""Optional topics, and what is not possible without them."""
+"""Optional topics, and the functions that need them."""
 SLOW_HZ = (0.5, 5.0)
 """Rates of a driver that is too slow for the camera; still lower rates are single captures."""
 ANOTHER_CLOCK_S = 3600.0

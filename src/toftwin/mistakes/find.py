@@ -35,7 +35,7 @@ NAMED = 0.45
 BETTER = 0.6
 """Share of the misses that must be left at most, where a mistake is undone."""
 NOWHERE = 0.35
-"""Share of fitting pixels below which the scene is not what the camera sees, whatever the mistake."""
+"""Share of fitting pixels below which the camera sees another scene, whatever the mistake."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a few views fit the CAD: at the robot's pose loosely, and after the base has been moved as far as it may err."""
+"""How well a few views fit the CAD: coarsely at the robot's pose, and after a registration of the base within its usual error."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def fitting(metres: float = 1.0) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Taken:
-    """Pixels of some views of one station, and where the robot says that their cameras are (V, 4, 4)."""
+    """Pixels of some views of one station, and their cameras (V, 4, 4) by the robot."""
 
     pixels: tuple[Pixels, ...]
     poses: Float
@@ -61,7 +61,7 @@ class Taken:
 
 
 def on_small(taken: Taken, poses: Float, caster: Raycaster) -> float:
-    """Of the pixels that the CAD says lie on a part smaller than a room, the share that fits; 1 where they are too few to tell."""
+    """Share of fitting pixels among those on parts smaller than a room, by the CAD; 1 where they are too few."""
     small = np.array([float(np.ptp(p.vertices, axis=0).max()) < ROOM_M for p in caster.scene.parts])
     fits = count = total = 0
     for p, T in zip(taken.pixels, poses, strict=True):
@@ -87,7 +87,7 @@ def loose(taken: Taken, caster: Raycaster, metres: float = 1.0) -> float:
 
 
 def aligned(taken: Taken, caster: Raycaster, config: AlignConfig, metres: float = 1.0) -> float:
-    """Share of pixels that fit once the base has been moved as far as it may err."""
+    """Share of pixels that fit after a registration of the base within its usual error."""
     return moved(taken, caster, config, metres)[0]
 
 

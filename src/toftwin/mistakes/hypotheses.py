@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The usual mistakes: what each does to a view when it is undone, and the line to change."""
+"""The usual mistakes: for each, the view with the mistake corrected, and the line to change."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ UNITS = {
     4.0: "quarters of the stated unit",
     0.25: "a unit of 0.25 mm (Kinect, RealSense) is read as 1 mm",
 }
-"""Factors by which depth must be multiplied, and what they mean; a factor that no camera has is not tried."""
+"""Factors by which depth must be multiplied, and their meaning; only factors of real cameras are tried."""
 FOCAL = (0.5, 0.6, 0.68, 0.76, 0.84, 0.91, 1.1, 1.2, 1.32, 1.47, 1.65, 2.0)
 """Focal lengths over the stated one."""
 CELL_SCALES = {

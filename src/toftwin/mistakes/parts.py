@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of the wrong size or in the wrong place: by their numbers alone, and by what the views measure where they stand."""
+"""Parts of the wrong size or in the wrong place, by their numbers alone and by the views."""
 
 from __future__ import annotations
 
