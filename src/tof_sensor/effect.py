@@ -91,7 +91,7 @@ class Effect(ABC):
     OWN: ClassVar[tuple[str, ...]] = ()
     """Of `LINEAR`, those without which it would be another effect: an offset, or stamps that are late."""
     LOCAL: ClassVar[bool] = True
-    """Whether a pixel's bias depends on that pixel alone, so that `Frame.take` may thin the view."""
+    """Whether the bias of a pixel depends on this pixel alone, so that `Frame.take` may thin the view."""
     ROUGH: ClassVar[float] = 0.0  # Share of its own energy by which its map may be wrong, where only a coarse model of it can be computed.
     LACKS: ClassVar[float] = 0.0
     """Share of its own energy along any other effect by which its map may be short: another effect is believed beside it for more."""

@@ -67,24 +67,24 @@ class SmearLimits:
 
     away_px: float = param(
         2.0,
-        "distance from mixed pixels at which no light of both surfaces arrives",
+        "distance from mixed pixels beyond which no pixel sees both surfaces",
         unit="px",
         low=1.0,
         why="blur of the lens and half a pixel of pose reach the next pixel",
     )
     afar: float = param(
         0.02,
-        "share of the pixels there that lie between both surfaces",
+        "share of the pixels beyond that lie between both surfaces",
         low=0.0,
         high=1.0,
         why="light: 0.003 at most, also beside a filter that stops at edges; means over 5 to 15 pixels: 0.035 to 0.24",
     )
     own: float = param(
-        0.25, "distance of such a pixel from the surface that it is of, over the step", low=0.0, high=0.5, why="surfaces slope and bend"
+        0.25, "distance of such a pixel from its own surface, over the step", low=0.0, high=0.5, why="surfaces slope and bend"
     )
     smoothing: float = param(
         1.2,
-        "noise against the pixels two away, over that against next neighbours",
+        "ratio of the noise by differences over two pixels to that over one",
         low=1.0,
         why="independent pixels: 1; means over three pixels of a line: 1.6, over five: 1.4",
     )
@@ -152,9 +152,9 @@ class MissingLimits:
         "loss away from edges of pixels that are too dark to judge edges by",
         low=0.0,
         high=1.0,
-        why="a fifth of the mixed pixels asked for",
+        why="a fifth of the mixed pixels that are required",
     )
-    albedo_pixels: int = param(50, "pixels with an amplitude that state a part's albedo", low=1, why="their median is known to a tenth")
+    albedo_pixels: int = param(50, "pixels with an amplitude that determine a part's albedo", low=1, why="their median is known to 10 %")
     lost_bins: int = param(40, "bins of amplitude of the predicted loss", low=2, why="loss follows amplitude closely")
     half_bins: int = param(20, "bins of amplitude of the threshold", low=2, why="the threshold is known to 5 % of the pixels")
     near_px: int = param(7, "side of the window of local loss", unit="px", low=1, high=99, why="49 pixels: a share is known to 7 %")
@@ -223,4 +223,4 @@ class MissingLimits:
     fitted_mm: float = param(2.0, "predicted mixing of a pixel that is fitted", unit="mm", low=0.0, why="the usual noise")
     filter: FilterLimits = section(FilterLimits, "holes that a filter leaves")
     smear: SmearLimits = section(SmearLimits, "edges that a filter smears")
-    loss: LossLimits = section(LossLimits, "what lost pixels go with")
+    loss: LossLimits = section(LossLimits, "what separates lost pixels from measured ones")

@@ -15,11 +15,13 @@ class ShrinkLimits:
     above_floor: float = param(
         0.02, "relative excess of the RMS over the floor below which there is no gap", low=0.0, why="the floor is not known better"
     )
-    noise_known: float = param(0.03, "error of the noise variance, relative", low=0.0, high=1.0, why="bins of amplitude interpolate it")
+    noise_known: float = param(
+        0.03, "relative error of the noise variance", low=0.0, high=1.0, why="interpolation between bins of amplitude"
+    )
     noise_px: int = param(
         4, "side of the squares whose variance is noise", unit="px", low=2, high=64, why="next neighbours may share noise; a gap is wider"
     )
-    resolution: float = param(0.005, "half width of the interval", low=0.0, high=1.0, why="rounding of the depth code and of the floor")
+    resolution: float = param(0.005, "least half width of the interval", low=0.0, high=1.0, why="rounding of depth code and floor")
     healthy_mm: float = param(
         0.3,
         "RMS of a healthy camera's error that poses absorb",
@@ -85,15 +87,13 @@ class UnexplainedLimits:
     contradicted_px: int = param(8, "side of the blocks of that share", unit="px", low=2, high=64, why="an effect may act on few pixels")
     contradicted_pixels: int = param(38, "pixels of such a block that count", low=1, why="six in ten")
     uneven_views: float = param(
-        5.0, "views that show the size of an effect, before these may differ", low=2.0, why="a spread of four values is known to a third"
+        5.0, "least number of views that determine an effect's size, to judge its variation", low=2.0, why="of four, it is known to a third"
     )
     uneven_chance: float = param(
-        0.025, "chance by which the spread of an effect's size over the views may seem larger", low=1e-6, high=0.5, why="1 in 40"
+        0.025, "probability that chance makes the variation of an effect's size that large", low=1e-6, high=0.5, why="1 in 40"
     )
-    arms: float = param(22.5, "chi-square (6 degrees of freedom) of what all arm errors share", low=0.0, why="chance: 1 session in 1000")
-    gross_share: float = param(
-        0.004, "share of gross pixels away from edges", low=0.0, high=1.0, why="tools and cables stand beside the CAD"
-    )
+    arms: float = param(22.5, "chi-square (6 degrees of freedom) of the mean arm error", low=0.0, why="chance: 1 session in 1000")
+    gross_share: float = param(0.004, "share of gross pixels away from edges", low=0.0, high=1.0, why="tools and cables that the CAD lacks")
     doubt: float = param(
         0.1,
         "unexplained share of the gap's energy from which the named effects are only suspected",

@@ -31,7 +31,7 @@ LEAST_COVER = 0.1
 
 
 def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
-    """(H, W) pixels that should return light: on the CAD, not seen at grazing incidence, away from edges and from steps of a fixed pattern.
+    """(H, W) pixels that should return light: on the CAD, not at grazing incidence, away from edges and from steps of a fixed pattern.
 
     Beside an edge a lamp that stands beside the lens casts a shadow, of some pixels or, of near surfaces, of many. A filter in the camera
     takes steps for edges.

@@ -28,9 +28,9 @@ HALF = 0.5
 
 
 def mixing(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: float = 0.0) -> tuple[float, int] | None:
-    """Mixed pixels that lie between their surfaces over those expected there, and the number of mixed pixels; None where edges are clean.
+    """Ratio of mixed pixels measured between their surfaces to those expected, and the number of mixed pixels; None where edges are clean.
 
-    least_light: amplitude of the CAD (albedo 1, head-on from 1 m: 1) below which pixels do not count, since the camera returns none.
+    least_light: amplitude by the CAD (1 for albedo 1 at 1 m) below which pixels do not count, since the camera loses them.
     """
     lying, mixed = _between(views, limits, least_light)
     if len(mixed) < limits.mixed_pixels:
@@ -41,9 +41,9 @@ def mixing(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: fl
 
 
 def flying_pixels(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: float = 0.0) -> Finding | None:
-    """`flying_pixels` where most of the pixels that mix are measured, with the footprint and modulation frequency whose mixture fits best.
+    """`flying_pixels` where most mixed pixels are measured, with the footprint and modulation frequency that fit best.
 
-    Not where a filter smears edges: which of their pixels light mixed is unknown.
+    Not where a filter smears edges: then the pixels in which light was mixed are unknown.
     """
     found = mixing(views, limits, least_light)
     if found is None or found[0] < limits.unfiltered_share or smeared(views, limits):

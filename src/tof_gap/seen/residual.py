@@ -32,8 +32,8 @@ class ViewEvidence:
 
     residual (H, W) metres of z, NaN where measurement or CAD is missing; sigma (H, W) metres, standard deviation of the view's
     noise, both in single precision as depth is (60 nm of a metre); smooth, edge, gross (H, W) masks; pixels (n,) flat indices for
-    fits; concavity (H, W) share of the hemisphere over a pixel that the scene fills, NaN where it was not computed; step_m metres
-    between depth codes, 0 where depth is continuous; limits: which pixels count, as this view was judged; stepped (H, W): pixels beside
+    fits; concavity (H, W) share of the hemisphere over a pixel that the scene covers, NaN where it was not computed; step_m metres
+    between depth codes, 0 where depth is continuous; limits: by which this view's pixels were selected; stepped (H, W): pixels beside
     steps of a named fixed pattern (`seen.steps`), None without one.
     """
 

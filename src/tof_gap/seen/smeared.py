@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Edges that a filter in the camera smears: pixels between two surfaces, farther from the edge than light mixes."""
+"""Edges that a filter in the camera smears: pixels between two surfaces, farther from the edge than mixed light reaches."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ HALF = 0.5
 
 
 def smeared(views: Sequence[ViewEvidence], limits: MissingLimits) -> bool:
-    """Whether a filter over neighbours mixed their depths across edges: pixels lie between two surfaces where no light mixes, and noise is smoothed.
+    """Whether a filter mixed the depths of neighbours across edges: pixels lie between two surfaces too far from an edge, and noise is smooth.
 
-    Light of two surfaces meets in the pixels that an edge passes through; the lens's blur and half a pixel of pose reach the next one,
-    and the noise of each pixel stays its own. A filter mixes as far as its window reaches, and neighbours share what noise it leaves.
-    One sign alone is none: a lens out of focus reaches as far, and a filter that stops at edges smooths noise.
+    Light of two surfaces mixes in the pixels on an edge and, by the lens's blur and half a pixel of pose error, in the next ones; the
+    noise of pixels stays independent. A filter mixes depths within its whole window, and neighbours share the remaining noise. Both signs
+    are needed: a lens out of focus reaches as far, and a filter that stops at edges smooths noise too.
     """
     return mixed_afar(views, limits) > limits.smear.afar and smoothing(views, limits) > limits.smear.smoothing
 
 
 def mixed_afar(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
-    """Share of pixels that lie between two surfaces, of those too far from an edge to see both; 0 where these are few.
+    """Share of pixels between two surfaces among those too far from an edge to see both; 0 where these are few.
 
-    As many pixels lie beyond their own surface as before it by noise alone: they are taken off.
+    By noise alone as many pixels lie on the far side of their surface as on the near side: this number is subtracted.
     """
     lying = np.concatenate([_lying_afar(v, limits) for v in views])
     if len(lying) < limits.mixed_pixels:
@@ -46,20 +46,20 @@ def mixed_afar(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
 
 
 def smoothing(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
-    """Noise against the pixels two away, over that against next neighbours: 1 where pixels are independent, above where neighbours share noise."""
+    """Ratio of the noise by differences over two pixels to that over one: 1 for independent pixels, more where neighbours share noise."""
     near, far = (np.concatenate([_differences(v, step, limits) for v in views]) for step in (1, 2))
     return trimmed_std(far) / max(trimmed_std(near), 1e-12) if len(near) and len(far) else 1.0
 
 
 def _differences(view: ViewEvidence, step: int, limits: MissingLimits) -> Float:
-    """(n,) second differences of the residual along rows and columns, in standard deviations of the view's noise; away from edges, where mixing bends depth."""
+    """(n,) second differences of the residual along rows and columns, in standard deviations of the view's noise; away from edges."""
     r = np.where(view.smooth & expected(view, limits), view.residual / view.sigma, np.nan)
     every = np.concatenate([second_differences(r, axis, step).ravel() for axis in (0, 1)])
     return np.asarray(every[np.isfinite(every)])
 
 
 def _lying_afar(view: ViewEvidence, limits: MissingLimits) -> Float:
-    """(n,) place between the two surfaces of the nearest edge, 0 own and 1 the other, of measured pixels that are too far from it to see both."""
+    """(n,) place between the surfaces of the nearest edge (0 own, 1 the other), of measured pixels too far from it to see both."""
     rendering, own = view.rendering, view.frame.depth.astype(np.float64)
     mixed = rendering.mixed > 0
     if not mixed.any():

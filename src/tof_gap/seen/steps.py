@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels beside the steps of a fixed pattern, which a filter in the camera takes for edges."""
+"""Pixels beside the steps of a fixed pattern, which a filter in the camera mistakes for edges."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 def beside_steps(views: Sequence[ViewEvidence], pattern: Sequence[Float], limits: MissingLimits) -> tuple[ViewEvidence, ...]:
-    """The views with the pixels `stepped` whose neighbourhood the pattern spans with more than noise does, and than in half of the session.
+    """The views with `stepped`: pixels around which the pattern varies by more than noise does, and by more than the session's median.
 
-    A filter in the camera compares the depth of neighbours. It sees the pattern there, at the same pixels in every view, whatever
-    their light and their part are. A threshold, a part or chance does not know the pattern: what is lost where the pattern is
-    smoothest tells of them. Steps within the noise are passed by a filter that passes the noise.
+    A filter in the camera compares the depths of neighbours, and reacts to the pattern at the same pixels in every view, at any amplitude
+    and on any part. Loss by a threshold, a part or chance does not follow the pattern, and so shows where the pattern is smoothest.
+    A filter that passes the noise also passes steps within it.
 
     pattern: (H, W) metres of z of each view.
     """
@@ -35,12 +35,12 @@ def beside_steps(views: Sequence[ViewEvidence], pattern: Sequence[Float], limits
 
 
 def _span(pattern: Float) -> Float:
-    """(H, W) metres between the farthest and the nearest pixel of each neighbourhood; NaN is no neighbour."""
+    """(H, W) metres: largest minus least value of the pattern in each 3 x 3 neighbourhood, without NaN."""
     most = maximum_filter(np.nan_to_num(pattern, nan=-np.inf), footprint=NEIGHBOURS)
     least = minimum_filter(np.nan_to_num(pattern, nan=np.inf), footprint=NEIGHBOURS)
     return np.asarray(np.where(np.isfinite(most), most - least, 0.0))
 
 
 def _passed(view: ViewEvidence, limits: MissingLimits) -> Float:
-    """(H, W) metres that the noise of one capture spans over a neighbourhood."""
+    """(H, W) metres: range of the noise of one capture over a 3 x 3 neighbourhood."""
     return np.asarray(limits.filter.noise_sigma * np.sqrt(view.view.captures) * view.sigma)

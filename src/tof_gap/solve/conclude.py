@@ -132,7 +132,7 @@ def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> t
 
 
 def _beside_pattern(bare: Sequence[ViewEvidence], maps: Mapping[str, Sequence[Float]], config: GapConfig) -> tuple[ViewEvidence, ...]:
-    """The views beside a pattern that was taken off: with the noise that they have now, and without loss at the steps of a pattern that is named."""
+    """The views after a fixed pattern is subtracted: with sigma estimated again, and without loss at the steps of a named pattern."""
     views, pattern = noise_again(bare), maps.get(FixedPattern.NAME)
     return views if pattern is None else beside_steps(views, pattern, config.missing)
 

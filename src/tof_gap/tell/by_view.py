@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""By how much the size of each effect differs from view to view: what is an error of the camera has the same size in all."""
+"""Variation of an effect's size from view to view: an error of the camera has the same size in all views."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 def uneven(found: Account, limit: UnexplainedLimits) -> str | None:
-    """The effect whose size differs most from view to view, in units of what it may (`Effect.UNEVEN`); None where none differs by more.
+    """The effect whose size varies most over the views, relative to its allowed variation (`Effect.UNEVEN`); None if all are within it.
 
-    A mechanism that is not in the vocabulary, and another camera's light, make a known effect win held-out chi-square wherever its map
-    is alike in most views. From view to view its size is then another one, as a constant of the camera is not.
+    A mechanism outside the vocabulary, or another camera's light, makes a known effect win held-out chi-square if its map is similar in
+    most views. The fitted size then varies from view to view; that of a constant of the camera does not.
     """
     beyond = {
         name: spread(found.solved.bare, maps, limit) / EFFECTS[name].UNEVEN
@@ -35,9 +35,9 @@ def uneven(found: Account, limit: UnexplainedLimits) -> str | None:
 
 
 def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: UnexplainedLimits) -> float:
-    """Standard deviation of the size that each view by itself gives an effect, over its mean; noise aside, least value by chance.
+    """Standard deviation over the views of an effect's size, over its mean: the part beyond noise, as a lower confidence bound.
 
-    Views count by what they know of the size. 0 where fewer than `limit.uneven_views` know it, or where noise explains it all.
+    Views are weighted by their information about the size. 0 where fewer than `limit.uneven_views` determine it, or noise explains all.
 
     Args:
         bare: views less all effects.
@@ -60,7 +60,7 @@ def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: Unexplain
 
 
 def _size(view: ViewEvidence, effect: Float) -> tuple[float, float, float]:
-    """Of one view: the size of an effect in units of the solution's, what is known of it (inverse variance for unit noise), and the noise's chi-square per pixel."""
+    """Of one view: the size of an effect over that of the solution, its inverse variance for unit noise, and chi-square per pixel."""
     seen = view.smooth & np.isfinite(effect)
     column, left = effect[seen] / view.sigma[seen], view.residual[seen] / view.sigma[seen]
     information = float(column @ column)

@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 
 
 class TakenOut(NamedTuple):
-    """A cause that is not believed; contradicted: whether the views contradict its map, so that something without a name acts where it does."""
+    """A cause that is not believed; contradicted: whether the views contradict its map, so that a mechanism without a name acts there."""
 
     name: str
     contradicted: bool
 
 
 def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
-    """The cause with which the solution is not believed: one that is unfounded, contradicted, or uneven; None where all stand.
+    """The next cause that is not believed: an unfounded one, else a contradicted one, else an uneven one; None where all are believed.
 
-    Beside another camera's light an uneven one is that light's smooth part: nothing without a name acts there.
+    Beside another camera's light, an uneven cause is the smooth part of that light, and no mechanism without a name acts there.
     """
     limit = config.report.unexplained
     if (name := unfounded(found, config.noise.foreign_light)) is not None:

@@ -25,17 +25,17 @@ def floor2(views: Sequence[ViewEvidence], covs: Float) -> Iterator[Float]:
 
 
 def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float, side: int) -> list[Float]:
-    """(H, W) m^2 per view: the noise that pixels show beside their neighbours in what no effect explains.
+    """(H, W) m^2 per view: the noise of these very pixels, from the error that no effect explains.
 
-    The energy of noise in some thousand pixels differs from its variance, by chance and by what bins of amplitude interpolate; beside a
-    gap smaller than the noise, one percent of that variance is much of the gap's energy. The variance within small squares holds the
-    noise of these very pixels, also where it is shared by next neighbours, and no gap that a square shares. A rough gap shows in it too:
-    so its sum may differ from that of `noise2` by the share `known` at most.
+    The mean square of noise in some thousand pixels differs from its estimated variance, by chance and since the estimate is
+    interpolated between bins of amplitude. Where the gap is smaller than the noise, 1 % of that variance is much of the gap's energy.
+    The variance within small squares contains the noise, also noise that next neighbours share, and no gap that is constant in a square.
+    It contains a rough gap too; therefore the sum of the result differs from that of `noise2` by the share `known` at most.
 
     Args:
         left: (H, W) metres of each view, NaN where a pixel does not count.
         noise2: (H, W) m^2, the noise's variance.
-        known: relative error of its sum, at most.
+        known: largest relative error of the sum of `noise2`.
         side: of the squares, in pixels.
     """
     seen = [np.isfinite(r) for r in left]
@@ -48,7 +48,7 @@ def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float, side: i
 
 
 def _within(residual: Float, noise2: Float, side: int) -> Float:
-    """(H, W) m^2: variance of the pixels of each square, pixel by pixel; `noise2` where a pixel is alone in it."""
+    """(H, W) m^2: squared deviation of each pixel from the mean of its square, without bias; `noise2` where a pixel is alone in it."""
     out, seen = noise2.copy(), np.isfinite(residual)
     squares, values = blocks(seen, side), residual[seen]
     others = (squares.count - 1)[squares.which]

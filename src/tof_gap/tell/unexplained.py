@@ -62,12 +62,16 @@ class Unexplained:
 def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLimits, contradicted: Sequence[str] = ()) -> Unexplained:
     """Judge the gap that is left away from edges, against the floor.
 
-    It is structured where block means exceed what white noise gives them, of all pixels or of a part's. Where a named noise is shared by neighbours (steps, rows,
-    stripes), that much structure is the noise's own. Structured besides: pixels off by more than any bias and than the named effects, away from edges, unless
-    `phase_wrap` was named, here and where the solution was linearised; lost pixels, unless `dropout` or a noise was named; an error
-    that only a free function of an observable describes; small effects that explain much only together; a joint fit that leaves a share
-    of what it was to explain; arm errors that are alike in every view, or lie along the view beyond what the robot allows; an effect
-    that explained some of it and was taken out as `contradicted`; edges that a filter in the camera smears.
+    It is structured if any of these holds:
+    - Block means exceed those of white noise, over all pixels or over those of one part. Structure of a named noise that neighbours
+      share (steps, rows, stripes) is allowed for.
+    - Pixels away from edges have gross errors, at the final poses and where the solution was linearised, and `phase_wrap` is not named.
+    - Pixels are lost, and neither `dropout` nor a noise is named.
+    - Only a free function of an observable describes the error, or small effects explain much only together.
+    - The joint fit leaves a share of the chi-square that it was to explain.
+    - Arm errors are alike in every view, or lie along the optical axis and exceed the robot's prior.
+    - An effect that explained some of the gap was taken out as `contradicted`.
+    - A filter in the camera smears edges.
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
     views, floor2 = solved.evidence, figures.floors
