@@ -16,4 +16,4 @@ def view_of(residual: object, sigma: object = 1e-3, jacobian: object = None, ras
     at = np.arange(n)
     along = np.tile([0.0, 0.0, 1.0], (n, 1))
     spread = np.broadcast_to(np.asarray(sigma, float), (n,)).copy()
-    return Linearised(np.eye(4), at, at, raster, J, e, spread, np.ones(n), along, along, -along, None, np.zeros(n, np.int64), n)
+    return Linearised(np.eye(4), at, at, raster, J, e, spread, np.ones(n), along, along, -along, None, np.zeros(n, np.int64))
