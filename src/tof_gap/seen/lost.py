@@ -33,8 +33,8 @@ LEAST_COVER = 0.1
 def expected(view: ViewEvidence, limits: MissingLimits) -> Mask:
     """(H, W) pixels that should return light: on the CAD, not at grazing incidence, away from edges and from steps of a fixed pattern.
 
-    Beside an edge a lamp that stands beside the lens casts a shadow, of some pixels or, of near surfaces, of many. A filter in the camera
-    takes steps for edges.
+    A lamp beside the lens casts a shadow beside an edge: some pixels wide, or many by near surfaces. A filter in the camera mistakes
+    steps of the pattern for edges.
     """
     grazing = view.rendering.incidence > np.radians(limits.lost_grazing_deg)
     beside = binary_dilation(view.edge, iterations=limits.edge_reach_px) if limits.edge_reach_px else view.edge

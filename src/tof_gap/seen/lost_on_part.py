@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether one part loses pixels that it should return, by its own light and beside what a filter in the camera takes."""
+"""Whether one part loses pixels that it should return, neither too dark nor removed by a filter in the camera."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 
 def own_light(seen: Float, light: Float, part: Ints, limits: MissingLimits) -> Float:
-    """(n,) amplitude of each pixel: the measured one, or that of the CAD's light with the albedo that its part shows elsewhere.
+    """(n,) amplitude of each pixel: measured, or predicted by the CAD with the albedo that other pixels of the part show.
 
-    scene.yaml may miss the albedo for infrared light by far.
+    The infrared albedo in scene.yaml may be far from the true one.
 
     Args:
         seen: (n,) measured amplitude, NaN or 0 without one.
-        light: (n,) what the CAD's albedo would return, in the same unit.
-        part: (n,) of which part each pixel is.
-        limits: how many pixels state an albedo.
+        light: (n,) amplitude that the CAD's albedo predicts, in the same unit.
+        part: (n,) index of each pixel's part.
+        limits: number of pixels that determine an albedo.
     """
     known = (seen > 0) & (light > 0)
     out = light.copy()
@@ -35,7 +35,7 @@ def own_light(seen: Float, light: Float, part: Ints, limits: MissingLimits) -> F
 
 
 def neighbours_span(view: ViewEvidence, limits: MissingLimits) -> Float:
-    """(H, W) depth that slope and noise of one capture span over a neighbourhood, over what a filter in the camera passes.
+    """(H, W) range of depth over a neighbourhood by slope and noise of one capture, over the range that a filter in the camera passes.
 
     A filter passes the rise of a surface at `lost_grazing_deg`, beyond which missing pixels are usual.
     """
@@ -47,11 +47,11 @@ def neighbours_span(view: ViewEvidence, limits: MissingLimits) -> Float:
 
 
 def worst_part(gone: Float, part: Ints, light: Float, spans: Float, too_bright: float, limits: MissingLimits) -> float:
-    """Largest share that any part loses of its pixels; parts that are hardly seen do not count.
+    """Largest share of its pixels that any part loses.
 
-    Neither do pixels whose light is among the session's weakest, where every camera loses some, nor parts whose brightest pixels are
-    the ones lost, by light that saturates others of this session; nor parts whose slope and noise a filter does not pass, if light
-    does not tell the pixels lost from those kept.
+    Not counted are: parts with few pixels; pixels among the darkest of the session, of which every camera loses some; parts whose
+    brightest pixels are lost at amplitudes that saturate others of this session; and parts whose slope and noise a filter does not pass,
+    if amplitude does not separate their lost pixels from the measured ones.
 
     Args:
         gone: (n,) share of captures in which a pixel is lost.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where near surfaces may stand between the camera's lamp and what the lens sees."""
+"""Shadows of the camera's lamp: near surfaces between the lamp and surfaces that the lens sees."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
 
 BLOCK_PX = 4
-"""Side of the blocks in which shadows are looked for: lost pixels are judged by the thousand."""
+"""Side of the blocks of pixels in which shadows are computed, coarse since thousands of lost pixels are judged."""
 
 
 def shadowed(depth: Float, camera: Camera, lamp_m: float) -> Mask:
-    """(H, W) pixels that a lamp up to `lamp_m` beside the lens, on whatever side, may not reach.
+    """(H, W) pixels that may be in the shadow of a lamp up to `lamp_m` beside the lens, on any side.
 
-    From a lamp b beside the lens, a surface at depth n hides what is farther away, at depth z, up to f b (1 / n - 1 / z) pixels beside it.
-    The last block of that is left out, so that slopes hide nothing.
+    For a lamp at distance b from the lens, a surface at depth n shadows surfaces at a larger depth z, up to f b (1 / n - 1 / z) pixels
+    beside it. The last block of this distance is left out, so that a slope casts no shadow on itself.
 
     Args:
         depth: (H, W) metres of the CAD, NaN off it.
