@@ -62,8 +62,12 @@ def _draw(
     points: Float, faces: Int32, raster: Float, shape: tuple[int, int], first: Int32, entries: Int32, rays: Float, spread: Float,
     rows: Float, face: Int32, entry: Int32,
 ) -> int:  # fmt: skip
-    """Write each (face, pixel) that may overlap; returns their number, which may exceed the size of the arrays."""
+    """Write each (face, pixel) that may overlap; returns their number, which may exceed the size of the arrays.
+
+    A pixel of a distorted lens lies in up to four cells: a face asks it once.
+    """
     count, width = 0, shape[1]
+    asked_by = np.full(len(rays), -1, np.int32)
     for f in range(len(faces)):
         c0, c1, r0, r1 = _box(points, faces, f, raster, shape)
         ready = False
@@ -73,6 +77,9 @@ def _draw(
                     _barycentric(points, faces, f, rows)
                     ready = True
                 k = entries[at]
+                if asked_by[k] == f:
+                    continue
+                asked_by[k] = f
                 if _may_overlap(rows, f, rays, spread, k):
                     if count < len(face):
                         face[count], entry[count] = f, k
