@@ -9,6 +9,7 @@ marginal likelihood, size^2 = |u|^2 / (n - trace(C) / size^2), with `DOUBT` adde
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,15 @@ DOUBT = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Alike:
+    """Views (k,) whose shared columns stand at the same places (s,) among the globals (those of one station), and the sum (s, s) of their products."""
+
+    where: Ints
+    views: Ints
+    gram: Float
+
+
+@dataclass(frozen=True, eq=False)
 class Normal:
     """Normal equations of V views.
 
@@ -51,6 +61,11 @@ class Normal:
     def shared(self) -> int:
         """Shared columns per view."""
         return int(self.where.shape[1])
+
+    @cached_property
+    def alike(self) -> tuple[Alike, ...]:
+        """The views by the places of their columns: whatever the sizes, their products are summed once."""
+        return tuple(Alike(at, mine, self.gram[mine, : len(at), : len(at)].sum(axis=0)) for at, mine in _alike(self.where))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,19 +118,6 @@ class ByView:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reduced:
-    """The session's normal equations, with every view's own unknowns eliminated.
-
-    H (G, G), b (G,): with the priors; energy: chi-square with all global unknowns zero; views: the equations of each view.
-    """
-
-    H: Float
-    b: Float
-    energy: float
-    views: ByView
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Own:
     """Intermediate results of the elimination: right (V, o, s), products of own with shared columns; the others as in `ByView`."""
 
@@ -125,6 +127,19 @@ class Own:
     own0: Float
     b: Float
     energy: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reduced:
+    """The session's normal equations, with every view's own unknowns eliminated.
+
+    H (G, G), b (G,): with the priors; energy: chi-square with all global unknowns zero; own: the equations of each view.
+    """
+
+    H: Float
+    b: Float
+    energy: float
+    own: Own
 
 
 def own_eliminated(normal: Normal, prior: Float, inflate: float = 1.0) -> Own:
@@ -146,25 +161,32 @@ def own_eliminated(normal: Normal, prior: Float, inflate: float = 1.0) -> Own:
 
 def by_view(normal: Normal, sizes: dict[str, float]) -> ByView:
     """Eliminate each view's own unknowns (Schur complement), for given sizes in metres."""
-    s, prior = normal.shared, normal.own_info.copy()
-    for kind, size in sizes.items():
-        if kind in normal.own_kinds:
-            prior[normal.own_kinds[kind]] = size**-2
-    own = own_eliminated(normal, prior)
+    s, own = normal.shared, _eliminated(normal, sizes)
     H = normal.gram[:, :s, :s] - np.swapaxes(own.gain, 1, 2) @ own.right
     return ByView(H, own.b, own.energy, own.own0, own.gain, own.own_cov)
 
 
+def _eliminated(normal: Normal, sizes: dict[str, float]) -> Own:
+    """Each view's own unknowns eliminated, for given sizes in metres."""
+    return own_eliminated(normal, _with_sizes(normal.own_info, normal.own_kinds, sizes))
+
+
+def _with_sizes(info: Float, kinds: dict[str, Ints], sizes: dict[str, float]) -> Float:
+    """Inverse prior variances, those of each kind by its size."""
+    prior = info.copy()
+    for kind, size in sizes.items():
+        if kind in kinds:
+            prior[kinds[kind]] = size**-2
+    return prior
+
+
 def reduce(normal: Normal, sizes: dict[str, float]) -> Reduced:
     """Eliminate each view's own unknowns, and sum the equations in the shared ones."""
-    views, prior = by_view(normal, sizes), normal.info.copy()
-    for kind, size in sizes.items():
-        if kind in normal.kinds:
-            prior[normal.kinds[kind]] = size**-2
-    H, b = _scatter(normal, views.H, views.b)
+    own, prior = _eliminated(normal, sizes), _with_sizes(normal.info, normal.kinds, sizes)
+    H, b = _scatter(normal, own)
     H += np.diag(prior)
     b -= prior * normal.error
-    return Reduced(H, b, float(views.energy.sum() + (prior * normal.error**2).sum()), views)
+    return Reduced(H, b, float(own.energy.sum() + (prior * normal.error**2).sum()), own)
 
 
 def solve(normal: Normal, sizes: dict[str, float], pull: tuple[Float, Float] | None = None) -> Mixed:
@@ -175,20 +197,25 @@ def solve(normal: Normal, sizes: dict[str, float], pull: tuple[Float, Float] | N
     r = reduce(normal, sizes)
     H, b = (r.H, r.b) if pull is None else (r.H + pull[0], r.b + pull[1])
     cov, x = _solve(H, b)
-    own = r.views.own0 - np.einsum("vij,vj->vi", r.views.gain, x[normal.where])
-    return Mixed(x, own, cov, r.views.gain, r.views.own_cov, normal.where, dict(sizes), float(r.energy - b @ x))
+    own = r.own.own0 - np.einsum("vij,vj->vi", r.own.gain, x[normal.where])
+    return Mixed(x, own, cov, r.own.gain, r.own.own_cov, normal.where, dict(sizes), float(r.energy - b @ x))
 
 
-def _scatter(normal: Normal, reduced: Float, right: Float) -> tuple[Float, Float]:
-    """Sums (G, G), (G,) of the views' equations; views at the same places (of one station) are added first."""
-    G = normal.info.size
+def _scatter(normal: Normal, own: Own) -> tuple[Float, Float]:
+    """Sums (G, G), (G,) of the views' equations; for views at the same places (of one station) one product eliminates what is their own."""
+    G, s = normal.info.size, normal.shared
     H, b = np.zeros((G, G)), np.zeros(G)
-    places, of = np.unique(normal.where, axis=0, return_inverse=True)
-    for k, at in enumerate(places):
-        mine = np.flatnonzero(of.ravel() == k)
-        H[at[:, None], at] += reduced[mine].sum(axis=0)
-        b[at] += right[mine].sum(axis=0)
+    for one in normal.alike:
+        gain, right = (a[one.views].reshape(-1, s) for a in (own.gain, own.right))
+        H[one.where[:, None], one.where] += one.gram - gain.T @ right
+        b[one.where] += own.b[one.views].sum(axis=0)
     return H, b
+
+
+def _alike(where: Ints) -> list[tuple[Ints, Ints]]:
+    """Places (s,) that views share, and those views."""
+    places, of = np.unique(where, axis=0, return_inverse=True)
+    return [(at, np.flatnonzero(of.ravel() == k)) for k, at in enumerate(places)]
 
 
 def _solve(H: Float, b: Float) -> tuple[Float, Float]:
@@ -254,6 +281,8 @@ def _size(normal: Normal, answer: Mixed, kind: str, own: Float) -> float:
 
 def _own_variance(answer: Mixed) -> Float:
     """(V, o) marginal variances of the views' own unknowns."""
-    C = answer.cov[answer.where[:, :, None], answer.where[:, None, :]]
-    spread = np.einsum("vij,vij->vi", answer.gain @ C, answer.gain)
-    return np.asarray(np.diagonal(answer.own_cov, axis1=1, axis2=2) + spread)
+    variance = np.diagonal(answer.own_cov, axis1=1, axis2=2).copy()
+    for at, mine in _alike(answer.where):
+        gain = answer.gain[mine].reshape(-1, len(at))
+        variance[mine] += np.einsum("ij,ij->i", gain @ answer.cov[at[:, None], at], gain).reshape(len(mine), -1)
+    return variance
