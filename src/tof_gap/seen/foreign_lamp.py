@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from tof_core.cores import in_threads
 from tof_core.stats import blocks, hats
 from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.seen.foreign_light import field, interference
+from tof_gap.seen.lamp_light import RIDGE, gains_at, lag_of, waves_from
 from tof_sensor.frame import waves_per_m
 
 if TYPE_CHECKING:
@@ -31,12 +31,8 @@ HAND_STEP_M, HAND_REACH_M, HAND_LEAST_M = 0.2, 0.6, 0.15
 """The same for places that move with the camera's hand, and their least distance from the lens: the camera's own lamp is nearer."""
 STEEPEST = 0.1
 """Least cosine of incidence used: grazing surfaces would outweigh all others."""
-STRONGEST = 50.0
-"""Largest ratio of foreign to own light, in units of their ratio at equal distance and incidence."""
 COMMON_STEP_M = 0.15
 """Spacing along range of the knots of the error that all views share: an eighth of a wave of 120 MHz."""
-RIDGE = 1e-3
-"""Ridge of the fit of a view's four waves, as a share of their mean square: where few pixels are lit, the waves look alike."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,8 +220,9 @@ def _search(cells: Sequence[Cells | None], places: Float, *, on_hand: bool) -> _
     def of_view(c: Cells | None) -> Float:
         if c is None:
             return np.zeros((len(FREQUENCIES_MHZ), len(places)))
-        each = c.points, c.normals, c.range_m, c.cosine, c.sigma, c.smooth, c.error
-        return np.asarray(_gains(c.in_cell(places, on_hand=on_hand), waves_per_m(FREQUENCY_STEP_MHZ), len(FREQUENCIES_MHZ), *each))
+        k = waves_per_m(FREQUENCY_STEP_MHZ)
+        each = c.points, c.normals, c.range_m, c.cosine, lag_of(k, c.range_m), c.sigma, c.smooth, c.error
+        return np.asarray(gains_at(c.in_cell(places, on_hand=on_hand), k, len(FREQUENCIES_MHZ), *each))
 
     gains = np.stack(in_threads(of_view, cells))
     total = gains.sum(axis=0)
@@ -236,62 +233,18 @@ def _search(cells: Sequence[Cells | None], places: Float, *, on_hand: bool) -> _
 def _field(view: ViewEvidence, c: Cells, found: _Search) -> Float:
     """(H, W) metres of z that the lamp's light adds to a view; 0 where the CAD has no surface."""
     at, k = c.in_cell(found.at_m, on_hand=found.on_hand), waves_per_m(found.mhz)
-    waves = _waves(at, k, c.points, c.normals, c.range_m, c.cosine)
-    B = waves / c.sigma[:, None]
+    waves = waves_from(at, k, c.points, c.normals, c.range_m, c.cosine, lag_of(k, c.range_m))
+    B = waves.T / c.sigma[:, None]
     B -= c.smooth @ (c.smooth.T @ B)
     strength = np.linalg.solve(_ridged(B.T @ B), B.T @ c.error)
     R, t = c.T[:3, :3], c.T[:3, 3]
     points, normals = (np.nan_to_num(a).reshape(-1, 3).astype(np.float64) @ R.T for a in (view.frame.points, view.rendering.normal))
     cosine = np.maximum(np.nan_to_num(np.cos(view.rendering.incidence)).ravel().astype(np.float64), STEEPEST)
-    all_waves = _waves(at, k, points + t, normals, np.nan_to_num(view.frame.radial).ravel().astype(np.float64), cosine)
-    return np.asarray((all_waves @ strength).reshape(view.residual.shape) / view.frame.length)
+    range_m = np.nan_to_num(view.frame.radial).ravel().astype(np.float64)
+    all_waves = waves_from(at, k, points + t, normals, range_m, cosine, lag_of(k, range_m))
+    return np.asarray((strength @ all_waves).reshape(view.residual.shape) / view.frame.length)
 
 
-@njit(cache=True, nogil=True)
-def _waves(at: Float, k: float, points: Float, normals: Float, range_m: Float, cosine: Float) -> Float:
-    """(n, 4) ratio of a lamp's light to the camera's own, times cosine and sine of the phases k (d - r) and k (d + 3 r)."""
-    out = np.zeros((len(points), 4))
-    for i in range(len(points)):
-        x, y, z = at[0] - points[i, 0], at[1] - points[i, 1], at[2] - points[i, 2]
-        d = max(np.sqrt(x * x + y * y + z * z), 1e-3)
-        facing = (normals[i, 0] * x + normals[i, 1] * y + normals[i, 2] * z) / d
-        if facing <= 0:
-            continue
-        ratio = min(facing * range_m[i] ** 2 / (d * d * cosine[i]), STRONGEST)
-        slow, fast = k * (d - range_m[i]), k * (d + 3 * range_m[i])
-        out[i, 0], out[i, 1] = ratio * np.cos(slow), ratio * np.sin(slow)
-        out[i, 2], out[i, 3] = ratio * np.cos(fast), ratio * np.sin(fast)
-    return out
-
-
-@njit(cache=True, nogil=True)
 def _ridged(normal: Float) -> Float:
     """Normal equations (k, k) with a ridge."""
-    ridged: Float = normal + (RIDGE * np.trace(normal) / len(normal) + 1e-12) * np.eye(len(normal))
-    return ridged
-
-
-@njit(cache=True, nogil=True)
-def _gains(
-    places: Float, k: float, count: int, points: Float, normals: Float, range_m: Float, cosine: Float, sigma: Float, smooth: Float,
-    error: Float,
-) -> Float:  # fmt: skip
-    """(count, places) chi-square that a lamp at each place explains in a view beside its smooth fields, at k, 2 k, ... radians per metre.
-
-    Sines and cosines are computed for k alone; those of its multiples follow from the addition theorems.
-    """
-    out = np.zeros((count, len(places)))
-    for p in range(len(places)):
-        first = _waves(places[p], k, points, normals, range_m, cosine)
-        ratio = np.sqrt(first[:, 0] ** 2 + first[:, 1] ** 2)
-        turn = first / np.where(ratio > 0, ratio, 1.0).reshape(-1, 1)
-        waves = first / sigma.reshape(-1, 1)
-        for n in range(count):
-            B = waves - smooth @ (smooth.T @ waves)
-            b = B.T @ error
-            out[n, p] = b @ np.linalg.solve(_ridged(B.T @ B), b)
-            for i in range(len(waves)):
-                for j in (0, 2):
-                    c, s = waves[i, j], waves[i, j + 1]
-                    waves[i, j], waves[i, j + 1] = c * turn[i, j] - s * turn[i, j + 1], s * turn[i, j] + c * turn[i, j + 1]
-    return out
+    return np.asarray(normal + (RIDGE * np.trace(normal) / len(normal) + 1e-12) * np.eye(len(normal)))
