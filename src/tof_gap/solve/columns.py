@@ -130,13 +130,9 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
     ends = np.cumsum([0, *(columns[0].shape[1] for columns in by_candidate)])
     groups = tuple(np.arange(a, b) for a, b in itertools.pairwise(ends))
     every = range(len(store.views))
-
-    def joined(v: int) -> Float:
-        empty = np.zeros((len(store.views[v].pixels), 0))
-        return np.concatenate([empty, *(columns[v] for columns in by_candidate)], axis=1)
-
     total = sum(len(view.pixels) for view in store.views)
-    scale = np.sqrt(sum(in_threads(lambda v: (joined(v) ** 2).sum(axis=0), every), np.zeros(ends[-1])) / total)
+    squares = [sum(np.einsum("ni,ni->i", c, c, dtype=np.float64) for c in columns) for columns in by_candidate]
+    scale = np.sqrt(np.concatenate([np.zeros(0), *squares]) / total)
     live = scale > 1e-12
     safe = np.where(live, scale, 1.0)
     in_motion = moving(store.views)
@@ -145,7 +141,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
         sd = np.concatenate([sd, lens_sd * safe[groups[-1]]])
     base_sd = np.minimum(chain.priors.base, PINNED_SD) if in_motion else chain.priors.base
     system = ColumnSystem.of(
-        in_blocks(lambda v: _gram(store.views[v], joined(v) / safe), every),
+        in_blocks(lambda v: _gram(store.views[v], [columns[v] for columns in by_candidate], safe), every),
         chain,
         # The coefficient of a column that is zero everywhere is pinned to 0.
         np.where(live, sd, 1e-9),
@@ -162,9 +158,16 @@ def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints], scale: Float
     return np.concatenate([np.zeros(0), *sd])
 
 
-def _gram(view: ViewEvidence, C: Float) -> Float:
-    """Weighted products of [camera 6 | C | residual], each row weighted by 1 / sigma."""
-    J = pose_columns(view.frame.take(view.pixels))[0]
-    X = np.concatenate([J, C, view.residual.ravel()[view.pixels, None]], axis=1)
-    X /= view.sigma.ravel()[view.pixels][:, None]
-    return np.asarray(X.T @ X)
+def _gram(view: ViewEvidence, columns: Sequence[Image], scale: Float) -> Float:
+    """Weighted products of [camera 6 | columns over their scale | residual], each row weighted by 1 / sigma."""
+    ends = np.cumsum([6, *(c.shape[1] for c in columns)])
+    X = np.empty((ends[-1] + 1, len(view.pixels)))  # a column is a row: hundreds of short pieces beside each other are slow to write
+    X[:6], X[-1] = pose_columns(view.frame.take(view.pixels))[0].T, view.residual.ravel()[view.pixels]
+    for column, a, b in zip(columns, ends, ends[1:], strict=False):
+        X[a:b] = column.T
+    X /= view.sigma.ravel()[view.pixels]
+    over = np.concatenate([np.ones(6), 1.0 / scale, np.ones(1)])
+    products = X @ X.T
+    products *= over[:, None]
+    products *= over
+    return np.asarray(products)

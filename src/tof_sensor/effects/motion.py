@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 from weakref import WeakKeyDictionary
 
@@ -75,9 +74,7 @@ class Motion(Effect):
             return np.zeros((len(pixels), len(self.LINEAR)))
         seen, wave = _passing(frame), 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         order = OPPOSITE_FIRST if self.opposite_first else IN_TURN
-        taps = partial(_taps, np.asarray(pixels, np.int64), *seen.images, wave, self.tap_s, order)
-        (bare, lit), turned = taps(0.0).T, taps(EIGHTH)[:, 0]
-        errors = np.stack([bare, turned, lit], axis=1) / frame.length.ravel()[pixels, None]
+        errors = _taps(np.asarray(pixels, np.int64), *seen.images, wave, self.tap_s, order) / frame.length.ravel()[pixels, None]
         return np.asarray(np.nan_to_num(np.concatenate([seen.deepens.ravel()[pixels, None], errors], axis=1)))
 
     @property
@@ -154,29 +151,30 @@ def _taps(
     wave: float,
     tap_s: float,
     order: tuple[int, int, int, int],
-    beyond: float,
 ) -> Float:
-    """(n, 2) metres along the ray: the taps' error without unmodulated light, and what as much of it as of modulated light adds.
+    """(n, 3) metres along the ray: the taps' error at either constant of their phase, and what unmodulated light adds to the first.
 
-    The taps' phase is that of the distance and `beyond` radians.
+    Their phase is that of the distance, or `EIGHTH` beyond; of unmodulated light there is as much as of modulated.
     """
-    out = np.empty((len(pixels), 2))
+    out = np.empty((len(pixels), 3))
     for i in range(len(pixels)):
         row, column = pixels[i] // light.shape[1], pixels[i] % light.shape[1]
-        bare, lit = 0j, 0j
+        bare, turned, lit = 0j, 0j, 0j
         for place in range(4):
             t, turn = (place - 1.5) * tap_s, order[place] * np.pi / 2
             v, u = row - along_v[row, column] * t, column - along_u[row, column] * t
             A = _at(light, v, u) + _at(grows, v, u) * t
-            modulated = A * np.cos(wave * (_at(radial, v, u) + recedes[row, column] * t) + beyond - turn)
+            phase = wave * (_at(radial, v, u) + recedes[row, column] * t) - turn
+            cosine, sine = A * np.cos(phase), A * np.sin(phase)
             quarter = complex(np.cos(turn), np.sin(turn))
-            bare += quarter * modulated
-            lit += quarter * (A + modulated)
-        own = wave * radial[row, column] + beyond
+            bare += quarter * cosine
+            turned += quarter * (cosine * np.cos(EIGHTH) - sine * np.sin(EIGHTH))
+            lit += quarter * (A + cosine)
+        own = wave * radial[row, column]
         back = complex(np.cos(own), -np.sin(own))
-        error = np.angle(bare * back) / wave
-        out[i, 0] = error
-        out[i, 1] = np.angle(lit * back) / wave - error
+        out[i, 0] = np.angle(bare * back) / wave
+        out[i, 1] = np.angle(turned * back * complex(np.cos(EIGHTH), -np.sin(EIGHTH))) / wave
+        out[i, 2] = np.angle(lit * back) / wave - out[i, 0]
     return out
 
 
