@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fill Numba's cache with the kernels of filters, ray casting, alignment, labels and inference, so that no first run compiles them."""
+"""Fill Numba's cache with the kernels of filters, ray casting, alignment, labels, diagnosis and inference, so that no first run compiles them."""
 
 from __future__ import annotations
 
+from tof_gap import warm_up
 from tof_infer.session import Session
 from tof_preproc import preprocessor
 from tof_scene.builtin import open_scene
@@ -13,3 +14,4 @@ if __name__ == "__main__":
     preprocessor.warm_up()
     Session()
     stream.warm_up(Raycaster(open_scene("body_section")))
+    warm_up.warm_up()
