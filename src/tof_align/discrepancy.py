@@ -175,11 +175,26 @@ def _surface_covariance(x: Float, y: Float) -> Float:
     The second half is an error that a whole face shares. A pose can imitate it, so it must be allowed for.
     """
     place, facing = _square_distance(x[:, :3], y[:, :3]), _square_distance(x[:, 3:], y[:, 3:])
-    return np.asarray(0.5 * np.exp(-np.sqrt(place + facing)) + 0.5 * np.exp(-np.sqrt(place / FACE_LENGTHS**2 + facing)))
+    near = _half_exp(place + facing)
+    place /= FACE_LENGTHS**2
+    place += facing
+    near += _half_exp(place)
+    return near
+
+
+def _half_exp(square: Float) -> Float:
+    """exp(-distance) / 2, in the place of the squared distances: matrices of all pixels and centres are slow to allocate."""
+    np.sqrt(square, out=square)
+    np.negative(square, out=square)
+    np.exp(square, out=square)
+    square *= 0.5
+    return square
 
 
 def _square_distance(x: Float, y: Float) -> Float:
-    return np.asarray(np.maximum((x * x).sum(1)[:, None] + (y * y).sum(1)[None] - 2.0 * x @ y.T, 0.0))
+    out: Float = (x * x).sum(1)[:, None] + (y * y).sum(1)[None]
+    out -= 2.0 * x @ y.T
+    return np.maximum(out, 0.0, out=out)
 
 
 def _inverse_root(K: Float) -> Float:

@@ -111,9 +111,10 @@ def figure_uri(figure: Figure) -> str:
     stream = io.BytesIO()
     figure.set_dpi(PLOT_DPI)
     figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # it has laid the figure out, and would do so again with each drawing
     box = figure.get_tightbbox().padded(PAD_IN)
     numbers = numbers_of(figure, box)
-    figure.savefig(stream, format="png", dpi=PLOT_DPI, facecolor=PALETTE["paper"], bbox_inches=box)
+    figure.savefig(stream, format="png", dpi=PLOT_DPI, facecolor=PALETTE["paper"], bbox_inches=box, pil_kwargs={"compress_level": 0})
     return _data_uri(numbers.into(_small(stream)))
 
 
