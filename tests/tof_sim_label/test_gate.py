@@ -65,7 +65,7 @@ def told(monkeypatch: pytest.MonkeyPatch, suspicion: float, *, wide: bool | None
 def test_curvature_decides_where_it_is_sure_and_a_wide_plane_where_it_is_not(
     monkeypatch: pytest.MonkeyPatch, suspicion: float, *, wide: bool | None, bend_mm: int
 ) -> None:
-    with pytest.raises(RefusedError, match=rf"off by {bend_mm} mm when read as z"):
+    with pytest.raises(RefusedError, match=rf"a flat surface is off by {bend_mm} mm"):
         told(monkeypatch, suspicion, wide=wide).check(view(0, camera=CAMERA))
 
 
