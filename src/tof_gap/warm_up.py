@@ -44,7 +44,7 @@ def warm_up() -> None:
 
 
 def _corner() -> Scene:
-    """A box before a wall: edges, and a corner between which light goes to and fro."""
+    """A box before a wall: with edges, and a corner whose surfaces light each other."""
     wall, block = box((0.1, 2.0, 2.0)), box((0.4, 0.5, 0.4))
     return Scene("cell", (Part("wall", wall[0] - [0.25, 0.0, 0.0], wall[1]), Part("block", *block)))
 
