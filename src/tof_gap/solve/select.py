@@ -131,12 +131,12 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
     """Drop members whose absence costs little."""
     while current.members:
         lost, visible = worth(judge, current)
-        total = float((visible**2).sum())
+        total, of_effect = float((visible**2).sum()), _of_effect(judge, current, visible)
         weak = [
             (v, i)
             for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
             if gain < judge.gain(current.members[i])
-            or v * v < judge.share(current.members[i]) * total
+            or of_effect[i] < judge.share(current.members[i]) * total
             or gain < judge.config.absorbed * _absorbable(judge, current, i)
             or gain < _lacking(judge, current, i)
             or gain < _rough(judge, current, i, lost)
@@ -146,6 +146,12 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
         drop = min(weak)[1]
         current = rescored(judge, [m for i, m in enumerate(current.members) if i != drop])
     return current
+
+
+def _of_effect(judge: Selector, current: Hypothesis, visible: Float) -> list[float]:
+    """Per member: energy (m^2) that all members of its effect explain. A second part that deviates is the same effect: it adds no name."""
+    names = [judge.design.candidates[m].name if not judge.is_free(m) else m for m in current.members]
+    return [sum(float(v) ** 2 for v, other in zip(visible, names, strict=True) if other == name) for name in names]
 
 
 def _plain(judge: Selector, current: Hypothesis) -> Hypothesis:

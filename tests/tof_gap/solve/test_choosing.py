@@ -130,6 +130,13 @@ def test_what_explains_too_small_a_share_of_what_shows_is_dropped(b_wins: float,
     assert named(judge, _prune(judge, hypothesis(judge, "ab"))) == kept
 
 
+@pytest.mark.parametrize(("effects", "kept"), [(["x", "y", "y"], "abc"), (["x", "y", "z"], "a")])
+def test_two_parts_of_one_effect_explain_its_share_together(effects: list[str], kept: str) -> None:
+    """Of 820, b and c explain 10 each: less than 1.5 % each, and more together."""
+    judge: Any = Judge({"abc": 100.0, "ab": 110.0, "ac": 110.0, "bc": 900.0, "a": 120.0, "b": 900.0, "c": 900.0}, effects, gain=5.0)
+    assert named(judge, _prune(judge, hypothesis(judge, "abc"))) == kept
+
+
 @pytest.mark.parametrize(("absorbed", "kept"), [(490.0, "ab"), (510.0, "a")])
 def test_what_wins_less_than_a_tenth_of_what_it_could_absorb_is_dropped(
     monkeypatch: pytest.MonkeyPatch, absorbed: float, kept: str
