@@ -19,7 +19,19 @@ class ShrinkLimits:
         0.03, "relative error of the noise variance", low=0.0, high=1.0, why="interpolation between bins of amplitude"
     )
     noise_px: int = param(
-        4, "side of the squares whose variance is noise", unit="px", low=2, high=64, why="next neighbours may share noise; a gap is wider"
+        4,
+        "side of the squares in which pixels share no noise",
+        unit="px",
+        low=2,
+        high=64,
+        why="next neighbours may share noise; a gap is wider",
+    )
+    noise_shown: float = param(
+        0.5,
+        "by how much the noise that pixels show may differ from its variance, relative",
+        low=0.0,
+        high=1.0,
+        why="far surfaces 0.09, rows with noise of their own 0.41; beyond, errors are gross",
     )
     resolution: float = param(0.005, "least half width of the interval", low=0.0, high=1.0, why="rounding of depth code and floor")
     healthy_mm: float = param(

@@ -80,7 +80,7 @@ class Figures:
         floors = self.floors_shown
         unsure2 = float(self.unsure2.mean()) if FixedPattern.NAME in names else 0.0
         if FlyingPixels.NAME in names:
-            after = [np.where(self.mixed[v], np.sqrt(f), a) for v, a, f in zip(self.held, after, floors, strict=True)]
+            after = [np.where(self.mixed[v], np.sqrt(np.maximum(f, 0.0)), a) for v, a, f in zip(self.held, after, floors, strict=True)]
             unsure2 += self._mixed_left(after)
         held_out = blocks(before, after, floors, self.limits.block_px)
         return replace(measure(held_out, self.rng, self.limits.shrink, unsure2), off_edges_mm=self._off_edges_mm(before, after, floors))
@@ -100,7 +100,7 @@ class Figures:
         """(H, W) m^2 of each held-out view: the floor, with the noise that its pixels show instead of the estimated variance."""
         steady = away_from_edges([self.edge[v] for v in self.held], [self._left(v) for v in self.held])
         limits = self.limits.shrink
-        shown = shown2(steady, [self.noise2[v] for v in self.held], 2.0 * limits.noise_known, limits.noise_px)
+        shown = shown2(steady, [self.noise2[v] for v in self.held], limits.noise_shown, limits.noise_px)
         return [self.floors[v] - self.noise2[v] + s for v, s in zip(self.held, shown, strict=True)]
 
     def _mixed_left(self, after: Sequence[Float]) -> float:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.stats import blocks
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
@@ -29,8 +28,9 @@ def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float, side: i
 
     The mean square of noise in some thousand pixels differs from its estimated variance, by chance and since the estimate is
     interpolated between bins of amplitude. Where the gap is smaller than the noise, 1 % of that variance is much of the gap's energy.
-    The variance within small squares contains the noise, also noise that next neighbours share, and no gap that is constant in a square.
-    It contains a rough gap too; therefore the sum of the result differs from that of `noise2` by the share `known` at most.
+    What a pixel does not share with the others of a small square, outside of its row and column, is its noise: also where rows or columns
+    have noise of their own, or next neighbours share some. A gap that is constant in a square is shared. Gross errors are not shared
+    either; therefore the sum of the result differs from that of `noise2` by the share `known` at most.
 
     Args:
         left: (H, W) metres of each view, NaN where a pixel does not count.
@@ -39,7 +39,7 @@ def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float, side: i
         side: of the squares, in pixels.
     """
     seen = [np.isfinite(r) for r in left]
-    own = [_within(r, n, side) for r, n in zip(left, noise2, strict=True)]
+    own = [_unshared(r, n, side) for r, n in zip(left, noise2, strict=True)]
     shown, stated = (sum(float(x[s].sum()) for x, s in zip(every, seen, strict=True)) for every in (own, noise2))
     if not shown > 0.0:
         return list(noise2)
@@ -47,11 +47,24 @@ def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float, side: i
     return [scale * x for x in own]
 
 
-def _within(residual: Float, noise2: Float, side: int) -> Float:
-    """(H, W) m^2: squared deviation of each pixel from the mean of its square, without bias; `noise2` where a pixel is alone in it."""
-    out, seen = noise2.copy(), np.isfinite(residual)
-    squares, values = blocks(seen, side), residual[seen]
-    others = (squares.count - 1)[squares.which]
-    about = (values - squares.mean(values)[squares.which]) ** 2
-    out[seen] = np.where(others > 0, about * (others + 1) / np.maximum(others, 1), noise2[seen])
-    return out
+def _unshared(residual: Float, noise2: Float, side: int) -> Float:
+    """(H, W) m^2: square of each pixel less its product with the mean of the pixels of its square in other rows and columns.
+
+    The sum over many pixels is that of what they do not share; single values may be negative. `noise2` where there are no such pixels.
+    """
+    e, n = (_squares(x, side) for x in (np.nan_to_num(residual), np.isfinite(residual).astype(float)))
+
+    def others(x: Float) -> Float:
+        return np.asarray(x.sum(axis=(1, 3), keepdims=True) - x.sum(axis=3, keepdims=True) - x.sum(axis=1, keepdims=True) + x)
+
+    count = others(n)
+    own = np.where(count > 0, e * e - e * others(e) / np.maximum(count, 1.0), _squares(noise2, side))
+    h, w = residual.shape
+    return np.where(np.isfinite(residual), own.reshape(own.shape[0] * side, -1)[:h, :w], noise2)
+
+
+def _squares(image: Float, side: int) -> Float:
+    """(rows, side, columns, side) of an image (H, W), with zeros beyond its end."""
+    h, w = (-n % side for n in image.shape)
+    padded = np.pad(np.asarray(image, float), ((0, h), (0, w)))
+    return padded.reshape(padded.shape[0] // side, side, -1, side)

@@ -42,15 +42,20 @@ def test_a_smooth_gap_is_no_noise() -> None:
 
 
 def test_noise_that_next_neighbours_share_is_noise() -> None:
-    """Means of two neighbours: the second differences of such noise have two thirds of its variance, squares of four 95 %."""
+    """Means of two neighbours: the second differences of such noise have two thirds of its variance, squares of four all."""
     white = RNG.normal(0, 0.002, (SHAPE[0], SHAPE[1] + 1))
     shared = (white[:, 1:] + white[:, :-1]) / np.sqrt(2.0)
-    assert total(shown2([shared], STATED, 0.5, 4)) == pytest.approx(0.95, abs=0.04)
+    assert total(shown2([shared], STATED, 0.5, 4)) == pytest.approx(1.0, abs=0.04)
+
+
+def test_noise_of_rows_and_columns_is_noise() -> None:
+    lines = RNG.normal(0, 0.001, (SHAPE[0], 1)) + RNG.normal(0, 0.001, (1, SHAPE[1]))
+    assert total(shown2([RNG.normal(0, 0.002, SHAPE) + lines], STATED, 0.9, 4)) == pytest.approx(1.5, abs=0.15)
 
 
 @pytest.mark.parametrize(("sigma", "bound"), [(0.003, 1.06), (0.001, 0.94)])
 def test_what_differs_from_the_stated_noise_by_more_than_it_is_known_is_not_the_floor(sigma: float, bound: float) -> None:
-    """A rough gap varies within squares as noise does."""
+    """Gross errors are shared by no neighbour, as noise is."""
     assert total(shown2([RNG.normal(0, sigma, SHAPE)], STATED, 0.06, 4)) == pytest.approx(bound)
 
 

@@ -17,7 +17,7 @@ from tof_gap.seen.finding import Finding
 from tof_gap.tell import account as room
 from tof_gap.tell.account import _findings, _gap, _named_m, _rough_m, account
 from tof_gap.tell.diagnosis import Diagnosis, doubted
-from tof_gap.tell.floor import _within, shown2
+from tof_gap.tell.floor import _unshared, shown2
 from tof_gap.tell.shrink import Errors, Shrink
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.interference import Interference
@@ -174,7 +174,7 @@ def test_foreign_light_must_exceed_what_inexact_maps_leave(monkeypatch: pytest.M
     ("motion", "left_out"),
     [(True, frozenset()), (False, frozenset({"interference"})), (False, frozenset({"hand_eye"})), (True, frozenset({"hand_eye"}))],
 )
-def test_arm_errors_say_nothing_of_light_within_motion_and_without_an_arm(
+def test_arm_errors_say_nothing_of_light_unshared_motion_and_without_an_arm(
     monkeypatch: pytest.MonkeyPatch, left_out: frozenset[str], *, motion: bool
 ) -> None:
     told = detectors(monkeypatch, foreign=LIGHT)
@@ -224,18 +224,12 @@ def test_a_confidence_is_the_share_of_wins_times_that_of_such_names_that_were_ri
     assert Diagnosis.confidence(told, cause) == pytest.approx(0.9 * right)
 
 
-def test_the_noise_of_pixels_is_the_variance_within_their_square() -> None:
-    """Squares of two pixels: 0, 1, 2, 5 about 2; 0, 0, 2 about 2/3; two lines of what is beyond the last whole square."""
+def test_the_noise_of_a_pixel_is_what_others_in_other_rows_and_columns_do_not_share() -> None:
+    """Squares of two pixels, in which each has one such partner, across; without a partner the stated noise stands."""
     values = np.array([[0.0, 1.0, 0.0, 0.0], [2.0, 5.0, 2.0, np.nan], [0.0, 1.0, 6.0, np.nan]])
     stated = np.full((3, 4), 9.0)
-    expected = np.array(
-        [
-            [4 * 4 / 3, 1 * 4 / 3, 4 / 9 * 3 / 2, 4 / 9 * 3 / 2],
-            [0.0, 9 * 4 / 3, 16 / 9 * 3 / 2, 9.0],
-            [0.25 * 2, 0.25 * 2, 9.0, 9.0],  # 6.0 is alone in its square
-        ]
-    )
-    np.testing.assert_allclose(_within(values, stated, 2), expected)
+    expected = np.array([[0.0, 1.0 - 1 * 2, 9.0, 0.0], [4.0 - 2 * 1, 25.0, 4.0, 9.0], [9.0, 9.0, 9.0, 9.0]])
+    np.testing.assert_allclose(_unshared(values, stated, 2), expected)
 
 
 @pytest.mark.parametrize(("known", "scale"), [(0.1, 1.1), (10.0, None)])
@@ -251,7 +245,7 @@ def test_the_noise_shown_by_all_views_together_is_bounded(known: float, scale: f
     together = (shown[0][counts].sum() + shown[1].sum()) / (counts.sum() + 900) / 1e-6
     assert together == pytest.approx(scale or together)
     if scale is None:
-        np.testing.assert_allclose(shown[0], _within(rough, stated[0], 4))
+        np.testing.assert_allclose(shown[0], _unshared(rough, stated[0], 4))
     few = shown2([rough * 1e-3, flat], stated, 0.1, 4)
     assert (few[0][counts].sum() + few[1].sum()) / (counts.sum() + 900) / 1e-6 == pytest.approx(0.9)
 
