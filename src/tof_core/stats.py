@@ -133,3 +133,10 @@ def blocks(where: Mask, side: int, *further: Ints) -> Groups:
     """
     rows, columns = np.nonzero(where)
     return grouped(rows // side, columns // side, *further)
+
+
+def squares(image: Float, side: int) -> Float:
+    """(rows, side, columns, side): the squares of `side` pixels of an image (H, W), with zeros beyond its end."""
+    h, w = (-n % side for n in image.shape)
+    padded = np.pad(np.asarray(image, float), ((0, h), (0, w)))
+    return padded.reshape(padded.shape[0] // side, side, -1, side)

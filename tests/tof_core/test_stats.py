@@ -18,6 +18,7 @@ from tof_core.stats import (
     robust_std,
     robust_stds,
     second_differences,
+    squares,
     touched,
     trimmed_std,
 )
@@ -149,3 +150,10 @@ def test_a_map_of_zeros_is_touched_nowhere() -> None:
     assert not touched(np.zeros(4)).any()
     assert touched(np.array([0.0, 1e-9])).tolist() == [False, True]
     assert touched(np.zeros(0)).shape == (0,)
+
+
+def test_squares_of_an_image_have_zeros_beyond_its_end() -> None:
+    found = squares(np.arange(1.0, 7.0).reshape(2, 3), 2)
+    assert found.shape == (1, 2, 2, 2)
+    assert found[0, :, 0].tolist() == [[1.0, 2.0], [4.0, 5.0]]
+    assert found[0, :, 1].tolist() == [[3.0, 0.0], [6.0, 0.0]]

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_fill_holes, label, uniform_filter
@@ -80,15 +80,36 @@ def outliers_removed(valid: Mask, limits: MissingLimits) -> Mask:
     return np.asarray(small & ~single)
 
 
-def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask]) -> Finding | None:
+class Losses(NamedTuple):
+    """What a session's views lose.
+
+    inside: (H, W) per view, pixels that should return light and that no filter in the camera removed; share: (H, W) per view, of the
+    captures in which a pixel is lost; too_bright: amplitude that saturates.
+    """
+
+    inside: list[Mask]
+    share: list[Float]
+    too_bright: float
+
+    @property
+    def gone(self) -> Float:
+        """(n,) shares of the pixels inside, one view after the other."""
+        return np.concatenate([g[i] for g, i in zip(self.share, self.inside, strict=True)])
+
+
+def losses_of(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask]) -> Losses:
+    """The losses of views of which a filter in the camera removed the pixels `filtered`, (H, W) per view."""
+    too_bright = brightest(views, limits)
+    inside = [expected(v, limits) & ~f for v, f in zip(views, filtered, strict=True)]
+    return Losses(inside, [lost(v, limits, too_bright) for v in views], too_bright)
+
+
+def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, losses: Losses) -> Finding | None:
     """`dropout` where more than `lost_share` of all pixels is lost, or `lost_on_part` of one part: below a threshold of amplitude, and at random.
 
     A lost pixel has no reliable amplitude; that of the CAD is used, in the unit of the camera's amplitude image.
-
-    filtered: (H, W) per view, pixels that a filter in the camera removed.
     """
-    inside, losses, too_bright = _losses(views, limits, filtered)
-    gone = np.concatenate([g[i] for g, i in zip(losses, inside, strict=True)])
+    inside, gone = losses.inside, losses.gone
     part = np.concatenate([v.rendering.part[i] for v, i in zip(views, inside, strict=True)])
     known = amplitude_unit(views)
     unit = 1.0 if known is None else known
@@ -96,13 +117,13 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
     seen = np.concatenate([_amplitude(v)[i] for v, i in zip(views, inside, strict=True)])
     if gone.mean() < limits.lost_share:
         spans = np.concatenate([neighbours_span(v, limits)[i] for v, i in zip(views, inside, strict=True)])
-        if worst_part(gone, part, own_light(seen, light, part, limits), spans, too_bright, limits) < limits.lost_on_part:
+        if worst_part(gone, part, own_light(seen, light, part, limits), spans, losses.too_bright, limits) < limits.lost_on_part:
             return None
     radial = np.concatenate([v.frame.radial[i] for v, i in zip(views, inside, strict=True)])
     loss = loss_of(gone, seen, light, radial, part, limits.loss)
     random = float(gone[light > np.median(light)].mean())
     share = np.stack(
-        [np.where(v.frame.valid, _rate(v, own, unit, light, gone, limits), np.nan) for v, own in zip(views, losses, strict=True)]
+        [np.where(v.frame.valid, _rate(v, own, unit, light, gone, limits), np.nan) for v, own in zip(views, losses.share, strict=True)]
     )
     half = _lost_below(light, gone, limits.half_lost, limits)
     threshold, steepness = curve(light, gone) if loss.goes_with is GoesWith.LIGHT else (half, Dropout().steepness)
@@ -112,19 +133,10 @@ def dropout(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequ
     return Finding(effect, LOSS_CONFIDENT, share=share, note=note, size=loss.size, remedy=loss.remedy, parts=loss.parts, rare=rare)
 
 
-def least_light(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask]) -> float:
+def least_light(views: Sequence[ViewEvidence], limits: MissingLimits, losses: Losses) -> float:
     """Amplitude of the CAD (albedo 1, head-on from 1 m: 1) above which pixels away from edges return; 0 where loss does not follow light."""
-    inside, losses, _ = _losses(views, limits, filtered)
-    gone = np.concatenate([g[i] for g, i in zip(losses, inside, strict=True)])
-    light = np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, inside, strict=True)])
-    return _lost_below(light, gone, limits.dark_lost, limits) if len(light) else 0.0
-
-
-def _losses(views: Sequence[ViewEvidence], limits: MissingLimits, filtered: Sequence[Mask]) -> tuple[list[Mask], list[Float], float]:
-    """(H, W) per view pixels that should return light and the share of captures lost there; the amplitude from which it is too much light."""
-    too_bright = brightest(views, limits)
-    inside = [expected(v, limits) & ~f for v, f in zip(views, filtered, strict=True)]
-    return inside, [lost(v, limits, too_bright) for v in views], too_bright
+    light = np.concatenate([lambert_amplitude(v.rendering)[i] for v, i in zip(views, losses.inside, strict=True)])
+    return _lost_below(light, losses.gone, limits.dark_lost, limits) if len(light) else 0.0
 
 
 def _amplitude(view: ViewEvidence) -> Float:

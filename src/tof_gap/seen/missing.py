@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tof_gap.seen.filtered import failed_unwrapping, filtered
-from tof_gap.seen.lost import dropout, least_light
+from tof_gap.seen.lost import dropout, least_light, losses_of
 from tof_gap.seen.mixed import flying_pixels
 from tof_gap.seen.wrapped import phase_wrap
 from tof_sensor.effects.dropout import Dropout
@@ -27,10 +27,11 @@ def missing_effects(
 ) -> list[Finding]:
     """`dropout`, `phase_wrap` and `flying_pixels` where pixels show them, unless left out; `blurred`: whether motion mixes edges."""
     holes = filtered(views, limits)
+    losses = losses_of(views, limits, holes)
     detectors: dict[str, Callable[[], Finding | None]] = {
-        Dropout.NAME: lambda: dropout(views, limits, holes),
+        Dropout.NAME: lambda: dropout(views, limits, losses),
         PhaseWrap.NAME: lambda: phase_wrap(views, limits) or failed_unwrapping(views, holes, limits),
-        FlyingPixels.NAME: lambda: flying_pixels(views, limits, least_light(views, limits, holes)),
+        FlyingPixels.NAME: lambda: flying_pixels(views, limits, least_light(views, limits, losses)),
     }
     apart = left_out | ({FlyingPixels.NAME} if blurred else frozenset())
     found = (detect() for name, detect in detectors.items() if name not in apart)

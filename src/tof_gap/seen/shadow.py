@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import maximum_filter
 
+from tof_core.stats import squares
+
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
     from tof_core.camera import Camera
@@ -29,7 +31,7 @@ def shadowed(depth: Float, camera: Camera, lamp_m: float) -> Mask:
     """
     with np.errstate(divide="ignore"):
         nearness = np.where(np.isfinite(depth) & (depth > 0), 1.0 / depth, 0.0)
-    reach = nearest = _blocks(nearness)
+    reach = nearest = squares(nearness, BLOCK_PX).max(axis=(1, 3))
     step = BLOCK_PX / (max(camera.fx, camera.fy) * lamp_m)
     least = float(nearness[nearness > 0].min(initial=np.inf))
     for _ in range(int(np.ceil(max(float(nearest.max()) - least, 0.0) / step))):
@@ -39,11 +41,3 @@ def shadowed(depth: Float, camera: Camera, lamp_m: float) -> Mask:
         reach = spread
     rows, columns = (np.minimum(np.arange(n) // BLOCK_PX, m - 1) for n, m in zip(depth.shape, reach.shape, strict=True))
     return np.asarray((nearness > 0) & (reach[np.ix_(rows, columns)] > nearness + step))
-
-
-def _blocks(nearness: Float) -> Float:
-    """The nearest surface of each block of pixels; the last blocks may be smaller."""
-    h, w = (BLOCK_PX * -(-n // BLOCK_PX) for n in nearness.shape)
-    padded = np.zeros((h, w))
-    padded[: nearness.shape[0], : nearness.shape[1]] = nearness
-    return np.asarray(padded.reshape(h // BLOCK_PX, BLOCK_PX, w // BLOCK_PX, BLOCK_PX).max(axis=(1, 3)))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.stats import squares
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
@@ -52,19 +53,12 @@ def _unshared(residual: Float, noise2: Float, side: int) -> Float:
 
     The sum over many pixels is that of what they do not share; single values may be negative. `noise2` where there are no such pixels.
     """
-    e, n = (_squares(x, side) for x in (np.nan_to_num(residual), np.isfinite(residual).astype(float)))
+    e, n = (squares(x, side) for x in (np.nan_to_num(residual), np.isfinite(residual).astype(float)))
 
     def others(x: Float) -> Float:
         return np.asarray(x.sum(axis=(1, 3), keepdims=True) - x.sum(axis=3, keepdims=True) - x.sum(axis=1, keepdims=True) + x)
 
     count = others(n)
-    own = np.where(count > 0, e * e - e * others(e) / np.maximum(count, 1.0), _squares(noise2, side))
+    own = np.where(count > 0, e * e - e * others(e) / np.maximum(count, 1.0), squares(noise2, side))
     h, w = residual.shape
     return np.where(np.isfinite(residual), own.reshape(own.shape[0] * side, -1)[:h, :w], noise2)
-
-
-def _squares(image: Float, side: int) -> Float:
-    """(rows, side, columns, side) of an image (H, W), with zeros beyond its end."""
-    h, w = (-n % side for n in image.shape)
-    padded = np.pad(np.asarray(image, float), ((0, h), (0, w)))
-    return padded.reshape(padded.shape[0] // side, side, -1, side)

@@ -16,7 +16,7 @@ from tof_gap.limits.missing import MissingLimits
 from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.line_noise import line_map, line_noise
-from tof_gap.seen.lost import _lost_below, brightest, least_light, lost, outliers_removed
+from tof_gap.seen.lost import _lost_below, brightest, least_light, losses_of, lost, outliers_removed
 from tof_gap.seen.mixed import flying_pixels, mixing
 from tof_gap.seen.noise import noise_effects
 from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
@@ -239,7 +239,7 @@ def test_edges_that_are_too_dark_to_return_say_nothing_of_a_filter(dark_rows: fl
         reason = np.where(np.isfinite(depth), Reason.VALID, Reason.NO_RETURN).astype(np.uint8)
         frame = replace(v.frame, rendering=replace(v.rendering, albedo=albedo))
         out.append(replace(v, frame=frame, view=replace(v.view, depth=depth, reason=reason, count=np.isfinite(depth).astype(np.uint16))))
-    dim = least_light(out, MISSING, [np.zeros(SHAPE, bool)] * len(out))
+    dim = least_light(out, MISSING, losses_of(out, MISSING, [np.zeros(SHAPE, bool)] * len(out)))
     assert (dim > 0.0) is named
     assert (flying_pixels(out, MISSING, dim) is not None) is named
 
