@@ -225,7 +225,7 @@ def gap_beyond_pose(view: ViewEvidence, pose_cov: Float, config: WatchConfig) ->
 
     J = pose_columns(view.frame)[view.smooth]
     A = np.stack([mean(J[:, k]) for k in range(6)], axis=1)
-    e, white2 = mean(view.residual[view.smooth]), mean(view.sigma[view.smooth] ** 2) / n[enough]
+    e, white2 = mean(view.residual[view.smooth]), mean(view.mean_sigma[view.smooth] ** 2) / n[enough]
     # The most likely pose error under its covariance and white noise; its posterior belongs to the floor.
     W = A / white2[:, None]
     posterior = np.linalg.inv(A.T @ W + np.linalg.inv(pose_cov + 1e-14 * np.eye(6)))

@@ -82,12 +82,6 @@ class SmearLimits:
     own: float = param(
         0.25, "distance of such a pixel from its own surface, over the step", low=0.0, high=0.5, why="surfaces slope and bend"
     )
-    smoothing: float = param(
-        1.2,
-        "ratio of the noise by differences over two pixels to that over one",
-        low=1.0,
-        why="independent pixels: 1; means over three pixels of a line: 1.6, over five: 1.4",
-    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,6 +75,19 @@ class WorldEvidence:
 
 
 @dataclass(frozen=True, slots=True)
+class CorrelationLimits:
+    """When neighbouring pixels share noise."""
+
+    variance: float = param(
+        1.3,
+        "variance of a pixel's noise over that which differences of next neighbours show",
+        low=1.0,
+        why="independent pixels: 1.0 to 1.1; means over 3 x 3 pixels: 4.5",
+    )
+    views: int = param(6, "views that it is estimated from", low=1, why="the filter is the same in all; 30,000 pixels each")
+
+
+@dataclass(frozen=True, slots=True)
 class EvidenceLimits:
     """Which pixels count."""
 
@@ -102,6 +115,7 @@ class EvidenceLimits:
     )
     seed: int = param(0, "seed of the draw", low=0, why="the same pixels in every run")
     level: LevelLimits = section(LevelLimits, "noise of a view")
+    correlation: CorrelationLimits = section(CorrelationLimits, "noise that neighbouring pixels share")
     blur: BlurLimits = section(BlurLimits, "motion blur")
     pattern: PatternLimits = section(PatternLimits, "offsets of pixels")
 

@@ -145,7 +145,7 @@ def cells_of(view: ViewEvidence, limits: ForeignLampLimits) -> Cells | None:
             view.frame.radial[seen],
             np.cos(view.rendering.incidence[seen]),
             (view.residual * view.frame.length)[seen],
-            ((view.sigma * view.frame.length)[seen]) ** 2,
+            ((view.mean_sigma * view.frame.length)[seen]) ** 2,
             row / h - 0.5,
             column / w - 0.5,
         )

@@ -104,10 +104,11 @@ def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
     way = np.stack([np.ones((h, w)), x, y, z, x * x, y * y, z * z, x * y, x * z, y * z], axis=-1)
     columns = np.concatenate([plain, way * weakness(view, limits.cosine)[..., None]], axis=-1) / view.frame.length[..., None]
     seen = view.smooth
-    X = columns[seen] / view.sigma[seen][:, None]
+    sigma = view.mean_sigma[seen]
+    X = columns[seen] / sigma[:, None]
     scale = np.maximum(np.linalg.norm(X, axis=0), 1e-12)
     X = X / scale
-    c = np.linalg.solve(X.T @ X + limits.ridge * np.eye(X.shape[1]), X.T @ (view.residual[seen] / view.sigma[seen]))
+    c = np.linalg.solve(X.T @ X + limits.ridge * np.eye(X.shape[1]), X.T @ (view.residual[seen] / sigma))
     return np.asarray(columns @ (c / scale))
 
 
@@ -116,7 +117,7 @@ def _with_field(views: Sequence[ViewEvidence], fields: Sequence[Float], named_m:
     least_m = max(limits.field_mm * 1e-3, limits.field_share * named_m)
     large = []
     for v, f in zip(views, fields, strict=True):
-        weight = 1.0 / v.sigma[v.smooth] ** 2
+        weight = 1.0 / v.mean_sigma[v.smooth] ** 2
         taken = float(((v.residual**2 - (v.residual - f) ** 2)[v.smooth] * weight).sum())
         large.append(taken > max(limits.field_chi2, least_m**2 * float(weight.sum())))
     return float(np.mean(large))

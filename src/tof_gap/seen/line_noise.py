@@ -63,7 +63,7 @@ def _line_means(view: ViewEvidence, axis: int, limits: LineLimits) -> tuple[Floa
     count = np.maximum(n, 1)
     mean = np.where(seen, d2, 0.0).sum(axis=axis) / count
     spread = (np.where(seen, d2, 0.0) ** 2).sum(axis=axis) / count - mean**2
-    return np.where(enough, mean, np.nan), np.where(enough, np.maximum(spread, 1e-14) / count, np.nan)
+    return np.where(enough, mean, np.nan), np.where(enough, view.correlation.line * np.maximum(spread, 1e-14) / count, np.nan)
 
 
 def line_map(view: ViewEvidence, axis: int, limits: LineLimits) -> Float:

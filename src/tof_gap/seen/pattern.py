@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import uniform_filter
 
-from tof_gap.seen.level import noise_level
 from tof_sensor.effects.fixed_pattern import cosines, line_cosines
 
 if TYPE_CHECKING:
@@ -121,8 +120,7 @@ def beside_pixels(views: Sequence[ViewEvidence], offsets: PixelOffsets) -> list[
     out = []
     for view in views:
         rest = view.residual - offsets.image / view.frame.length
-        seen = noise_level(rest, view.smooth, view.frame.amplitude, view.limits.level)
-        out.append(replace(view, sigma=np.maximum(seen, view.step_m / np.sqrt(12))))
+        out.append(replace(view, sigma=view.noise_of(rest)))
     return out
 
 
@@ -146,7 +144,7 @@ def without_pattern(views: Sequence[ViewEvidence], bias: Sequence[Float], unsure
     """
     out = []
     for v, (view, b) in enumerate(zip(views, bias, strict=True)):
-        seen = noise_level(view.residual - b, view.smooth, view.frame.amplitude, view.limits.level)
+        seen = view.noise_of(view.residual - b)
         wrong2 = (-unsure2 if v in fit_views else unsure2) / view.frame.length**2
         sigma2 = np.maximum(seen**2 - wrong2, view.limits.pattern.level_share * seen**2)
         out.append(replace(view, sigma=np.maximum(np.sqrt(sigma2), view.step_m / np.sqrt(12))))

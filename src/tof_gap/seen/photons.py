@@ -48,7 +48,14 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
         edges = np.quantile(a, np.linspace(0, 1, bins + 1))
         which = np.clip(np.searchsorted(edges, a, side="right") - 1, 0, bins - 1)
         rows += [
-            (i, a[of].mean(), r2[of].mean(), around2[of].mean(), v.view.captures * trimmed_std(x[of]) ** 2, of.sum())
+            (
+                i,
+                a[of].mean(),
+                r2[of].mean(),
+                around2[of].mean(),
+                v.view.captures * v.correlation.variance * trimmed_std(x[of]) ** 2,
+                of.sum(),
+            )
             for of in (which == b for b in range(bins))
             if of.sum() >= limits.bin_samples
         ]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from tof_core.cores import in_threads
+from tof_gap.seen.correlation import INDEPENDENT, noise_correlation
 from tof_gap.seen.edges import excluded, smear, streaks
 from tof_gap.seen.level import depth_step, noise_level
 from tof_scene.maps import concavity_map
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Image, Ints, Mask
     from tof_core.capture import View
     from tof_gap.limits.seen import EvidenceLimits, LevelLimits
+    from tof_gap.seen.correlation import NoiseCorrelation
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
     from tof_sensor.frame import Frame
@@ -34,7 +36,7 @@ class ViewEvidence:
     noise, both in single precision as depth is (60 nm of a metre); smooth, edge, gross (H, W) masks; pixels (n,) flat indices for
     fits; concavity (H, W) share of the hemisphere over a pixel that the scene covers, NaN where it was not computed; step_m metres
     between depth codes, 0 where depth is continuous; limits: by which this view's pixels were selected; stepped (H, W): pixels beside
-    steps of a named fixed pattern (`seen.steps`), None without one.
+    steps of a named fixed pattern (`seen.steps`), None without one; correlation: of the noise of neighbouring pixels.
     """
 
     view: View
@@ -49,6 +51,24 @@ class ViewEvidence:
     step_m: float
     limits: EvidenceLimits
     stepped: Mask | None = None
+    correlation: NoiseCorrelation = INDEPENDENT
+
+    @property
+    def mean_sigma(self) -> Float:
+        """(H, W) metres of z: as `sigma`, of independent pixels whose means over an area have the noise of this view's means."""
+        return self._inflated(self.correlation.area)
+
+    @property
+    def fit_sigma(self) -> Float:
+        """(H, W) metres of z: as `mean_sigma`, for means over the pixels that fits use."""
+        return self._inflated(self.correlation.sampled(len(self.pixels) / max(int(self.smooth.sum()), 1)))
+
+    def _inflated(self, variance: float) -> Float:
+        return self.sigma if variance == 1.0 else self.sigma * np.float32(np.sqrt(variance))
+
+    def noise_of(self, residual: Float) -> Float:
+        """(H, W) metres of z: standard deviation of the noise in a residual (H, W) of this view, at least that of the step of its depth code."""
+        return noise_of(residual, self.smooth, self.frame.amplitude, self.step_m, self.limits.level, self.correlation)
 
     @property
     def rendering(self) -> Rendering:
@@ -84,8 +104,12 @@ def gather(
         filled = concavity_map(caster, frame.rendering, limits.concavity_px) if concavity else _unknown(frame)
         return _of_view(view, frame, limits, filled, wider_px, code_of(source, limits.level))
 
+    found = in_threads(one, views, renderings, recorded or views)
+    correlation = noise_correlation([v.residual / v.sigma for v in found], [v.smooth for v in found], limits.correlation)
+    if correlation.correlated:
+        found = in_threads(lambda v: _of_view(v.view, v.frame, limits, v.concavity, wider_px, v.step_m, correlation), found)
     rng = np.random.default_rng(limits.seed)  # Drawn one after the other: the same pixels whichever view is ready first.
-    return tuple(replace(v, pixels=drawn(v.smooth, limits.pixels, rng)) for v in in_threads(one, views, renderings, recorded or views))
+    return tuple(replace(v, pixels=drawn(v.smooth, limits.pixels, rng)) for v in found)
 
 
 def code_of(view: View, limits: LevelLimits) -> float:
@@ -93,21 +117,49 @@ def code_of(view: View, limits: LevelLimits) -> float:
     return view.code_m if view.code_m is not None else depth_step(view.depth.astype(np.float64), limits, view.captures)
 
 
-def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image, wider_px: int, step_m: float) -> ViewEvidence:
+def noise_of(residual: Float, keep: Mask, amplitude: Float, step_m: float, limits: LevelLimits, correlation: NoiseCorrelation) -> Float:
+    """(H, W) metres of z: standard deviation of the noise of single pixels, as a function of amplitude (H, W).
+
+    Differences of the neighbours to `keep` show it, less what neighbours share. Neighbours rounded to the same code show none: it is at
+    least the standard deviation of the step between two codes.
+    """
+    white = noise_level(residual, keep, amplitude, limits)
+    return np.asarray(np.maximum(white * np.sqrt(correlation.variance), step_m / np.sqrt(12)))
+
+
+def _of_view(
+    view: View,
+    frame: Frame,
+    limits: EvidenceLimits,
+    concavity: Image,
+    wider_px: int,
+    step_m: float,
+    correlation: NoiseCorrelation = INDEPENDENT,
+) -> ViewEvidence:
     depth = view.depth.astype(np.float64)
     residual = depth - frame.depth
     blur_px = smear(frame, limits.blur)
     edge = excluded(frame, limits, wider_px, blur_px)
     grazing = frame.rendering.incidence > np.radians(limits.grazing_deg)
-    # Neighbours rounded to the same code show no noise: sigma is at least the standard deviation of the step.
-    white = noise_level(residual, (np.abs(residual) < limits.gross_most_mm * 1e-3) & ~edge & ~grazing, frame.amplitude, limits.level)
-    sigma = np.maximum(white, step_m / np.sqrt(12))
+    keep = (np.abs(residual) < limits.gross_most_mm * 1e-3) & ~edge & ~grazing
+    sigma = noise_of(residual, keep, frame.amplitude, step_m, limits.level, correlation)
     gross = np.abs(residual) > gross_bound(sigma, limits)
     if blur_px:
         edge |= streaks(residual, sigma, ~edge & ~gross, limits.blur)
     smooth = np.isfinite(residual) & ~edge & ~gross & ~grazing
     return ViewEvidence(
-        view, compact(frame), single(residual), single(sigma), smooth, edge, gross, np.zeros(0, np.int64), concavity, step_m, limits
+        view,
+        compact(frame),
+        single(residual),
+        single(sigma),
+        smooth,
+        edge,
+        gross,
+        pixels=np.zeros(0, np.int64),
+        concavity=concavity,
+        step_m=step_m,
+        limits=limits,
+        correlation=correlation,
     )
 
 

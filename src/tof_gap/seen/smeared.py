@@ -8,9 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from tof_core.stats import second_differences, trimmed_std
-from tof_gap.seen.lost import expected
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -29,7 +26,7 @@ def smeared(views: Sequence[ViewEvidence], limits: MissingLimits) -> bool:
     noise of pixels stays independent. A filter mixes depths within its whole window, and neighbours share the remaining noise. Both signs
     are needed: a lens out of focus reaches as far, and a filter that stops at edges smooths noise too.
     """
-    return mixed_afar(views, limits) > limits.smear.afar and smoothing(views, limits) > limits.smear.smoothing
+    return any(v.correlation.correlated for v in views) and mixed_afar(views, limits) > limits.smear.afar
 
 
 def mixed_afar(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
@@ -43,19 +40,6 @@ def mixed_afar(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
     least, most = limits.between, 1.0 - limits.between
     inside, beyond = ((side * lying > least) & (side * lying < most) for side in (1.0, -1.0))
     return float(inside.sum() - beyond.sum()) / len(lying)
-
-
-def smoothing(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
-    """Ratio of the noise by differences over two pixels to that over one: 1 for independent pixels, more where neighbours share noise."""
-    near, far = (np.concatenate([_differences(v, step, limits) for v in views]) for step in (1, 2))
-    return trimmed_std(far) / max(trimmed_std(near), 1e-12) if len(near) and len(far) else 1.0
-
-
-def _differences(view: ViewEvidence, step: int, limits: MissingLimits) -> Float:
-    """(n,) second differences of the residual along rows and columns, in standard deviations of the view's noise; away from edges."""
-    r = np.where(view.smooth & expected(view, limits), view.residual / view.sigma, np.nan)
-    every = np.concatenate([second_differences(r, axis, step).ravel() for axis in (0, 1)])
-    return np.asarray(every[np.isfinite(every)])
 
 
 def _lying_afar(view: ViewEvidence, limits: MissingLimits) -> Float:

@@ -62,7 +62,7 @@ def _cell_means(view: ViewEvidence, limits: BeatLimits) -> tuple[Float, Float, F
     row, column = np.nonzero(view.smooth)
     cells = blocks(view.smooth, max(1, h // limits.rows))
     r = (view.residual * view.frame.length)[view.smooth]
-    white = (view.sigma * view.frame.length)[view.smooth] ** 2
+    white = (view.mean_sigma * view.frame.length)[view.smooth] ** 2
     mean = [cells.mean(x) for x in (row / h, column / w, r, white)]
     return mean[0], mean[1], mean[2], mean[3] / cells.count
 

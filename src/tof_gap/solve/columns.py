@@ -147,7 +147,7 @@ def build(store: ColumnStore, tested: Sequence[Candidate], chain: Chain, hand_sd
         np.where(live, sd, 1e-9),
         Priors(base_sd, hand_sd, at_chain=in_motion),
         pixels=np.array([float(len(v.pixels)) for v in store.views]),
-        weight=np.array([float((v.sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
+        weight=np.array([float((v.fit_sigma.ravel()[v.pixels] ** -2).sum()) for v in store.views]),
     )
     always = groups[-1] if calibrated else np.zeros(0, np.int64)
     return Design(tuple(tested), groups[: len(tested)], safe, system, always)
@@ -159,13 +159,13 @@ def _column_sd(tested: Sequence[Candidate], groups: Sequence[Ints], scale: Float
 
 
 def _gram(view: ViewEvidence, columns: Sequence[Image], scale: Float) -> Float:
-    """Weighted products of [camera 6 | columns over their scale | residual], each row weighted by 1 / sigma."""
+    """Weighted products of [camera 6 | columns over their scale | residual], each row weighted by 1 / `fit_sigma`."""
     ends = np.cumsum([6, *(c.shape[1] for c in columns)])
     X = np.empty((ends[-1] + 1, len(view.pixels)))  # a column is a row: hundreds of short pieces beside each other are slow to write
     X[:6], X[-1] = pose_columns(view.frame.take(view.pixels))[0].T, view.residual.ravel()[view.pixels]
     for column, a, b in zip(columns, ends, ends[1:], strict=False):
         X[a:b] = column.T
-    X /= view.sigma.ravel()[view.pixels]
+    X /= view.fit_sigma.ravel()[view.pixels]
     over = np.concatenate([np.ones(6), 1.0 / scale, np.ones(1)])
     products = X @ X.T
     products *= over[:, None]

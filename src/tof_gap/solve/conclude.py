@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen.level import noise_level
 from tof_gap.seen.residual import single
 from tof_gap.seen.steps import beside_steps
 from tof_gap.solve.candidate import HAND_EYE
@@ -139,5 +138,4 @@ def _beside_pattern(bare: Sequence[ViewEvidence], maps: Mapping[str, Sequence[Fl
 
 def noise_again(evidence: Sequence[ViewEvidence]) -> tuple[ViewEvidence, ...]:
     """The views with sigma estimated again: rows and columns of a fixed pattern, now subtracted, had raised it."""
-    levels = [noise_level(e.residual, e.smooth, e.frame.amplitude, e.limits.level) for e in evidence]
-    return tuple(replace(e, sigma=single(np.maximum(s, e.step_m / np.sqrt(12)))) for e, s in zip(evidence, levels, strict=True))
+    return tuple(replace(e, sigma=single(e.noise_of(e.residual))) for e in evidence)

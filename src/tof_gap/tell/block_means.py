@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockMeans:
-    """Per block of one part (b,): pixels, mean error in metres, its variance in m^2 if errors were white, the part, and the view.
+    """Per block of one part (b,): pixels, mean error in metres, its variance in m^2 if errors were noise alone, the part, and the view.
 
     A block counts by its information, the inverse of that variance, as in the fit: pixels of low amplitude may have ten times the noise
     of others, and then show no error of millimetres.
@@ -65,7 +65,7 @@ def block_means(views: Sequence[ViewEvidence], left: Sequence[Float], floor2: Se
         by_block = blocks(seen, block_px, v.rendering.part[seen].astype(np.int64))
         n, part = by_block.count, by_block.keys[-1]
         enough = n >= least
-        mean, white2 = by_block.mean(e[seen]), by_block.sum(f[seen]) / n**2
+        mean, white2 = by_block.mean(e[seen]), v.correlation.area * by_block.sum(f[seen]) / n**2
         found.append((n[enough], mean[enough], white2[enough], part[enough], np.full(int(enough.sum()), k)))
     return BlockMeans(*(np.concatenate(column) for column in zip(*found, strict=True)))
 

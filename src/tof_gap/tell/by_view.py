@@ -60,10 +60,11 @@ def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: Unexplain
 
 
 def _size(view: ViewEvidence, effect: Float) -> tuple[float, float, float]:
-    """Of one view: the size of an effect over that of the solution, its inverse variance for unit noise, and chi-square per pixel."""
+    """Of one view: the size of an effect over that of the solution, its inverse variance for unit noise, and the noise's variance."""
     seen = view.smooth & np.isfinite(effect)
     column, left = effect[seen] / view.sigma[seen], view.residual[seen] / view.sigma[seen]
     information = float(column @ column)
     if not information > 0.0:
         return 0.0, 0.0, 0.0
-    return 1.0 + float(column @ left) / information, information, max(1.0, float(left @ left) / len(left))
+    shared = view.correlation.area
+    return 1.0 + float(column @ left) / information, information, shared * max(1.0, float(left @ left) / len(left))

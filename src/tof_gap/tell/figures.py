@@ -38,7 +38,7 @@ class Figures:
     that count only where `flying_pixels` is named; mixed: pixels of `edge` whose depth lies between their two surfaces; held:
     held-out views; unsure2: m^2 along the ray, variance of the error of the fixed pattern's map; step_m: metres between depth codes,
     where `quantization` is named; posed_m: metres of noise that neighbours share and that the poses absorbed; rng: for resampling;
-    limits: how the figures are computed.
+    limits: how the figures are computed; window_px: pixels over which a filter in the camera averages, 1 without one.
     """
 
     residual: Sequence[Float]
@@ -54,6 +54,7 @@ class Figures:
     posed_m: float
     rng: np.random.Generator
     limits: ReportLimits
+    window_px: int = 1
 
     def total(self, names: Sequence[str], view: int) -> Float:
         """(H, W) metres that the named effects add in a view."""
@@ -100,7 +101,7 @@ class Figures:
         """(H, W) m^2 of each held-out view: the floor, with the noise that its pixels show instead of the estimated variance."""
         steady = away_from_edges([self.edge[v] for v in self.held], [self._left(v) for v in self.held])
         limits = self.limits.shrink
-        shown = shown2(steady, [self.noise2[v] for v in self.held], limits.noise_shown, limits.noise_px)
+        shown = shown2(steady, [self.noise2[v] for v in self.held], limits.noise_shown, limits.noise_px, self.window_px)
         return [self.floors[v] - self.noise2[v] + s for v, s in zip(self.held, shown, strict=True)]
 
     def _mixed_left(self, after: Sequence[Float]) -> float:
@@ -135,6 +136,7 @@ def figures(solved: Solved, findings: Sequence[Finding], rng: np.random.Generato
         posed_m=max((f.posed_m for f in findings), default=0.0),
         rng=rng,
         limits=limits,
+        window_px=views[0].correlation.window_px,
     )
 
 

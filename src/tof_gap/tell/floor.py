@@ -24,7 +24,7 @@ def floor2(views: Sequence[ViewEvidence], covs: Float) -> Iterator[Float]:
         yield view.sigma**2 + np.einsum("hwi,ij,hwj->hw", J, cov, J)
 
 
-def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float, side: int) -> list[Float]:
+def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float, side: int, window_px: int = 1) -> list[Float]:
     """(H, W) m^2 per view: the noise of these very pixels, from the error that no effect explains.
 
     The mean square of noise in some thousand pixels differs from its estimated variance, by chance and since the estimate is
@@ -38,14 +38,24 @@ def shown2(left: Sequence[Float], noise2: Sequence[Float], known: float, side: i
         noise2: (H, W) m^2, the noise's variance.
         known: largest relative error of the sum of `noise2`.
         side: of the squares, in pixels.
+        window_px: pixels over which a filter in the camera averages; closer ones share noise and are not compared.
     """
     seen = [np.isfinite(r) for r in left]
-    own = [_unshared(r, n, side) for r, n in zip(left, noise2, strict=True)]
+    own = [_unshared_by(r, n, side, window_px) for r, n in zip(left, noise2, strict=True)]
     shown, stated = (sum(float(x[s].sum()) for x, s in zip(every, seen, strict=True)) for every in (own, noise2))
     if not shown > 0.0:
         return list(noise2)
     scale = min(max(shown, (1.0 - known) * stated), (1.0 + known) * stated) / shown
     return [scale * x for x in own]
+
+
+def _unshared_by(residual: Float, noise2: Float, side: int, window_px: int) -> Float:
+    """(H, W) m^2: as `_unshared`, of every `window_px`-th pixel against the others of its kind, in squares of at least two by two of them."""
+    out = np.empty(residual.shape)
+    for start in np.ndindex(window_px, window_px):
+        some = tuple(slice(at, None, window_px) for at in start)
+        out[some] = _unshared(residual[some], noise2[some], max(side // window_px, 2))
+    return out
 
 
 def _unshared(residual: Float, noise2: Float, side: int) -> Float:

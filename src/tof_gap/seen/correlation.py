@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Correlation of the noise of neighbouring pixels, which a filter in the camera causes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import nnls
+
+from tof_core.stats import second_differences, trimmed_std
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_core.arrays import Float, Image, Ints, Mask
+    from tof_gap.limits.seen import CorrelationLimits
+
+WIDTHS_PX = np.arange(1, 8)
+"""Pixels: widths of averaging windows; 1 is independent noise. Cameras average over 3 to 7."""
+DEVIATIONS_PX = np.array([0.6, 0.8, 1.0, 1.25, 1.5, 2.0])
+"""Pixels: standard deviations of Gaussian windows."""
+STEPS = np.arange(1, 10)
+"""Pixels between the samples of second differences: beyond the widest window by two, so that noise and smooth errors separate."""
+LEAST_SAMPLES = 1000
+"""Differences of which the variance is known to 5 %."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseCorrelation:
+    """The noise of pixels whose neighbours share some of it; 1 each for independent pixels.
+
+    variance: of one pixel, over the variance that second differences of next neighbours show.
+    line, area: variance of the mean of many pixels of a line, or of an area, over that of as many independent pixels.
+    """
+
+    variance: float = 1.0
+    line: float = 1.0
+    area: float = 1.0
+
+    @property
+    def correlated(self) -> bool:
+        """Whether neighbours share noise."""
+        return self.area > 1.0
+
+    @property
+    def window_px(self) -> int:
+        """Width of the window over which noise was averaged: pixels farther apart share none."""
+        return round(float(np.sqrt(self.area)))
+
+    def sampled(self, share: float) -> float:
+        """Variance of the mean of a random `share` of an area's pixels, over that of as many independent pixels."""
+        return 1.0 + (self.area - 1.0) * share
+
+
+INDEPENDENT = NoiseCorrelation()
+"""The noise of pixels that share none of it."""
+
+
+def noise_correlation(residuals: Sequence[Float | Image], masks: Sequence[Mask], limits: CorrelationLimits) -> NoiseCorrelation:
+    """The correlation of the noise of a camera, from residuals over their standard deviation (H, W) per view at the pixels of masks (H, W).
+
+    The autocorrelation of noise that was averaged over an even window is triangular, over a Gaussian window Gaussian: the variance of
+    second differences rises with the distance of the samples until it exceeds the window. The measured variances are a non-negative sum
+    of those of windows of all sizes, and of the fourth power of the distance for errors that are smooth over the image. Windows are
+    taken as alike along rows and columns. `INDEPENDENT` unless differences of next neighbours understate the variance by the factor
+    `limits.variance`.
+    """
+    views = np.unique(np.linspace(0, len(masks) - 1, min(len(masks), limits.views)).astype(int))
+    seen = [np.where(masks[v], residuals[v], np.nan) for v in views]
+    near, next_but_one = _variance(seen, 1), _variance(seen, 2)
+    if not (near > 0.0 and next_but_one > limits.variance * near):
+        return INDEPENDENT
+    shown = np.array([near, next_but_one, *(_variance(seen, int(k)) for k in STEPS[2:])])
+    if not (shown > 0.0).all():
+        return INDEPENDENT
+    columns = np.stack([*_windows(STEPS), (STEPS / STEPS[-1]) ** 4.0], axis=1)
+    part = nnls(columns / shown[:, None], np.ones(len(STEPS)))[0][: len(LINE)]
+    whole = float(part.sum())
+    if whole < limits.variance * near:
+        return INDEPENDENT
+    return NoiseCorrelation(whole / near, float(part @ LINE) / whole, float(part @ LINE**2) / whole)
+
+
+def _variance(images: Sequence[Float], step: int) -> float:
+    """Variance of the second differences, along rows and columns, of samples `step` pixels apart; 0 for too few of them."""
+    every = np.concatenate([second_differences(image, axis, step).ravel() for image in images for axis in (0, 1)])
+    every = every[np.isfinite(every)]
+    return trimmed_std(every) ** 2 if len(every) >= LEAST_SAMPLES else 0.0
+
+
+LINE = np.concatenate([WIDTHS_PX, 2.0 * np.sqrt(np.pi) * DEVIATIONS_PX])
+"""Of each window: variance of the mean of many pixels of a line, over that of as many independent pixels (sum of the autocorrelation)."""
+
+
+def _windows(steps: Ints) -> Float:
+    """(windows, steps) variance of second differences of noise of unit variance that was averaged over each window."""
+    return np.asarray((6.0 - 8.0 * _autocorrelation(steps) + 2.0 * _autocorrelation(2 * steps)) / 6.0)
+
+
+def _autocorrelation(lag: Ints) -> Float:
+    """(windows, lags) of noise that was averaged over each window, at a distance of `lag` pixels."""
+    even = np.maximum(0.0, 1.0 - lag / WIDTHS_PX[:, None])
+    return np.concatenate([even, np.exp(-((lag / (2.0 * DEVIATIONS_PX[:, None])) ** 2))])

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The correlation of noise that a filter in the camera leaves: what single pixels, lines and areas of it are worth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, uniform_filter
+
+from tests.tof_gap.quiet_views import views
+from tof_gap.config import GapConfig
+from tof_gap.limits.seen import CorrelationLimits
+from tof_gap.seen.correlation import INDEPENDENT, NoiseCorrelation, noise_correlation
+from tof_gap.seen.line_noise import line_noise
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tof_core.arrays import Float
+
+LIMITS = CorrelationLimits()
+SHAPE = 120, 160
+
+
+def found(firmware: Callable[[Float], Float], smooth: Float | float = 0.0, count: int = 6) -> NoiseCorrelation:
+    """Of views of unit noise through a filter, beside an error (H, W)."""
+    rng = np.random.default_rng(5)
+    seen = [firmware(rng.normal(size=SHAPE)) + smooth for _ in range(count)]
+    return noise_correlation(seen, [np.ones(SHAPE, bool)] * count, LIMITS)
+
+
+def averaged(width: int) -> Callable[[Float], Float]:
+    return lambda noise: np.asarray(uniform_filter(noise, width))
+
+
+def test_independent_pixels_share_no_noise() -> None:
+    assert found(np.asarray) is INDEPENDENT
+
+
+@pytest.mark.parametrize("width", [3, 5, 7])
+def test_means_over_a_window(width: int) -> None:
+    """A window of m x m leaves 1 / m^2 of the variance, and all of the noise of means over larger areas."""
+    of = found(averaged(width))
+    assert of.area == pytest.approx(width**2, rel=0.1)
+    assert of.line == pytest.approx(width, rel=0.1)
+    # Autocorrelation 1 - k / m: differences of next neighbours show 6 - 8 (1 - 1 / m) + 2 (1 - 2 / m) = 4 / m of 6.
+    assert of.variance == pytest.approx(6 / (4 / width), rel=0.1)
+    assert of.window_px == width
+
+
+def test_a_gaussian_window() -> None:
+    """Its means over large areas have 4 pi s^2 times the variance of as many independent pixels."""
+    of = found(lambda noise: gaussian_filter(noise, 1.0))
+    assert of.area == pytest.approx(4 * np.pi, rel=0.1)
+
+
+def test_an_error_that_is_smooth_over_the_image_is_no_correlation() -> None:
+    row, column = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    wave = 3.0 * np.sin(2 * np.pi * (row + column) / 60)
+    assert found(np.asarray, wave) is INDEPENDENT
+    assert found(averaged(3), wave / 9).area == pytest.approx(9.0, rel=0.25)
+
+
+def test_noise_of_rows_and_columns_is_no_correlation_of_neighbours() -> None:
+    rng = np.random.default_rng(8)
+    lines = rng.normal(size=SHAPE[1])[None] + rng.normal(size=SHAPE[0])[:, None]
+    assert found(np.asarray, lines) is INDEPENDENT
+
+
+def test_few_pixels_say_nothing() -> None:
+    few = np.zeros(SHAPE, bool)
+    few[:10, :10] = True
+    noise = [uniform_filter(np.random.default_rng(1).normal(size=SHAPE), 3)]
+    assert noise_correlation(noise, [few], LIMITS) is INDEPENDENT
+
+
+def test_a_sample_of_the_pixels_shares_less() -> None:
+    of = NoiseCorrelation(4.5, 3.0, 9.0)
+    assert of.sampled(1.0) == 9.0
+    assert of.sampled(0.1) == pytest.approx(1.8)
+    assert INDEPENDENT.sampled(0.5) == 1.0
+
+
+def test_sigma_of_a_filtered_view_is_that_of_its_pixels_and_of_its_means() -> None:
+    """3 x 3 means of noise of 4 mm have 1.33 mm a pixel; blocks of 9 x 9 have the noise of 81 independent pixels of 4 mm."""
+    rng = np.random.default_rng(2)
+    noise = np.stack([averaged(3)(rng.normal(0, 0.004, (86, 112))) for _ in range(12)])
+    seen = views(rng, noise, photons=False)
+    assert np.median([np.median(v.sigma * v.frame.length) for v in seen]) == pytest.approx(0.004 / 3, rel=0.05)
+    assert np.median([np.median(v.mean_sigma * v.frame.length) for v in seen]) == pytest.approx(0.004, rel=0.1)
+
+
+def test_a_filter_is_no_noise_of_rows() -> None:
+    rng = np.random.default_rng(2)
+    seen = views(rng, np.stack([averaged(5)(rng.normal(0, 0.004, (86, 112))) for _ in range(12)]), photons=False)
+    limits = GapConfig().noise.lines
+    assert max(line_noise(seen, axis, limits).sigma for axis in (0, 1)) < limits.sigma
