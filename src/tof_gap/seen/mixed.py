@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 FOOTPRINTS_PX = (0.4, 0.55, 0.7, 0.85, 1.0)
 FLYING_MHZ = (15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0)
 """Footprints and modulation frequencies that are tried."""
-HALF = 0.5
-"""Mixed share up to which a pixel belongs to the larger surface, by definition."""
 
 
 def mixing(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: float = 0.0) -> tuple[float, int] | None:
@@ -32,11 +30,12 @@ def mixing(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: fl
 
     least_light: amplitude by the CAD (1 for albedo 1 at 1 m) below which pixels do not count, since the camera loses them.
     """
-    lying, mixed = _between(views, limits, least_light)
+    places = [_places(v, limits, least_light) for v in views]
+    measured, mixed = (np.concatenate(each) for each in zip(*places, strict=True))
     if len(mixed) < limits.mixed_pixels:
         return None
-    inside = (lying > limits.between) & (lying < 1.0 - limits.between)
-    share = float(inside.mean() / max(((mixed > limits.between) & (mixed < HALF)).mean(), 1e-3))
+    inside, expected = (float(((at > limits.between) & (at < 1.0 - limits.between)).mean()) for at in (measured, mixed))
+    share = inside / max(expected, 1e-3)
     return None if share < limits.flying_share else (share, len(mixed))
 
 
@@ -93,16 +92,17 @@ def _mixture_map(view: ViewEvidence, edge: Edge, effect: FlyingPixels) -> Float:
     return out
 
 
-def _between(views: Sequence[ViewEvidence], limits: MissingLimits, least_light: float) -> tuple[Float, Float]:
-    """Of mixed pixels at a clear step: place between the surfaces (0 own, 1 second; NaN where nothing is measured), and mixed share.
+def _places(view: ViewEvidence, limits: MissingLimits, least_light: float) -> tuple[Float, Float]:
+    """(n,) places between both surfaces (0 own, 1 second) of mixed pixels at a clear step: as measured, NaN without depth, and by light.
 
-    Pixels that a filter in the camera removed count as well, since a filter may miss some.
+    By light, a pixel lies at the second surface's share of the light: next to a dark surface it lies on the bright one. Pixels that a
+    filter in the camera removed count as well, since a filter may miss some.
     """
-    lying, mixed = [], []
-    for v in views:
-        step = v.rendering.second.astype(np.float64) - v.frame.depth
-        clear = (v.rendering.mixed > limits.mixed_least) & (np.abs(step) > limits.step_mm * 1e-3)
-        clear &= (np.abs(step) > limits.step_sigma * v.sigma) & (lambert_amplitude(v.rendering) >= least_light)
-        lying.append(((v.view.depth - v.frame.depth) / np.where(step == 0, 1, step))[clear])
-        mixed.append(v.rendering.mixed[clear].astype(np.float64))
-    return np.concatenate(lying), np.concatenate(mixed)
+    edge = Edge.of(view.frame)
+    step = edge.step / edge.length
+    clear = (edge.mixed > limits.mixed_least) & (np.abs(step) > limits.step_mm * 1e-3)
+    clear &= np.abs(step) > limits.step_sigma * view.sigma[edge.where]
+    clear &= lambert_amplitude(view.rendering)[edge.where] >= least_light
+    measured = (view.view.depth - view.frame.depth)[edge.where]
+    second = edge.mixed * edge.light
+    return (measured / np.where(step == 0, 1, step))[clear], (second / (1.0 - edge.mixed + second))[clear]

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tests.tof_gap.quiet_views import CAMERA, SHAPE, SIGMA_M, VIEWS, views
+from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, views
 from tof_core.config import updated
 from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
-from tof_gap.limits.seen import EvidenceLimits, LevelLimits, NoiseLimits
+from tof_gap.limits.seen import LevelLimits, NoiseLimits
 from tof_gap.seen.level import depth_step, noise_level
 from tof_gap.seen.line_noise import line_map, line_noise
 from tof_gap.seen.lost import _lost_below, brightest, least_light, losses_of, lost, outliers_removed
@@ -251,5 +251,21 @@ def test_pixels_between_their_surfaces_are_mixed(place: float, *, mixes: bool) -
     if found is not None:
         assert found[0] == pytest.approx(1.0)
         assert found[1] == VIEWS * SHAPE[0] * 4
-    assert EvidenceLimits().own_share > 0.3
-    assert SIGMA_M < 0.2
+
+
+def test_a_mixed_pixel_beside_a_dark_surface_lies_on_the_bright_one_and_says_nothing_of_a_filter() -> None:
+    """Half of the rows see a second surface of so little light that the mixture of phasors stays on the first one."""
+    out, dark = [], np.arange(SHAPE[0])[:, None] >= SHAPE[0] // 2
+    for v, bright in zip(at_an_edge(0.0), at_an_edge(0.5), strict=True):
+        second_light = np.broadcast_to(np.where(dark, 0.02, 1.0), (SHAPE[0], 3))
+        # The pixels right of the edge show the second surface, with its light.
+        depth, light = v.rendering.depth.copy(), v.frame.amplitude.copy()
+        depth[:, 54:57] = v.rendering.second[:, 53:54]
+        light[:, 54:57] = light[:, 53:54] * second_light
+        mixed = np.where(np.arange(SHAPE[1]) == 50, 0.0, v.rendering.mixed).astype(np.float32)  # Too far from the second surface.
+        frame = replace(v.frame, rendering=replace(v.rendering, depth=depth, mixed=mixed), depth=depth, amplitude=light)
+        measured = np.where(dark, v.view.depth, bright.view.depth)
+        out.append(replace(v, frame=frame, view=replace(v.view, depth=measured)))
+    found = mixing(out, MISSING)
+    assert found is not None
+    assert found[0] == pytest.approx(1.0, abs=0.05), "all pixels that light mixes are measured between their surfaces"
