@@ -78,6 +78,8 @@ class Camera:
         if f.filter:
             expected = np.mean([r.noise for r in readings], axis=0) / np.sqrt(f.captures)
             distance[firmware.edges(distance, expected, self.lens.shape, 1 / self.lens.fx)] = np.nan
+        if f.denoise_px > 1:
+            distance = firmware.denoised(distance, self.lens.shape, f.denoise_px)
         depth = distance if f.radial else distance / self._length
         if noisy:
             step = 1e-3 * f.step_mm

@@ -109,6 +109,7 @@ class Firmware:
     """What the camera makes of its taps."""
 
     filter: bool = param(True, "drop pixels between two surfaces (flying pixels)")
+    denoise_px: int = param(1, "window over which distances of one surface are averaged, 1 for none", unit="px", low=1, high=15)
     min_amplitude_e: float = param(150.0, "amplitude below which a pixel is invalid", unit="e-", low=0, high=1e6)
     captures: int = param(1, "internal captures that are averaged; a pixel must be valid in each", low=1, high=8)
     agree_mm: float = param(100.0, "largest difference of internal captures of a valid pixel", unit="mm", low=1, high=1e5)

@@ -114,6 +114,34 @@ def edges(distance: Float, noise: Float, shape: tuple[int, int], pitch: float) -
     return np.asarray((_spans(image, EDGE_SLOPE * pitch) | steps).ravel())
 
 
+def denoised(distance: Float, shape: tuple[int, int], window: int) -> Float:
+    """Distances (P,), each the mean of those in a window of `window` pixels that lie on its own surface; NaN stays NaN."""
+    return np.asarray(_averaged(np.ascontiguousarray(distance.reshape(shape)), window // 2, STEP_LEAST_M).ravel())
+
+
+@njit(cache=True, error_model="numpy")
+def _averaged(distance: Float, reach: int, step: float) -> Float:
+    """Mean over the neighbours that differ by less than `step` metres, taken in pairs opposite each other so that slopes stay."""
+    H, W = distance.shape
+    out = np.full((H, W), np.nan)
+    for v in range(H):
+        for u in range(W):
+            own = distance[v, u]
+            if np.isnan(own):
+                continue
+            total, count = own, 1
+            for dv in range(reach + 1):
+                for du in range(-reach, reach + 1):
+                    if (dv == 0 and du <= 0) or min(v - dv, u - abs(du)) < 0 or v + dv >= H or u + abs(du) >= W:
+                        continue
+                    one, other = distance[v + dv, u + du] - own, distance[v - dv, u - du] - own
+                    if abs(one + other) < step and abs(one - other) < 4 * step:  # false where a neighbour is NaN
+                        total += 2 * own + one + other
+                        count += 2
+            out[v, u] = total / count
+    return out
+
+
 @njit(cache=True, error_model="numpy")
 def _spans(distance: Float, slope: float) -> Mask:
     H, W = distance.shape

@@ -18,6 +18,8 @@ HAND_EYE_MM, HAND_EYE_DEG, LENS_PX, ALBEDO = 2.0, 0.2, 0.3, 0.4
 """Largest errors of a healthy camera's calibration, and of the stated albedo (relative): the stated prior."""
 FOREIGN_SHARE = 0.2
 """Share of healthy sessions in which something stands that the CAD lacks."""
+WINDOWS_PX = (1, 1, 3, 5)
+"""Windows over which firmware averages depth: half of the cameras do not."""
 FLOOD_SHARE = 0.3
 """Share of cameras whose dot projector leaves a little flood light."""
 PAIRS = ((100.0, 80.0, 0.0), (90.0, 70.0, 0.0), (120.0, 90.0, 0.0), (80.0, 60.0, 0.0), (100.0, 80.0, 60.0))
@@ -62,6 +64,7 @@ def draw(rng: np.random.Generator, serial: int) -> Device:
         "world.albedo_off": ALBEDO,
         "world.texture": rng.uniform(0, 0.15),
         "world.foreign_m": rng.uniform(0.08, 0.2) * (rng.random() < FOREIGN_SHARE),
+        "firmware.denoise_px": int(rng.choice(WINDOWS_PX)),
     }
     return from_mapping(Device, {k: float(v) if isinstance(v, np.floating) else v for k, v in values.items()})
 

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.bench_emerging import corner_bias
 from benchmarks.emerging.camera import Camera, target
-from benchmarks.emerging.firmware import edges
+from benchmarks.emerging.firmware import denoised, edges
 from tests.benchmarks.emerging.made import LENS, PERFECT, device, error_mm, on_targets, view
 from tests.tof_virtual.made import quad, wall
 from tof_core.camera import Camera as Lens
@@ -325,6 +325,18 @@ def test_the_filter_drops_a_step_of_centimetres_where_the_noise_allows_and_keeps
     slope, crease = 0.8 + 0.02 * u, 0.8 + 0.02 * np.abs(u - 30)
     for surface in (slope, crease):
         assert not edges(surface.ravel(), noise, (H, W), 1 / 90).any()
+
+
+def test_a_denoising_filter_averages_noise_and_keeps_slopes_steps_and_holes() -> None:
+    shape = H, W = 60, 80
+    _v, u = np.mgrid[0:H, 0:W]
+    noise = np.random.default_rng(4).normal(0, 2e-3, shape)
+    flat = denoised((1.0 + noise).ravel(), shape, 3).reshape(shape)
+    assert np.std(flat[2:-2, 2:-2]) == pytest.approx(2e-3 / 3, rel=0.05)
+    slope_and_step = 0.8 + 0.01 * u + 0.2 * (u >= 40)
+    slope_and_step[30, 20] = np.nan
+    out = denoised(slope_and_step.ravel(), shape, 5).reshape(shape)
+    np.testing.assert_allclose(out, slope_and_step, atol=1e-12)
 
 
 def test_radial_output_is_the_distance_along_the_ray() -> None:
