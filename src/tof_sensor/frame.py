@@ -172,7 +172,15 @@ def amplitude_gain(measured: Float, lambert: Float) -> float | None:
     return float(np.median(measured[both] / lambert[both])) if both.any() else None
 
 
-def with_noise(frame: Frame, sigma: Float, rng: np.random.Generator) -> Frame:
-    """The frame with normal noise of `sigma` (H, W) metres of z added to depth and sigma."""
-    depth = frame.depth + sigma * rng.standard_normal(frame.depth.shape)
-    return replace(frame, depth=depth, sigma=np.hypot(frame.sigma, sigma))
+def with_noise(frame: Frame, sigma: Float, rng: np.random.Generator, window_px: int = 1) -> Frame:
+    """The frame with normal noise of `sigma` (H, W) metres of z added to depth and sigma.
+
+    window_px: neighbours share noise as if it had been averaged over a window of this width; 1 for independent pixels.
+    """
+    unit = rng.standard_normal(frame.depth.shape)
+    if window_px > 1:
+        from scipy.ndimage import uniform_filter  # loads slowly, and most cameras need none
+
+        # The mean of n pixels has 1 / sqrt(n) of the deviation; a wrapped window has n at the border, too.
+        unit = window_px * uniform_filter(unit, window_px, mode="wrap")
+    return replace(frame, depth=frame.depth + sigma * unit, sigma=np.hypot(frame.sigma, sigma))

@@ -296,6 +296,15 @@ def test_photon_law_scatters_as_it_says_and_noise_adds_to_it() -> None:
     assert (Noise(extra_m=0.003).apply(noisy, RNG).sigma > 0.003 / frame.length.max()).all()
 
 
+def test_the_noise_of_a_camera_that_averages_is_shared_by_neighbours_and_as_large_as_stated() -> None:
+    frame = plane_frame(amplitude=np.full(CAMERA.shape, 4.0))
+    law = PhotonLaw(floor_m=0.0, shot_m=0.002, reference=1.0, window_px=3)
+    runs = np.stack([(law.apply(frame, RNG).depth - frame.depth) * frame.length for _ in range(40)])
+    assert np.std(runs) == pytest.approx(0.001, rel=0.03)
+    shared = [float((runs[..., lag:] * runs[..., : runs.shape[2] - lag]).mean()) / 0.001**2 for lag in (1, 2, 3)]
+    np.testing.assert_allclose(shared, [2 / 3, 1 / 3, 0.0], atol=0.05)
+
+
 def test_quantization_leaves_only_codes() -> None:
     depth = Quantization(step_m=0.005).apply(plane_frame(), RNG).depth
     np.testing.assert_allclose(depth / 0.005, np.round(depth / 0.005), atol=1e-9)

@@ -166,4 +166,5 @@ def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], limits: Nois
     bursts = any(e.in_bursts for e in named)
     law = (quiet_law(b, step, len(views), limits) if bursts else fit_law(b, step, limits)).law
     apart2 = sum(e.constant_variance for e in named)
-    return replace(law, floor_m=float(np.sqrt(max(law.floor_m**2 - apart2, 0.0))))
+    floor_m = float(np.sqrt(max(law.floor_m**2 - apart2, 0.0)))
+    return replace(law, floor_m=floor_m, window_px=views[0].correlation.window_px)

@@ -37,11 +37,12 @@ class PhotonLaw(Effect):
         0.0, "noise of ambient light off the surface, at the reference amplitude, 1 m and head-on", unit="m", low=0.0, high=0.1
     )
     reference: float = param(1.0, "reference amplitude in the camera's unit", low=1e-12)
+    window_px: int = param(1, "window over which the camera averages neighbours, which then share noise", unit="px", low=1, high=31)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Noise by amplitude."""
         variance = self.variance(frame.amplitude, frame.surroundings_m2)
-        return with_noise(frame, np.sqrt(variance) / frame.length, rng)
+        return with_noise(frame, np.sqrt(variance) / frame.length, rng, self.window_px)
 
     def variance(self, amplitude: Float, surroundings2: Float) -> Float:
         """m^2 along the ray at amplitudes and squared ranges over the cosine of incidence (`Frame.surroundings_m2`)."""

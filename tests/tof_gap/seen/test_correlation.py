@@ -14,6 +14,7 @@ from tof_gap.config import GapConfig
 from tof_gap.limits.seen import CorrelationLimits
 from tof_gap.seen.correlation import INDEPENDENT, NoiseCorrelation, noise_correlation
 from tof_gap.seen.line_noise import line_noise
+from tof_gap.seen.photons import own_law
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -90,6 +91,15 @@ def test_sigma_of_a_filtered_view_is_that_of_its_pixels_and_of_its_means() -> No
     seen = views(rng, noise, photons=False)
     assert np.median([np.median(v.sigma * v.frame.length) for v in seen]) == pytest.approx(0.004 / 3, rel=0.05)
     assert np.median([np.median(v.mean_sigma * v.frame.length) for v in seen]) == pytest.approx(0.004, rel=0.1)
+
+
+def test_the_photon_law_of_a_filtered_camera_states_its_window() -> None:
+    rng = np.random.default_rng(2)
+    noise = np.stack([averaged(3)(rng.normal(0, 0.006, (86, 112))) for _ in range(12)])
+    law = own_law(views(rng, noise, photons=False), [], GapConfig().noise)
+    assert law is not None
+    assert law.window_px == 3
+    assert np.sqrt(law.variance(np.array([2000.0]), np.array([1.0]))) == pytest.approx(0.002, rel=0.1)
 
 
 def test_a_filter_is_no_noise_of_rows() -> None:
