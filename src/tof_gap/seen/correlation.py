@@ -29,13 +29,15 @@ LEAST_SAMPLES = 1000
 
 @dataclass(frozen=True, slots=True)
 class NoiseCorrelation:
-    """The noise of pixels whose neighbours share some of it; 1 each for independent pixels.
+    """The noise of pixels whose neighbours share some of it.
 
-    variance: of one pixel, over the variance that second differences of next neighbours show.
-    line, area: variance of the mean of many pixels of a line, or of an area, over that of as many independent pixels.
+    lever: variance of one pixel beyond that which second differences of next neighbours show, over the growth of the latter from next
+    neighbours to pixels two apart; 0 for independent pixels. A part of the noise that is independent, such as that of rounding, shows no
+    growth: so the lever holds at every amplitude, whatever the share of that part.
+    line, area: variance of the mean of many pixels of a line, or of an area, over that of as many independent pixels; 1 for these.
     """
 
-    variance: float = 1.0
+    lever: float = 0.0
     line: float = 1.0
     area: float = 1.0
 
@@ -48,6 +50,10 @@ class NoiseCorrelation:
     def window_px(self) -> int:
         """Width of the window over which noise was averaged: pixels farther apart share none."""
         return round(float(np.sqrt(self.area)))
+
+    def variance(self, near: float, next_but_one: float) -> float:
+        """Variance of one pixel, by the variances of second differences of next neighbours and of pixels two apart."""
+        return near + self.lever * max(next_but_one - near, 0.0)
 
     def sampled(self, share: float) -> float:
         """Variance of the mean of a random `share` of an area's pixels, over that of as many independent pixels."""
@@ -75,12 +81,14 @@ def noise_correlation(residuals: Sequence[Float | Image], masks: Sequence[Mask],
     shown = np.array([near, next_but_one, *(_variance(seen, int(k)) for k in STEPS[2:])])
     if not (shown > 0.0).all():
         return INDEPENDENT
-    columns = np.stack([*_windows(STEPS), (STEPS / STEPS[-1]) ** 4.0], axis=1)
+    windows = _windows(STEPS)
+    columns = np.stack([*windows, (STEPS / STEPS[-1]) ** 4.0], axis=1)
     part = nnls(columns / shown[:, None], np.ones(len(STEPS)))[0][: len(LINE)]
     whole = float(part.sum())
     if whole < limits.variance * near:
         return INDEPENDENT
-    return NoiseCorrelation(whole / near, float(part @ LINE) / whole, float(part @ LINE**2) / whole)
+    beyond, growth = (float(part @ column) for column in (1.0 - windows[:, 0], windows[:, 1] - windows[:, 0]))
+    return NoiseCorrelation(beyond / growth, float(part @ LINE) / whole, float(part @ LINE**2) / whole)
 
 
 def _variance(images: Sequence[Float], step: int) -> float:

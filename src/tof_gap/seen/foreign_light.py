@@ -54,6 +54,26 @@ def foreign_light(
     )
 
 
+def beside_light(cameras: Float, arms: Float, arms_sd: Float, posed_m: float) -> Float:
+    """(V, 4, 4) T_cell_camera without the steps along the optical axis that foreign light makes of depth errors.
+
+    A step of the camera is the sum of the arm's error, known by the robot's prior, and of one by light. What is expected of the light is
+    the share of its variance in that of all steps.
+
+    Args:
+        cameras: (V, 4, 4) T_cell_camera, steps included.
+        arms: (V, 6) steps in the camera's frame, metres and radians.
+        arms_sd: (V, 6) standard deviations of the arm's errors by the robot's prior.
+        posed_m: metres RMS of the steps along the optical axis where foreign light was found, else 0.
+    """
+    if posed_m == 0.0:
+        return cameras
+    by_light = np.maximum(1.0 - (arms_sd[:, ALONG] / posed_m) ** 2, 0.0) * arms[:, ALONG]
+    out = cameras.copy()
+    out[:, :3, 3] -= by_light[:, None] * cameras[:, :3, ALONG]
+    return out
+
+
 def along_the_view(arms: Float, arms_sd: Float, limits: ForeignLightLimits) -> bool:
     """Whether arm errors (V, 6) along the optical axis exceed both the robot's prior and the errors across the axis."""
     along = float(((arms / arms_sd)[:, ALONG] ** 2).sum())

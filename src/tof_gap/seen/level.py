@@ -3,49 +3,66 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tof_core.stats import second_differences, trimmed_std
+from tof_gap.seen.correlation import INDEPENDENT
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.seen import LevelLimits
+    from tof_gap.seen.correlation import NoiseCorrelation
 
 DARK = 1e-12
 """Amplitude that replaces 0 before the logarithm is taken."""
 
 
-def noise_level(residual: Float, keep: Mask, amplitude: Float, limits: LevelLimits) -> Float:
-    """(H, W) metres of z: standard deviation of the white noise in a residual (H, W), as a function of amplitude (H, W).
+def noise_level(residual: Float, keep: Mask, amplitude: Float, limits: LevelLimits, correlation: NoiseCorrelation = INDEPENDENT) -> Float:
+    """(H, W) metres of z: standard deviation of the noise in a residual (H, W), as a function of amplitude (H, W).
 
     Second differences along rows and columns of the pixels to `keep` remove smooth errors. Their trimmed standard deviation in bins of
-    amplitude is interpolated in ln amplitude; beyond the bins, that of the nearest bin holds.
+    amplitude is interpolated in ln amplitude; beyond the bins, that of the nearest bin holds. correlation: where neighbours share noise,
+    it is read from how the differences grow with the distance of the pixels.
     """
     r = np.where(keep, residual, np.nan)
+    d2, log = _differences(r, amplitude, 1)
+    if len(d2) < limits.samples:
+        return np.full(residual.shape, limits.unknown_mm * 1e-3)
+    edges = np.unique(np.quantile(log, np.linspace(0, 1, limits.bins + 1)))
+    near = [[d2, log], *([_differences(r, amplitude, 2)] if correlation.correlated else [])]
+    ends = [[0, *np.searchsorted(light, edges[1:-1]), len(light)] for _, light in near]
+    centres, sizes = [], []
+    for k in range(len(edges) - 1):
+        bins = [(x[e[k] : e[k + 1]], light[e[k] : e[k + 1]]) for (x, light), e in zip(near, ends, strict=True)]
+        if min(len(x) for x, _ in bins) >= limits.bin_samples:
+            centres.append(float(bins[0][1].mean()))
+            sizes.append(_std([trimmed_std(x) for x, _ in bins], correlation))
+    if not centres:
+        return np.full(residual.shape, _std([trimmed_std(x) for x, _ in near], correlation))
+    return np.interp(np.log(np.maximum(amplitude, DARK)), centres, np.maximum(sizes, limits.least_mm * 1e-3))
+
+
+def _std(shown: Sequence[float], correlation: NoiseCorrelation) -> float:
+    """Standard deviation of one pixel's noise by those of differences: of next neighbours and, where they share noise, of pixels two apart."""
+    return shown[0] if len(shown) == 1 else float(np.sqrt(correlation.variance(shown[0] ** 2, shown[1] ** 2)))
+
+
+def _differences(residual: Float, amplitude: Float, step: int) -> tuple[Float, Float]:
+    """(n,) second differences of pixels `step` apart along rows and columns, and ln amplitude of their middle, in order of the latter."""
     samples, light = [], []
     for axis in (0, 1):
-        d2 = second_differences(r, axis)
-        middle = np.delete(np.delete(amplitude, 0, axis), -1, axis)
+        d2 = second_differences(residual, axis, step)
+        middle = np.moveaxis(np.moveaxis(amplitude, axis, 0)[step:-step], 0, axis)
         seen = np.isfinite(d2) & (middle > 0)
         samples.append(d2[seen])
         light.append(np.log(middle[seen]))
     d2_all, log = np.concatenate(samples), np.concatenate(light)
-    if len(d2_all) < limits.samples:
-        return np.full(residual.shape, limits.unknown_mm * 1e-3)
     order = np.argsort(log)
-    d2_all, log = d2_all[order], log[order]
-    edges = np.unique(np.quantile(log, np.linspace(0, 1, limits.bins + 1)))
-    centres, sizes = [], []
-    for a, b in itertools.pairwise([0, *np.searchsorted(log, edges[1:-1]), len(log)]):
-        if b - a >= limits.bin_samples:
-            centres.append(float(log[a:b].mean()))
-            sizes.append(trimmed_std(d2_all[a:b]))
-    if not centres:
-        return np.full(residual.shape, trimmed_std(d2_all))
-    return np.interp(np.log(np.maximum(amplitude, DARK)), centres, np.maximum(sizes, limits.least_mm * 1e-3))
+    return d2_all[order], log[order]
 
 
 def depth_step(depth: Float, limits: LevelLimits, captures: int = 1) -> float:

@@ -12,7 +12,7 @@ from tof_core.shares import in_percent
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.line_noise import line_map, line_noise
 from tof_gap.seen.pattern import beside_pixels, single_pixels
-from tof_gap.seen.photons import binned, code_step, constant_part, fit_law, quiet_law, view_ratio
+from tof_gap.seen.photons import binned, code_step, constant_part, fit_law, of_one_capture, quiet_law, view_ratio
 from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
 from tof_gap.seen.stripes import beat, stripes
 from tof_sensor.effects.interference import Interference
@@ -63,7 +63,7 @@ def noise_effects(
         wave = beat(views, limits.beat)
         if wave is not None and wave.size_m > limits.extra_mm * 1e-3:
             return [_stripes(views, wave, float(np.median(b.amplitude)), limits)]
-    b = without_offsets(b, views)
+    b = of_one_capture(without_offsets(b, views), np.array([v.view.captures for v in views], float), step, limits)
     hit = None if dark or unmerged or {Interference.NAME, Noise.NAME} <= left_out else _bursts(views, b, step, limits)
     if hit is not None:
         return [] if hit.name in left_out else [hit]
@@ -96,7 +96,7 @@ def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: No
     several = hit.sum() > 1 or (hit.any() and ratio.max() > limits.alone)
     if not several or hit.sum() > (1 - limits.quiet_share) * len(views):
         return None
-    return _burst(views, b, quiet, hit)
+    return _burst(views, b, quiet, hit, limits)
 
 
 def _stand_out(ln_variance: Float, limits: NoiseLimits) -> Mask:
@@ -175,8 +175,11 @@ def _stripes(views: Sequence[ViewEvidence], wave: Beat, reference: float, limits
     return Finding(effect, CONFIDENT, share=np.abs(np.stack(along)), common=np.stack(along), note=note, structure=True)
 
 
-def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mask) -> Finding:
-    """Views noisier than the others: `interference` where the excess falls with the camera's own light, else `noise` in bursts."""
+def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mask, limits: NoiseLimits) -> Finding | None:
+    """Views noisier than the others: `interference` where the excess falls with the camera's own light, else `noise` in bursts.
+
+    None where the excess is less than is named of constant noise.
+    """
     note = f"{int(hit.sum())} of {len(views)} views hit"
     in_hit = hit[b.view.astype(int)]
     excess = (b.variance - fitted.law.variance(b.amplitude, b.surroundings2))[in_hit]
@@ -186,6 +189,8 @@ def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mas
     constant, foreign = (float(np.median(np.abs(x - np.median(x)))) for x in relative)
     duty, steady = float(hit.mean()), constant < foreign
     size = float(np.sqrt(np.exp(np.median(relative[0 if steady else 1]))))
+    if size < limits.extra_mm * 1e-3:
+        return None
     share = _of_means(views, size) * hit[:, None, None]
     if steady:
         return Finding(Noise(extra_m=min(size, most(Noise, "extra_m")), duty=duty), CONFIDENT, share=share, note=f"in bursts: {note}")

@@ -33,34 +33,37 @@ LEAST_DEVIATION = 0.02
 
 
 def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> NoiseBins:
-    """White variance of one capture's residual in `bins` amplitude bins of every view, from second differences along rows.
+    """Variance of the noise of one capture in `bins` amplitude bins of every view, from second differences along rows.
 
-    The mean of a dwell has the noise of one capture over the square root of their number.
+    The mean of a dwell has the noise of one capture over the square root of their number. Where neighbours share noise, differences of
+    pixels two apart are compared with those of next neighbours (`NoiseCorrelation.variance`).
     """
     rows = []
     for i, v in enumerate(views):
-        d2 = second_differences(np.where(v.smooth, v.residual, np.nan) * v.frame.length, axis=1)
-        light = v.frame.amplitude[:, 1:-1]
-        seen = np.isfinite(d2) & (light > 0)
-        x, a, r2, around2 = d2[seen], light[seen], (v.frame.radial[:, 1:-1] ** 2)[seen], v.frame.surroundings_m2[:, 1:-1][seen]
+        along = (v.residual * v.frame.length, v.frame.amplitude, v.frame.radial**2, v.frame.surroundings_m2)
+        x, a, r2, around2 = _by_rows(v, along, 1)
         if len(x) < limits.view_samples:
             continue
-        edges = np.quantile(a, np.linspace(0, 1, bins + 1))
-        which = np.clip(np.searchsorted(edges, a, side="right") - 1, 0, bins - 1)
-        rows += [
-            (
-                i,
-                a[of].mean(),
-                r2[of].mean(),
-                around2[of].mean(),
-                v.view.captures * v.correlation.variance * trimmed_std(x[of]) ** 2,
-                of.sum(),
-            )
-            for of in (which == b for b in range(bins))
-            if of.sum() >= limits.bin_samples
-        ]
+        edges = np.quantile(a, np.linspace(0, 1, bins + 1))[1:-1]
+        which = np.searchsorted(edges, a, side="right")
+        far, light = _by_rows(v, along, 2)[:2] if v.correlation.correlated else (x, a)
+        which_far = np.searchsorted(edges, light, side="right")
+        for b in range(bins):
+            of = which == b
+            if of.sum() >= limits.bin_samples:
+                near2, far2 = trimmed_std(x[of]) ** 2, trimmed_std(far[which_far == b]) ** 2
+                variance = v.view.captures * v.correlation.variance(near2, far2)
+                rows.append((i, a[of].mean(), r2[of].mean(), around2[of].mean(), variance, of.sum()))
     table = np.array(rows, float).reshape(-1, 6)
     return NoiseBins(*table.T)
+
+
+def _by_rows(view: ViewEvidence, along: Sequence[Float], step: int) -> list[Float]:
+    """Second differences of the first of some images (H, W) between smooth pixels `step` apart along rows, and the others between, (n,) each."""
+    d2 = second_differences(np.where(view.smooth, along[0], np.nan), axis=1, step=step)
+    others = [image[:, step:-step] for image in along[1:]]
+    seen = np.isfinite(d2) & (others[0] > 0)
+    return [image[seen] for image in (d2, *others)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,14 +127,40 @@ def view_ratio(b: NoiseBins, fitted: LawFit, views: int, limits: NoiseLimits) ->
 
 def _of_range(b: NoiseBins, log: Float, knots: int) -> Float:
     """(n,) trend of `log` over range: piecewise linear in ln range, by least absolute deviations, less its median."""
+    columns = _over_range(b, knots)
+    trend = columns @ _least_deviations(columns, log)
+    return np.asarray(trend - np.median(trend))
+
+
+def _over_range(b: NoiseBins, knots: int) -> Float:
+    """(n, knots) piecewise linear functions of ln range."""
     x = 0.5 * np.log(b.range2)
-    columns = hats(x, np.unique(np.quantile(x, np.linspace(0, 1, knots))))
-    left, trend = log, np.zeros_like(log)
+    return hats(x, np.unique(np.quantile(x, np.linspace(0, 1, knots))))
+
+
+def _least_deviations(columns: Float, target: Float) -> Float:
+    """(k,) coefficients of columns (n, k) with the least absolute deviations from the target (n,)."""
+    coefficients, left = np.zeros(columns.shape[1]), target
     for _ in range(TREND_ROUNDS):
         w = 1 / np.sqrt(np.maximum(np.abs(left), LEAST_DEVIATION))
-        trend = columns @ np.linalg.lstsq(columns * w[:, None], log * w, rcond=None)[0]
-        left = log - trend
-    return np.asarray(trend - np.median(trend))
+        coefficients = np.linalg.lstsq(columns * w[:, None], target * w, rcond=None)[0]
+        left = target - columns @ coefficients
+    return np.asarray(coefficients)
+
+
+def of_one_capture(b: NoiseBins, captures: Float, step_m: float, limits: NoiseLimits) -> NoiseBins:
+    """The bins with the variance of one capture also where the captures of a dwell share noise; captures (V,) of each view.
+
+    The variance of one capture is estimated as n times that of the mean of n captures. A filter over captures in the camera, or rounding
+    that noise does not spread over several codes, leaves the mean more: n^s times the variance of one is estimated, s from 0 for
+    independent captures to 1 for equal ones. s follows from views of different n, beside the trend over range.
+    """
+    n = np.log(captures[b.view.astype(int)])
+    if np.ptp(n) == 0.0:
+        return b
+    log = np.log(np.maximum(fit_law(b, step_m, limits).ratio(b), 1e-12))
+    s = float(_least_deviations(np.column_stack([_over_range(b, limits.burst_knots), n]), log)[-1])
+    return replace(b, variance=b.variance * np.exp(-min(max(s, 0.0), 1.0) * n))
 
 
 def quiet_law(b: NoiseBins, step_m: float, views: int, limits: NoiseLimits) -> LawFit:
@@ -163,6 +192,7 @@ def own_law(views: Sequence[ViewEvidence], named: Sequence[Effect], limits: Nois
     if wrong2 is not None:
         wrong2 = wrong2 * [v.view.captures for v in views]
         b = replace(b, variance=np.maximum(b.variance - wrong2[b.view.astype(int)], views[0].limits.pattern.level_share * b.variance))
+    b = of_one_capture(b, np.array([v.view.captures for v in views], float), step, limits)
     bursts = any(e.in_bursts for e in named)
     law = (quiet_law(b, step, len(views), limits) if bursts else fit_law(b, step, limits)).law
     apart2 = sum(e.constant_variance for e in named)

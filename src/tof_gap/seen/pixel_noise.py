@@ -69,15 +69,25 @@ def _over_views(views: Sequence[ViewEvidence], rows: Ints, limits: PixelLimits) 
 
 
 def pixel_pattern(views: Sequence[ViewEvidence]) -> float:
-    """Metres along the ray: RMS offset of single pixels that all views share, from second differences along rows."""
+    """Metres along the ray: RMS offset of single pixels that all views share, from second differences along rows.
+
+    A filter in the camera averages offsets as it averages noise: neighbours share them alike.
+    """
+    of = views[0].correlation
+    near2 = _in_common(views, 1)
+    return float(np.sqrt(of.variance(near2, _in_common(views, 2)) if of.correlated else near2))
+
+
+def _in_common(views: Sequence[ViewEvidence], step: int) -> float:
+    """m^2: variance of the second differences of pixels `step` apart along rows that both halves of the views share."""
     height, width = views[0].residual.shape
-    total, number = np.zeros((2, 2, height, width - 2))
+    total, number = np.zeros((2, 2, height, width - 2 * step))
     for v, view in enumerate(views):
-        d2 = second_differences(np.where(view.smooth, view.residual * view.frame.length, np.nan), axis=1)
+        d2 = second_differences(np.where(view.smooth, view.residual * view.frame.length, np.nan), axis=1, step=step)
         total[v % 2] += np.where(np.isfinite(d2), d2, 0.0)
         number[v % 2] += np.isfinite(d2)
     halves, known = total / np.maximum(number, 1), (number >= 2).all(axis=0)
-    return float(np.sqrt(max(in_common(halves[0][known], halves[1][known], views[0].limits.pattern)[0], 0.0)))
+    return max(in_common(halves[0][known], halves[1][known], views[0].limits.pattern)[0], 0.0)
 
 
 def _against_neighbours(view: ViewEvidence, rows: Ints) -> tuple[Float, Float]:

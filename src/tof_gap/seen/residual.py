@@ -120,11 +120,10 @@ def code_of(view: View, limits: LevelLimits) -> float:
 def noise_of(residual: Float, keep: Mask, amplitude: Float, step_m: float, limits: LevelLimits, correlation: NoiseCorrelation) -> Float:
     """(H, W) metres of z: standard deviation of the noise of single pixels, as a function of amplitude (H, W).
 
-    Differences of the neighbours to `keep` show it, less what neighbours share. Neighbours rounded to the same code show none: it is at
-    least the standard deviation of the step between two codes.
+    Differences of the neighbours to `keep` show it. Neighbours rounded to the same code show none: it is at least the standard deviation
+    of the step between two codes.
     """
-    white = noise_level(residual, keep, amplitude, limits)
-    return np.asarray(np.maximum(white * np.sqrt(correlation.variance), step_m / np.sqrt(12)))
+    return np.asarray(np.maximum(noise_level(residual, keep, amplitude, limits, correlation), step_m / np.sqrt(12)))
 
 
 def _of_view(

@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from tof_gap.seen.foreign_light import beside_light
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -106,8 +108,9 @@ class Diagnosis:
 
     @property
     def cameras(self) -> Float:
-        """(V, 4, 4) T_cell_camera, hand-eye and lateness in."""
-        return self.account.solved.cameras
+        """(V, 4, 4) T_cell_camera, hand-eye and lateness in, and no steps along the view that another camera's light makes."""
+        solved = self.account.solved
+        return beside_light(solved.cameras, solved.arms, solved.arms_sd, self.account.figures.posed_m)
 
     @property
     def hand_eye(self) -> Float:

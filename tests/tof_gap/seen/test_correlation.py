@@ -3,18 +3,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, uniform_filter
 
-from tests.tof_gap.quiet_views import views
+from tests.tof_gap.quiet_views import rendering, views
 from tof_gap.config import GapConfig
-from tof_gap.limits.seen import CorrelationLimits
+from tof_gap.limits.seen import CorrelationLimits, EvidenceLimits
 from tof_gap.seen.correlation import INDEPENDENT, NoiseCorrelation, noise_correlation
 from tof_gap.seen.line_noise import line_noise
-from tof_gap.seen.photons import own_law
+from tof_gap.seen.photons import binned, constant_part, fit_law, own_law
+from tof_gap.seen.residual import gather
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,8 +48,11 @@ def test_means_over_a_window(width: int) -> None:
     of = found(averaged(width))
     assert of.area == pytest.approx(width**2, rel=0.1)
     assert of.line == pytest.approx(width, rel=0.1)
-    # Autocorrelation 1 - k / m: differences of next neighbours show 6 - 8 (1 - 1 / m) + 2 (1 - 2 / m) = 4 / m of 6.
-    assert of.variance == pytest.approx(6 / (4 / width), rel=0.1)
+    # Autocorrelation 1 - k / m: next neighbours show 6 - 8 (1 - 1 / m) + 2 (1 - 2 / m) = 4 / m of 6, pixels two apart a different share.
+    near, next_but_one = 4 / width / 6, (6 - 8 * (1 - 2 / width) + 2 * max(0.0, 1 - 4 / width)) / 6
+    assert of.variance(near, next_but_one) == pytest.approx(1.0, rel=0.1)
+    # Independent noise beside it, such as that of rounding, adds its variance to both.
+    assert of.variance(near + 0.5, next_but_one + 0.5) == pytest.approx(1.5, rel=0.1)
     assert of.window_px == width
 
 
@@ -78,7 +83,7 @@ def test_few_pixels_say_nothing() -> None:
 
 
 def test_a_sample_of_the_pixels_shares_less() -> None:
-    of = NoiseCorrelation(4.5, 3.0, 9.0)
+    of = NoiseCorrelation(2.3, 3.0, 9.0)
     assert of.sampled(1.0) == 9.0
     assert of.sampled(0.1) == pytest.approx(1.8)
     assert INDEPENDENT.sampled(0.5) == 1.0
@@ -100,6 +105,19 @@ def test_the_photon_law_of_a_filtered_camera_states_its_window() -> None:
     assert law is not None
     assert law.window_px == 3
     assert np.sqrt(law.variance(np.array([2000.0]), np.array([1.0]))) == pytest.approx(0.002, rel=0.1)
+
+
+def test_rounding_to_millimetres_after_a_filter_is_no_noise_at_every_amplitude() -> None:
+    """Photon noise is averaged over 3 x 3 pixels, then rounded: only the rounding, 0.29 mm, is the same at every amplitude."""
+    made = []
+    for v in views(np.random.default_rng(7)):
+        depth = v.frame.depth + averaged(3)(v.view.depth - v.frame.depth)
+        made.append(replace(v.view, depth=(np.rint(depth / 1e-3) * 1e-3).astype(np.float32)))
+    seen = gather(made, [rendering(0.05 * k) for k in range(len(made))], None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
+    assert seen[0].correlation.correlated
+    limits = GapConfig().noise
+    fitted = fit_law(binned(seen, limits.bins, limits), 0.001, limits)
+    assert constant_part(fitted, 0.001) < 2.5e-4
 
 
 def test_a_filter_is_no_noise_of_rows() -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_core.se3 import exp
 from tof_gap.limits.seen import ForeignLightLimits
-from tof_gap.seen.foreign_light import along_the_view, drifts_by_chance, field, foreign_light
+from tof_gap.seen.foreign_light import along_the_view, beside_light, drifts_by_chance, field, foreign_light
 from tof_sensor.effects.interference import Interference
 
 if TYPE_CHECKING:
@@ -42,6 +43,17 @@ def test_captures_that_are_off_along_the_view_and_have_fields_show_interference(
 def test_an_arm_as_good_as_stated_or_bad_in_all_directions_shows_none(across_m: float, along_m: float) -> None:
     assert foreign_light(views(np.random.default_rng(1)), arms(across_m, along_m), SD, LIMITS) is None
     assert not along_the_view(arms(across_m, along_m), SD, LIMITS)
+
+
+def test_steps_along_the_view_are_light_as_far_as_they_exceed_the_arm() -> None:
+    """Steps of 4 mm where the arm errs by 1.5 mm: 1 - (1.5 / 4)^2 of each is taken back along the optical axis."""
+    cameras = np.stack([exp([0.1 * k, 0.2, 0.5, 0.3 * k, 0.1, -0.2]) for k in range(3)])
+    steps, sd = np.zeros((3, 6)), np.full((3, 6), 0.0015)
+    steps[:, 2], steps[:, 0] = [0.004, -0.004, 0.004], 0.001
+    moved = cameras @ np.stack([exp([0, 0, z, 0, 0, 0]) for z in (1 - (1.5 / 4) ** 2) * steps[:, 2]])
+    np.testing.assert_allclose(beside_light(moved, steps, sd, 0.004), cameras, atol=1e-12)
+    np.testing.assert_array_equal(beside_light(moved, steps, sd, 0.001), moved)
+    np.testing.assert_array_equal(beside_light(moved, steps, sd, 0.0), moved)
 
 
 def own_fields(size_m: float) -> Float:

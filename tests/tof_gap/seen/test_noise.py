@@ -262,6 +262,26 @@ def test_offsets_of_pixels_make_no_burst_of_the_views_with_most_captures() -> No
     assert noise_effects(seen, LIMITS) == []
 
 
+@pytest.mark.parametrize("shared", [0.0, 0.5, 1.0])
+def test_captures_that_share_noise_make_no_burst(shared: float) -> None:
+    """A filter over captures leaves the mean of n captures n^s / n of the variance of one."""
+    captures = np.where(np.arange(VIEWS) % 3, 1, 4)
+    quiet = views(np.random.default_rng(3), captures=captures.tolist())
+    noise = np.stack([(v.view.depth - v.frame.depth) * v.frame.length for v in quiet]) * np.sqrt(captures)[:, None, None]
+    seen = views(np.random.default_rng(3), noise * captures[:, None, None] ** (shared / 2), photons=False, captures=captures.tolist())
+    assert noise_effects(seen, LIMITS) == []
+    law = own_law(seen, [], LIMITS)
+    assert law is not None
+    assert np.sqrt(law.variance(np.array([2000.0]), np.array([1.0]))) == pytest.approx(SIGMA_M, rel=0.05)
+
+
+def test_bursts_beside_dwells_of_different_length_are_found() -> None:
+    captures = np.where(np.arange(VIEWS) % 3, 1, 4)
+    hit = np.isin(np.arange(VIEWS), (1, 3, 8))[:, None, None]
+    seen = views(np.random.default_rng(3), hit * rng().normal(0, 0.008, (VIEWS, *SHAPE)), captures=captures.tolist())
+    assert [f.name for f in noise_effects(seen, LIMITS)] == ["noise"]
+
+
 def test_bins_of_views_with_as_many_captures_are_left_as_they_are() -> None:
     seen = views(rng(), np.broadcast_to(rng().normal(0, 0.003, SHAPE), (VIEWS, *SHAPE)), captures=[4] * VIEWS)
     b = binned(seen, LIMITS.bins, LIMITS)
