@@ -89,7 +89,7 @@ class ColumnSystem:
     """Normal equations of V views in poses and K columns.
 
     chain: the poses of linearisation; normal: [base 6 | hand-eye 6 | columns K | arm 6 | residual] in each view, with all columns;
-    columns: K; pixels (V,): number of pixels used; weight (V,): sums of their 1 / sigma^2.
+    columns: K; pixels (V,): number of independent pixels used; weight (V,): sums of their 1 / sigma^2.
     """
 
     chain: Chain

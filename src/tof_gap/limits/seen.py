@@ -78,6 +78,12 @@ class WorldEvidence:
 class CorrelationLimits:
     """When neighbouring pixels share noise."""
 
+    growth: float = param(
+        1.2,
+        "variance shown by differences of pixels two apart, over that by next neighbours, from which windows are fitted",
+        low=1.0,
+        why="independent pixels beside smooth errors: 1.04, beside blurred edges 1.18; half of it averaged over 5 x 5 pixels: 1.3",
+    )
     variance: float = param(
         1.3,
         "variance of a pixel's noise over that which differences of next neighbours show",

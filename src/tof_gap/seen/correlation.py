@@ -76,7 +76,7 @@ def noise_correlation(residuals: Sequence[Float | Image], masks: Sequence[Mask],
     views = np.unique(np.linspace(0, len(masks) - 1, min(len(masks), limits.views)).astype(int))
     seen = [np.where(masks[v], residuals[v], np.nan) for v in views]
     near, next_but_one = _variance(seen, 1), _variance(seen, 2)
-    if not (near > 0.0 and next_but_one > limits.variance * near):
+    if not (near > 0.0 and next_but_one > limits.growth * near):
         return INDEPENDENT
     shown = np.array([near, next_but_one, *(_variance(seen, int(k)) for k in STEPS[2:])])
     if not (shown > 0.0).all():

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import uniform_filter
 
+from tof_gap.seen.residual import noise_again
 from tof_sensor.effects.fixed_pattern import cosines, line_cosines
 
 if TYPE_CHECKING:
@@ -143,11 +144,13 @@ def without_pattern(views: Sequence[ViewEvidence], bias: Sequence[Float], unsure
     noise of the `fit_views` that it was estimated from.
     """
     out = []
-    for v, (view, b) in enumerate(zip(views, bias, strict=True)):
-        seen = view.noise_of(view.residual - b)
+    beside = noise_again([replace(view, residual=view.residual - b) for view, b in zip(views, bias, strict=True)])
+    for v, (view, quiet) in enumerate(zip(views, beside, strict=True)):
+        seen = quiet.sigma
         wrong2 = (-unsure2 if v in fit_views else unsure2) / view.frame.length**2
         sigma2 = np.maximum(seen**2 - wrong2, view.limits.pattern.level_share * seen**2)
-        out.append(replace(view, sigma=np.maximum(np.sqrt(sigma2), view.step_m / np.sqrt(12))))
+        sigma = np.maximum(np.sqrt(sigma2), view.step_m / np.sqrt(12))
+        out.append(replace(view, sigma=sigma, correlation=quiet.correlation))
     return out
 
 

@@ -140,7 +140,8 @@ def _over_range(b: NoiseBins, knots: int) -> Float:
 
 def _least_deviations(columns: Float, target: Float) -> Float:
     """(k,) coefficients of columns (n, k) with the least absolute deviations from the target (n,)."""
-    coefficients, left = np.zeros(columns.shape[1]), target
+    coefficients: Float = np.zeros(columns.shape[1])
+    left = target
     for _ in range(TREND_ROUNDS):
         w = 1 / np.sqrt(np.maximum(np.abs(left), LEAST_DEVIATION))
         coefficients = np.linalg.lstsq(columns * w[:, None], target * w, rcond=None)[0]

@@ -61,7 +61,17 @@ class ViewEvidence:
     @property
     def fit_sigma(self) -> Float:
         """(H, W) metres of z: as `mean_sigma`, for means over the pixels that fits use."""
-        return self._inflated(self.correlation.sampled(len(self.pixels) / max(int(self.smooth.sum()), 1)))
+        return self._inflated(self._of_drawn)
+
+    @property
+    def independent(self) -> float:
+        """Number of independent pixels whose mean has the noise of the mean of the pixels that fits use."""
+        return len(self.pixels) / self._of_drawn
+
+    @property
+    def _of_drawn(self) -> float:
+        """Variance of the mean of the pixels that fits use, over that of as many independent pixels."""
+        return self.correlation.sampled(len(self.pixels) / max(int(self.smooth.sum()), 1))
 
     def _inflated(self, variance: float) -> Float:
         return self.sigma if variance == 1.0 else self.sigma * np.float32(np.sqrt(variance))
@@ -105,11 +115,23 @@ def gather(
         return _of_view(view, frame, limits, filled, wider_px, code_of(source, limits.level))
 
     found = in_threads(one, views, renderings, recorded or views)
-    correlation = noise_correlation([v.residual / v.sigma for v in found], [v.smooth for v in found], limits.correlation)
+    correlation = correlation_of(found)
     if correlation.correlated:
         found = in_threads(lambda v: _of_view(v.view, v.frame, limits, v.concavity, wider_px, v.step_m, correlation), found)
     rng = np.random.default_rng(limits.seed)  # Drawn one after the other: the same pixels whichever view is ready first.
     return tuple(replace(v, pixels=drawn(v.smooth, limits.pixels, rng)) for v in found)
+
+
+def correlation_of(views: Sequence[ViewEvidence]) -> NoiseCorrelation:
+    """The correlation of the noise in the views' residuals."""
+    return noise_correlation([v.residual / v.sigma for v in views], [v.smooth for v in views], views[0].limits.correlation)
+
+
+def noise_again(views: Sequence[ViewEvidence]) -> tuple[ViewEvidence, ...]:
+    """The views with the noise of their residuals estimated again, after a pattern that raised it was subtracted."""
+    of = correlation_of(views)
+    views = [replace(v, correlation=of) for v in views]
+    return tuple(replace(v, sigma=single(v.noise_of(v.residual))) for v in views)
 
 
 def code_of(view: View, limits: LevelLimits) -> float:

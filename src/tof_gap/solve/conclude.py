@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen.residual import single
+from tof_gap.seen.residual import noise_again, single
 from tof_gap.seen.steps import beside_steps
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.causes import free_shares, named, shares, smooth_ones
@@ -134,8 +134,3 @@ def _beside_pattern(bare: Sequence[ViewEvidence], maps: Mapping[str, Sequence[Fl
     """The views after a fixed pattern is subtracted: with sigma estimated again, and without loss at the steps of a named pattern."""
     views, pattern = noise_again(bare), maps.get(FixedPattern.NAME)
     return views if pattern is None else beside_steps(views, pattern, config.missing)
-
-
-def noise_again(evidence: Sequence[ViewEvidence]) -> tuple[ViewEvidence, ...]:
-    """The views with sigma estimated again: rows and columns of a fixed pattern, now subtracted, had raised it."""
-    return tuple(replace(e, sigma=single(e.noise_of(e.residual))) for e in evidence)
