@@ -76,21 +76,10 @@ class WorldEvidence:
 
 @dataclass(frozen=True, slots=True)
 class CorrelationLimits:
-    """When neighbouring pixels share noise."""
+    """When neighbouring pixels share noise: growth of the variance that their differences show, if they are farther apart."""
 
-    growth: float = param(
-        1.2,
-        "variance shown by differences of pixels two apart, over that by next neighbours, from which windows are fitted",
-        low=1.0,
-        why="independent pixels beside smooth errors: 1.04, beside blurred edges 1.18; half of it averaged over 5 x 5 pixels: 1.3",
-    )
-    variance: float = param(
-        1.3,
-        "variance of a pixel's noise over that which differences of next neighbours show",
-        low=1.0,
-        why="independent pixels: 1.0 to 1.1; means over 3 x 3 pixels: 4.5",
-    )
-    views: int = param(6, "views that it is estimated from", low=1, why="the filter is the same in all; 30,000 pixels each")
+    growth: float = param(1.2, "from next neighbours to pixels two apart", low=1.0, why="independent: 1.04, at blurred edges 1.18")
+    variance: float = param(1.3, "from next neighbours to pixels that share none", low=1.0, why="independent: 1.1; 3 x 3 means: 4.5")
 
 
 @dataclass(frozen=True, slots=True)

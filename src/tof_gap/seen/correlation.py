@@ -23,6 +23,8 @@ DEVIATIONS_PX = np.array([0.6, 0.8, 1.0, 1.25, 1.5, 2.0])
 """Pixels: standard deviations of Gaussian windows."""
 STEPS = np.arange(1, 10)
 """Pixels between the samples of second differences: beyond the widest window by two, so that noise and smooth errors separate."""
+VIEWS = 6
+"""Views from which the window is estimated: the filter is the same in all."""
 LEAST_SAMPLES = 1000
 """Differences of which the variance is known to 5 %."""
 
@@ -73,7 +75,7 @@ def noise_correlation(residuals: Sequence[Float | Image], masks: Sequence[Mask],
     taken as alike along rows and columns. `INDEPENDENT` unless differences of next neighbours understate the variance by the factor
     `limits.variance`.
     """
-    views = np.unique(np.linspace(0, len(masks) - 1, min(len(masks), limits.views)).astype(int))
+    views = np.unique(np.linspace(0, len(masks) - 1, min(len(masks), VIEWS)).astype(int))
     seen = [np.where(masks[v], residuals[v], np.nan) for v in views]
     near, next_but_one = _variance(seen, 1), _variance(seen, 2)
     if not (near > 0.0 and next_but_one > limits.growth * near):

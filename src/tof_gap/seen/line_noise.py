@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.stats import CHI2_MEDIAN
+from tof_core.stats import CHI2_MEDIAN, second_differences
 from tof_gap.seen.pattern import high_pass
 
 if TYPE_CHECKING:
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_gap.limits.seen import LineLimits
     from tof_gap.seen.residual import ViewEvidence
-
-SECOND_DIFFERENCE_VARIANCE = 6.0
-"""Variance of a - 2 b + c over that of one sample, where a, b and c are independent and equally noisy."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,25 +35,34 @@ def line_noise(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> 
     """Noise that the pixels along `axis` share, from view to view.
 
     Second differences across the lines, averaged along each line, contain no smooth error. Their mean over the views, a fixed
-    pattern, is subtracted. Their variance by white noise is known from the pixels of each line.
+    pattern, is subtracted. Their variance by white noise is known from the pixels of each line. A filter in the camera averages lines as
+    it averages pixels: then lines two apart are compared as well (`NoiseCorrelation.variance`).
     """
-    mean, white = (np.stack(a) for a in zip(*(_line_means(v, axis, limits) for v in views), strict=True))
+    of = views[0].correlation
+    found = [_in_common(views, axis, limits, step) for step in ((1, 2) if of.correlated else (1,))]
+    size2 = of.variance(found[0][0], found[-1][0])
+    return LineNoise(axis, float(np.sqrt(max(size2, 0.0))), max(sigma for _, sigma in found))
+
+
+def _in_common(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step: int) -> tuple[float, float]:
+    """Variance in m^2 that differences of lines `step` apart show, less that by white noise, and its significance."""
+    mean, white = (np.stack(a) for a in zip(*(_line_means(v, axis, limits, step) for v in views), strict=True))
     seen = np.isfinite(mean)
     views_seen = seen.sum(axis=0)
     seen &= views_seen >= limits.views
     if not seen.any():
-        return LineNoise(axis, 0.0, 0.0)
+        return 0.0, 0.0
     n = np.maximum(views_seen, 2)
     change2 = (mean - np.where(seen, mean, 0.0).sum(axis=0) / n) ** 2 * n / (n - 1)
     ratio = np.minimum((change2 / white)[seen], limits.most_ratio)
-    size2 = float(np.median(change2[seen]) / CHI2_MEDIAN - np.median(white[seen])) / SECOND_DIFFERENCE_VARIANCE
-    return LineNoise(axis, float(np.sqrt(max(size2, 0.0))), float((ratio - 1).sum() / np.sqrt(2 * len(ratio))))
+    size2 = float(np.median(change2[seen]) / CHI2_MEDIAN - np.median(white[seen]))
+    return size2, float((ratio - 1).sum() / np.sqrt(2 * len(ratio)))
 
 
-def _line_means(view: ViewEvidence, axis: int, limits: LineLimits) -> tuple[Float, Float]:
-    """(L,) mean second difference across each line in metres, and the variance of this mean by white noise."""
+def _line_means(view: ViewEvidence, axis: int, limits: LineLimits, step: int) -> tuple[Float, Float]:
+    """(L,) mean second difference across lines `step` apart, in metres of one line's noise, and its variance by white noise."""
     r = np.where(view.smooth, view.residual * view.frame.length, np.nan)
-    d2 = np.diff(r, n=2, axis=1 - axis)
+    d2 = second_differences(r, 1 - axis, step)
     seen = np.isfinite(d2)
     n = seen.sum(axis=axis)
     enough = n >= limits.pixels

@@ -140,13 +140,12 @@ def _over_range(b: NoiseBins, knots: int) -> Float:
 
 def _least_deviations(columns: Float, target: Float) -> Float:
     """(k,) coefficients of columns (n, k) with the least absolute deviations from the target (n,)."""
-    coefficients: Float = np.zeros(columns.shape[1])
-    left = target
+    out, left = np.zeros(columns.shape[1]), target
     for _ in range(TREND_ROUNDS):
         w = 1 / np.sqrt(np.maximum(np.abs(left), LEAST_DEVIATION))
-        coefficients = np.linalg.lstsq(columns * w[:, None], target * w, rcond=None)[0]
-        left = target - columns @ coefficients
-    return np.asarray(coefficients)
+        out = np.asarray(np.linalg.lstsq(columns * w[:, None], target * w, rcond=None)[0], float)
+        left = target - columns @ out
+    return out
 
 
 def of_one_capture(b: NoiseBins, captures: Float, step_m: float, limits: NoiseLimits) -> NoiseBins:

@@ -125,3 +125,12 @@ def test_a_filter_is_no_noise_of_rows() -> None:
     seen = views(rng, np.stack([averaged(5)(rng.normal(0, 0.004, (86, 112))) for _ in range(12)]), photons=False)
     limits = GapConfig().noise.lines
     assert max(line_noise(seen, axis, limits).sigma for axis in (0, 1)) < limits.sigma
+
+
+def test_noise_of_rows_through_a_filter_over_five_rows_has_its_size() -> None:
+    rng = np.random.default_rng(9)
+    raw = rng.normal(0, 0.004, (12, 86, 112)) + rng.normal(0, 0.004, (12, 86, 1))
+    seen = views(rng, np.stack([averaged(5)(noise) for noise in raw]), photons=False)
+    rows, columns = (line_noise(seen, axis, GapConfig().noise.lines) for axis in (1, 0))
+    assert rows.size_m == pytest.approx(0.004 / np.sqrt(5), rel=0.15)
+    assert rows.sigma > GapConfig().noise.lines.sigma > columns.sigma
