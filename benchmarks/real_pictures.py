@@ -11,9 +11,9 @@ import numpy as np
 
 from benchmarks.bench_board_errors import robust, tables
 from benchmarks.bench_real import DATA, views_of
+from benchmarks.primitives import PrimitiveConfig, fit_primitives
 from tof_core.camera import radial_to_z
 from tof_core.page import PALETTE, axes
-from tof_sim_label.primitives import PrimitiveConfig, fit_primitives
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float

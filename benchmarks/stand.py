@@ -61,6 +61,15 @@ class Ended:
         return self.done and self.mm <= mm and self.deg <= deg
 
 
+class ShovedRobot(VirtualRobot):
+    """A virtual robot whose base can be displaced without odometry."""
+
+    def shove(self, T_cell: Float) -> None:
+        """Displace the base by a motion (4, 4) of the cell that the robot does not measure."""
+        self._robot.B = np.asarray(T_cell @ self._robot.B)
+        self._moved()
+
+
 class Stand:
     """A first picture taken at one of the views of a robot's plan."""
 
@@ -69,7 +78,7 @@ class Stand:
     ) -> None:
         """Take the first picture; with `cad` a start from far may use the CAD around it. The virtual arm reaches anywhere."""
         settings = {"robot": STILL, "plan": {"views": VIEWS, "stations": 1}, "camera": camera, "seed": seed}
-        self.robot = VirtualRobot(bodies_of(scene), from_mapping(VirtualConfig, settings), effects or {})
+        self.robot = ShovedRobot(bodies_of(scene), from_mapping(VirtualConfig, settings), effects or {})
         self.scene, self._cad = scene, cad
         self.config = replace(CorrectConfig(), limits=replace(LimitConfig(), reach_m=3.0))
         self.T_body_hand = self.robot.views[view][1]

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
+from benchmarks.radial import z_to_radial
 from tof_core import se3
-from tof_core.camera import z_to_radial
 from tof_core.capture import RobotPose
 
 if TYPE_CHECKING:

@@ -9,6 +9,6 @@ _OF_OTHERS = ("UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLo
 """Numba's own locators, for kernels that are not this project's."""
 _ALL = ",".join([*(f"tof_core.kernel_cache.{name}" for name in _LOCATORS), *_OF_OTHERS])
 
-os.environ.setdefault("NUMBA_CACHE_LOCATOR_CLASSES", _ALL)  # Numba reads it when it is imported; what for: kernel_cache.py
+os.environ.setdefault("NUMBA_CACHE_LOCATOR_CLASSES", _ALL)  # Numba reads the variable at import; kernel_cache.py says why
 if "numba" in sys.modules:
     sys.modules["numba"].config.CACHE_LOCATOR_CLASSES = os.environ["NUMBA_CACHE_LOCATOR_CLASSES"]

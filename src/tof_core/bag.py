@@ -48,7 +48,7 @@ def open_bag(
         path: a bag's folder, or its .mcap or .db3 file.
         options: the user's choice of topics, frames and units.
         cell_frame: TF frame of the cell (the scene's), unless the options name another.
-        placed: where the cell is, for a robot whose TF does not know it.
+        placed: pose of the cell, for a robot whose TF lacks the cell frame.
 
     Raises:
         BagError: no bag, or damaged.
@@ -115,11 +115,11 @@ class BagReader:
         return self._builder.last_error
 
     def captures(self, *, need_tf: bool = True, repeats: bool = False) -> Iterator[Capture]:
-        """Captures by header stamp; frozen frames are one, frames without TF are counted in `skipped`.
+        """Captures in the order of header stamps; frozen frames and frames without a transform are left out and counted in `skipped`.
 
         Args:
             need_tf: False also yields frames without a transform, with `robot=None`.
-            repeats: True takes a frame of the same content as the one before for a frame of its own, as ideal images have it.
+            repeats: True keeps a frame whose content equals that of the frame before: ideal images at rest are equal; False takes it for frozen.
 
         Raises:
             TransformError: TF lacks the cell or the camera frame altogether.
@@ -155,7 +155,7 @@ class BagReader:
         return is_still(self.transforms, cell, capture.camera.frame_id, capture.stamp_ns, gate)
 
     def messages(self, topics: tuple[str, ...] = ()) -> Iterator[RawMessage]:
-        """Messages of the named topics (all where none is), by header stamp, static transforms first."""
+        """Messages of the named topics (of all, where none is named): static transforms first, the others by header stamp."""
         yield from self._index.ordered(topics)
 
     def deserialize(self, message: RawMessage) -> Any:
@@ -176,7 +176,7 @@ class BagReader:
         return replace(camera, frame_id=frame_id) if frame_id else camera
 
     def _check_frames(self) -> None:
-        """Fail at once, naming the flags, where no frame can have a pose."""
+        """Raise a TransformError that names the flags where TF gives no frame a pose."""
         try:
             self.chain.resolve(self.camera.frame_id)
         except TransformError as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag's files: opened by rosbags where they are whole, read as far as they go where not."""
+"""A bag's files: rosbags opens whole ones; unfinished ones are read up to the last whole message."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 MOST_ELEMENTS = 4096
-"""Strings or messages in the fixed arrays of one type; real ones have a few."""
+"""Strings or messages in the fixed arrays of one message type; types in use have a few."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class WholeBag:
     """A finished bag, or files that rosbags can open as they are."""
 
     def __init__(self, path: Path, files: list[Path], stack: ExitStack, note: str = "") -> None:
-        """Open with rosbags; types come from the bag, or from Jazzy where it embeds none."""
+        """Open with rosbags; types come from the bag, or from Jazzy where the bag embeds none."""
         from rosbags.highlevel import AnyReader
         from rosbags.rosbag2 import reader, storage_mcap
 
@@ -93,7 +93,7 @@ class WholeBag:
 
 
 class UnfinishedBag:
-    """MCAP files without an end; read from front to back each time."""
+    """MCAP files without a footer; every pass reads them from the front."""
 
     def __init__(self, path: Path, files: list[Path]) -> None:
         """Scan once: topics, counts, what is lost."""
@@ -111,7 +111,7 @@ class UnfinishedBag:
         self.note = f"recording was not finished: {sum(counts.values())} messages are whole, {lost} bytes after them are lost"
 
     def messages(self, topics: Collection[str] = ()) -> Iterator[tuple[str, int, bytes]]:
-        """(topic, log time in ns, CDR bytes) in the order of the recording; a topic that it gained since it was opened is left out."""
+        """(topic, log time in ns, CDR bytes) in the order of the recording; topics that the files gained since they were opened are left out."""
         wanted = topics or self.topics
         for file in self._files:
             for channel, log_ns, raw in McapScan(file).messages():
@@ -190,7 +190,7 @@ def _whole(path: Path, files: list[Path]) -> WholeBag:
 
 
 def _by_another_name(path: Path, stack: ExitStack) -> Path:
-    """A folder called `run.bag` under a name that rosbags does not take for a ROS 1 file."""
+    """The path, or a link to a folder called `run.bag`: by that name rosbags would take the folder for a ROS 1 file."""
     if path.suffix != ".bag" or not path.is_dir():
         return path
     link = Path(stack.enter_context(TemporaryDirectory())) / "bag"
@@ -224,7 +224,7 @@ def _types_of(definitions: dict[str, str]) -> Typestore:
 
 
 def _with_hint(error: BagError, files: list[Path]) -> BagError:
-    """The same error, with what can still be had of a cut MCAP file."""
+    """The same error; of a truncated MCAP file with the number of messages that --recover reads."""
     if not files or files[0].suffix != ".mcap":
         return error
     try:
@@ -235,7 +235,7 @@ def _with_hint(error: BagError, files: list[Path]) -> BagError:
 
 
 def deserialize(files: BagFiles, topic: str, cdr: bytes) -> Any:
-    """The fields of a message; bytes that are none raise a BagError that names the topic."""
+    """The fields of a message; bytes that are no message of the topic's type raise a BagError that names the topic."""
     with _one_line(f"{files.path}, topic {topic}"):
         kind = files.topics[topic].type
         most = LARGEST_TF_MESSAGE if kind == TF else LARGEST_MESSAGE
@@ -247,7 +247,7 @@ def deserialize(files: BagFiles, topic: str, cdr: bytes) -> Any:
 
 
 def _check_definition(types: Typestore, kind: str) -> None:
-    """Refuse a definition whose fixed arrays rosbags would write out element by element for minutes."""
+    """Refuse a definition with large fixed arrays of strings or messages: rosbags writes code for each element, which takes minutes."""
     from rosbags.interfaces import Nodetype
 
     elements = 0

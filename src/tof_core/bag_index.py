@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The order of a bag by header stamps, found in one pass; a second streams messages in that order."""
+"""A bag's messages in the order of header stamps: one pass finds the order, a second streams the messages."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 
 
 LATEST_NS = 2**62
-"""Times beyond (the year 2116) are damage."""
+"""Latest credible time in nanoseconds (year 2116); later ones are damaged."""
 
 
 @dataclass(frozen=True, slots=True)
 class RawMessage:
-    """A message as it was recorded; `stamp_ns` is its header's (its log time where it has none)."""
+    """A message as it was recorded; `stamp_ns` is the header stamp, or the log time of a message without a header."""
 
     topic: str
     type: str
@@ -46,12 +46,12 @@ class RawMessage:
 
 
 class BagIndex:
-    """Stamps of every message; TF into `transforms`, and of each image topic its encoding and frame."""
+    """Stamps of every message, encoding and frame of every image topic; TF goes into `transforms`."""
 
     def __init__(self, files: BagFiles, transforms: TransformBuffer, *, lenient: bool = False, session: int = 0) -> None:
         """Read the bag once from front to back; `lenient` leaves damaged messages out instead of raising.
 
-        Of a recording whose clock was set back one session is read: number `session` from 1 on, the longest where that is 0.
+        A recording whose clock was set back has several sessions. One is read: number `session`, counted from 1; the longest for 0.
         """
         self._files, self._lenient = files, lenient
         self.left_out: Counter[str] = Counter()
@@ -71,7 +71,7 @@ class BagIndex:
 
     @property
     def note(self) -> str:
-        """That the clock was set back, and which session is read; empty for most recordings."""
+        """Warning that the clock was set back, and which session is read; empty for one session."""
         if len(self.sessions) < 2:
             return ""
         sizes = ", ".join(map(str, self.sessions))
@@ -81,10 +81,10 @@ class BagIndex:
         )
 
     def ordered(self, topics: tuple[str, ...] = ()) -> Iterator[RawMessage]:
-        """Messages of the named topics (all where none is): latched ones first, then by header stamp.
+        """Messages of the named topics (of all, where none is named): latched ones first, then by header stamp.
 
-        Of one stamp, images come last, after what they are joined with. Only messages recorded
-        out of order are held back.
+        At one stamp, images and clouds come after the messages that are joined with them. Only messages recorded
+        out of order are held in memory.
         """
         names = [n for n in self._files.topics if not topics or n in topics]
         latched = [n for n in names if is_latched(n)]
@@ -130,7 +130,7 @@ class BagIndex:
         return table[:, 0], stamp
 
     def _cut(self, table: NDArray[np.int64], session: int, transforms: TransformBuffer) -> NDArray[np.bool_]:
-        """Which rows (topic, stamp, log time) are of the session that is read; TF of the others is forgotten."""
+        """Which rows (topic, stamp, log time) belong to the session that is read; transforms of other sessions are dropped."""
         topic, stamp, log = table.T
         counted = {self._number[t.name] for t in self._files.topics.values() if t.type in (IMAGE, COMPRESSED, POINTS, INFO)}
         edges = [-(2**63), *session_starts(topic, stamp, log, counted), 2**63 - 1]
@@ -181,7 +181,7 @@ def is_latched(topic: str) -> bool:
 
 
 def _peek_of(kind: str, files: BagFiles) -> Callable[[bytes], int]:
-    """A function that reads the header stamp from a message's bytes; 0 where it has none.
+    """A function that reads the header stamp from a message's bytes; 0 for a type without a header.
 
     In CDR a leading Header begins with its stamp; a TFMessage with the length of its list.
     """

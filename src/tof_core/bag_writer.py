@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags out: rosbag2 in MCAP or sqlite3, with Humble's or Jazzy's types.
 
-What is written is on disk within a quarter of a second's worth of frames: a process that is
-killed leaves a bag that `open_bag` reads up to there.
+Frames are written through to the disk at least every `FLUSH_BYTES`: if the process is killed,
+`open_bag` reads all messages up to the last such write.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
 
 FLUSH_BYTES = 200_000
-"""Written through to the file at least this often: about one 400x300 frame."""
+"""Bytes after which data are written through to the disk: about one frame of 400x300 pixels."""
 
 
 class BagWriter:
@@ -40,7 +40,7 @@ class BagWriter:
     Args:
         path: the folder to make; it must not exist.
         storage: "mcap" or "sqlite3".
-        distro: whose message definitions: "jazzy" or "humble".
+        distro: ROS distribution whose message definitions are written: "jazzy" or "humble".
     """
 
     def __init__(
@@ -90,11 +90,6 @@ class BagWriter:
         """A `sensor_msgs/Image`; the array has the encoding's own type (`encode.depth_counts` for 16UC1 depth)."""
         fields = image_fields(array, encoding)
         self._message(topic, "sensor_msgs/msg/Image", stamp_ns, header=self._header(stamp_ns, frame_id), **fields)
-
-    def compressed_image(self, topic: str, data: bytes, kind: str, frame_id: str, stamp_ns: int) -> None:
-        """A `sensor_msgs/CompressedImage`; `kind` is its format, such as `16UC1; compressedDepth png` or `rgb8; jpeg compressed bgr8`."""
-        header, packed = self._header(stamp_ns, frame_id), np.frombuffer(data, np.uint8)
-        self._message(topic, "sensor_msgs/msg/CompressedImage", stamp_ns, header=header, format=kind, data=packed)
 
     def camera_info(self, topic: str, camera: Camera, stamp_ns: int, frame_id: str = "") -> None:
         """A `sensor_msgs/CameraInfo` in the camera's own frame, or in `frame_id`."""
@@ -216,7 +211,7 @@ class BagWriter:
 
 
 def _qos(topic: str) -> list[Qos]:
-    """What the publisher offered: latched for static transforms, so that players replay it so."""
+    """QoS that the bag states as offered: latched for static transforms, so that players publish them latched."""
     from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
     volatile = Qos(

@@ -14,7 +14,7 @@ LARGEST_TF_MESSAGE = 4 * MEGABYTE
 LARGEST_STORAGE = 256 * MEGABYTE
 """Bytes of a bag's unpacked storage files; larger ones are unpacked up to `LARGEST_RATIO` times their packed size."""
 LARGEST_RATIO = 64
-"""Unpacked over packed size of a large storage file; depth images reach 3 to 20."""
+"""Unpacked over packed size of a large storage file; depth images have 3 to 20."""
 LARGEST_METADATA = 4 * MEGABYTE
 """Bytes of a bag's metadata.yaml; 200 topics and 1000 files take 0.5 million."""
 LARGEST_RASTER = 2**26

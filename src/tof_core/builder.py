@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of one camera to captures: joined by stamp, posed by TF; the same offline and live.
 
-What joins what is decided by header stamps alone, so the order in which topics arrive does not
+Header stamps alone decide which messages are joined, so the order in which topics arrive does not
 change the result.
 """
 
@@ -45,7 +45,7 @@ NO_INFO, FROZEN, LATE, NO_TRANSFORM = "no camera_info", "frozen", "late", "no tr
 """Why frames are skipped: the keys of `CaptureBuilder.skipped`."""
 
 ANY_SIZE = (0, 0)
-"""Of a frame that need not wait for a CameraInfo of its size: a cloud, or what cannot be read."""
+"""Size of a frame that need not wait for a CameraInfo of its size: a cloud, or an unreadable image."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +59,7 @@ class _Frame:
 
 
 def _size_of(msg: Any) -> tuple[int, int]:
-    """Height and width; of an image whose headers cannot be read none: decoding it will say why."""
+    """Height and width; `ANY_SIZE` for an image with unreadable headers: its decoding raises the error."""
     try:
         return image_size(msg)
     except DecodeError:
@@ -73,10 +73,10 @@ class CaptureBuilder:
         options: units and tolerances; the names of optional topics only decide which messages are joined.
         chain: frames and transforms; None yields captures without a robot pose.
         topics: which topics there are: amplitude and colour are waited for only where named.
-        need_tf: skip (and count) frames that TF has no answer for, instead of `robot=None`.
-        wait_s: how far the depth stamps may run ahead of a frame before it stops waiting; infinite leaves that to
-            `overdue`, the stamp up to which no frame waits any longer.
-        repeats: take frames whose content is that of the frame before: a simulator's camera that stands still sees the same twice.
+        need_tf: skip (and count) frames without a transform, instead of giving them with `robot=None`.
+                wait_s: a frame stops waiting once the newest depth stamp is this much later; where it is infinite, a frame stops waiting
+                    once `overdue` reaches its stamp.
+        repeats: keep frames whose content equals that of the frame before, as a simulated camera at rest gives them.
         ahead_s: TF must reach this far beyond a frame before it is given out, so that the motion
             gate (`motion.is_still`) sees the same live as offline.
 
@@ -120,7 +120,7 @@ class CaptureBuilder:
         self.camera = self._cameras.of(msg, self.topics.info or "camera_info", rectified=is_rectified(self.topics.depth))
 
     def colour_info(self, msg: Any) -> None:
-        """A CameraInfo of the colour camera; an uncalibrated one leaves colour without a camera."""
+        """A CameraInfo of the colour camera; with an uncalibrated one, colour has no camera."""
         try:
             self._colour_camera = self._cameras.of(msg, self.topics.colour_info, rectified=is_rectified(self.topics.colour))
         except CameraError as error:

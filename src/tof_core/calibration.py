@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How good a camera's calibration is: the largest errors that its maker or the plant states."""
+"""Accuracy of a camera's calibration: the largest errors that the maker or the plant states."""
 
 from __future__ import annotations
 
@@ -79,15 +79,15 @@ class BoardLimits:
     """Largest errors of a calibration board."""
 
     print_scale_pct: float = param(
-        0.0, "largest error of the board's print scale", unit="%", low=0.0, high=10.0, why="as a ruler over ten squares tells"
+        0.0, "largest error of the board's print scale", unit="%", low=0.0, high=10.0, why="as measured with a ruler over ten squares"
     )
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Stated largest errors of a calibration; 0 states nothing.
+    """Largest errors of a calibration, as stated; 0: none is stated.
 
-    Within them errors are taken as drawn evenly from 0 to the largest, in any direction: of n components each has the standard
+    An error is taken as evenly distributed from 0 to the largest, in any direction: each of n components has the standard
     deviation `largest / sqrt(3 n)`.
     """
 
@@ -118,7 +118,7 @@ class Calibration:
 
 
 def lens_limits(camera: Camera, sd: Float) -> LensLimits:
-    """The limits whose prior has the standard deviations (fx, fy, cx, cy, ...) in pixels that a calibration of the lens found."""
+    """The limits whose prior has the standard deviations (fx, fy, cx, cy, ...) in pixels of a lens calibration."""
     focal = float(np.sqrt(np.mean((sd[:2] / [camera.fx, camera.fy]) ** 2)))
     centre = float(np.sqrt(np.mean(sd[2:4] ** 2)))
     return LensLimits(principal_point_px=float(np.sqrt(6.0) * centre), focal_pct=float(1e2 * np.sqrt(3.0) * focal))

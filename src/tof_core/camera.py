@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The camera model. All of it comes from CameraInfo, nothing from constants.
+"""The camera model; every parameter comes from CameraInfo.
 
-Pixel (0, 0)'s centre has the coordinates (0, 0) (OpenCV, ROS). Depth is z along the optical
+The centre of pixel (0, 0) has the coordinates (0, 0), as in OpenCV and ROS. Depth is z along the optical
 axis (REP 118); *radial* is the distance along the pixel's ray.
 """
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Image
 
 MODELS = {"": 0, "plumb_bob": 5, "rational_polynomial": 8}
-"""Known distortion models with the number of coefficients they have (thin prism and tilt are refused)."""
+"""Distortion models that are read, and their number of coefficients (thin prism and tilt are refused)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Camera:
     frame_id: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse what no calibration would give."""
+        """Refuse an uncalibrated camera, an empty raster and an unknown distortion."""
         if not (self.fx > 0 and self.fy > 0 and np.isfinite([self.fx, self.fy, self.cx, self.cy]).all()):
             msg = f"is uncalibrated (K[0] = {self.fx:g}, K[4] = {self.fy:g})"
             raise CameraError(msg, where="camera_info", todo="calibrate the camera or publish its K")
@@ -89,12 +89,12 @@ class Camera:
         return np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
 
     def project(self, points: ArrayLike) -> Float:
-        """Pixel coordinates (..., 2) of points (..., 3) in the camera frame; NaN behind it and outside the lens's field."""
+        """Pixel coordinates (..., 2) of points (..., 3) in the camera frame; NaN behind the camera and outside the lens's field."""
         p = np.asarray(points, float)
         z = np.where(p[..., 2] > 0, p[..., 2], np.nan)
         xy = p[..., :2] / z[..., None]
         if self.distorted:
-            # Beyond the fold the polynomial brings points back into the picture; the lens does not.
+            # Beyond the fold radius the polynomial maps points back into the image, which a real lens does not.
             seen = (xy * xy).sum(axis=-1) < _fold_radius(self.distortion) ** 2
             xy = np.where(seen[..., None], _distort(xy, self.distortion), np.nan)
         return np.asarray(xy * [self.fx, self.fy] + [self.cx, self.cy])
@@ -141,7 +141,7 @@ def _coefficients(distortion: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _distort(xy: Float, distortion: tuple[float, ...]) -> Float:
-    """Normalised coordinates as the lens bends them (OpenCV's rational model)."""
+    """Normalised coordinates after distortion (OpenCV's rational model)."""
     k1, k2, p1, p2, k3, k4, k5, k6 = _coefficients(distortion)
     x, y = xy[..., 0], xy[..., 1]
     r2 = x * x + y * y
@@ -201,8 +201,3 @@ def _undistort(xy: Float, distortion: tuple[float, ...], rounds: int = 60) -> Fl
 def radial_to_z(camera: Camera, radial: Image) -> Image:
     """z-depth (H, W) of distances along the rays (H, W), metres."""
     return (radial / camera.ray_length()).astype(np.float32)
-
-
-def z_to_radial(camera: Camera, depth: Image) -> Image:
-    """Distances along the rays (H, W) of z-depth (H, W), metres."""
-    return (depth * camera.ray_length()).astype(np.float32)

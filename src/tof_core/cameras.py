@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cameras that CameraInfo messages describe: an equal message is read once, and equal numbers give the same camera."""
+"""Cameras from CameraInfo messages: equal messages are read once, and equal intrinsics give the same object."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
 
 MOST = 16
-"""Messages that are remembered; a camera sends the same one with each frame."""
+"""Messages remembered; a camera sends the same message with each frame."""
 
 
 class Cameras:
-    """Cameras by their numbers, so that the rays of each are computed once."""
+    """Cameras by their intrinsics, so that the rays of each are computed once."""
 
     def __init__(self) -> None:
         """None yet."""
@@ -39,7 +39,7 @@ class Cameras:
 
 
 def _fields(msg: Any) -> tuple[Hashable, ...]:
-    """All of a message that `camera_from_info` reads, in a tenth of its time."""
+    """The fields that `camera_from_info` reads, as a key; it takes a tenth of its time."""
     roi = msg.roi
     return (
         msg.header.frame_id,

@@ -28,7 +28,7 @@ class RobotPose:
     twist: Float | None = None
     """(6,) velocity of the camera in its own axes (m/s, rad/s) at the stamp, from TF; None unknown."""
     cov: Float | None = None
-    """(6, 6) covariance of a right perturbation of this camera pose (m, rad); None: the deviations of every arm pose hold."""
+    """(6, 6) covariance of a right perturbation of this camera pose (m, rad); None: the configured deviations of arm poses hold."""
 
     @property
     def T_cell_camera(self) -> Float:
@@ -67,7 +67,7 @@ class Capture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """What a dwell accumulates to; a capture without a dwell is a view of one.
+    """The accumulated captures of a dwell; a capture without a dwell is a view of one.
 
     depth (H, W) metres; sigma (H, W) standard error of `depth` in metres, estimated from the captures
     (NaN where there are fewer than two); count (H, W) uint16 captures used; reason (H, W).
@@ -90,7 +90,7 @@ class View:
     noise: Image | None = None
     """(H, W) standard deviation of one capture in metres over the dwell, where known."""
     code_m: float | None = None
-    """Metres between the codes that the camera wrote, where `depth` is converted from them and shows them no longer; 0: it wrote none."""
+    """Step of the camera's depth codes in metres where `depth` is converted from them; 0: no codes; None: `depth` is not converted."""
 
     @property
     def valid(self) -> Mask:
@@ -132,14 +132,14 @@ class Posed:
     accepted: bool = True
     verdict: str = "ok"
     parts: Float = field(default_factory=lambda: np.zeros(0))
-    """(P,) metres along the surface's normal by which each part of the scene seems to stand off its CAD, RMS; empty: none does."""
+    """(P,) metres along the surface's normal by which each part of the scene deviates from its CAD, RMS; empty: no part does."""
     camera: Camera | None = None
-    """The camera with the lens that the session shows, where it is not the stated one."""
+    """The camera with the lens estimated from the session, where that is not the stated lens."""
     apart: Float = field(default_factory=lambda: np.zeros(0))
-    """(P,) metres by which each part that `verdict` says to disagree with its CAD is off, 0 for the others; empty: none does."""
+    """(P,) metres by which each part that `verdict` names is off its CAD, 0 for the others; empty: no part is."""
 
     def seen_by(self, stated: Camera) -> Camera:
-        """The camera that the view was really taken with, where CameraInfo states `stated`."""
+        """The camera with the estimated lens; `stated`, CameraInfo's, where no lens was estimated."""
         return stated if self.camera is None else self.camera
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PointCloud2 to depth images: organised clouds by their raster, others projected by CameraInfo."""
+"""PointCloud2 to depth images: an organised cloud keeps its raster, others are projected with CameraInfo's intrinsics."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ def depth_from_points(
 ) -> tuple[Image, Bytes]:
     """z-depth (H, W) in metres and reason map of a `sensor_msgs/PointCloud2`.
 
-    A cloud organised on the camera's own raster keeps it; any other is projected, the nearest
-    point of a pixel kept (z-buffer). `T_camera_cloud` is needed where the cloud is in another frame.
+    A cloud organised on the camera's own raster keeps that raster; any other cloud is projected, and of the points
+    in a pixel the nearest is kept (z-buffer). `T_camera_cloud` is needed where the cloud is in another frame.
     """
     xyz = np.stack(cloud_fields(msg, ("x", "y", "z"), where), axis=-1)
     if T_camera_cloud is not None:
@@ -70,7 +70,7 @@ def depth_from_points(
 
 
 def _on_raster(xyz: Float, camera: Camera, tolerance_px: float = 0.5) -> bool:
-    """Whether each point of an organised cloud projects to its own pixel (some 2000 are tried)."""
+    """Whether each point of an organised cloud projects to its own pixel (2000 to 4000 points are tested)."""
     if xyz.shape[:2] != camera.shape:
         return False
     v, u = np.nonzero(np.isfinite(xyz).all(axis=-1) & (xyz[..., 2] > 0))

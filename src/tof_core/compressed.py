@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 DEPTH_TRANSPORT = "compressedDepth"
 _CONFIG = struct.Struct("<iff")
-"""Before a compressedDepth image: format (not used: the text contains it), and the two parameters of an inverse depth."""
+"""Header of a compressedDepth image: format (not used, the text contains it), and the two parameters of an inverse depth."""
 JPEG = b"\xff\xd8\xff"
 READ = "compressedDepth with PNG or RVL, compressed with JPEG or PNG"
 
@@ -39,7 +39,7 @@ def format_of(text: str) -> Format:
 
 
 def stated_encoding(text: str) -> str:
-    """The raw image's encoding as a `CompressedImage.format` says it, or what images of that kind hold."""
+    """The raw image's encoding stated in a `CompressedImage.format`, or the usual encoding of its kind."""
     kind = format_of(text)
     return kind.encoding or ("16UC1" if kind.depth else "bgr8")
 
@@ -48,7 +48,7 @@ def size_of(msg: Any, where: str = "") -> tuple[int, int]:
     """Height and width in pixels, from the headers alone.
 
     Raises:
-        DecodeError: nothing that is read, or too large.
+        DecodeError: another format, or too large.
     """
     kind, data = format_of(msg.format), bytes(msg.data)
     if kind.depth:
@@ -72,7 +72,7 @@ def unpacked(msg: Any, where: str = "") -> tuple[NDArray[Any], str]:
     32FC1 depth is stored as inverse depth: count = a / metres + b, with 0 for no depth (compressed_depth_image_transport).
 
     Raises:
-        DecodeError: nothing that is read, too large, or damaged.
+        DecodeError: another format, too large, or damaged.
     """
     size_of(msg, where)
     kind, data = format_of(msg.format), bytes(msg.data)
@@ -98,15 +98,15 @@ def unpacked(msg: Any, where: str = "") -> tuple[NDArray[Any], str]:
 
 
 QUANTIZATION, FARTHEST_M = 100.0, 10.0
-"""Parameters of the inverse depth, as compressed_depth_image_transport has them: a step of z^2 / 10100 per count (0.1 mm at 1 m), up to 10 m."""
+"""Parameters of the inverse depth, the defaults of compressed_depth_image_transport: a step of z^2 / 10100 per count (0.1 mm at 1 m), up to 10 m."""
 DEPTH_CODES = ("png", "rvl")
-"""Codes of compressedDepth; both lose nothing of the counts."""
+"""Codes of compressedDepth; both are lossless for counts."""
 QUICK = 1
-"""Level of zlib: depth shrinks little more at higher ones, and they take several times as long."""
+"""Level of zlib: higher levels make depth images little smaller and take several times as long."""
 
 
 def packed_depth(depth: NDArray[np.float32], code: str = "png") -> tuple[bytes, str]:
-    """Depth in metres (H, W) as compressedDepth: data and format of a `sensor_msgs/CompressedImage`; NaN and what is out of range is 0.
+    """Depth in metres (H, W) as compressedDepth: data and format of a `sensor_msgs/CompressedImage`; NaN and depth out of range become 0.
 
     count = a / metres + b with a = q (q + 1), b = 1 - a / farthest (compressed_depth_image_transport, 32FC1). `code` is one of `DEPTH_CODES`.
     """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Typed, frozen configuration: units, bounds and meaning stand beside each value, once.
+"""Typed, frozen configuration: unit, bounds and meaning stand beside each value.
 
-From the same table come YAML files, ROS parameter descriptors and the documentation.
+YAML files, ROS parameter descriptors and the documentation are made from the same table.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def section(factory: type[C], text: str = "") -> C:
 
 @dataclass(frozen=True, slots=True)
 class ParamInfo:
-    """One row of the table: a dotted name with all that is known about it."""
+    """One row of the table: a parameter's dotted name, type, default, meaning, unit, bounds and reason."""
 
     name: str
     kind: type
@@ -56,7 +56,7 @@ class ParamInfo:
 
 
 def table(cls: type[Any], prefix: str = "") -> tuple[ParamInfo, ...]:
-    """Every parameter of a configuration class, depth first, names joined by dots; made once."""
+    """Every parameter of a configuration class, depth first, names joined by dots; cached."""
     return _table(cast("Any", cls), prefix)
 
 
@@ -66,7 +66,7 @@ def _table(cls: Any, prefix: str) -> tuple[ParamInfo, ...]:
 
 
 def _rows(config: Any, prefix: str) -> Iterator[ParamInfo]:
-    """The rows of one configuration, its values as defaults (a section may set its own)."""
+    """The rows of one configuration, with its values as defaults: a section may differ from its class's defaults."""
     hints = _hints(cast("Any", type(config)))
     for f in fields(config):
         value = getattr(config, f.name)
@@ -102,7 +102,7 @@ def from_mapping(cls: type[C], values: Mapping[str, Any], *, where: str = "confi
 
 
 def updated(config: C, values: Mapping[str, Any], *, where: str = "config") -> C:
-    """`config` with some values changed, all of them checked first; unknown keys are refused."""
+    """`config` with some values changed; unknown keys and bad values are refused before any change."""
     nested = _nest(values, where)
     hints = _hints(cast("Any", type(config)))
     known = {f.name: f for f in fields(cast("Any", config))}
@@ -128,13 +128,7 @@ def to_mapping(config: object) -> dict[str, Any]:
 
 def flatten(config: object, prefix: str = "") -> dict[str, Any]:
     """Dotted names to values: the form of ROS parameters."""
-    out: dict[str, Any] = {}
-    for name, value in to_mapping(config).items():
-        if isinstance(value, dict):
-            out.update(_flatten_dict(value, f"{prefix}{name}."))
-        else:
-            out[prefix + name] = value
-    return out
+    return _flatten_dict(to_mapping(config), prefix)
 
 
 def _flatten_dict(values: dict[str, Any], prefix: str) -> dict[str, Any]:
@@ -145,7 +139,7 @@ def _flatten_dict(values: dict[str, Any], prefix: str) -> dict[str, Any]:
 
 
 def _nest(values: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Groups of groups, whether written so or with dots; the caller's mapping is left alone."""
+    """Nested groups from nested or dotted keys; the caller's mapping is not changed."""
     out: dict[str, Any] = {}
     for name, value in values.items():
         head, _, rest = str(name).partition(".")

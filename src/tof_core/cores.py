@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cores of this process: work distributed over them by threads, or linear algebra held to one thread."""
+"""The cores of this process: work in threads, or linear algebra limited to one thread."""
 
 from __future__ import annotations
 
@@ -23,37 +23,37 @@ ONE_THREAD = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"),
     "OMP_WAIT_POLICY": "PASSIVE",
 }
-"""Environment of a process whose linear algebra and kernels take one thread; where OpenMP is given more (PyTorch), they wait asleep.
+"""Environment that limits linear algebra and kernels to one thread; where OpenMP gets more (PyTorch), waiting threads sleep.
 
-On small matrices more threads gain nothing, and they take the cores of other processes while they wait for each other.
+On small matrices more threads gain nothing, and while they wait for each other they take cores from other processes.
 """
 CLOCK_TICK = 0.01
 """Seconds of the unit in /proc/stat."""
 
 
 def one_thread() -> None:
-    """Set `ONE_THREAD` where the environment does not say otherwise; NumPy reads it when it is imported, so call this before."""
+    """Set the variables of `ONE_THREAD` that are not set; call it before NumPy is imported, which reads them."""
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)
 
 
 LOOK_S = 0.5
-"""Least time between two looks at what other processes use."""
+"""Seconds between two measurements of what other processes use."""
 
 
 class FreeCores:
     """Cores of this process that other processes leave free.
 
-    Threads that wait for each other all wait for the one whose core, or whose turn of the interpreter lock, another process has
-    taken: beside busy processes one thread is faster than two.
+    Threads that wait for each other are as slow as the one whose core, or whose interpreter lock, another process holds: beside
+    busy processes one thread is faster than two.
     """
 
     def __init__(self) -> None:
-        """The first look."""
+        """Take the first measurement."""
         self._seen, self._count = _used(), CORES
 
     def count(self) -> int:
-        """Free cores between the last two looks, those that this process used itself among them; at least 1."""
+        """Cores that other processes left free between the last two measurements; at least 1."""
         if time.monotonic() - self._seen[0] >= LOOK_S:
             before, self._seen = self._seen, _used()
             seconds, busy, own = (now - then for now, then in zip(self._seen, before, strict=True))
@@ -62,7 +62,7 @@ class FreeCores:
 
 
 def _used() -> tuple[float, float, float]:
-    """Seconds of the clock, of processor of all processes on the cores of this one, and of its own (0 where /proc/stat is missing)."""
+    """Seconds: clock, processor time of all processes on this process's cores (0 without /proc/stat), processor time of this process."""
     try:
         lines = Path("/proc/stat").read_text(encoding="ascii").splitlines()
     except OSError:  # not Linux: all cores count as free
@@ -77,11 +77,11 @@ def _used() -> tuple[float, float, float]:
 
 
 FREE = FreeCores()
-"""What other processes leave to this one."""
+"""Measurement of this process."""
 
 
 class _Helped(threading.local):
-    """Of each thread: seconds of processor that other threads have used for it."""
+    """Per thread: processor time in seconds that other threads have used for it."""
 
     seconds = 0.0
 
@@ -90,7 +90,7 @@ _HELPED = _Helped()
 
 
 def thread_seconds() -> float:
-    """Seconds of processor that this thread has used so far, and those that `in_threads` used for it; those of other work in this process are not in."""
+    """Processor time in seconds of this thread and of the threads that `in_threads` started for it; other work of the process does not count."""
     return time.thread_time() + _HELPED.seconds
 
 
@@ -119,6 +119,6 @@ def in_threads(work: Callable[..., T], *each: Iterable[object]) -> list[T]:
 
 
 def in_blocks(work: Callable[[S], T], each: Sequence[S], block: int = 8) -> Iterator[T]:
-    """The results of `in_threads` one after the other, for results so large that no more than a block of them may be held at a time."""
+    """The results of `in_threads` one after another, computed in blocks: for results so large that only a block fits into memory."""
     for start in range(0, len(each), block):
         yield from in_threads(work, each[start : start + block])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS messages to arrays: encoding, row step and byte order honoured, nothing guessed.
+"""ROS messages to arrays: encoding, row step and byte order honoured.
 
-Messages are duck-typed: those of rosbags and of rclpy both work. Depth comes out as stored
-(z, or radial where the camera gives that) in metres.
+Messages are duck-typed: those of rosbags and of rclpy both work. Depth stays as stored
+(z, or radial from some cameras), in metres.
 """
 
 from __future__ import annotations
@@ -32,7 +32,11 @@ COLOUR_ENCODINGS = ("rgb8", "bgr8", "rgba8", "bgra8", "mono8", "8UC1")
 
 def stamp_ns(msg: Any) -> int:
     """Nanoseconds of a message's header stamp."""
-    stamp = msg.header.stamp
+    return time_ns(msg.header.stamp)
+
+
+def time_ns(stamp: Any) -> int:
+    """Nanoseconds of a `builtin_interfaces/Time`."""
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
@@ -97,7 +101,7 @@ def decode_depth(msg: Any, where: str = "", *, scale: float = 0.001) -> tuple[Im
 def depth_of_counts(raster: NDArray[Any], scale: float = 0.001) -> tuple[Image, Bytes]:
     """Depth (H, W) in metres and reason map (H, W) of unsigned counts of `scale` metres each; 0 is no return, 65535 saturated."""
     metres, reasons = _count_tables(scale)
-    # Every index exists: "clip" spares the look at each that indexing takes, two thirds of its time.
+    # Every index exists: mode "clip" skips the check of each, two thirds of the time.
     return metres.take(raster, mode="clip"), reasons.take(raster, mode="clip")
 
 
@@ -146,7 +150,7 @@ def decode_colour(msg: Any, where: str = "") -> Bytes:
 def camera_from_info(msg: Any, where: str = "camera_info", *, rectified: bool = False) -> Camera:
     """The camera of the published raster: K after ROI and binning; P and no distortion where `rectified`.
 
-    A binned pixel's centre lies between those it is made of: u' = (u + 1/2) / b - 1/2.
+    The centre of a binned pixel lies between the centres of its pixels: u' = (u + 1/2) / b - 1/2.
     """
     k, p = [float(x) for x in msg.k], [float(x) for x in msg.p]
     fx, skew, cx, fy, cy = (p[0], p[1], p[2], p[5], p[6]) if rectified else (k[0], k[1], k[2], k[4], k[5])
@@ -158,7 +162,7 @@ def camera_from_info(msg: Any, where: str = "camera_info", *, rectified: bool = 
     x0, y0 = int(roi.x_offset), int(roi.y_offset)
     width, height = int(roi.width) or int(msg.width) - x0, int(roi.height) or int(msg.height) - y0
     if width * height > LARGEST_RASTER:
-        what = f"says {width}x{height} pixels"
+        what = f"states {width}x{height} pixels"
         raise CameraError(what, where=where, todo=f"up to {LARGEST_RASTER} are read; is the message damaged?")
     try:
         return Camera(
@@ -177,7 +181,7 @@ def camera_from_info(msg: Any, where: str = "camera_info", *, rectified: bool = 
 
 
 def check_size(shape: tuple[int, ...], camera: Camera, where: str) -> None:
-    """Refuse an image (H, W) that is not of its CameraInfo's size."""
+    """Refuse an image (H, W) whose size is not CameraInfo's."""
     if shape[:2] != camera.shape:
         what = f"image is {shape[1]}x{shape[0]} but its camera_info says {camera.width}x{camera.height}"
         raise CameraError(what, where=where, todo="publish the camera_info of this raster, or name it with --info-topic")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One edge of the tree of frames over time: insertion in any order, interpolation at a stamp.
 
-A motion is seven floats (x, y, z and a unit quaternion x, y, z, w): on numbers so few,
-Python's own arithmetic is ten times faster than arrays.
+A motion is seven floats (x, y, z and a unit quaternion x, y, z, w): for so few numbers,
+plain Python is ten times faster than NumPy.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tof_core.errors import TransformError
 Motion: TypeAlias = tuple[float, float, float, float, float, float, float]
 
 BLOCK = 128
-"""Samples in a block: what an insertion has to move at most (8 kB); blocks are found by bisection."""
+"""Most samples in a block: an insertion moves at most one block (8 kB); blocks are found by bisection."""
 
 
 @dataclass(slots=True)
@@ -86,7 +86,7 @@ class Edge:
 
     @property
     def reached(self) -> int:
-        """Time up to which this edge is known: its newest stamp but one, since a single stamp may lie in the future by mistake."""
+        """Stamp in nanoseconds up to which this edge is known: the second newest, since a single stamp may lie in the future by mistake."""
         last = self._blocks[-1].stamps
         if len(last) > 1:
             return last[-2]

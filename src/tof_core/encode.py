@@ -13,7 +13,7 @@ from tof_core.errors import DecodeError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from tof_core.arrays import Bytes, Image
+    from tof_core.arrays import Image
     from tof_core.camera import Camera
 
 
@@ -68,7 +68,7 @@ def image_fields(array: NDArray[Any], encoding: str, *, step: int = 0, bigendian
 
 
 def encoding_of(name: str, where: str = "") -> Encoding:
-    """What an encoding means; a DecodeError names those that are not known."""
+    """Element type and channels of an encoding; a DecodeError lists the known ones."""
     try:
         return ENCODINGS[name]
     except KeyError:
@@ -77,7 +77,7 @@ def encoding_of(name: str, where: str = "") -> Encoding:
 
 
 def depth_counts(depth: Image, scale: float = 0.001) -> NDArray[np.uint16]:
-    """Metres (H, W) as 16UC1 counts of `scale` metres; NaN becomes 0, what does not fit 65535."""
+    """Metres (H, W) as 16UC1 counts of `scale` metres; NaN becomes 0, too large a depth 65535."""
     with np.errstate(invalid="ignore"):
         counts = np.rint(np.nan_to_num(np.asarray(depth, np.float64), nan=0.0, posinf=65.535 / scale, neginf=0.0) / scale)
     return np.asarray(np.clip(counts, 0, 65535), np.uint16)
@@ -131,10 +131,6 @@ def points_fields(points: ArrayLike, intensity: Image | None = None) -> dict[str
         "is_bigendian": False,
         "point_step": 4 * count,
         "row_step": 4 * count * width,
-        "data": _bytes(cloud),
+        "data": cloud.view(np.uint8).reshape(-1),
         "is_dense": bool(np.isfinite(cloud).all()),
     }
-
-
-def _bytes(array: NDArray[Any]) -> Bytes:
-    return array.view(np.uint8).reshape(-1)

@@ -49,7 +49,7 @@ class TopicError(BagError):
 
 
 class NoTopicError(TopicError, UsageError):
-    """A topic that the call names is not there or is of another type. Exit code 2."""
+    """A topic that the call names is missing or has another type. Exit code 2."""
 
     exit_code = 2
 

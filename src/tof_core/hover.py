@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers inside a report's picture: the values under the pointer, which `templates/hover.js` shows.
+"""Values under the pointer in a report's picture, which `templates/hover.js` shows.
 
-They travel in a chunk of the PNG image (PNG specification, 5.4: ancillary, private), so a picture with numbers stands wherever one
-without stands, and other programs skip them. The chunk holds, compressed by zlib: the length of a JSON text (uint32), that text,
-and the arrays that it points to. Axes: box in fractions of the picture (left, top, right, bottom), title, one image, and series.
+The values are in a chunk of the PNG image (PNG specification, 5.4: ancillary, private), so the picture is used like any other, and
+other programs skip the chunk. It holds, compressed by zlib: the length of a JSON text (uint32), that text, and the arrays that the
+text refers to. Axes have: box in fractions of the picture (left, top, right, bottom), title, one image, and series.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 CHUNK = b"twNm"
 """Name of the chunk: ancillary, private, not safe to copy once the picture has changed."""
 MOST_PIXELS = 30_000
-"""Pixels of an image whose values are kept; of a larger one every second, third, ... row and column: pages stay below 5 MB."""
+"""Most pixels of an image; of a larger one, every second, third, ... row and column is kept: pages stay below 5 MB."""
 MOST_POINTS = 3000
-"""Points of a series whose values are kept."""
+"""Most points of a series."""
 STEPS = 1000
-"""Steps into which the colour scale is divided: finer values cannot be seen in the picture."""
+"""Steps into which the colour scale is divided: finer differences are invisible in the picture."""
 NOTHING = -32768
 """Value of a pixel without one."""
 END = b"\x00\x00\x00\x00IEND\xaeB`\x82"
@@ -65,7 +65,7 @@ class Numbers:
         self.axes.append({"box": [round(b, 5) for b in box], "title": title, "image": None, "series": shown})
 
     def into(self, png: bytes) -> bytes:
-        """The picture with these numbers in it."""
+        """The PNG image with these values in its chunk."""
         if not self.axes or not png.endswith(END):
             return png
         text = json.dumps({"axes": self.axes}).encode()

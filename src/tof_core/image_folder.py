@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 CAMERA, DEPTH, AMPLITUDE = "camera.yaml", "depth_", "ir_"
 DEVIATIONS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
-"""Names of the parameters of a lens that `--calibrate` fits."""
+"""Lens parameters that `--calibrate` fits."""
 LARGEST_FILE = 64 * 2**20
-"""Bytes of a PNG beyond which none is read: an image of sixteen million 16-bit pixels has half of that."""
+"""Largest PNG file in bytes: an image of sixteen million 16-bit pixels has half of that."""
 SPACING_NS = 1_000_000_000
-"""Nanoseconds between the stamps of files, which carry none: a second, so that nothing moves and nothing warms up by them."""
+"""Nanoseconds between the stamps given to files, which have none."""
 
 
 def is_image_folder(path: Path) -> bool:
@@ -68,7 +68,7 @@ def _raster(path: Path, camera: Camera, kind: str = "") -> Any:
 
 
 def write_camera(camera: Camera, path: Path, sd: Float | None = None) -> None:
-    """Write a `camera.yaml` as `read_camera` reads it; `sd` (9,) are deviations of fx, fy, cx, cy (pixels), k1, k2, p1, p2, k3."""
+    """Write a `camera.yaml` as `read_camera` reads it; `sd` (9,) are standard deviations of fx, fy, cx, cy (pixels), k1, k2, p1, p2, k3."""
     values = {
         "image_width": camera.width,
         "image_height": camera.height,

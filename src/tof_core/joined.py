@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages kept by stamp until the depth image that they belong to is complete."""
+"""Messages kept by stamp until they are joined with a depth image."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ class Joined:
             self.messages.insert(i, msg)
 
     def nearest(self, stamp: int, within_ns: int) -> Any | None:
-        """The message nearest to a stamp; of two as near, the earlier."""
+        """The message nearest to a stamp; the earlier of two at equal distance."""
         i = bisect_right(self.stamps, stamp)
         near = [j for j in (i - 1, i) if 0 <= j < len(self.stamps)]
         best = min(near, key=lambda j: abs(self.stamps[j] - stamp), default=-1)
         return self.messages[best] if best >= 0 and abs(self.stamps[best] - stamp) <= within_ns else None
 
     def settled(self, stamp: int) -> bool:
-        """Whether no later message can be nearer: one stamp is equal, or one is later."""
+        """Whether no later message can be nearer: a stamp is equal or later."""
         return bool(self.stamps) and self.stamps[-1] >= stamp
 
     def forget_before(self, stamp: int) -> None:
-        """Drop what can join nothing any more, but keep the last one before."""
+        """Drop messages older than `stamp`, but keep the last of them."""
         old = bisect_right(self.stamps, stamp) - 1
         if old > 0:
             del self.stamps[:old]

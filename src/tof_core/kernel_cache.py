@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Numba's cache of compiled kernels, renewed when a module that a kernel imports has changed.
 
-Numba stamps a cached kernel with its own source file alone. A kernel calls functions and takes constants of other modules, which are
-compiled into it: after an edit there, the cache returns the kernel as it was. These locators stamp the file together with all project
-modules that it imports, directly or not. `tof_core` names them in the environment (`LOCATORS`), which Numba reads when it is imported.
+Numba's stamp of a cached kernel covers its own source file alone. Functions and constants of other modules are compiled into the
+kernel: after an edit there, the cache would return the old kernel. These locators' stamp covers the file and all project modules
+that it imports, directly or not. `tof_core` names the locators in the environment, which Numba reads at import.
 """
 
 from __future__ import annotations
@@ -20,36 +20,36 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 IMPORT = re.compile(r"^(?:from ([\w.]+) import (\([^)]*\)|.*)|import ([\w.]+))", re.MULTILINE)
-"""Imports at the beginning of a line: those for type checkers alone are indented."""
+"""Imports at the beginning of a line; imports for type checkers are indented."""
 PROJECT = re.compile(r"(tof_\w+|arm_correction|toftwin)$")
 """Top packages whose modules are followed."""
 
 
 class _Stamped:
-    """A locator of the project's modules, stamped with what they import; None for the files of others."""
+    """A locator for project modules, stamped with all that they import; other files are left to Numba's locators."""
 
     _py_file: str
 
     def get_source_stamp(self) -> str:
-        """Digest of the file and of all project modules behind it."""
+        """Digest of the file and of all project modules that it imports."""
         return stamp(Path(self._py_file))
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> Any:
-        """As Numba's."""
+        """The locator of a project file, None for other files."""
         return super().from_function(function, file) if root_of(Path(file)) is not None else None  # type: ignore[misc]
 
 
 class InGivenFolder(_Stamped, UserProvidedCacheLocator):
-    """Where NUMBA_CACHE_DIR says."""
+    """Cache in the folder that NUMBA_CACHE_DIR names."""
 
 
 class BesideSource(_Stamped, InTreeCacheLocator):
-    """In `__pycache__`."""
+    """Cache in `__pycache__`."""
 
 
 class InUserFolder(_Stamped, UserWideCacheLocator):
-    """In the user's cache, where the source's folder cannot be written."""
+    """Cache in the user's folder, where the source's folder cannot be written."""
 
 
 def stamp(file: Path) -> str:
@@ -61,7 +61,7 @@ def stamp(file: Path) -> str:
 
 
 def root_of(file: Path) -> Path | None:
-    """Folder that holds the project package of a file; None for another's file."""
+    """Folder that holds the project package of a file; None for other files."""
     return next((p.parent for p in file.parents if PROJECT.match(p.name) and (p / "__init__.py").exists()), None)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lens that is not the one CameraInfo states: eight parameters, how each turns the rays, and the camera that has them."""
+"""A lens that differs from CameraInfo's: eight parameters, their effect on the rays, and the resulting camera."""
 
 from __future__ import annotations
 

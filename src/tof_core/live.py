@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options that the running nodes share, and views assembled from the messages of `preproc`. No ROS in it."""
+"""Options common to the nodes, and views assembled from the messages of `preproc`; without ROS."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from tof_core.capture import View
 from tof_core.compressed import DEPTH_CODES
 from tof_core.config import param
-from tof_core.decode import camera_from_info, pixels
+from tof_core.decode import camera_from_info, pixels, time_ns
 from tof_core.errors import RefusedError
 from tof_core.placement import parse_placement
 from tof_core.robot import RobotChain
@@ -66,7 +66,7 @@ class ViewOptions(ManagedOptions):
         return (path.parent if path.suffix in {".yaml", ".yml"} else path).name
 
     def placement(self) -> Placement | None:
-        """What `initial_pose` says.
+        """The placement in `initial_pose`.
 
         Raises:
             UsageError: it is no pose.
@@ -91,21 +91,21 @@ class ColourViewOptions(ViewOptions):
 
 
 class Dwells:
-    """The newest view of each of the last dwells."""
+    """The newest view of each recent dwell."""
 
     def __init__(self, most: int) -> None:
         """No view yet."""
         self._views: deque[View] = deque(maxlen=most)
 
     def add(self, view: View) -> None:
-        """A running view: it takes the place of an earlier one of its dwell."""
+        """Add a view; it replaces an earlier view of its dwell."""
         if self._views and self._views[-1].dwell_ns == view.dwell_ns:
             self._views[-1] = view  # in one step: another thread may be reading
         else:
             self._views.append(view)
 
     def all(self) -> tuple[View, ...]:
-        """In order of time, at least one.
+        """The views in order of time, at least one.
 
         Raises:
             RefusedError: no view has come.
@@ -117,20 +117,20 @@ class Dwells:
 
     @property
     def count(self) -> int:
-        """How many dwells are kept."""
+        """Number of dwells kept."""
         return len(self._views)
 
     def at(self, stamp_ns: int) -> View | None:
-        """The view of a stamp, if it is kept."""
+        """The view of a stamp, None where it is not kept."""
         return next((v for v in self._views if v.stamp_ns == stamp_ns), None)
 
     def clear(self) -> None:
-        """Forget all."""
+        """Drop all views."""
         self._views.clear()
 
 
 def view_of(stamp: int, parts: Mapping[str, Any], chain: RobotChain) -> View:
-    """The view that `preproc` published in parts, the dwell as `dwell_info` or as `dwell`; the robot's pose comes from TF."""
+    """A view from the messages of `preproc`, by topic name; the dwell is in `dwell_info` or `dwell`, the robot's pose comes from TF."""
     camera = camera_from_info(parts["camera_info"], "preproc/camera_info")
     amplitude, noise = parts.get("amplitude"), parts.get("noise")
     return View(
@@ -150,7 +150,7 @@ def view_of(stamp: int, parts: Mapping[str, Any], chain: RobotChain) -> View:
 def _typed(dwell: Any) -> dict[str, Any]:
     """Fields of a view in a toftwin_msgs/Dwell."""
     return {
-        "dwell_ns": _ns(dwell.first),
+        "dwell_ns": time_ns(dwell.first),
         "station": int(dwell.station),
         "captures": int(dwell.captures),
         "temperature": float(dwell.temperature),
@@ -160,13 +160,9 @@ def _typed(dwell: Any) -> dict[str, Any]:
 def _texts(dwell: Any) -> dict[str, Any]:
     """Fields of a view in a TimeReference whose source is `station=N captures=N amplitude=N`."""
     about = dict(pair.split("=", 1) for pair in dwell.source.split())
-    return {"dwell_ns": _ns(dwell.time_ref), "station": int(about["station"]), "captures": int(about["captures"])}
+    return {"dwell_ns": time_ns(dwell.time_ref), "station": int(about["station"]), "captures": int(about["captures"])}
 
 
 def has_amplitude(dwell: Any) -> bool:
     """Whether the view of a `dwell_info` or `dwell` message has an amplitude image."""
     return bool(dwell.amplitude) if hasattr(dwell, "amplitude") else "amplitude=1" in dwell.source
-
-
-def _ns(stamp: Any) -> int:
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)

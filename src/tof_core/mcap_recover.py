@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MCAP files without an end, as a killed recorder leaves them, read up to the last whole message.
+"""MCAP files without a footer, left by a killed recorder, read up to the last whole message.
 
 Follows the MCAP specification (records of opcode, length, content; mcap.dev/spec).
 """
@@ -34,7 +34,7 @@ class Channel:
 
 @dataclass(slots=True)
 class McapScan:
-    """A file read from front to back; `channels` fills as it goes, `lost_bytes` is known at its end."""
+    """A file read from front to back; `channels` fills during the scan, `lost_bytes` is known at its end."""
 
     path: Path
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -54,7 +54,7 @@ class McapScan:
             opcode, length = struct.unpack("<BQ", head)
             if opcode in (FOOTER, DATA_END):
                 return
-            content = file.read(max(min(length, size - file.tell()), 0))  # a file that is still written may be longer than `size`
+            content = file.read(max(min(length, size - file.tell()), 0))  # a file still being written may be longer than `size`
             if len(content) < length:
                 self.lost_bytes = len(content)
                 if opcode != CHUNK:
@@ -90,18 +90,18 @@ class McapScan:
 
 
 def _string(data: bytes) -> tuple[str, bytes]:
-    """A length-prefixed text and what follows it."""
+    """A length-prefixed text and the bytes after it."""
     length = struct.unpack_from("<I", data)[0]
     return data[4 : 4 + length].decode("utf-8", "replace"), data[4 + length :]
 
 
 def _open_chunk(content: bytes) -> tuple[bytes, bool]:
-    """The records in a chunk, and whether they could be read; a chunk cut short gives those it still has."""
+    """The records in a chunk, and whether they could be read; of a truncated chunk, the records up to its end."""
     if len(content) < 40:
         return b"", False
     (size,) = struct.unpack_from("<Q", content, 16)
     compression, rest = _string(content[28:])
     try:
         return unpack(rest[8:], compression, size), True
-    except Exception:  # noqa: BLE001 (whatever a damaged stream raises, its chunk is lost and the rest is not)
+    except Exception:  # noqa: BLE001 (whatever a damaged stream raises, only its chunk is lost)
         return b"", False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How freed memory is treated: a node that handles images keeps it, the diagnosis of a session gives it back."""
+"""Treatment of freed memory: a node that handles images keeps it, the diagnosis of a session returns it to the system."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ if TYPE_CHECKING:
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 """Numbers of glibc's `mallopt`."""
 LARGEST_BLOCK = 32 * 2**20
-"""Bytes; the most that glibc takes. Larger arrays have a mapping of their own as before."""
+"""Largest array in bytes that is kept: glibc's upper bound."""
 KEPT = 512 * 2**20
-"""Bytes that may lie free at the end of the heap: more than all images of a frame and what is computed from them."""
+"""Free bytes kept at the end of the heap: more than all images of a frame and the arrays computed from them."""
 
 
 def keep_freed() -> bool:
-    """Let malloc keep freed images for the next ones; whether the C library knows how (glibc does).
+    """Let malloc keep freed images for the next ones; False where the C library has no such setting (glibc has).
 
-    By default an image of a megabyte is a mapping, or the heap's end, that goes back to the system when it is freed: the next one
-    faults in each of its pages again, which takes longer than to receive it.
+    By default an image of a megabyte goes back to the system when it is freed. The next one then faults in each of its pages again,
+    which takes longer than to receive the image.
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt
@@ -32,10 +32,10 @@ def keep_freed() -> bool:
 
 
 def give_back() -> None:
-    """Give freed memory back to the system; to be called where the images of all views of a session have gone.
+    """Return freed memory to the system; to be called once the images of a session's views are freed.
 
-    glibc keeps freed arrays of up to 32 MB for later ones of the same thread, and threads do not share them: of a long session that is a
-    gigabyte. Does nothing under another C library.
+    glibc keeps freed arrays of up to 32 MB for later arrays of the same thread: a gigabyte in a long session. Does nothing with another
+    C library.
     """
     _trim()(0)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures by which depth is judged, each with its denominator."""
+"""Error measures of depth, each with the pixels that it counts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the base stands still (stations) and whether the camera does (motion gate), both from TF."""
+"""Whether the base stands still (stations) and whether the camera stands still (motion gate), both from TF."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ _READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0
 
 
 def read_npz(path: Path, names: Collection[str] = ()) -> dict[str, NDArray[Any]]:
-    """The arrays of an .npz file by name; all where `names` is empty, else those named that the file has.
+    """The arrays of an .npz file by name: all if `names` is empty, else the named ones that the file has.
 
     The arrays may hold `LARGEST_ARRAYS` bytes together, or as many as the file has on disk. Objects (pickles) are refused.
 
@@ -47,7 +47,7 @@ def read_npz(path: Path, names: Collection[str] = ()) -> dict[str, NDArray[Any]]
 
 
 def _check_sizes(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], path: Path) -> None:
-    """Refuse headers that state larger sizes than allowed, or other sizes than their member has."""
+    """Refuse headers that state more bytes than allowed, or another size than the array's."""
     allowed = max(LARGEST_ARRAYS, path.stat().st_size)
     total = 0
     for name, member in members.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Report pages: one palette, one frame, everything escaped; images stand inside the page, nothing comes from the network."""
+"""Report pages: one palette, one frame, all values escaped, images embedded, nothing loaded from the network."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ PALETTE = {
 PLOT_DPI = 110
 """A figure of 11 inches is about as wide as a page, 1200 pixels."""
 PAD_IN = 0.06
-"""Inches of paper around a figure."""
+"""Inches of margin around a figure."""
 _STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 9.5,
@@ -55,18 +55,18 @@ _command = ""
 
 
 def set_command(arguments: Sequence[str]) -> None:
-    """Note the arguments of the command line, for the head of every page."""
+    """Keep the arguments of the command line, for the head of every page."""
     global _command  # noqa: PLW0603 (one command line a process)
     _command = shlex.join(["toftwin", *arguments]) if arguments else ""
 
 
 def noted_command() -> list[str]:
-    """The arguments that `set_command` noted, for a process that writes pages beside this one."""
+    """The arguments that `set_command` keeps, for another process that writes pages."""
     return shlex.split(_command)[1:]
 
 
 def render_page(package: str, template: str, title: str, **values: Any) -> str:
-    """A page as HTML text: the template of a package, which extends `frame.html.j2`, with a title and its values.
+    """A page as HTML text: the template of a package, which extends `frame.html.j2`, with a title and values.
 
     The frame adds the date, the version of toftwin and the command line. Values are escaped. The filter `in_percent` states a share.
     """
@@ -95,7 +95,7 @@ def version() -> str:
 
 
 def axes(width: float, height: float, rows: int = 1, columns: int = 1, **kwargs: Any) -> tuple[Figure, Any]:
-    """A figure of so many inches and its axes, an array (rows, columns), in the pages' style."""
+    """A figure (`width` by `height` inches) and its axes, an array (rows, columns), in the style of the pages."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -105,13 +105,13 @@ def axes(width: float, height: float, rows: int = 1, columns: int = 1, **kwargs:
 
 
 def figure_uri(figure: Figure) -> str:
-    """A figure as a PNG image inside the page, with the values that the pointer finds there (`tof_core.hover`)."""
+    """A figure as an embedded PNG image, with its values for the pointer (`tof_core.hover`)."""
     from tof_core.hover import numbers_of
 
     stream = io.BytesIO()
     figure.set_dpi(PLOT_DPI)
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # it has laid the figure out, and would do so again with each drawing
+    figure.set_layout_engine("none")  # the layout is done; it would be repeated with each drawing
     box = figure.get_tightbbox().padded(PAD_IN)
     numbers = numbers_of(figure, box)
     figure.savefig(stream, format="png", dpi=PLOT_DPI, facecolor=PALETTE["paper"], bbox_inches=box, pil_kwargs={"compress_level": 0})
@@ -119,9 +119,9 @@ def figure_uri(figure: Figure) -> str:
 
 
 def _small(png: io.BytesIO) -> bytes:
-    """A picture in 256 colours, as many as a colour map has: a third of the size, so that a page with a dozen of them stays below 5 MB.
+    """A picture in 256 colours, as many as a colour map has: a third of the size, so that a page with a dozen pictures stays below 5 MB.
 
-    The colours cover all that the picture has, so that those of few pixels stay right, such as the ends of a colour bar.
+    The palette covers all colours of the picture, so that colours of few pixels, such as the ends of a colour bar, stay right.
     """
     from PIL import Image
 
@@ -131,7 +131,7 @@ def _small(png: io.BytesIO) -> bytes:
 
 
 def image_uri(rgb: Bytes, numbers: Numbers | None = None) -> str:
-    """An image (H, W, 3) as a PNG image inside the page; `numbers`: the values that the pointer finds there."""
+    """An image (H, W, 3) as an embedded PNG image; `numbers`: its values for the pointer."""
     from PIL import Image
 
     stream = io.BytesIO()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images of depth, depth errors and parts side by side, for reports, as a PNG image inside the page."""
+"""Images of depth, depth errors and parts side by side, for reports, as an embedded PNG image."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 NO_DEPTH = "#ced4da"
-"""Grey of pixels without a value: white is no error."""
+"""Grey of pixels without a value; white is an error of zero."""
 
 
 def panels(images: Sequence[tuple[str, NDArray[Any], str]], *, columns: int, span_mm: float = 10.0, width: float = 11.0) -> str:

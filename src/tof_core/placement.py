@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the cell stands for a robot whose TF does not know it."""
+"""Pose of the cell for a robot whose TF lacks the cell frame."""
 
 from __future__ import annotations
 
@@ -17,17 +17,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placement:
-    """A first guess of the cell in a frame that TF has (`odom`, `vision`, or the camera itself: an empty name).
+    """A first guess of the cell's pose in a frame of TF (`odom`, `vision`; an empty name: the camera's frame).
 
-    `T_frame_cell` (4, 4) maps points of the cell into `frame`. It counts only where TF does not
-    connect the cell already.
+    `T_frame_cell` (4, 4) maps points of the cell into `frame`. It is used only where TF does not connect cell and camera.
     """
 
     frame: str
     T_frame_cell: Float
 
     def __post_init__(self) -> None:
-        """Refuse what is no rigid motion."""
+        """Refuse a matrix that is no rigid motion."""
         object.__setattr__(self, "T_frame_cell", se3.as_se3(f"placement in {self.frame}", self.T_frame_cell))
 
 
@@ -35,7 +34,7 @@ def parse_placement(text: str, camera_frame: str = "", where: str = "--initial-p
     """`x y z qx qy qz qw` (metres, quaternion) in the camera's frame, or `FRAME: x y z qx qy qz qw`; None where the text is empty.
 
     Raises:
-        UsageError: something else; `where` is named.
+        UsageError: any other text; the error names `where`.
     """
     if not text.strip():
         return None
@@ -51,12 +50,12 @@ def parse_placement(text: str, camera_frame: str = "", where: str = "--initial-p
 
 
 def is_planar(T: Float) -> bool:
-    """Whether a pose (4, 4) has no height and no tilt, as one that was drawn on a map."""
+    """Whether a pose (4, 4) has no height and no tilt, as a pose drawn on a map."""
     return bool(T[2, 3] == 0 and T[2, 2] > 1 - 1e-9)
 
 
 def moved_in_plane(T: Float, before: Float) -> Float:
-    """The pose (4, 4) `before` with place and heading of `T`; height and tilt stay."""
+    """The pose (4, 4) `before` with the place and heading of `T`; height and tilt are kept."""
     turn = np.arctan2(T[1, 0], T[0, 0]) - np.arctan2(before[1, 0], before[0, 0])
     c, s = np.cos(turn), np.sin(turn)
     out = before.copy()

@@ -51,7 +51,7 @@ def _check_chunks(data: bytes, where: object) -> None:
         if at + _CHUNK.size > len(data):
             raise DecodeError("is a damaged PNG (cut off within a chunk's header)", where=where)
         length, name = _CHUNK.unpack_from(data, at)
-        at += _CHUNK.size + length + 4  # and its checksum
+        at += _CHUNK.size + length + 4  # 4: the checksum
         if at > len(data):
             raise DecodeError(f"is a damaged PNG (a chunk of {length} bytes ends beyond its data)", where=where)
         if name == b"IEND":

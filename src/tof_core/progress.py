@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Progress of long work on stderr; silent where nobody watches."""
+"""Progress of long work on stderr; silent where stderr is no terminal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 DELAY_S = 1.0
-"""Work that takes less shows no progress."""
+"""Seconds; shorter work shows no progress."""
 _quiet = False
 
 
@@ -32,7 +32,7 @@ def progress(iterable: Iterable[T], what: str, total: int | None = None) -> Iter
 
 @contextmanager
 def steps(what: str, total: int) -> Iterator[Callable[[str], None]]:
-    """A function to call with the name of each of `total` steps as it begins, with a bar named `what` as `progress` has it."""
+    """A function to call with the name of each of `total` steps as the step begins; it moves a bar named `what`."""
     if _hidden():
         yield lambda _: None
         return
@@ -49,12 +49,12 @@ def steps(what: str, total: int) -> Iterator[Callable[[str], None]]:
 
 
 def _hidden() -> bool:
-    """Whether nobody watches."""
+    """Whether no bar is shown."""
     return _quiet or not sys.stderr.isatty()
 
 
 def _bar(what: str, total: int | None, iterable: Iterable[T] | None = None) -> Any:
-    """A bar with what is done and the time that remains."""
+    """A bar with the share done and the remaining time."""
     from tqdm import tqdm
 
     return tqdm(iterable, desc=what, total=total, leave=False, dynamic_ncols=True, file=sys.stderr, delay=DELAY_S)

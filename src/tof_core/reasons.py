@@ -28,4 +28,4 @@ class Reason(IntEnum):
     MASKED_AMPLITUDE = 11
     """Amplitude below or above the configured bounds."""
     NOT_CAD = 12
-    """Of something that is not as the CAD has it: a missing part, a foreign object."""
+    """On an object that differs from the CAD: at a missing part, on a foreign object."""

@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from tof_core.tf import TransformBuffer
 
 BODY_NAMES = ("body", "base_link")
-"""Last part of the name of a frame that is taken for the robot's base, in this order."""
+"""Last parts of the names of frames that are taken for the robot's base; the first found counts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotChain:
-    """Names of the frames that a camera's pose is made of.
+    """The frames from the cell to the camera.
 
     Args:
         transforms: all transforms received; the placement is added to them once the cell is needed.
-        cell: TF frame of the cell; empty takes the root above the camera.
-        body: TF frame of the base; empty finds `body` or `base_link` on the chain.
-        placed: where the cell is, for a robot whose TF does not know it.
-        on_placed: called with (parent, child, `T_parent_child`) when the placement is used because TF does not join the cell and the camera:
-            the cell below the frame that it is placed in, or that frame below a cell that another robot has placed.
+        cell: TF frame of the cell; empty: the root above the camera.
+        body: TF frame of the base; empty: `body` or `base_link` on the chain.
+        placed: pose of the cell, for a robot whose TF lacks the cell frame.
+        on_placed: called with (parent, child, `T_parent_child`) when the placement is used because TF does not connect the cell with
+            the camera: the cell below the frame of the placement, or that frame below a cell that another robot has placed.
     """
 
     transforms: TransformBuffer
@@ -57,7 +57,7 @@ class RobotChain:
         return RobotPose(T_cell_body, T_body_camera, twist)
 
     def check(self, camera_frame: str, stamp_ns: int) -> None:
-        """Raises what `pose` would raise at a stamp, for a fifth of its time."""
+        """Raise what `pose` raises at a stamp, in a fifth of its time."""
         cell, _ = self.resolve(camera_frame)
         self.transforms.check(cell, camera_frame, stamp_ns)
 
@@ -69,7 +69,7 @@ class RobotChain:
     def settled(self, camera_frame: str, stamp_ns: int) -> bool:
         """Whether a missing pose will stay missing: TF connects the frames and has passed the stamp.
 
-        While it does not join them, a latched transform may still be on its way.
+        While TF does not connect them, a latched transform may still arrive.
         """
         try:
             cell, _ = self.resolve(camera_frame)
@@ -87,7 +87,7 @@ class RobotChain:
                 raise TransformError(
                     f"body frame '{wanted}' is not between '{cell}' and '{camera_frame}'",
                     where="--body-frame",
-                    todo=f"that way are: {', '.join(chain)}",
+                    todo=f"between them are: {', '.join(chain)}",
                 )
             return cell, wanted
         found = [f for name in BODY_NAMES for f in chain[:-1] if f.rpartition("/")[2] == name and f != cell]
@@ -127,7 +127,7 @@ class RobotChain:
             self.on_placed(parent, child, T)
 
     def _elsewhere(self, cell: str, frame: str) -> bool:
-        """Whether another robot's TF holds the cell: then this robot is placed below it, for a frame has one parent.
+        """Whether the cell is in another robot's TF: then this robot's frame is placed below the cell, since a frame has one parent.
 
         Raises:
             TransformError: `frame` has a parent of its own.
@@ -135,7 +135,7 @@ class RobotChain:
         frames = self.transforms.frames()
         root = self.transforms.root(frame) if frame in frames else frame
         if cell not in frames or self.transforms.root(cell) in (cell, root):
-            return False  # No TF holds the cell, or it is placed in this tree already.
+            return False  # The cell is in no TF, or placed in this tree already.
         if root != frame:
             raise TransformError(
                 f"the cell '{cell}' belongs to another robot's TF, and '{frame}' has a parent",

@@ -19,7 +19,7 @@ _SIZE = struct.Struct("<II")  # columns, rows
 
 
 def rvl_size(data: bytes, where: object = "") -> tuple[int, int]:
-    """Width and height in pixels as the image's first eight bytes say, checked by `check_raster`.
+    """Width and height in pixels from the image's first eight bytes, checked by `check_raster`.
 
     Raises:
         DecodeError: cut off, or too large.
@@ -32,7 +32,7 @@ def rvl_size(data: bytes, where: object = "") -> tuple[int, int]:
 
 
 def decode_rvl(data: bytes, where: object = "") -> NDArray[np.uint16]:
-    """The counts (H, W) uint16 of an RVL image with its size before it.
+    """The counts (H, W) uint16 of an RVL image that begins with its size.
 
     Raises:
         DecodeError: cut off, too large, or damaged.
@@ -47,10 +47,10 @@ def decode_rvl(data: bytes, where: object = "") -> NDArray[np.uint16]:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def _unpack(words: NDArray[np.uint32], counts: NDArray[np.uint16]) -> bool:
-    """Runs of zeros and of differences until all pixels are there; false where the words end before, or a run reaches beyond.
+    """Runs of zeros and of differences until all pixels are decoded; False where the words end before, or a run reaches beyond.
 
-    A value is a chain of nibbles, the most significant of a word first: three bits each, least significant first, the fourth bit
-    says that another follows. Differences are in zigzag (0, -1, 1, -2, ...).
+    A value is a chain of nibbles, the most significant of a word first: three bits each, the least significant first. The fourth bit
+    says that another nibble follows. Differences are in zigzag code (0, -1, 1, -2, ...).
     """
     total, ends = counts.size, words.size * 8
     nibble, pixel, previous = 0, 0, 0
@@ -86,7 +86,7 @@ def _unpack(words: NDArray[np.uint32], counts: NDArray[np.uint16]) -> bool:
 
 
 def encode_rvl(counts: NDArray[np.uint16]) -> bytes:
-    """Counts (H, W) uint16 as an RVL image with its size before it."""
+    """Counts (H, W) uint16 as an RVL image that begins with its size."""
     height, width = counts.shape
     words = np.zeros(counts.size + SLACK_WORDS, np.uint32)
     used = _pack(np.ascontiguousarray(counts).reshape(-1), words)
@@ -94,7 +94,7 @@ def encode_rvl(counts: NDArray[np.uint16]) -> bytes:
 
 
 SLACK_WORDS = 4
-"""Beside one word a pixel: a difference takes six nibbles at most and the runs around a lone pixel two; a long run has seven more."""
+"""Words beyond one per pixel: a difference takes at most six nibbles, the runs around a single pixel two, a long run seven more."""
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
@@ -113,7 +113,7 @@ def _put(words: NDArray[np.uint32], nibble: int, value: int) -> int:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def _pack(counts: NDArray[np.uint16], words: NDArray[np.uint32]) -> int:
-    """The inverse of `_unpack`, into words that are zero; how many of them are used."""
+    """The inverse of `_unpack`, written into words that are zero; the number of words used."""
     nibble, at, previous, total = 0, 0, 0, counts.size
     while at < total:
         begin = at

@@ -108,7 +108,7 @@ def apply(T: ArrayLike, points: ArrayLike) -> Float:
 
 
 def as_se3(name: str, T: ArrayLike) -> Float:
-    """`T` as float64 (4, 4), or a TransformError that names it.
+    """`T` as float64 (4, 4); a TransformError with `name` where it is no rigid motion.
 
     Rotations off by rounding (1e-4) are projected back; anything else is refused.
     """
@@ -169,7 +169,7 @@ def interpolate(T0: ArrayLike, T1: ArrayLike, share: float) -> Float:
 
 
 def distance(T0: ArrayLike, T1: ArrayLike) -> tuple[float, float]:
-    """How far apart two motions are: metres between origins, degrees between axes."""
+    """Distance of two motions: metres between the origins, degrees between the axes."""
     T0, T1 = np.asarray(T0, float), np.asarray(T1, float)
     angle = np.linalg.norm(so3_log(T0[:3, :3].T @ T1[:3, :3]))
     return float(np.linalg.norm(T1[:3, 3] - T0[:3, 3])), float(np.degrees(angle))
@@ -185,6 +185,4 @@ def cov_fixed_axes(T: ArrayLike, cov_right: ArrayLike) -> Float:
 
 def cov_right(T: ArrayLike, cov_fixed: ArrayLike) -> Float:
     """The inverse of `cov_fixed_axes`."""
-    M = np.zeros((6, 6))
-    M[:3, :3] = M[3:, 3:] = np.asarray(T, float)[:3, :3].T
-    return np.asarray(M @ np.asarray(cov_fixed, float) @ M.T)
+    return cov_fixed_axes(np.asarray(T, float).T, cov_fixed)

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from tof_core.arrays import Ints
 
 ONE_SET_BACK_NS = JUMP_NS
-"""Topics that show a jump within this log time show the same one; two jumps are at least as far apart, being of more than `JUMP_NS`."""
+"""Jumps of several topics within this log time are one jump; two jumps are further apart, each being of more than `JUMP_NS`."""
 
 
 def set_back(stamps: Ints) -> list[int]:
-    """Indices at which stamps (N,), in the order of the log, begin anew: `JUMP_FRAMES` ascending ones, all more than `JUMP_NS` too old."""
+    """Indices at which stamps (N,), in the order of the log, were set back: `JUMP_FRAMES` ascending stamps, all more than `JUMP_NS` too old."""
     found: list[int] = []
     start = 0
     while True:
@@ -45,7 +45,7 @@ def session_starts(topics: Ints, stamps: Ints, logs: Ints, counted: set[int]) ->
         topics: (N,) topic number of each message, in the order of the log.
         stamps: (N,) header stamps in nanoseconds, 0 where there is none.
         logs: (N,) log times in nanoseconds.
-        counted: numbers of the topics that are asked: images, clouds and CameraInfos.
+        counted: numbers of the topics that count: images, clouds and CameraInfos.
     """
     times: list[tuple[int, int]] = []
     voters = 0

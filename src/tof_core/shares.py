@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 WHOLE = 0.01
-"""Share from which per cent are stated without a decimal: one of a hundred is a difference that a reader acts on."""
+"""Share from which per cent are stated without a decimal."""
 LEAST = 0.001
-"""Share below which no figure is stated for it."""
+"""Smallest share that is stated as a number."""
 
 
 def in_percent(share: float, decimals: int | None = None) -> str:
-    """A share in per cent, of one decimal where it is small; "0 %" stands for nothing but 0, and for less by rounding of sums.
+    """A share in per cent, with one decimal where it is small; "0 %" stands for 0 and for negative rounding errors of sums.
 
     Args:
         share: 1 is all.

@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints, Mask
 
 MAD_TO_STD = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation: 1 / Phi^-1(3/4)."""
+"""Standard deviation of a normal distribution divided by its median absolute deviation: 1 / Phi^-1(3/4)."""
 SECOND_DIFFERENCE_STD = float(np.sqrt(6.0))
-"""Standard deviation of a - 2 b + c over that of one sample, where a, b and c are independent and equally noisy."""
+"""Standard deviation of a - 2 b + c divided by that of a, where a, b and c are independent and equally noisy."""
 CHI2_MEDIAN = 0.4549
 """Median of chi-square with one degree of freedom."""
 CORE = 5.0
-"""Robust standard deviations from the median beyond which `trimmed_std` takes a sample for an outlier."""
+"""Robust standard deviations from the median beyond which `trimmed_std` counts a sample as an outlier."""
 
 
 AFFECTED, AFFECTED_QUANTILE = 0.1, 0.995
-"""Entries count as affected from this share of this quantile on: the quantile stands for the largest, which may be an outlier."""
+"""Entries count as affected from this share of this quantile on; the largest value may be an outlier."""
 
 
 def robust_std(values: ArrayLike, centre: float | None = None) -> float:
@@ -51,7 +51,7 @@ def robust_stds(values: Float, centre: Float | float | None = None) -> Float:
 def trimmed_std(values: Float) -> float:
     """Standard deviation about the median of the samples (n,) within `CORE` robust standard deviations of it.
 
-    Outliers do not count, the tails of a mixture do. Where more than half of the samples are equal, all of them count.
+    Outliers are left out, the tails of a mixture are not. Where more than half of the samples are equal, all of them count.
     """
     around = values - np.median(values)
     scale = robust_std(around, 0.0)
@@ -61,10 +61,17 @@ def trimmed_std(values: Float) -> float:
     return float(np.sqrt((core * core).mean()))
 
 
-def pairs_below(ascending: Float, others: Float) -> float:
-    """Pairs of one of the `ascending` values (n,) and one of the `others` (m,) in which the first is the smaller; equal ones count half.
+def group_medians(values: Float, group: Ints, groups: int, least: int = 1) -> Float:
+    """(groups,) median of the samples (n,) of each group (n,); 0 for a group with fewer than `least` samples."""
+    order = np.argsort(group, kind="stable")
+    parts = np.split(values[order], np.cumsum(np.bincount(group, minlength=groups))[:-1])
+    return np.array([float(np.median(p)) if len(p) >= least else 0.0 for p in parts])
 
-    Over n m, the chance that the first is the smaller: the area under the ROC curve.
+
+def pairs_below(ascending: Float, others: Float) -> float:
+    """Number of pairs (a, b) of `ascending` values (n,) and `others` (m,) with a < b; a pair with a = b counts half.
+
+    Divided by n m, it is the probability of a < b: the area under the ROC curve.
     """
     return 0.5 * sum(float(np.searchsorted(ascending, others, side).sum()) for side in ("left", "right"))
 
@@ -77,7 +84,7 @@ def hats(values: Float, knots: Sequence[float] | Float) -> Float:
 def touched(values: Float) -> Mask:
     """Entries of a map that an effect touches: those above a tenth of the 99.5 % quantile of |values| other than 0.
 
-    An effect on few pixels and one on all are measured alike over them.
+    Over these entries, an effect on few pixels and an effect on all are measured alike.
     """
     size = np.abs(values)
     some = size[size > 0]
@@ -87,7 +94,7 @@ def touched(values: Float) -> Mask:
 def second_differences(values: Float, axis: int = -1, step: int = 1) -> Float:
     """(a - 2 b + c) / sqrt(6) of samples `step` apart along an axis, which gets 2 `step` shorter.
 
-    What is linear along the axis is removed; independent noise keeps its standard deviation.
+    A linear trend along the axis is removed; independent noise keeps its standard deviation.
     """
     v = np.moveaxis(np.asarray(values), axis, -1)
     first = v[..., step:] - v[..., :-step]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transforms over time: a tree of frames, interpolated at a stamp, never guessed."""
+"""Transforms over time: a tree of frames, interpolated at a stamp."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from tof_core import se3
 from tof_core.bounds import LONGEST_FRAME_NAME, MOST_FRAMES
+from tof_core.decode import stamp_ns
 from tof_core.edge import Edge
 from tof_core.errors import TransformError, brief
 from tof_core.tf_message import StampedTransform
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from tof_core.edge import Motion
 
 NAMED_AT_MOST = 30
-"""Frames that an error names."""
+"""Most frames that an error lists."""
 IDENTITY: Motion = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -29,11 +30,11 @@ class TransformBuffer:
     """A tree of frames with history.
 
     Args:
-        max_gap_s: the longest pause between two samples over which is interpolated, in seconds.
-        keep_s: how much history to keep behind the newest sample, in seconds; 0 keeps all.
+        max_gap_s: longest pause between two samples that is interpolated, seconds.
+        keep_s: length of the history kept, seconds; 0 keeps all.
 
-    At most `MOST_FRAMES` frames have a parent. Beyond that, a buffer that keeps a history of `keep_s` forgets the moving
-    frame that was heard of longest ago; one that keeps all refuses further frames.
+    At most `MOST_FRAMES` frames have a parent. Beyond that, a buffer with limited history drops the moving frame whose last
+    transform is oldest; a buffer that keeps all refuses further frames.
     """
 
     def __init__(self, max_gap_s: float = 0.2, keep_s: float = 0.0) -> None:
@@ -41,13 +42,13 @@ class TransformBuffer:
         self._max_gap_ns = round(max_gap_s * 1e9)
         self._keep_ns = round(keep_s * 1e9)
         self._edges: dict[str, Edge] = {}
-        self._moving: OrderedDict[str, None] = OrderedDict()  # children, in the order in which they were last heard of
+        self._moving: OrderedDict[str, None] = OrderedDict()  # children, in the order of their last transform
         self._two_parents: dict[str, tuple[str, str]] = {}
-        self._names: tuple[str, ...] = ()  # of all frames, and the branches between two: found since the tree last changed
+        self._names: tuple[str, ...] = ()  # of all frames, and the branches between two: cached until the tree changes
         self._routes: dict[tuple[str, str], tuple[list[str], list[str]]] = {}
         self._lock = RLock()
         self.changes = 0
-        """Transforms recorded so far: where it has not changed, no answer has."""
+        """Transforms recorded so far: as long as it is the same, so are all answers."""
 
     def add(self, parent: str, child: str, stamp_ns: int, T: ArrayLike, *, static: bool = False) -> None:
         """Record `T_parent_child` (4, 4) at a stamp; leading slashes of frame names are dropped."""
@@ -58,9 +59,8 @@ class TransformBuffer:
     def add_message(self, msg: Any, *, static: bool = False) -> None:
         """Record all transforms of a `tf2_msgs/TFMessage`."""
         for t in msg.transforms:
-            v, q, stamp = t.transform.translation, t.transform.rotation, t.header.stamp
-            stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-            self.put(StampedTransform(t.header.frame_id, t.child_frame_id, stamp_ns, (v.x, v.y, v.z, q.x, q.y, q.z, q.w)), static=static)
+            v, q = t.transform.translation, t.transform.rotation
+            self.put(StampedTransform(t.header.frame_id, t.child_frame_id, stamp_ns(t), (v.x, v.y, v.z, q.x, q.y, q.z, q.w)), static=static)
 
     def put(self, sent: StampedTransform, *, static: bool = False) -> None:
         """Record one transform as it was sent.
@@ -97,7 +97,7 @@ class TransformBuffer:
                 edge.forget_before(edge.reached - self._keep_ns)
 
     def _make_room(self) -> None:
-        """Forget a moving frame where the tree is full and history is limited."""
+        """Drop a moving frame where the tree is full and history is limited."""
         if len(self._edges) < MOST_FRAMES:
             return
         if not self._keep_ns or not self._moving:
@@ -123,16 +123,16 @@ class TransformBuffer:
         return se3.from_quat(motion[:3], motion[3:])
 
     def check(self, target: str, source: str, stamp_ns: int) -> None:
-        """Raises what `lookup` would raise, for less."""
+        """Raise what `lookup` raises, in less time."""
         with self._lock:
             up, down = self._branches(target.lstrip("/"), source.lstrip("/"))
             for child in (*up, *reversed(down)):  # in the order of a lookup
                 self._at(child, stamp_ns)
 
     def settled(self, target: str, source: str, stamp_ns: int) -> bool:
-        """Whether TF between two frames has passed a stamp so far that a lookup that fails now will not succeed later.
+        """Whether TF between two frames is so far past a stamp that a failing lookup will not succeed later.
 
-        Other frames do not count: they may be another robot's, by another clock.
+        Other frames do not count: they may be another robot's, with another clock.
         """
         with self._lock:
             up, down = self._branches(target.lstrip("/"), source.lstrip("/"))
@@ -152,7 +152,7 @@ class TransformBuffer:
             return self._names
 
     def connected(self, target: str, source: str) -> bool:
-        """Whether a chain of edges joins two frames, at whatever stamp."""
+        """Whether a chain of edges joins two frames, at any stamp."""
         try:
             self.chain(target, source)
         except TransformError:
@@ -167,7 +167,7 @@ class TransformBuffer:
         return (*up, top, *reversed(down))
 
     def latest(self, target: str, source: str) -> int:
-        """The newest stamp at which two frames can be related, in nanoseconds; 0 where nothing on the way moves."""
+        """The newest stamp at which two frames can be related, in nanoseconds; 0 where all transforms between them are static."""
         with self._lock:
             up, down = self._branches(target.lstrip("/"), source.lstrip("/"))
             return min((edge.newest for frame in (*up, *down) if not (edge := self._edges[frame]).static), default=0)
@@ -217,7 +217,7 @@ class TransformBuffer:
 
     def _ancestors(self, frame: str) -> list[str]:
         """The frame, its parent, and so on to its root."""
-        chain = {frame: None}  # in order, and found at once
+        chain = {frame: None}  # ordered, with fast look-up
         while (edge := self._edges.get(frame)) is not None:
             frame = edge.parent
             if frame in chain:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the topics of depth, amplitude and others: by type, by words in the name, by sibling; never by a silent guess.
+"""Finds the topics of depth, amplitude and others: by type, by words in the name, by sibling; an ambiguous choice is an error.
 
 Default names are spot_ros2's (`/depth/hand/image`, ...) under any namespace.
 """
@@ -26,13 +26,13 @@ TEMPERATURE = "sensor_msgs/msg/Temperature"
 TF = "tf2_msgs/msg/TFMessage"
 
 TRANSPORTS = (DEPTH_TRANSPORT, "compressed")
-"""How image_transport names the compressed topics beside a raw one."""
+"""Last parts of image_transport's names of compressed topics."""
 
 DEPTH_WORDS = frozenset({"depth", "distance", "range"})
 AMPLITUDE_WORDS = frozenset({"ir", "amplitude", "infra", "infrared", "intensity", "nir"})
 COLOUR_WORDS = frozenset({"camera", "color", "colour", "rgb"})
 DERIVED_WORDS = frozenset({"registered", "confidence", "mask", "sigma", "noise", "count", "reason", "label", "preproc", "infer"})
-"""Images made from a depth image, or beside it: candidates only where there is no other."""
+"""Words of images derived from a depth image: candidates only where there is no other."""
 OWN_WORDS = frozenset({"preproc", "label", "infer"})
 """Rooms whose nodes publish depth images and clouds."""
 OWN_ROOMS = OWN_WORDS | {"correction", "inspect", "gap"}
@@ -40,28 +40,28 @@ OWN_ROOMS = OWN_WORDS | {"correction", "inspect", "gap"}
 
 
 def is_compressed(topic: str) -> bool:
-    """Whether a topic has image_transport's name of a compressed one."""
+    """Whether a topic has image_transport's name of a compressed topic."""
     return topic.rpartition("/")[2] in TRANSPORTS
 
 
 def is_own(topic: str) -> bool:
-    """Whether a topic is an output of this project's nodes, in whatever robot's namespace."""
+    """Whether a topic is an output of this project's nodes, in any robot's namespace."""
     return len(parts := base_topic(topic).strip("/").split("/")) > 1 and parts[-2] in OWN_ROOMS
 
 
 def base_topic(topic: str) -> str:
-    """The raw topic beside which image_transport publishes a compressed one; any other as it is."""
+    """The raw topic of a compressed one of image_transport; any other topic unchanged."""
     return topic.rpartition("/")[0] if is_compressed(topic) else topic
 
 
 def is_rectified(topic: str) -> bool:
-    """Whether an image topic has image_proc's name of a rectified one: its CameraInfo's P holds, not K and D."""
+    """Whether an image topic has image_proc's name of a rectified image: CameraInfo's P is then valid, not K and D."""
     return base_topic(topic).rpartition("/")[2].startswith("image_rect")
 
 
 @dataclass(frozen=True, slots=True)
 class Topics:
-    """The topics of one depth camera; empty where the recording has none."""
+    """The topics of one depth camera; an empty name where the recording has none."""
 
     depth: str = ""
     info: str = ""
@@ -72,7 +72,7 @@ class Topics:
     temperature: str = ""
 
     def named(self) -> tuple[str, ...]:
-        """Every topic that is there."""
+        """All topics that are not empty."""
         return tuple(name for f in fields(self) if (name := getattr(self, f.name)))
 
 
@@ -89,7 +89,7 @@ def find_topics(
         types: type of each topic.
         options: names that the user gave; they must exist and be of the right type.
         encodings: encoding of each image topic, as far as known.
-        where: what error messages name.
+        where: name of the recording in error messages.
 
     Raises:
         TopicError: no depth, no CameraInfo, or several that fit; it lists them and the flag to pass.
@@ -98,7 +98,7 @@ def find_topics(
 
 
 def depth_candidates(types: Mapping[str, str]) -> list[str]:
-    """Topics that may hold a camera's depth: depth images, else clouds, else images that no word claims; none that this project publishes.
+    """Topics that may hold a camera's depth: depth images, else clouds, else images without a word of another kind; none of this project's.
 
     Args:
         types: type of each topic.
@@ -132,7 +132,7 @@ class _Finder:
         )
 
     def candidates(self) -> list[str]:
-        """Depth images, else clouds, else images that no word claims."""
+        """Depth images, else clouds, else images without a word of another kind."""
         unnamed = [t for t in self._rasters() if not _words(t) & (AMPLITUDE_WORDS | COLOUR_WORDS | DERIVED_WORDS)]
         return self._images(DEPTH_WORDS, DEPTH_ENCODINGS, "") or self._of_type(POINTS) or unnamed
 
@@ -148,14 +148,14 @@ class _Finder:
         raise TopicError("has no depth image and no point cloud", where=self.where, todo=self._all())
 
     def _rasters(self) -> list[str]:
-        """Image topics; a compressed one only where its raw topic is not there, and compressedDepth before compressed."""
+        """Image topics; a compressed one only without its raw topic, and compressedDepth before compressed."""
         raw, packed = self._of_type(IMAGE), self._of_type(COMPRESSED)
         bases = {base_topic(t) for t in packed if t.endswith(DEPTH_TRANSPORT)}
         wanted = [t for t in packed if t.endswith(DEPTH_TRANSPORT) or base_topic(t) not in bases]
         return sorted(raw + [t for t in wanted if base_topic(t) not in raw])
 
     def _images(self, words: frozenset[str], encodings: Sequence[str], depth: str) -> list[str]:
-        """Image topics with one of the words that the other kinds do not claim first."""
+        """Image topics with one of the words and without a word of the other kinds."""
         others = (DEPTH_WORDS | AMPLITUDE_WORDS) - words if words is COLOUR_WORDS else DEPTH_WORDS - words
         fitting = [
             t
@@ -165,7 +165,7 @@ class _Finder:
         return [t for t in fitting if not _words(t) & DERIVED_WORDS] or fitting
 
     def _unnamed_depth(self) -> list[str]:
-        """Images that no word claims, but whose encoding can hold depth and that have a CameraInfo."""
+        """Images without a word of any kind whose encoding can hold depth and that have a CameraInfo."""
         named = AMPLITUDE_WORDS | COLOUR_WORDS | DERIVED_WORDS
         return [t for t in self._rasters() if self.encodings.get(t) in DEPTH_ENCODINGS and self._sibling(t) and not _words(t) & named]
 
@@ -190,7 +190,7 @@ class _Finder:
         return self._one(candidates, what, flag, beside) if candidates else ""
 
     def _given(self, name: str, kind: str, flag: str) -> str:
-        """A topic that the user named: it must be there and of its type."""
+        """A topic that the user named; it must exist and have its type."""
         if not name:
             return ""
         found = name if name in self.types else "/" + name.lstrip("/")
@@ -229,5 +229,5 @@ def _words(topic: str) -> frozenset[str]:
 
 
 def _nearness(topic: str, other: str) -> int:
-    """How many parts of their paths two topics share, wherever they stand (`/depth/hand/image`, `/hand/temperature`)."""
+    """Number of path parts that two topics share, at any position (`/depth/hand/image`, `/hand/temperature`)."""
     return len(set(topic.split("/")) & set(other.split("/")) - {""})

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 TYPE_VERSIONS: dict[str, Literal[8, 9]] = {"humble": 8, "jazzy": 9}
-"""The rosbag2 metadata version written for each distribution (9 spells QoS as Jazzy does)."""
+"""The rosbag2 metadata version written for each distribution (9 has Jazzy's spelling of QoS)."""
 
 
 @cache
@@ -27,7 +27,7 @@ def typestore_of(distro: str) -> Typestore:
 
 
 class JazzyWhenAsked:
-    """Jazzy's definitions, for rosbags to read a bag with that embeds none: loaded when they are asked for, which takes 0.1 s."""
+    """Jazzy's definitions, with which rosbags reads a bag that embeds none; loaded at first use, which takes 0.1 s."""
 
     @property
     def fielddefs(self) -> dict[str, Any]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decompression of foreign files, bounded before it starts: by the size that a header states, or by a fixed limit."""
+"""Decompression of foreign files, limited beforehand: by the size that a header states, or by a fixed bound."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def unpack(data: bytes, compression: str, size: int) -> bytes:
     """The content of a chunk whose header states `size` bytes; `zstd`, `lz4` or none.
 
     Raises:
-        BagError: larger than any recorder writes, or than it says; another compression.
+        BagError: larger than any recorder writes, or than its header states; another compression.
     """
     if size > LARGEST_CHUNK:
         raise BagError(f"holds a chunk of {size} bytes", todo=f"chunks of up to {LARGEST_CHUNK} bytes are read")
@@ -34,7 +34,7 @@ def unpack(data: bytes, compression: str, size: int) -> bytes:
     else:
         raise BagError(f"holds a chunk packed with '{compression}'", todo="zstd and lz4 are read")
     if len(raw) > size:
-        raise BagError(f"holds a chunk that is larger than the {size} bytes it says")
+        raise BagError(f"holds a chunk that is larger than the {size} bytes that its header states")
     return raw
 
 
@@ -66,7 +66,7 @@ def unzstd(data: bytes, most: int = LARGEST_MESSAGE) -> bytes:
 
 
 class BoundedZstd:
-    """Stands for the zstd module in rosbags' reader of a folder; counts the bytes of all its storage files."""
+    """Replaces the zstd module in rosbags' reader of a folder; limits the unpacked bytes of all storage files together."""
 
     def __init__(self) -> None:
         """Nothing unpacked yet."""
@@ -78,7 +78,7 @@ class BoundedZstd:
         return unzstd(data)
 
     def open(self, packed: BinaryIO, mode: Literal["rb"]) -> Any:
-        """A storage file as zstd's own `open` gives it, whose `read` stops at the limit."""
+        """A storage file, as of zstd's own `open`, whose `read` fails beyond the limit."""
         from backports import zstd
 
         self._allowed += LARGEST_RATIO * os.fstat(packed.fileno()).st_size

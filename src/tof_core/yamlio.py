@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class _Loader(yaml.CSafeLoader if hasattr(yaml, "CSafeLoader") else yaml.SafeLoader):  # type: ignore[misc]
-    """The safe loader, but a key given twice is an error."""
+    """The safe loader; a key given twice is an error."""
 
 
 def _mapping(loader: Any, node: yaml.MappingNode) -> dict[Any, Any]:
@@ -34,9 +34,9 @@ _Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping
 
 
 DEEPEST = 32
-"""Levels of nesting; libyaml's own stack ends the process some thousand further down."""
+"""Most levels of nesting; at some thousand, libyaml's stack overflows and ends the process."""
 LARGEST = 100_000
-"""Values in a text, those of aliases counted each time: nine lines of aliases can stand for gigabytes."""
+"""Most values in a text, counting the values of an alias at each use: nine lines of aliases can stand for gigabytes."""
 
 
 def load_yaml(path: Path) -> dict[str, Any]:
@@ -45,7 +45,7 @@ def load_yaml(path: Path) -> dict[str, Any]:
 
 
 def read_text(path: Path) -> str:
-    """A file's text; what is no UTF-8 is a ConfigError."""
+    """A file's text; a ConfigError where it is no UTF-8."""
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -66,7 +66,7 @@ def parse_yaml(text: str, *, where: str = "yaml") -> dict[str, Any]:
 
 
 def compose_yaml(text: str, *, where: str = "yaml") -> yaml.Node | None:
-    """The nodes of a YAML text, which know their lines."""
+    """The nodes of a YAML text, with their lines."""
     with _one_line(where):
         _check_size(text, where)
         node: yaml.Node | None = yaml.compose(text, _Loader)
@@ -74,7 +74,7 @@ def compose_yaml(text: str, *, where: str = "yaml") -> yaml.Node | None:
 
 
 def _check_size(text: str, where: str) -> None:
-    """Refuse what is nested too deep, or too large once its aliases are written out."""
+    """Refuse a text that is nested too deep, or too large once its aliases are expanded."""
     sizes: dict[str, int] = {}
     open_since: list[tuple[str | None, int]] = []
     count = 0
@@ -101,7 +101,7 @@ def _check_size(text: str, where: str) -> None:
 
 @contextmanager
 def _one_line(where: str) -> Iterator[None]:
-    """Whatever the YAML library raises over a text becomes one ConfigError."""
+    """Every error of the YAML library becomes a ConfigError."""
     try:
         yield
     except ConfigError:

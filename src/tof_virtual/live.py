@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tof_core.arrays import Float, Image
+    from tof_core.arrays import Float
     from tof_virtual.body import Body
 
 MOVE_S = 2.0
@@ -89,21 +89,11 @@ class VirtualRobot:
         """True pose of the camera. For tests and evaluation alone."""
         return self._robot.T_cell_camera_true
 
-    @property
-    def depth_true(self) -> Image:
-        """(H, W) true depth at the present pose. For tests and evaluation alone."""
-        return self._seen().z.reshape(self.camera.shape).astype(np.float32)
-
     def drive(self, T_cell_body: Float) -> None:
         """Drive the base to a mark; it stops with a new error."""
         self._robot.drive(T_cell_body)
         self._moved()
         self._station += 1
-
-    def shove(self, T_cell: Float) -> None:
-        """Displace the base by a motion (4, 4) of the cell that the robot does not measure."""
-        self._robot.B = np.asarray(T_cell @ self._robot.B)
-        self._moved()
 
     def goto(self, T_body_hand: Float) -> None:
         """Move the hand to a pose in the body."""

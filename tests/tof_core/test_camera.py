@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tof_core.camera import Camera, radial_to_z, z_to_radial
+from benchmarks.radial import z_to_radial
+from tof_core.camera import Camera, radial_to_z
 from tof_core.errors import CameraError
 
 PINHOLE = Camera(64, 48, 60.0, 61.0, 31.2, 24.1)

@@ -226,8 +226,9 @@ def test_a_bag_of_compressed_depth_gives_the_captures_of_the_raw_bag(kind: str, 
                 if name == "raw":
                     bag.image("/depth/hand/image", scene(i), "16UC1", CAMERA.frame_id, at)
                 else:
-                    data, said = packing.depth(scene(i), kind=kind), f"16UC1; compressedDepth {kind}"
-                    bag.compressed_image("/depth/hand/image/compressedDepth", data, said, CAMERA.frame_id, at)
+                    data = np.frombuffer(packing.depth(scene(i), kind=kind), np.uint8)
+                    fields = {"header": bag._header(at, CAMERA.frame_id), "format": f"16UC1; compressedDepth {kind}", "data": data}
+                    bag._message("/depth/hand/image/compressedDepth", COMPRESSED, at, **fields)
         with open_bag(tmp_path / name) as reader:
             captures.append(list(reader.captures(need_tf=False)))
     raw, packed = captures

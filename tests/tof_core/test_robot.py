@@ -54,7 +54,7 @@ def test_a_body_that_the_user_names_must_be_on_the_way() -> None:
     tf = buffer(body="waist")
     assert RobotChain(tf, "cell", "waist").resolve("spot/camera") == ("cell", "waist")
     with pytest.raises(
-        TransformError, match="body frame 'hips' is not between 'cell' and 'spot/camera'; that way are: cell, waist, spot/camera"
+        TransformError, match="body frame 'hips' is not between 'cell' and 'spot/camera'; between them are: cell, waist, spot/camera"
     ):
         RobotChain(tf, "cell", "hips").resolve("spot/camera")
 

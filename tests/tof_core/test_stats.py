@@ -12,6 +12,7 @@ from scipy.special import ndtri
 from tof_core.stats import (
     MAD_TO_STD,
     blocks,
+    group_medians,
     grouped,
     hats,
     pairs_below,
@@ -157,3 +158,9 @@ def test_squares_of_an_image_have_zeros_beyond_its_end() -> None:
     assert found.shape == (1, 2, 2, 2)
     assert found[0, :, 0].tolist() == [[1.0, 2.0], [4.0, 5.0]]
     assert found[0, :, 1].tolist() == [[3.0, 0.0], [6.0, 0.0]]
+
+
+def test_the_median_of_each_group_counts_from_the_fewest_samples_on() -> None:
+    values, group = np.array([5.0, 1.0, 9.0, 2.0, 4.0]), np.array([2, 0, 2, 0, 2])
+    np.testing.assert_array_equal(group_medians(values, group, 4), [1.5, 0.0, 5.0, 0.0])
+    np.testing.assert_array_equal(group_medians(values, group, 4, least=3), [0.0, 0.0, 5.0, 0.0])

@@ -34,7 +34,7 @@ def test_a_chunk_is_what_was_packed(compression: str) -> None:
 
 @pytest.mark.parametrize("compression", ["", "zstd", "lz4"])
 def test_a_chunk_one_byte_larger_than_it_says_is_refused(compression: str) -> None:
-    with pytest.raises(BagError, match=f"larger than the {len(CONTENT) - 1} bytes it says"):
+    with pytest.raises(BagError, match=f"larger than the {len(CONTENT) - 1} bytes that its header states"):
         unpack(packed(compression), compression, len(CONTENT) - 1)
 
 

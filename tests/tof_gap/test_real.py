@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from benchmarks.primitive_scene import primitive_scene
+from benchmarks.primitives import PrimitiveConfig, fit_primitives
 from tof_align.config import AlignConfig
 from tof_core import se3
 from tof_core.bag import BagOptions, open_bag
@@ -21,8 +23,6 @@ from tof_gap.diagnose import diagnose
 from tof_scene.raycast import Raycaster
 from tof_scene.render import render
 from tof_scene.scene_file import save_scene
-from tof_sim_label.primitive_scene import primitive_scene
-from tof_sim_label.primitives import PrimitiveConfig, fit_primitives
 from toftwin.cli import main
 
 if TYPE_CHECKING:

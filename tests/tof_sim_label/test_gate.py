@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from benchmarks.radial import z_to_radial
 from tests.tof_sim_label.made import view
-from tof_core.camera import Camera, z_to_radial
+from tof_core.camera import Camera
 from tof_core.errors import RefusedError
 from tof_sim_label import gate as gates
 from tof_sim_label.gate import SURE, TRIES, RadialGate

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from benchmarks.radial import z_to_radial
 from tof_core import se3
-from tof_core.camera import Camera, z_to_radial
+from tof_core.camera import Camera
 from tof_core.capture import RobotPose, View
 from tof_core.errors import RefusedError, TransformError
 from tof_scene.raycast import Raycaster

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from benchmarks.primitive_scene import primitive_scene
+from benchmarks.primitives import PrimitiveConfig, Sphere, fit_primitives
 from tof_align.single import align_view
 from tof_core import se3
 from tof_core.bag import BagOptions, open_bag
@@ -19,8 +21,6 @@ from tof_scene.scene_file import load_scene, save_scene
 from tof_sim_label.gate import RadialGate
 from tof_sim_label.label import label_view
 from tof_sim_label.labeller import label_session
-from tof_sim_label.primitive_scene import primitive_scene
-from tof_sim_label.primitives import PrimitiveConfig, Sphere, fit_primitives
 
 if TYPE_CHECKING:
     from pathlib import Path

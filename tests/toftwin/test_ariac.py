@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from benchmarks.sdf import write_sdf_scene
 from tof_core import se3
 from tof_core.config import from_mapping
 from tof_scene.scene_file import load_scene
-from tof_scene.sdf import write_sdf_scene
 from tof_virtual.config import VirtualConfig
 from tof_virtual.record import record
 from tof_virtual.robot import HAND_OF_CAMERA

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from benchmarks.radial import z_to_radial
 from tof_core import se3
 from tof_core.bag_writer import BagWriter
-from tof_core.camera import Camera, z_to_radial
+from tof_core.camera import Camera
 from tof_core.encode import depth_counts
 from tof_core.options import BagOptions
 from toftwin import cli

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from benchmarks.primitive_scene import primitive_scene
+from benchmarks.primitives import PrimitiveConfig, fit_primitives
 from tof_core.bag import BagOptions, open_bag
 from tof_scene.scene_file import save_scene
 from tof_sim_label.dataset import open_dataset
-from tof_sim_label.primitive_scene import primitive_scene
-from tof_sim_label.primitives import PrimitiveConfig, fit_primitives
 from toftwin import cli
 
 if TYPE_CHECKING:

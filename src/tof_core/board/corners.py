@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from tof_core.board.spec import Board
 
 LEAST_CORNERS = 8
-"""Corners below which no pose is taken from a board: four fix it, and errors of single ones must show."""
+"""Fewest corners for a pose: four determine it, the others show errors of single corners."""
 REFINED_PX = 1.0
-"""Pixels by which refinement may move a corner; one that moves farther went to another edge."""
+"""Pixels by which refinement may move a corner; beyond, it has moved to another edge."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """Corners of a board that an image shows: on_board (n, 3) metres in the board's frame, in_image (n, 2) pixels, an integer at a pixel's centre."""
+    """Detected corners of a board: on_board (n, 3) metres in the board's frame; in_image (n, 2) pixels, integers at pixel centres."""
 
     on_board: Float
     in_image: Float
 
 
 def find_corners(amplitude: Image, board: Board) -> Corners | None:
-    """The board's corners in an amplitude image (H, W), None where the board is not seen whole (checkerboard) or hardly at all."""
+    """The board's corners in an amplitude image (H, W), None without a whole checkerboard, or `LEAST_CORNERS` of another board."""
     grey = grey_image(amplitude)
     if board.kind == CHECKER:
         return _checker(grey, board)
@@ -64,7 +64,7 @@ def _checker(grey: Bytes, board: Board) -> Corners | None:
 
 
 def _facing(corners: Float) -> Float:
-    """Corners (rows, columns, 2) in an order whose z points away from the camera: rows turn clockwise into columns in the image."""
+    """Corners (rows, columns, 2), ordered so that the board's z axis points away from the camera: from row to column clockwise in the image."""
     along, down = corners[0, -1] - corners[0, 0], corners[-1, 0] - corners[0, 0]
     return corners if along[0] * down[1] - along[1] * down[0] > 0 else corners[:, ::-1]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lens from a board's corners: whether the stated one fits, another one, and what its errors do to the poses."""
+"""The lens from a board's corners: whether the stated lens fits, a lens fitted to the corners, and the effect of lens errors on poses."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
 
 LENS_SHARE = 0.1
-"""Share of the squared reprojection error that another lens must take before the stated one is wrong: of a lens calibrated with other boards
-half the frames of a session leave 1 to 5 %, of one without its distortion 18 to 27 %."""
+"""Share of the squared reprojection error that a fitted lens must remove for the stated lens to be wrong. With the lens right (calibrated with
+other boards), a fit to half the frames of a session removes 1 to 5 %; with its distortion missing, 18 to 27 %."""
 USUAL_SD = (3.0, 3.0, 0.05, 0.1, 1e-3, 1e-3)
-"""Prior standard deviations of (cx, cy, k1, k2, p1, p2), pixels and ratios: those between two calibrations of one lens."""
+"""Prior standard deviations of (cx, cy, k1, k2, p1, p2), pixels and ratios: spread between two calibrations of one lens."""
 STEPS = (0.5, 0.5, 1e-3, 1e-3, 1e-4, 1e-4)
-"""Steps of the same for differences: a tenth of a pixel in the image, far above rounding."""
+"""Steps in (cx, cy, k1, k2, p1, p2) for central differences: about a tenth of a pixel in the image, far above rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensFault:
-    """A stated lens that does not fit the corners, and one that does.
+    """A stated lens that does not fit the corners, and the fitted lens.
 
-    stated, camera: with the stated and with the fitted lens; std (9,): deviations of (fx, fy, cx, cy, k1, k2, p1, p2, k3), 0 where the stated value was kept;
-    stated_px, fitted_px: reprojection error of either, RMS over all corners.
+    stated, camera: with the stated and with the fitted lens; std (9,): standard deviations of the fitted (fx, fy, cx, cy, k1, k2, p1, p2, k3),
+    0 where the stated value was kept; stated_px, fitted_px: reprojection error with either lens, RMS over all corners.
     """
 
     stated: Camera
@@ -45,9 +45,9 @@ class LensFault:
 
 
 def lens_fault(camera: Camera, seen: Sequence[Corners]) -> LensFault | None:
-    """Whether the corners contradict the stated lens, None where they do not or are too few.
+    """The fitted lens where the corners contradict the stated one; None where they agree with it or are too few.
 
-    The distortion alone is fitted where that explains the corners: what focal length boards of one distance have is hardly known.
+    The distortion alone is fitted where that explains the corners: boards at one distance hardly determine the focal length.
     """
     if len(seen) < LEAST_BOARDS:
         return None
@@ -104,11 +104,11 @@ LEAST_BOARDS = 6
 
 
 def with_lens_errors(poses: Sequence[BoardPose], seen: Sequence[Corners], camera: Camera) -> list[BoardPose]:
-    """The poses with the covariance that errors of the lens add: as far as all corners together leave principal point and distortion open.
+    """The poses with the covariance of lens errors added, as far as all corners together leave principal point and distortion open.
 
-    A principal point that is off by two pixels tilts a board by 0.3 degrees and hardly shifts its corners, so the corners' own noise says
-    too little of the tilt. The lens moves rays and pose together: what is added is the pose error that, with the rays as stated, changes
-    the board's depth as much. The focal length is left out: its error scales all distances alike, as the print's does.
+    A principal point that is off by two pixels tilts a board by 0.3 degrees and hardly shifts its corners, so the corner noise alone
+    understates the error of the tilt. A lens error moves rays and pose together: added is the pose error that changes the board's
+    depth as much with the stated rays. The focal length is left out: its error scales all distances alike, as a print scale does.
     """
     info, noise2 = np.diag(np.asarray(USUAL_SD) ** -2.0), float(np.mean([p.noise_px**2 for p in poses]))
     shifts = []
@@ -125,7 +125,7 @@ def with_lens_errors(poses: Sequence[BoardPose], seen: Sequence[Corners], camera
 
 
 def _same_depth(points: Float, normal: Float) -> Float:
-    """(6, 6): of a pose step that carries the rays with the corners, the smallest step with fixed rays that changes depth alike.
+    """(6, 6) map of a pose step that moves rays and corners together to the smallest step with fixed rays that changes depth as much.
 
     A corner at p moves by -(v + w x p) under a step (v, w); along a fixed ray r the depth of the plane changes by -(n.v + (p x n).w) / n.r.
     """

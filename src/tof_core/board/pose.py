@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The camera's pose from a board's corners: it owes nothing to the phase."""
+"""The camera's pose from a board's corners in the amplitude image, independent of measured depth."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
 
 LEAST_PX = 0.05
-"""Pixels of corner noise that are assumed at least: what OpenCV's refinement reaches on sharp images."""
+"""Least corner noise in pixels: that of OpenCV's refinement on sharp images."""
 MOST_PX = 0.6
 """Pixels (RMS) of reprojection error beyond which the corners are not those of this board and lens."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardPose:
-    """T_board_camera (4, 4); cov (6, 6) of its right perturbation, metres and radians; rms_px: what the reprojection leaves."""
+    """T_board_camera (4, 4); cov (6, 6) of its right perturbation, metres and radians; rms_px: reprojection error."""
 
     T_board_camera: Float
     cov: Float
@@ -31,7 +31,7 @@ class BoardPose:
 
     @property
     def noise_px(self) -> float:
-        """Deviation of a corner along one axis of the image."""
+        """Standard deviation of a corner along one axis of the image."""
         return max(self.rms_px / float(np.sqrt(2.0)), LEAST_PX)
 
 
@@ -48,7 +48,7 @@ def board_pose(corners: Corners, camera: Camera) -> BoardPose | None:
 
 
 def best_pose(corners: Corners, camera: Camera) -> tuple[Float, float]:
-    """T_camera_board (4, 4) that projects the corners best, and what it leaves, pixels RMS; infinite where none was found."""
+    """T_camera_board (4, 4) that projects the corners best, and the reprojection error, pixels RMS; infinite where no pose was found."""
     import cv2
 
     T, lens = np.eye(4), np.asarray(camera.distortion, float) if camera.distortion else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a calibration board is: its pattern, and where its corners are."""
+"""A calibration board: pattern, sizes and corners."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Board:
 
     @property
     def squares(self) -> tuple[Float, Float]:
-        """(n, 2) metres, lower corner of each square, and (n,) 1 where column plus row is odd; without squares the whole board is one."""
+        """(n, 2) metres, lower corner of each square, and (n,) 1 where column plus row is odd; an AprilTag grid counts as one square."""
         if self.kind == APRILTAG:
             return np.array([[0.0, 0.0]]), np.zeros(1)
         extra, start = (1, -1) if self.kind == CHECKER else (0, 0)

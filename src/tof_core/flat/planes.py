@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Planes in a depth image, largest first: sampled locally, grown over connected pixels.
+"""Planes in a depth image, largest first: fitted to local patches, grown over connected pixels.
 
-On w = 1/z a plane is linear in the normalised image coordinates, so that a fit is three numbers
-by linear least squares.
+In w = 1/z a plane is linear in the normalised image coordinates: a fit has three parameters
+and is linear least squares.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Mask
 
 COLUMNS = 120
-"""Columns of the subsampled image, about; more of them add nothing about large planes."""
+"""Approximate columns of the subsampled image; more add nothing about large planes."""
 PLANES = 8
 SAMPLES = 250
 """Local patches tried for each plane."""
 PATCH = 24
-"""Pixels drawn for a patch, from a twelfth of the picture to each side; half of them must be free."""
+"""Pixels drawn for a patch, within a twelfth of the image to each side; half of them must be on no plane yet."""
 LEAST = 60
-"""Pixels below which a surface is too small."""
+"""Fewest pixels of a surface."""
 FLAT = 0.002
-"""Relative distance (2 mm at 1 m) from a plane, beside the noise, at which a pixel still belongs."""
+"""Relative distance from a plane (2 mm at 1 m), beyond the noise, within which a pixel belongs to it."""
 
 
 def thinned(shape: tuple[int, ...]) -> int:
@@ -42,7 +42,7 @@ class PlaneGrower:
     """Finds planes in w (H, W), the inverse z (NaN invalid), with the camera's rays (H, W, 3)."""
 
     def __init__(self, w: Float, rays: Float, seed: int = 0) -> None:
-        """Smooth and measure the noise once."""
+        """Smooth the image and estimate its noise."""
         self._random = np.random.default_rng(seed)
         # A lens calibrated from a small board has no rays in the corners of the image.
         w = np.where(np.isfinite(rays).all(axis=-1), w, np.nan)
@@ -84,7 +84,7 @@ class PlaneGrower:
         return np.asarray(tried[int(np.argmax(np.maximum(1 - misfit**2, 0).sum(axis=0)))])
 
     def _patches(self, v: NDArray[np.int64], u: NDArray[np.int64]) -> Float:
-        """Planes (n, 3) through pixels drawn around some of the pixels given."""
+        """Planes (n, 3) through pixels drawn around randomly chosen pixels."""
         height, width = self._free.shape
         reach = max(max(height, width) // 12, 2)
         at = self._random.integers(0, len(v), SAMPLES)[:, None]
@@ -117,7 +117,7 @@ def _smoothed(w: Float, size: int = 5) -> Float:
     """Median over size by size neighbours, NaN left out."""
     from scipy.ndimage import median_filter
 
-    # Invalid pixels go half above and half below everything, so that they shift no median.
+    # Half of the invalid pixels count as +inf and half as -inf, so that they do not shift the median.
     rows = np.arange(w.shape[0])[:, None] + np.arange(w.shape[1])
     filled = np.where(np.isfinite(w), w, np.where(rows % 2, np.inf, -np.inf))
     out = median_filter(filled, size)

@@ -103,7 +103,7 @@ def radial_evidence(depth: Image, camera: Camera, surfaces: Ints | None = None) 
 
 
 def _combined(fits: list[_Fit], copies: float) -> RadialEvidence:
-    """Mean over all surfaces, weighted by the inverse variance of their exponents."""
+    """Mean over all surfaces, weighted by the inverse variance of the exponents."""
     if not fits:
         return RadialEvidence(float("nan"), float("inf"), 0, float("nan"), float("nan"), 0.0)
     w = np.array([f.std**-2 for f in fits])
@@ -148,7 +148,7 @@ def _fit(on: Mask, d: Float, rays: Float, length: Float) -> _Fit | None:
 
 
 def _robust(A: Float, w: Float, rounds: int = 8) -> tuple[Float, Mask]:
-    """Least squares over the pixels within three sigma: the solution, and which they are."""
+    """Least squares over the pixels within three sigma: the solution, and the pixels used."""
     good = np.ones(len(w), bool)
     solution = np.asarray(np.linalg.lstsq(A, w, rcond=None)[0], float)
     for _ in range(rounds):
@@ -159,9 +159,9 @@ def _robust(A: Float, w: Float, rounds: int = 8) -> tuple[Float, Mask]:
 
 
 def _residual_std(residual: Float) -> tuple[float, float]:
-    """Of residuals (H, W; NaN elsewhere): the standard error of their mean, and the standard deviation that blocks share.
+    """Standard error of the mean of residuals (H, W; NaN elsewhere), and the standard deviation common to a block.
 
-    The second does not shrink with the number of pixels: a surface with such waves may also be bent by as much.
+    The second does not shrink with the number of pixels: a surface with such waves may be bent by as much as a whole.
     """
     h, w = (n // BLOCK * BLOCK for n in residual.shape)
     known = np.isfinite(residual)

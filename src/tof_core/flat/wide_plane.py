@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether an image holds z or radial distance, from planes seen in separate pieces: a table on both sides of a box.
+"""Whether an image holds z or radial distance, from planes in separate pieces, such as a table on both sides of a box.
 
 A plane's inverse z is linear in the normalised image coordinates (x, y). Under the right assumption
 a wide flat surface fits one plane; under the wrong one its depth is off by the length L of the ray,
-and only pieces of it fit a plane. Under each assumption the plane is searched whose inliers would
-bend most if the other were true, and the two are compared.
+and only pieces of it fit a plane. Under each assumption, the plane is searched whose inliers would
+bend most under the other, and the two are compared.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 TOLERANCES = (0.005, 0.01, 0.015)
 """Relative distances from the plane within which a pixel is an inlier; the results are averaged."""
 PIXELS = 6000
-"""Pixels used."""
+"""Most pixels used."""
 TRIES = 600
 """Candidate planes through three pixels each; the KEPT with most inliers are refined."""
 KEPT = 40

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from benchmarks.radial import z_to_radial
 from tof_core.bag import BagOptions, open_bag
-from tof_core.camera import Camera, z_to_radial
+from tof_core.camera import Camera
 from tof_core.flat.radial import radial_evidence
 
 if TYPE_CHECKING:

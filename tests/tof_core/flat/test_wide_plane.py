@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tof_core.camera import Camera, z_to_radial
+from benchmarks.radial import z_to_radial
+from tof_core.camera import Camera
 from tof_core.flat.wide_plane import wide_bend
 
 if TYPE_CHECKING:

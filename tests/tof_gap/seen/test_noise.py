@@ -289,7 +289,7 @@ def test_bins_of_views_with_as_many_captures_are_left_as_they_are() -> None:
 
 
 @pytest.mark.parametrize("views_hit", [3, VIEWS])
-def test_beside_frequencies_that_fail_to_merge_noise_is_no_effect_of_its_own(views_hit: int) -> None:
+def test_reference_frequencies_that_fail_to_merge_noise_is_no_effect_of_its_own(views_hit: int) -> None:
     extra = (np.arange(VIEWS) < views_hit)[:, None, None] * rng().normal(0, 0.006, (VIEWS, *SHAPE))
     seen = views(np.random.default_rng(3), extra)
     assert [f.name for f in noise_effects(seen, LIMITS)] == ["noise"]

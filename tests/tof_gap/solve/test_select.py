@@ -165,7 +165,7 @@ def test_what_a_rough_map_leaves_is_nobodys() -> None:
     ("first", "second", "lacks"),
     [(Multipath(), AmplitudeBias(), 0.12), (Multipath(), CadDeviation(part=0), 1.0), (Wiggling(), AmplitudeBias(), 0.0)],
 )
-def test_beside_multipath_an_effect_must_win_more_than_its_map_may_lack(first: Effect, second: Effect, lacks: float) -> None:
+def test_reference_multipath_an_effect_must_win_more_than_its_map_may_lack(first: Effect, second: Effect, lacks: float) -> None:
     """A map of size 3 on 4800 pixels, of which an effect nearly along it could absorb 98 %: the map may be short by a share of that.
 
     An effect of one part must win more: what the map lacks of a part moves it as a whole.

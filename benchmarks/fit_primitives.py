@@ -12,18 +12,18 @@ import sys
 from itertools import islice
 from pathlib import Path
 
+from benchmarks.primitive_scene import primitive_scene
+from benchmarks.primitives import PrimitiveConfig, fit_primitives
 from tof_core.bag import BagOptions, open_bag
 from tof_core.errors import BagError, ToftwinError
 from tof_scene.scene_file import save_scene
-from tof_sim_label.primitive_scene import primitive_scene
-from tof_sim_label.primitives import PrimitiveConfig, fit_primitives
 
-EXAMPLE = "example: .venv/bin/python scripts/fit_primitives.py ../shared/data/real/azure_kinect_static/bag --out out/room"
+EXAMPLE = "example: python -m benchmarks.fit_primitives ../shared/data/real/azure_kinect_static/bag --out out/room"
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Fit, write, and say what was found."""
-    parser = argparse.ArgumentParser(description=__doc__, epilog=EXAMPLE)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.fit_primitives", description=__doc__, epilog=EXAMPLE)
     parser.add_argument("bag", type=Path)
     parser.add_argument("--out", type=Path, required=True, help="folder for scene.yaml and its meshes")
     parser.add_argument("--capture", type=int, default=0, help="number of the capture to fit (default 0)")

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from benchmarks.primitive_scene import mesh
+from benchmarks.primitives import Plane, PrimitiveConfig, Sphere, fit_primitives
 from tof_core.camera import Camera
 from tof_core.errors import RefusedError
-from tof_sim_label.primitive_scene import mesh
-from tof_sim_label.primitives import Plane, PrimitiveConfig, Sphere, fit_primitives
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Image

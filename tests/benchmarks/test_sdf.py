@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from benchmarks.sdf import write_sdf_scene
 from tests.tof_scene.solids import camera, looking
 from tof_core.errors import SceneError
 from tof_scene.raycast import Raycaster
 from tof_scene.render import render
 from tof_scene.scene_file import load_scene
-from tof_scene.sdf import write_sdf_scene
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_sim_label.primitives import Plane, Sphere
+from benchmarks.primitives import Plane, Sphere
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from benchmarks.primitives import Fitted
     from tof_core.arrays import Float, Ints, Mask
     from tof_core.camera import Camera
     from tof_scene.scene import Scene
-    from tof_sim_label.primitives import Fitted
 
 CELL = 3
 """Raster points along one side of a patch of a plane's mesh."""
