@@ -208,9 +208,9 @@ def _untrained(one: CameraSessions, path: Path) -> Path:
     from tof_infer.card import Card
     from tof_infer.config import TrainConfig
     from tof_infer.export import export
-    from tof_infer.honesty import Calibration
     from tof_infer.network import RepairNet
     from tof_infer.samples import Pool, Samples
+    from tof_infer.sigma_calibration import Calibration
     from tof_infer.train import measure_amplitude
 
     config, pool = TrainConfig(), Pool([one.dataset], least=1)

@@ -208,8 +208,8 @@ def timing_figures(session: Session) -> list[Figure]:
     from tof_core.camera import Camera
     from tof_core.capture import Capture
     from tof_infer.export import Exported, restore
-    from tof_infer.honesty import Calibration
     from tof_infer.session import Session
+    from tof_infer.sigma_calibration import Calibration
 
     camera = Camera(400, 300, 380.0, 380.0, 199.5, 149.5)
     rng = np.random.default_rng(0)

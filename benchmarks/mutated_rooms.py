@@ -110,5 +110,8 @@ ROOMS = {
         {"tof_sim_label.gate": (), "tof_sim_label.sigma": (), "tof_sim_label.label": (), "tof_sim_label.split": ()},
         tuple(f"tests/tof_sim_label/test_{name}.py" for name in ("gate", "sigma", "label", "split")),
     ),
-    "network": Room({"tof_infer.honesty": (), "tof_infer.judge": ()}, ("tests/tof_infer/test_honesty.py", "tests/tof_infer/test_judge.py")),
+    "network": Room(
+        {"tof_infer.sigma_calibration": (), "tof_infer.validate": ()},
+        ("tests/tof_infer/test_sigma_calibration.py", "tests/tof_infer/test_validate.py"),
+    ),
 }

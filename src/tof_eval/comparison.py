@@ -23,18 +23,18 @@ SCHEMA = "toftwin.evaluation/1"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """The figures as plain values (for JSON), and the view that shows most parts with each method's estimate of it."""
+    """The scores as plain values (for JSON), and the view with most parts beside each method's estimate."""
 
     result: dict[str, Any]
     shown: tuple[Judged, Mapping[str, Estimate]]
 
 
 def compare(views: Iterable[Judged], methods: Sequence[Method], parts: tuple[str, ...]) -> Comparison:
-    """Score every method on every view; a method that takes several captures gets the last ones of the dwell.
+    """Score every method on every view; a method that uses several captures gets the last ones of the dwell.
 
     Args:
-        views: views with their reference; of each at least as many captures as a method takes, if the dwell has them.
-        methods: what is compared.
+        views: views with their reference, and as many captures as a method uses, if the dwell has them.
+        methods: methods to compare.
         parts: names of the scene's parts, by which errors are listed.
 
     Raises:

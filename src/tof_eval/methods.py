@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The methods compared: the raw frame, filters, filters after a sensor correction, a network; each from captures to one depth."""
+"""The methods compared, each from captures to one depth image: raw frame, filters, filters after a sensor correction, network."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ METHODS = ("raw", "rules", "corrected", "model")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """Result of a method for one view: depth (H, W) metres, NaN where none; its sigma (H, W) or None; run time in seconds."""
+    """Result of a method for one view: depth (H, W) metres, NaN where invalid; sigma (H, W) or None; run time in seconds."""
 
     depth: Image
     sigma: Image | None
@@ -71,7 +71,7 @@ class Rules:
 
 
 class Corrected(Rules):
-    """Rules after a correction of the sensor's bias; `bias` gives (H, W) metres of a capture that are subtracted from it."""
+    """Rules after a correction of the sensor's bias; `bias` gives the error of a capture's depth (H, W) in metres, which is subtracted."""
 
     def __init__(self, bias: Callable[[Capture], Float], config: PreprocConfig, frames: int = 1) -> None:
         super().__init__(config, frames, "corrected" if frames == 1 else f"corrected{frames}")
@@ -109,7 +109,7 @@ def make_methods(
     bias: Callable[[Capture], Float] | None,
     frames: int,
 ) -> list[Method]:
-    """Methods by name; with `frames` above 1 the rules come a second time, given so many captures.
+    """Methods by name; with `frames` above 1 each filter method is listed a second time, with that many captures.
 
     Raises:
         UsageError: an unknown name, or one that lacks its file.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of depth and poses for reports, as PNG images inside the page."""
+"""Plots of depth and pose errors for reports, as embedded PNG images."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WAYS = ("neutral", "contrast", "third", "accent")
 
 
 def pose_plot(poses: Sequence[PoseErrors]) -> str:
-    """Every view's pose error by way of posing, on logarithmic axes; the line is the median."""
+    """Pose error of every view by estimate, on logarithmic axes; the line is the median."""
     figure, plots = axes(11, 2.9, columns=2)
     for ax, unit, values in zip(plots[0], ("mm", "degrees"), ([p.millimetres for p in poses], [p.degrees for p in poses]), strict=True):
         for row, (errors, name) in enumerate(zip(values, WAYS, strict=False)):
@@ -32,7 +32,7 @@ def pose_plot(poses: Sequence[PoseErrors]) -> str:
             ax.text(np.median(errors), row - 0.36, f"{np.median(errors):.2g}", ha="center", va="bottom", color=colour, fontsize=8.5)
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter("{x:g}")
-        ax.xaxis.set_minor_formatter(NullFormatter())  # within two decades it would write every line's number
+        ax.xaxis.set_minor_formatter(NullFormatter())  # by default it labels every grid line within two decades
         ax.set_yticks(range(len(poses)), [p.name for p in poses])
         ax.set_ylim(len(poses) - 0.5, -0.75)
         ax.set_xlabel(f"distance from the true pose, {unit}")

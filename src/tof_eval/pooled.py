@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth errors pooled over many images without keeping them."""
+"""Depth errors pooled over many images; the images are not kept."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class PooledError:
-    """The figures of `tof_core.metrics.DepthError` over all pixels of all images added."""
+    """The fields of `tof_core.metrics.DepthError` over all pixels of all images added."""
 
     pixels: int = 0
     reference: int = 0
@@ -37,7 +37,7 @@ class PooledError:
 
     @property
     def error(self) -> DepthError:
-        """The pooled figures; NaN where nothing was compared."""
+        """The pooled error; NaN where nothing was compared."""
         n = self.pixels or math.nan
         return DepthError(
             mae=self._absolute / n,

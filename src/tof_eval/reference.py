@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The depth that methods are compared with: the truth file of a virtual session, or the labels of the solved session."""
+"""The reference depth: the truth file of a virtual session, or labels at the estimated poses of a session."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
-    """One view of the bag: its captures, its true depth (H, W) with NaN where there is none, and the CAD rendered there."""
+    """One view of a bag: captures, reference depth (H, W) in metres, NaN where unknown, and the CAD rendered at its pose."""
 
     captures: tuple[Capture, ...]
     reference: Image
@@ -34,7 +34,7 @@ class Judged:
 
 
 def by_truth(views: Iterable[tuple[View, tuple[Capture, ...]]], caster: Raycaster, path: Path) -> Iterator[Judged]:
-    """Views with the true depth of the virtual session that recorded them; views that it does not have are left out.
+    """Views with the true depth of the virtual session that recorded them; views without true depth are left out.
 
     Raises:
         DatasetError: the file is not the truth of a virtual session.
@@ -44,7 +44,7 @@ def by_truth(views: Iterable[tuple[View, tuple[Capture, ...]]], caster: Raycaste
         arrays = read_npz(path if path.suffix == ".npz" else path.with_name(path.name + ".npz"), names)
         stamps, depth, poses = (arrays[name] for name in names)
     except (OSError, KeyError, ValueError, DatasetError) as error:
-        raise DatasetError(f"is no truth ({error})", where=path, todo="pass the .npz that lies beside a virtual session") from None
+        raise DatasetError(f"is no truth file ({error})", where=path, todo="pass the .npz that lies beside a virtual session") from None
     number = {int(s): k for k, s in enumerate(stamps)}
     for view, captures in views:
         k = number.get(view.stamp_ns)
@@ -55,7 +55,7 @@ def by_truth(views: Iterable[tuple[View, tuple[Capture, ...]]], caster: Raycaste
 def by_label(
     views: Iterable[tuple[View, tuple[Capture, ...]]], posed: Iterable[Posed], caster: Raycaster, config: LabelConfig
 ) -> Iterator[Judged]:
-    """Views with the label at the pose of each; views whose pose is not accepted are left out."""
+    """Views with their labels as reference; views without an accepted pose are left out."""
     from tof_sim_label.label import label_view
 
     for (view, captures), pose in zip(views, posed, strict=True):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The evaluation as `evaluation.json` and as `report.html`: figure 9, the tables, one view in pictures."""
+"""The evaluation as `evaluation.json` and as `report.html`: alignment rate by view, tables, pictures of one view."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _colour(name: str) -> str:
 
 
 def sweep_plot(methods: Mapping[str, Any]) -> str:
-    """Mean absolute error of each view, and beside it the alignment rate (figure 9 of the paper)."""
+    """Mean absolute error and alignment rate (figure 9 of the paper) of each view."""
     figure, plots = axes(11, 3.2, columns=2)
     for ax, key, label in zip(plots[0], ("mae_mm", "alignment"), ("mean absolute error, mm", "alignment rate, %"), strict=True):
         for name, m in methods.items():
@@ -90,7 +90,7 @@ def sweep_plot(methods: Mapping[str, Any]) -> str:
 
 
 def by_plot(methods: Mapping[str, Any]) -> str:
-    """Mean absolute error against range, incidence, albedo and edge."""
+    """Mean absolute error against range, incidence, albedo and distance to an edge."""
     axes_shown = [axis for axis in ("range_m", "incidence_deg", "albedo", "edge_px") if any(axis in m["by"] for m in methods.values())]
     figure, plots = axes(11, 3.1, columns=max(len(axes_shown), 1), sharey=True)
     for ax, axis in zip(plots[0], axes_shown, strict=True):
@@ -111,13 +111,13 @@ def by_plot(methods: Mapping[str, Any]) -> str:
 
 
 def _line(name: str) -> dict[str, Any]:
-    """How a method is drawn: raw depth broad, below the filters that often lie on it; several captures dashed."""
+    """Line style of a method: raw depth broad and below the filters, whose line often covers it; several captures dashed."""
     broad = {"lw": 4.5, "alpha": 0.45, "zorder": 1.5} if name == "raw" else {"marker": "o", "ms": 4}
     return {"ls": "--" if name[-1].isdigit() else "-", "color": _colour(name), "label": called(name), **broad}
 
 
 def view_picture(judged: Judged, estimates: Mapping[str, Estimate]) -> str:
-    """One view: its amplitude for orientation, where it has one, and the error of each method."""
+    """One view: amplitude, where recorded, and the error of each method."""
     true, light = judged.reference, judged.captures[-1].amplitude
     images: list[tuple[str, Any, str]] = [] if light is None else [("amplitude", _visible(light), "grey")]
     images += [(f"error of {called(name)}", e.depth - true, "error") for name, e in estimates.items()]
@@ -125,5 +125,5 @@ def view_picture(judged: Judged, estimates: Mapping[str, Estimate]) -> str:
 
 
 def _visible(light: Image) -> Image:
-    """Amplitude as a picture: the brightest hundredth is white, square roots lighten the rest."""
+    """Amplitude as a picture: square root, the brightest hundredth white."""
     return np.asarray(np.sqrt(np.clip(np.nan_to_num(light) / max(float(np.nanpercentile(light, 99)), 1e-9), 0.0, 1.0)), np.float32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two recorded runs of the graph, number by number: which frame and topic is the first that differs."""
+"""Comparison of two recorded runs of the graph, value by value, up to the first frame and topic that differ."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """Values may differ by `absolute` (their own unit), and by more in a `share` of the elements of one message."""
+    """Values may differ by `absolute` (in their unit); a `share` of the elements of one message may differ by more."""
 
     absolute: float
     share: float = 0.0
@@ -45,7 +45,7 @@ TOLERANCES: dict[str, Tolerance] = {
     "label/part": Tolerance(0, 2e-3),
     "label/pose": Tolerance(2e-5),
 }
-"""What another processor or ray caster may change: metres, radians; everything else is compared exactly."""
+"""Differences that another processor or ray caster may cause, metres or radians; other topics are compared exactly."""
 IGNORED = ("/diagnostics", "/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "*/done")
 
 
@@ -64,7 +64,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class RunComparison:
-    """How many messages were compared, per topic, and where the runs part first."""
+    """Messages compared and largest difference per topic, and the first difference (None: within the tolerances)."""
 
     compared: Mapping[str, int]
     largest: Mapping[str, float]
@@ -100,7 +100,7 @@ def compare_runs(new: Path, old: Path, tolerances: Mapping[str, Tolerance] = TOL
 
 
 def read_run(path: Path) -> dict[tuple[int, str], Any]:
-    """Messages of a bag by (header stamp in ns, topic); what the graph does not compute is left out."""
+    """Messages of a bag by (header stamp in ns, topic); topics that the graph does not compute are left out."""
     out: dict[tuple[int, str], Any] = {}
     try:
         with closing(open_files(path)) as files:
@@ -114,7 +114,7 @@ def read_run(path: Path) -> dict[tuple[int, str], Any]:
 
 
 def _compare_pair(new: Any, old: Any, tolerance: Tolerance) -> tuple[str, float]:
-    """What differs ("" when nothing) and the largest difference found."""
+    """Description of the first difference ("" if there is none), and the largest difference."""
     if new is None or old is None:
         return ("is missing in the new run" if new is None else "is not in the recorded run"), 0.0
     new_parts, old_parts = parts(new), parts(old)
@@ -130,7 +130,7 @@ def _compare_pair(new: Any, old: Any, tolerance: Tolerance) -> tuple[str, float]
 
 
 def parts(message: Any) -> dict[str, NDArray[Any]]:
-    """What of a message is compared: its pixels, points, camera, pose or text, by name."""
+    """The compared contents of a message by name: pixels, points, camera, pose or text."""
     frame = {"frame_id": np.array(message.header.frame_id)}
     if hasattr(message, "encoding"):
         return frame | {"encoding": np.array(message.encoding), "pixels": pixels(message)}

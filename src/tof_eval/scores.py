@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scores of methods over views: in all, per capture, at equal coverage, and by range, incidence, albedo, edge and part."""
+"""Scores of methods over views: all pixels, pixels common to all methods, per view, and by range, incidence, albedo, edge and part."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ BINS: dict[str, tuple[float, ...]] = {
     "edge_px": (0, 1.5, 3, 8, 10_000),
 }
 WRONG_M = 0.01
-"""A pixel is wrong when it is farther than this from the truth."""
+"""Depth error in metres beyond which a pixel is wrong."""
 FAR_PX = 9_999.0
-"""Distance to the next edge in a view without one: in the last bin."""
+"""Distance to the next edge, in pixels, in a view without edges; it is in the last bin."""
 FLYING_PX = 1.5
-"""Flying pixels lie so near to an edge."""
+"""Largest distance of a flying pixel from an edge, in pixels."""
 
 
 @dataclass(slots=True)
 class MethodScore:
-    """Everything measured of one method."""
+    """Scores of one method."""
 
     total: PooledError = field(default_factory=PooledError)
     common: PooledError = field(default_factory=PooledError)
@@ -47,7 +47,7 @@ class MethodScore:
     by: dict[str, dict[str, PooledError]] = field(default_factory=lambda: defaultdict(lambda: defaultdict(PooledError)))
     seconds: list[float] = field(default_factory=list)
     sigma: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    """Pixels with a sigma; of those within one, within two."""
+    """Numbers of pixels: with a sigma; with an error within one sigma; within two."""
     flying_left: int = 0
     flying_raw: int = 0
 
@@ -70,7 +70,7 @@ class MethodScore:
 
 
 class Scores:
-    """Gathers the scores of several methods view by view."""
+    """Collects the scores of several methods view by view."""
 
     def __init__(self, names: list[str], parts: tuple[str, ...]) -> None:
         self.methods = {name: MethodScore() for name in names}
@@ -78,7 +78,7 @@ class Scores:
         self.views = 0
 
     def add(self, judged: Judged, estimates: Mapping[str, Estimate]) -> None:
-        """One view: every method against the reference."""
+        """Add one view."""
         self.views += 1
         true, rendering = judged.reference, judged.rendering
         common = np.logical_and.reduce([np.isfinite(e.depth) for e in estimates.values()])
@@ -101,7 +101,7 @@ class Scores:
                 _count_sigma(score, e.depth - true, e.sigma)
 
     def to_dict(self) -> dict[str, Any]:
-        """Every method's numbers."""
+        """The scores of every method."""
         return {name: score.to_dict() for name, score in self.methods.items()}
 
 
@@ -130,7 +130,7 @@ def _name(low: float, high: float) -> str:
 
 
 def plain(e: DepthError) -> dict[str, float | int | None]:
-    """Figures in millimetres; `std_mm` is the standard deviation about the bias; None where nothing was compared."""
+    """Errors in millimetres; `std_mm` is the standard deviation about the bias; None where nothing was compared."""
     if not e.pixels:
         return {
             "pixels": 0,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A labelled session against its truth: depth, label and poses."""
+"""Errors of a labelled session against its truth: depth, label and poses."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class PoseErrors:
 class SessionErrors:
     """Errors of depth and poses against label and truth.
 
-    rows: name and figures; poses: by way of posing; honest: share of certain pixels whose label is
-    within two of its own sigmas of the truth.
+    rows: name and error of each comparison; poses: one entry per pose estimate; honest: share of the labelled pixels whose label is
+    within two of its sigmas of the truth.
     """
 
     rows: list[tuple[str, DepthError]]
@@ -47,12 +47,12 @@ def session_errors(dataset_path: Path, truth: Mapping[str, Any], poses: Mapping[
     """Compare a dataset with its session's truth, view by view.
 
     Args:
-        dataset_path: what `label` wrote.
+        dataset_path: dataset written by `label`.
         truth: arrays by name, as `tof_virtual.truth` writes them: stamp_ns, depth, T_robot, T_cell_camera.
         poses: further estimates of the views' poses by name, (V, 4, 4) each.
 
     Raises:
-        DatasetError: dataset and truth are of different sessions.
+        DatasetError: dataset and truth belong to different sessions.
     """
     dataset = open_dataset(dataset_path)
     if not np.array_equal(dataset.column("views/stamp_ns"), truth["stamp_ns"]):

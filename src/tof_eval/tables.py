@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures as tables of text for a terminal."""
+"""Scores as text tables for a terminal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def methods_table(methods: Mapping[str, Any]) -> str:
-    """One line a method, over all views."""
+    """One line per method, over all views."""
     lines = [
         f"{'method':<14}{'MAE mm':>9}{'bias mm':>9}{'RMSE mm':>9}{'complete %':>12}{'align %':>9}{'equal cov. MAE':>16}{'flying left %':>15}{'ms':>8}"
     ]
@@ -39,7 +39,7 @@ def captures_table(methods: Mapping[str, Any]) -> str:
 
 
 def depth_table(rows: Iterable[tuple[str, DepthError]]) -> str:
-    """One line a row: errors, completeness, alignment rate, pixels."""
+    """One line per row: errors, completeness, alignment rate, pixels."""
     head = f"{'depth':<28}{'MAE mm':>9}{'RMSE mm':>9}{'bias mm':>9}{'complete %':>12}{'alignment %':>13}{'pixels':>12}"
     lines = [
         f"{name:<28}{1e3 * e.mae:>9.2f}{1e3 * e.rmse:>9.2f}{1e3 * e.bias:>+9.2f}{_p(e.completeness):>12}{e.alignment:>13.2f}{e.pixels:>12,}"
@@ -49,7 +49,7 @@ def depth_table(rows: Iterable[tuple[str, DepthError]]) -> str:
 
 
 def pose_table(poses: Sequence[PoseErrors]) -> str:
-    """One line an estimate of the poses: median and largest error over the views."""
+    """One line per pose estimate: median and largest error over the views."""
     head = f"{'pose of the camera':<28}{'median mm':>10}{'max mm':>9}{'median deg':>12}{'max deg':>9}"
     lines = [
         f"{p.name:<28}{np.median(p.millimetres):>10.2f}{p.millimetres.max():>9.2f}{np.median(p.degrees):>12.3f}{p.degrees.max():>9.3f}"

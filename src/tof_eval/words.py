@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The outcome of a comparison in words: names of the methods, the verdict, what to do now."""
+"""The result of a comparison in words: names of the methods, verdict, recommendations."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from tof_core.shares import in_percent
-from tof_infer.report import HONEST, TWO_SIGMA
+from tof_infer.report import CALIBRATED, TWO_SIGMA
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -14,26 +14,26 @@ if TYPE_CHECKING:
 WORDS = {"raw": "raw depth", "rules": "the filters", "corrected": "the filters after sensor.yaml", "model": "the network"}
 """Methods by their first name (`tof_eval.methods.METHODS`)."""
 LOST = 0.005
-"""Share of pixels without a depth that is worth a word."""
+"""Share of pixels that must lose their depth to be mentioned."""
 WON = 0.1
 """Share of the error that more captures must remove before they are recommended, since each takes time."""
 
 
 def called(name: str) -> str:
-    """A method in words; the number behind a name is that of its captures."""
+    """A method in words; a number at the end of its name is its number of captures."""
     first = name.rstrip("0123456789")
     captures = name[len(first) :]
     return WORDS.get(first, first) + (f" over {captures} captures" if captures else "")
 
 
 def best(methods: Mapping[str, Any]) -> str:
-    """The method with the least mean absolute error where all give a depth; "" where none has one."""
+    """The method with the least mean absolute error over the pixels common to all methods; "" without such pixels."""
     known = {name: m["equal_coverage"]["mae_mm"] for name, m in methods.items() if m["equal_coverage"]["mae_mm"] is not None}
     return min(known, key=lambda name: known[name]) if known else ""
 
 
 def sentence(methods: Mapping[str, Any]) -> str:
-    """The verdict: the best method against the first one, with the price that it has."""
+    """The verdict: error of the best method and of the first one, and the pixels that the best one loses."""
     name = best(methods)
     if not name:
         return "No pixel has a depth by every method, so the methods cannot be compared."
@@ -48,7 +48,7 @@ def sentence(methods: Mapping[str, Any]) -> str:
 
 
 def todo(methods: Mapping[str, Any]) -> list[str]:
-    """What to do now."""
+    """Recommendations."""
     name, lines = best(methods), list[str]()
     if not name:
         return ["Compare fewer methods: --methods raw,rules."]
@@ -66,9 +66,9 @@ def todo(methods: Mapping[str, Any]) -> list[str]:
     if not any(n.startswith("corrected") for n in methods):
         lines.append(
             "Look for the cause of the error that is left: toftwin gap. Its sensor.yaml, passed as --sensor with --methods "
-            f"{','.join(dict.fromkeys([*(n.rstrip('0123456789') for n in methods), 'corrected']))}, shows how much a correction wins."
+            f"{','.join(dict.fromkeys([*(n.rstrip('0123456789') for n in methods), 'corrected']))}, shows how much a correction removes."
         )
-    far = [n for n, m in methods.items() if m["within_2_sigma"] is not None and m["within_2_sigma"] < TWO_SIGMA - HONEST]
+    far = [n for n, m in methods.items() if m["within_2_sigma"] is not None and m["within_2_sigma"] < TWO_SIGMA - CALIBRATED]
     if far:
         shares = " and ".join(f"{in_percent(methods[n]['within_2_sigma'])} of the errors of {called(n)}" for n in far)
         lines.append(f"Do not take sigma for the whole error: two sigma hold {shares}; 95 % is right.")
@@ -76,11 +76,11 @@ def todo(methods: Mapping[str, Any]) -> list[str]:
 
 
 def _use(name: str, methods: Mapping[str, Any]) -> str:
-    """How the best method is run; "" where that is raw depth."""
+    """How to run the best method; "" for raw depth."""
     first = name.rstrip("0123456789")
     captures, single = name[len(first) :], methods.get(first)
     if captures and single and methods[name]["equal_coverage"]["mae_mm"] > (1.0 - WON) * single["equal_coverage"]["mae_mm"]:
-        return f"One capture of each view is enough: {captures} captures win less than {in_percent(WON)} of the error."
+        return f"One capture of each view is enough: {captures} captures remove less than {in_percent(WON)} of the error."
     if captures:
         return f"Take {captures} captures of each view while the camera stands still; toftwin label and the node preproc combine them."
     return {

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Adaptation of a trained network to another camera by a few labelled views.
+"""Adaptation of a trained network to another camera with a few labelled views.
 
-All weights go on from those of the given network: how noise, edges and surfaces look is the same for every camera, and what is the
-camera's own is soon learnt beside it. Gains and shifts of channels alone (feature-wise modulation) were tried and left more error.
+Training continues from all weights of the given network: noise, edges and surfaces look alike for every camera, and few steps
+suffice for what differs. Gains and shifts of channels alone (feature-wise modulation) were tried and left larger errors.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from tof_infer.batches import Batcher
 from tof_infer.card import Card
 from tof_infer.config import NetConfig
 from tof_infer.export import export, restore
-from tof_infer.judge import Verdict, judge
 from tof_infer.passes import State, one_pass
 from tof_infer.samples import Pool, Samples
 from tof_infer.train import device_of, range_of
+from tof_infer.validate import Validation, validate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from tof_infer.network import RepairNet
 
 MIN_VIEWS = 2
-"""Sigma is calibrated on views that a network was not trained on."""
+"""Fewest views: sigma is calibrated on views that a network was not trained on."""
 
 
 def adapt(
@@ -49,11 +49,11 @@ def adapt(
     redraw: Redraw | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Card:
-    """Go on training the network `base` on datasets of one camera, and write `out` and its card beside it.
+    """Continue the training of the network `base` on datasets of one camera; write `out` and its card.
 
-    Three networks are trained: the one that is kept on all views, and one on each half of them, judged on the other half. Sigma, its
-    limit and the card's figures come from these two. They are judged against labels: what all labels of the camera have in common
-    (a constant range offset) is in none of the figures.
+    Three networks are trained: the written one on all views, and one on each half of the views, validated on the other half. Sigma,
+    its limit and the card's figures come from the latter two. They are validated against labels: an error common to all labels of the
+    camera (a constant range offset) does not appear in the figures.
 
     Raises:
         RefusedError: fewer than two views with usable labels.
@@ -61,7 +61,7 @@ def adapt(
         ModelError: `base` is not a network of `toftwin train`.
     """
     net, source = restore(base)
-    net.doubt = None  # learnt on frames of the other camera
+    net.doubt = None  # trained on frames of the other camera
     config = replace(config, net=from_mapping(NetConfig, source.config["net"], where="card"), batch=1, rate=config.adapt.rate)
     device = device_of(config)
     pool = Pool(paths, least=1)
@@ -71,10 +71,10 @@ def adapt(
     verdicts = []
     for number, (shown, held) in enumerate((halves, halves[::-1]), 1):
         half, _ = _trained(net, Batcher(Samples(pool, shown), config, redraw), config.adapt.check_steps, device)
-        verdicts.append(judge(half, Batcher(Samples(pool, held), config), device, config.loss))
+        verdicts.append(validate(half, Batcher(Samples(pool, held), config), device, config.loss))
         say(f"half {number}: MAE {verdicts[-1].mae * 1e3:.2f} mm (raw {verdicts[-1].raw_mae * 1e3:.2f} mm) on the views of the other half")
-    verdict = Verdict.of_all(verdicts)
-    calibration, limit = verdict.honest(config.max_sigma_mm * 1e-3)
+    verdict = Validation.of_all(verdicts)
+    calibration, limit = verdict.calibrated(config.max_sigma_mm * 1e-3)
     adapted, curves = _trained(net, Batcher(every, config, redraw), config.adapt.steps, device)
     weights = sum(p.numel() for p in adapted.parameters())
     card = Card(
@@ -96,7 +96,7 @@ def adapt(
 
 
 def _halves(every: Samples) -> tuple[Ints, Ints]:
-    """Usable views in two halves, taken in turn, so that both see every station."""
+    """Usable views, alternating in two halves, so that both contain every station."""
     views = np.unique([place.pooled for place in every.places])
     if len(views) < MIN_VIEWS:
         raise RefusedError(
@@ -113,7 +113,7 @@ def _split(halves: tuple[Ints, Ints], every: Samples, config: TrainConfig) -> di
 
 
 def _trained(net: RepairNet, batcher: Batcher, steps: int, device: torch.device) -> tuple[RepairNet, list[dict[str, float]]]:
-    """The network after about so many more steps (running average), and the mean loss of each pass."""
+    """The network after about `steps` more steps (running average), and the mean loss of each pass."""
     passes = -(-steps // len(batcher.samples))
     config = replace(batcher.config, epochs=passes)
     torch.manual_seed(config.seed)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Data augmentation: new frames of a labelled view from its label and a fitted sensor model (`sensor.yaml`), with new noise each time."""
+"""Data augmentation: frames of a labelled view simulated from its label by a fitted sensor model (`sensor.yaml`), with new noise each time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Labelled:
-    """The fields of a rendering (`tof_scene.render.Rendering`) that effects read, as far as a label contains them."""
+    """The fields of a rendering (`tof_scene.render.Rendering`) that effects read and a label contains."""
 
     camera: Camera
     T_cell_camera: Float
@@ -36,7 +36,7 @@ class Labelled:
 
 @dataclass(frozen=True, slots=True)
 class Redraw:
-    """Simulated samples: measured amplitude, depth of the label, and the model's bias and noise.
+    """Simulated samples: measured amplitude, and the label's depth with the model's bias and noise.
 
     Effects that need the CAD for ray casting (multipath) or a second surface (flying pixels) are not simulated; the recorded
     frames contain them.
@@ -46,7 +46,7 @@ class Redraw:
     camera: Camera
 
     def __call__(self, sample: Sample, rng: np.random.Generator) -> Sample:
-        """The same view as the modelled sensor would see it."""
+        """The sample as the modelled sensor measures it."""
         seen = np.isfinite(sample.label) & np.isfinite(sample.depth)
         depth = np.where(seen, sample.label, np.nan)
         lit = np.isfinite(sample.amplitude) & (sample.amplitude > 0)
@@ -100,7 +100,7 @@ def _normals(camera: Camera, depth: Float) -> Image:
 
 
 def _smooth(depth: Image) -> Any:
-    """Pixels whose neighbours continue one surface: depth changes by less than 2 % of itself to all sides."""
+    """Pixels on a continuous surface: depth changes by less than 2 % to all four neighbours."""
     smooth = np.isfinite(depth)
     for axis in (0, 1):
         step = np.abs(np.diff(depth, axis=axis, append=np.take(depth, [-1], axis=axis)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Batches of tensors from samples: padding, mirroring, hidden inputs, frames simulated by the sensor model."""
+"""Batches of tensors from samples, with padding, mirroring, hidden inputs and frames simulated by the sensor model."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def pad(image: Float | Image, size: tuple[int, int], fill: float) -> Image:
 
 
 class Batcher:
-    """Makes the tensors of some samples: `images` as the network takes them, and the target.
+    """Makes tensors of samples: `images`, the network's inputs, and `target`, labels with sigma and mask.
 
-    With `TrainConfig.margin_px` training batches hold the surroundings of the labels alone: a board covers some hundredths of an image.
+    With `TrainConfig.margin_px` training batches are cut to the labels and a margin: a board covers a few per cent of an image.
     """
 
     def __init__(self, samples: Samples, config: TrainConfig, redraw: Redraw | None = None) -> None:
@@ -54,7 +54,7 @@ class Batcher:
             yield self._batch([self._augmented(self.samples[int(i)], rng) for i in order[start : start + self.config.batch]], rng)
 
     def plain(self) -> Iterator[tuple[dict[str, Tensor], dict[str, Tensor]]]:
-        """Every sample once, as it is."""
+        """Every sample once, without augmentation."""
         for i in range(len(self.samples)):
             yield self._batch([self.samples[i]], None)
 
@@ -92,14 +92,14 @@ class Batcher:
         return images, target
 
     def _labelled(self, sample: Sample) -> Window:
-        """The rows and columns that hold every pixel with a label, and a margin."""
+        """The rows and columns of all labelled pixels, with a margin."""
         (top, bottom), (left, right) = ((int(at[0]), int(at[-1])) for at in map(np.flatnonzero, (sample.mask.any(1), sample.mask.any(0))))
         (height, width), margin = sample.mask.shape, self.config.margin_px
         rows = slice(max(top - margin, 0), min(bottom + 1 + margin, height))
         return rows, slice(max(left - margin, 0), min(right + 1 + margin, width))
 
     def _size(self, windows: list[Window]) -> tuple[int, int]:
-        """The padded size that holds every window of a batch."""
+        """The padded size of the largest windows of a batch."""
         height, width = (max(w[axis].stop - w[axis].start for w in windows) for axis in (0, 1))
         return padded_size((height, width), self.config.net.multiple)
 

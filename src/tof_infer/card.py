@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The card of a network: inputs and outputs, camera, training data and figures. It is in the ONNX metadata and, as JSON, beside the file."""
+"""The card of a network: inputs and outputs, camera, training data and figures. It is stored in the ONNX metadata and in a JSON file beside the model."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ SCHEMA = "toftwin.model/1"
 KEY = "toftwin.card"
 """Key of the card in the ONNX metadata."""
 OUTPUTS = ["depth_out", "sigma", "own"]
-"""Names of the ONNX outputs; `own` exists only where a frame-level sigma correction was trained (`tof_infer.doubt`)."""
+"""Names of the ONNX outputs; `own` exists only where a frame-level sigma correction was trained (`tof_infer.sigma_correction`)."""
 SAME_FOCAL, SAME_MIDDLE = 0.02, 0.02
-"""Relative difference of focal lengths, and of principal points in image widths, within which a camera is the same."""
+"""Relative difference of focal lengths, and of principal points in image widths, up to which two cameras count as the same."""
 
 
 @dataclass(frozen=True, slots=True)
 class Card:
     """Contract and provenance of one network.
 
-    inputs: names of the ONNX inputs, in order: `depth`, `amplitude`, `incidence`, `material` (1, 1, H, W), NaN where there is nothing;
-    `ray` (1, 3, H, W) unit directions; `temperature` (1,). H and W are multiples of `multiple`, padded with NaN (rays with anything but
-    0 in z) below and to the right. Outputs are `depth_out` and `sigma` (1, 1, H, W), metres, and perhaps `own`: sigma from the
-    pixel's own surroundings, without the frame-level correction. Pixels whose `own` exceeds `max_sigma_m` keep the raw depth. The
-    frame-level correction does not count there: it is due to multipath, which the raw depth contains too. range_m: depths in training.
+    inputs: names of the ONNX inputs, in order: `depth`, `amplitude`, `incidence`, `material` (1, 1, H, W), NaN where invalid; `ray`
+    (1, 3, H, W) unit directions; `temperature` (1,). H and W are multiples of `multiple`, padded below and to the right with NaN
+    (rays with any z but 0). Outputs are `depth_out` and `sigma` (1, 1, H, W), metres, and optionally `own`: sigma from a pixel's
+    surroundings, without the frame-level correction. Pixels whose `own` exceeds `max_sigma_m` keep the raw depth. The frame-level
+    correction does not count there: it is due to multipath, which the raw depth contains too. range_m: depths in training.
     """
 
     inputs: tuple[str, ...]
@@ -53,11 +53,11 @@ class Card:
         return json.dumps(asdict(self), allow_nan=False)
 
     def save(self, path: Path) -> None:
-        """Write it beside the model."""
+        """Write the card as JSON."""
         path.write_text(json.dumps(asdict(self), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
     def difference(self, camera: Camera) -> str:
-        """How a camera differs from the one trained on; empty if it does not."""
+        """How a camera differs from the camera of the training data; empty if it does not."""
         mine = self.camera
         if camera.shape != mine.shape:
             return f"it is {camera.width}x{camera.height}, the model's {mine.width}x{mine.height}"

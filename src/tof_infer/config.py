@@ -9,9 +9,9 @@ from tof_core.config import param, section
 from tof_core.errors import ConfigError
 
 SENSOR_INPUTS = ("depth", "amplitude", "ray", "temperature")
-"""Inputs that a camera alone provides."""
+"""Inputs that the camera provides."""
 CAD_INPUTS = ("incidence", "material")
-"""Inputs that need a pose and the CAD: optional, since they leak the geometry that is to be measured."""
+"""Inputs that need a pose and the CAD: optional, since they contain the geometry to be measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,14 +21,14 @@ class NetConfig:
     inputs: str = param(",".join(SENSOR_INPUTS), "inputs of the network, joined by commas; incidence and material need a pose and the CAD")
     base: int = param(16, "channels of the finest level; each coarser level has twice as many, up to 4 times", low=4, high=128)
     levels: int = param(4, "levels of the U-Net, the coarsest included", low=2, high=6)
-    unshuffle: int = param(2, "pixels along each side that the finest level takes as channels of one", low=1, high=4)
+    unshuffle: int = param(2, "side of the blocks whose pixels become channels of the finest level", low=1, high=4)
     waves_m: str = param(
         "1.5,0.75,0.375,0.1875", "periods of the range encoding, from which training starts; a wiggle's is c / 8 f", unit="m"
     )
     residual: bool = param(True, "predict the correction of the raw depth; false predicts the depth itself")
 
     def __post_init__(self) -> None:
-        """Refuse inputs that do not exist, and periods that are none."""
+        """Refuse unknown inputs, and periods that are no positive numbers."""
         names = self.names
         unknown = [n for n in names if n not in SENSOR_INPUTS + CAD_INPUTS]
         if unknown or "depth" not in names:
@@ -43,7 +43,7 @@ class NetConfig:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The inputs."""
+        """Names of the inputs."""
         return tuple(n.strip() for n in self.inputs.split(",") if n.strip())
 
     @property
@@ -53,13 +53,13 @@ class NetConfig:
 
     @property
     def multiple(self) -> int:
-        """Rows and columns must be a multiple of this: the padding contract."""
+        """Rows and columns are padded to a multiple of this number."""
         return int(self.unshuffle * max(2 ** (self.levels - 1), 4))
 
 
 @dataclass(frozen=True, slots=True)
 class AdaptConfig:
-    """Adapting a trained network to another camera; one capture is one step."""
+    """Adaptation of a trained network to another camera; one step per capture."""
 
     steps: int = param(560, "steps of the network", low=10, high=1_000_000)
     check_steps: int = param(
@@ -106,7 +106,7 @@ class TrainConfig:
 
     @property
     def resolved(self) -> TrainConfig:
-        """The configuration a recipe stands for: the paper's is depth alone, MSE, rate 0.001, 100 epochs."""
+        """The configuration of the recipe: the paper's has depth alone, MSE, rate 0.001, 100 epochs."""
         if self.recipe == "default":
             return self
         plain = replace(self.net, inputs="depth", unshuffle=1, waves_m="", residual=False)

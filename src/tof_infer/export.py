@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A trained network to one ONNX file that holds its contract."""
+"""Export of a trained network to one ONNX file that contains its card."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from tof_core.config import from_mapping
 from tof_core.errors import ModelError, ToftwinError
 from tof_infer.card import KEY, OUTPUTS, parse_card
 from tof_infer.config import NetConfig
-from tof_infer.doubt import Doubt
 from tof_infer.network import RepairNet
+from tof_infer.sigma_correction import SigmaCorrection
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tof_infer.card import Card
-    from tof_infer.honesty import Calibration
+    from tof_infer.sigma_calibration import Calibration
 
 OPSET = 18
 
 
 class Exported(nn.Module):
-    """The exported graph: images in by name, depth and sigma out (and `own` with a `Doubt`), NaN where the frame has no depth."""
+    """The exported graph: inputs by name to depth and sigma (and `own` with a frame-level correction), NaN where the frame has no depth."""
 
     def __init__(self, net: RepairNet, calibration: Calibration) -> None:
         super().__init__()
         self.net, self.calibration = net, calibration
 
     def forward(self, *images: Tensor) -> tuple[Tensor, ...]:
-        """Images in the order of the card's inputs."""
+        """Outputs for images in the order of the card's inputs."""
         named = dict(zip(inputs_of(self.net), images, strict=True))
-        depth, *logs = self.net.doubted(named) if self.net.doubt is not None else self.net(named)
+        depth, *logs = self.net.with_correction(named) if self.net.doubt is not None else self.net(named)
         raw = named["depth"]
         there = (raw > 0) & (raw < 1e3)
         nan = torch.full_like(raw, float("nan"))
@@ -64,7 +64,7 @@ def restore(path: Path) -> tuple[RepairNet, Card]:
         net = RepairNet(from_mapping(NetConfig, card.config["net"], where="card"))
         weights = {t.name: torch.from_numpy(numpy_helper.to_array(t).copy()) for t in model.graph.initializer}
         if "net.doubt.see.weight" in weights:
-            net.doubt = Doubt(weights["net.doubt.see.weight"].shape[1])
+            net.doubt = SigmaCorrection(weights["net.doubt.see.weight"].shape[1])
         net.load_state_dict({name: weights[f"net.{name}"] for name in net.state_dict()})
     except ToftwinError:
         raise

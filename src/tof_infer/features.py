@@ -3,13 +3,14 @@
 
 Invalid is NaN (or any value that is not a depth). An input is zero where it is absent, and a mask channel marks it.
 
-- *relief*: depth against its own neighbourhood (9 pixels, and 20 blocks), through asinh: millimetres of noise and metres of a step both keep
-  their order. It carries surface shape, noise and edges and nothing of where the surface is, so it transfers between scenes.
-- *range*, and sine and cosine of it at a few periods (learnt from octaves of 1.5 m): errors of the modulation, wiggling above all, are
-  periodic in range and the same in every scene of one camera.
-- *log amplitude*, absolute (amplitude bias follows it), times range squared (albedo times cosine: how much a surface lights others), and
-  against its neighbourhood (albedo edges).
-- *ray*: fixed patterns and lens errors are tied to it. *Temperature*.
+- *relief*: depth minus the mean of its neighbourhood (9 pixels, and 20 blocks), through asinh, which keeps the order of millimetres of
+  noise and metres of a step. It contains surface shape, noise and edges, but not the position of the surface, so it transfers
+  between scenes.
+- *range*, and its sine and cosine at a few periods (trained from octaves of 1.5 m): errors of the modulation, wiggling above all, are
+  periodic in range and alike in every scene of one camera.
+- *log amplitude*: absolute (amplitude bias depends on it), times range squared (albedo times cosine: how much light a surface sends to
+  others), and minus the mean of its neighbourhood (albedo edges).
+- *ray*: fixed patterns and lens errors depend on it. *Temperature*.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from tof_infer.config import NetConfig
 
 NEAR, FAR = 0.02, 100.0
-"""Depth outside is no depth, metres."""
+"""Least and largest valid depth, metres."""
 FINE_UNIT_M, COARSE_UNIT_M = 0.004, 0.02
 FINE, COARSE = 9, 20
 
@@ -48,12 +49,12 @@ class Features(nn.Module):
 
     @property
     def fine_channels(self) -> int:
-        """How many channels of the finest level come from full resolution."""
+        """Number of channels from full resolution."""
         return (2 + ("amplitude" in self.names)) * self.block**2
 
     @property
     def smooth_channels(self) -> int:
-        """How many channels are means over a block."""
+        """Number of channels that are means over a block."""
         waves = 0 if self.wave is None else 2 * len(self.wave)
         each = {"depth": 2 + waves, "amplitude": 3, "ray": 2, "temperature": 2, "incidence": 2, "material": 2}
         return sum(each[n] for n in self.names)
@@ -81,7 +82,7 @@ class Features(nn.Module):
             if name in self.names:
                 there = (images[name] >= 0).to(torch.float32) * valid
                 smooth += [self._blocks(torch.where(there > 0, images[name], torch.zeros_like(z)), there), self._block(there)]
-        # Slices, in the order of pixel_unshuffle: that one becomes a transposition of six axes in ONNX, three times as slow.
+        # Slices in the order of pixel_unshuffle, which in ONNX becomes a transposition of six axes and takes three times as long.
         pixels = [x[:, :, i :: self.block, j :: self.block] for x in fine for i in range(self.block) for j in range(self.block)]
         return torch.cat(pixels, 1), torch.cat(smooth, 1), valid
 
@@ -89,7 +90,7 @@ class Features(nn.Module):
         return F.avg_pool2d(x, self.block) if self.block > 1 else x
 
     def _blocks(self, x: Tensor, there: Tensor) -> Tensor:
-        """Mean over each block of the pixels that are there; 0 where none is."""
+        """Mean of the valid pixels of each block; 0 where none is valid."""
         return self._block(x * there) / (self._block(there) + 1e-6)
 
     def _amplitude(self, amplitude: Tensor, range_m: Tensor, valid: Tensor, fine: list[Tensor], smooth: list[Tensor]) -> None:
@@ -102,7 +103,7 @@ class Features(nn.Module):
         smooth += [level, albedo * share, share]
 
     def _spread(self, value: Tensor, like: Tensor) -> list[Tensor]:
-        """One number a frame as a channel, with its mask."""
+        """One number per frame as a channel, with its mask."""
         value = value.view(-1, 1, 1, 1)
         there = ((value > -100) & (value < 200)).to(torch.float32)
         scaled = torch.where(there > 0, (value - self.temperature[0]) / self.temperature[1], torch.zeros_like(value))
@@ -110,7 +111,7 @@ class Features(nn.Module):
 
 
 def _mean(x: Tensor, there: Tensor, size: int) -> Tensor:
-    """Mean of the pixels that are there over a square window, one axis after the other; 0 where none is."""
+    """Mean of the valid pixels in a square window, one axis after the other; 0 where none is valid."""
     return _box(x * there, size) / (_box(there, size) + 1e-6)
 
 
@@ -121,7 +122,7 @@ def _box(x: Tensor, size: int) -> Tensor:
 
 
 def _coarse(x: Tensor, share: Tensor) -> Tensor:
-    """Mean over about `COARSE` blocks: of blocks of four, then of their neighbours, the same within a block of four."""
+    """Mean over about `COARSE` blocks: over squares of four blocks a side, then over neighbouring squares; constant within a square."""
     few = F.avg_pool2d(x * share, 4), F.avg_pool2d(share, 4)
     mean = _box(few[0], COARSE // 4) / (_box(few[1], COARSE // 4) + 1e-6)
     return F.interpolate(mean, scale_factor=4.0, mode="nearest")

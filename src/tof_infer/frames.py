@@ -24,9 +24,9 @@ class Mark(IntEnum):
 
 
 def unit_rays(camera: Camera) -> Image:
-    """(3, H, W) unit directions of the pixels; the optical axis where the lens model folds over and gives none.
+    """(3, H, W) unit directions of the pixels; the optical axis where the lens model has no ray.
 
-    One value that is not a number would reach every pixel of the network's coarse levels.
+    A single NaN would reach every pixel of the network's coarse levels.
     """
     rays = camera.rays()
     rays = np.where(np.isfinite(rays), rays, (0.0, 0.0, 1.0))
@@ -34,5 +34,5 @@ def unit_rays(camera: Camera) -> Image:
 
 
 def padded_size(shape: tuple[int, int], multiple: int) -> tuple[int, int]:
-    """The padding contract: height and width grow to the next multiple, below and to the right."""
+    """Height and width padded to the next multiple, below and to the right."""
     return -(-shape[0] // multiple) * multiple, -(-shape[1] // multiple) * multiple

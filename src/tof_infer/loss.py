@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
 
 def usable(images: dict[str, Tensor], target: dict[str, Tensor]) -> Tensor:
-    """(N, 1, H, W) pixels that count."""
+    """(N, 1, H, W) pixels with a depth and a usable label."""
     return torch.isfinite(images["depth"]) & (images["depth"] > 0) & target["mask"]
 
 
 def loss_of(kind: str, depth: Tensor, log_scale: Tensor, images: dict[str, Tensor], target: dict[str, Tensor]) -> Tensor:
-    """Mean loss of a batch. The label's own uncertainty is added to the predicted scale, since it is not an error of the network."""
+    """Mean loss of a batch. The label's standard deviation is added to the predicted scale, since label errors are no errors of the network."""
     where = usable(images, target)
     error = (depth - target["label"])[where]
     if kind == "mse":

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The U-Net that corrects depth: raw frame in, correction and its scale out.
 
-Its finest level works on blocks of `unshuffle` x `unshuffle` pixels as channels (as FFDNet, Zhang 2018): a quarter of the cost at the
-same accuracy of a pixel, and twice the view around it, which multipath needs.
+The finest level has blocks of `unshuffle` x `unshuffle` pixels as channels (as FFDNet, Zhang 2018): a quarter of the cost at the
+same accuracy per pixel, and twice the field of view, which multipath needs.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812 (as PyTorch calls it)
 
-from tof_infer.doubt import CELL, Doubt, cells_of
 from tof_infer.features import Features
+from tof_infer.sigma_correction import CELL, SigmaCorrection, cells_of
 
 if TYPE_CHECKING:
     from tof_infer.config import NetConfig
 
 UNIT_M = 0.01
-"""Metres of one unit of the network's output."""
+"""Metres per unit of the network's output."""
 MIN_SCALE_M, MAX_SCALE_M = 1e-5, 1.0
 CHUNK = 16
-"""Block of channels in onnxruntime's convolution; more channels that are not a multiple of it take a slow path."""
+"""Block of channels in onnxruntime's convolution; other numbers of channels are slower."""
 
 
 class Block(nn.Module):
-    """Two convolutions of 3 x 3 with a shortcut. An input in several parts is convolved part by part, without concatenation."""
+    """Two convolutions of 3 x 3 with a shortcut. Parts of an input are convolved separately, without concatenation."""
 
     def __init__(self, inside: int, outside: int) -> None:
         super().__init__()
@@ -52,7 +52,7 @@ def convolved(layer: nn.Conv2d, *parts: Tensor) -> Tensor:
 
 
 class UNet(nn.Module):
-    """Encoder and decoder with shortcuts; pools by 2, grows by nearest neighbours."""
+    """Encoder and decoder with shortcuts; pooling by 2, upsampling by nearest neighbours."""
 
     def __init__(self, inside: int, base: int, levels: int) -> None:
         super().__init__()
@@ -78,7 +78,7 @@ class RepairNet(nn.Module):
     def __init__(self, config: NetConfig) -> None:
         super().__init__()
         self.config = config
-        self.doubt: Doubt | None = None  # trained last
+        self.doubt: SigmaCorrection | None = None  # trained last; the name is that of its weights in model files
         self.features = Features(config)
         s = config.unshuffle
         fine = self.features.fine_channels
@@ -91,7 +91,7 @@ class RepairNet(nn.Module):
         """Corrected depth and the log of its scale in metres, both (N, 1, H, W), from images as in `Features`; undefined outside the mask."""
         return self.look(images)[:2]
 
-    def doubted(self, images: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+    def with_correction(self, images: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
         """Depth, the log of its scale with the frame-level correction, and the same from the pixel's surroundings alone."""
         depth, own, features = self.look(images)
         if self.doubt is None:

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 NAME = "infer"
 OUTPUTS = {"depth": Image, "sigma": Image, "camera_info": CameraInfo, "points": PointCloud2}
-"""Topics under `infer/`. Where sigma is infinite the raw depth stands."""
+"""Topics under `infer/`. Where sigma is infinite, depth is the raw depth."""
 
 UNHEARD_S = 1.0
-"""Period in which a frame is corrected while nobody is subscribed: the diagnostics' own."""
+"""Seconds between corrected frames while nobody is subscribed: the period of the diagnostics."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
     """Corrects each frame (docs/nodes/infer.md)."""
 
     def __init__(self, **options: Any) -> None:
-        """Nothing loaded yet."""
+        """Make the outputs; the network is loaded by `load`."""
         super().__init__(NAME, NAME, InferNodeConfig, fixed=("input.", "infer.", "live."), **options)
         self._kept, self._repaired = 0.0, float("-inf")
         self._refusal = ""
@@ -90,7 +90,7 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self._refusal = why
 
     def _repair(self, capture: Capture) -> None:
-        """Publish a frame corrected; while nobody is subscribed, the network runs once a second, for the diagnostics."""
+        """Publish a corrected frame; while nobody is subscribed, one frame a second is corrected for the diagnostics."""
         self._session.check(capture)
         self._refusal = ""
         if not self._heard() and time.monotonic() - self._repaired < UNHEARD_S:
@@ -106,16 +106,16 @@ class InferNode(ManagedNode[InferNodeConfig]):
         self.offer(self._outputs["points"], lambda: messages.points(camera.points(repaired.depth).astype(np.float32), head, amplitude))
 
     def _heard(self) -> bool:
-        """Whether anybody is subscribed to a frame's outputs."""
+        """Whether any output has a subscriber."""
         return self._depth.heard or any(output.get_subscription_count() for output in self._outputs.values())
 
     def reset(self) -> str:
-        """Discard the frames that are waiting."""
+        """Discard waiting frames."""
         self._feed.reset()
-        return "what waited is forgotten"
+        return "waiting frames are discarded"
 
     def flush(self) -> str:
-        """Give out every frame that waits, as at the end of a bag."""
+        """Correct all waiting frames, as at the end of a bag."""
         return self._feed.flush()
 
     def figures(self) -> Mapping[str, str]:

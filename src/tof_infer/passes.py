@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tof_infer.network import RepairNet
 
 AVERAGED = 0.998
-"""Share of the old in the running average of the weights; the average is what is kept."""
+"""Weight of the previous value in the running average of the weights; the average is exported."""
 WARM = 0.02
 FALLS_FROM = 0.4
 """Share of all steps after which the rate falls."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A page beside the network: what it repairs, how honest its sigma is, how training went."""
+"""Report page of a network: errors before and after correction, calibration of sigma, course of the training."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 ONE_SIGMA, TWO_SIGMA = 0.683, 0.954
 """Shares of a normal distribution within one and two standard deviations."""
-HONEST = 0.05
-"""Difference from these shares up to which sigma is called honest."""
+CALIBRATED = 0.05
+"""Difference from these shares up to which sigma counts as calibrated."""
 FLAT = 0.03
-"""Share of the validation error that the last quarter of the epochs must win, or more epochs promise nothing."""
+"""Share of the validation error that the last quarter of the epochs must remove for longer training to be recommended."""
 
 
 def write(card: Card, out: Path) -> Path:
@@ -52,12 +52,12 @@ def write(card: Card, out: Path) -> Path:
 
 
 def held_out(card: Card) -> str:
-    """What the views have in common that judged the network."""
+    """The views that the network was validated on, in words."""
     return "the other half" if card.base else "other stations"
 
 
 def sentence(figures: Mapping[str, Any]) -> str:
-    """The verdict in words, on views of other stations."""
+    """The verdict: errors on the validation views."""
     mae, raw = figures["val_mae_known_mm"], figures["val_raw_mae_mm"]
     if mae is None:
         return "The network repairs no pixel: its sigma is nowhere below the limit."
@@ -67,7 +67,7 @@ def sentence(figures: Mapping[str, Any]) -> str:
 
 
 def todo(card: Card) -> list[str]:
-    """What to do now."""
+    """Recommendations."""
     figures, lines = card.figures, []
     mae, raw = figures["val_mae_known_mm"], figures["val_raw_mae_mm"]
     if mae is None or mae >= raw:
@@ -83,7 +83,7 @@ def todo(card: Card) -> list[str]:
     elif figures["unseen_mae_known_mm"] is not None and figures["unseen_mae_known_mm"] > figures["unseen_raw_mae_mm"]:
         lines.append("Use it in the trained scenes alone: in scenes that it has never seen it repairs nothing.")
     one, two = figures["val_within_1_sigma"], figures["val_within_2_sigma"]
-    if abs(one - ONE_SIGMA) > HONEST or abs(two - TWO_SIGMA) > HONEST:
+    if abs(one - ONE_SIGMA) > CALIBRATED or abs(two - TWO_SIGMA) > CALIBRATED:
         lines.append(
             f"Do not rely on sigma yet: {in_percent(one)} of the errors are within one and {in_percent(two)} within two; wanted are 68 and 95 %."
         )
@@ -93,7 +93,7 @@ def todo(card: Card) -> list[str]:
 
 
 def _still_falls(curves: list[dict[str, float]]) -> bool:
-    """Whether the last quarter of the epochs won something."""
+    """Whether the last quarter of the epochs reduced the validation error."""
     values = [c["val_mae_mm"] for c in _checked(curves)]
     if len(values) < 8:
         return False
@@ -122,12 +122,12 @@ def _errors(figures: Mapping[str, Any], held: str) -> str:
 
 
 def _checked(curves: list[dict[str, float]]) -> list[dict[str, float]]:
-    """The epochs after which the network was judged."""
+    """The epochs with a validation."""
     return [c for c in curves if "val_mae_mm" in c]
 
 
 def _curves(curves: list[dict[str, float]], figures: Mapping[str, Any]) -> str:
-    """Validation error by epoch beside that of the raw depth; of an adapted network, which is judged at the end alone, the loss."""
+    """Validation error by epoch, with that of raw depth; the loss for an adapted network, which is validated only at the end."""
     figure, ((ax,),) = axes(5.4, 2.9)
     checked = _checked(curves)
     if not checked:

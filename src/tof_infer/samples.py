@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from tof_sim_label.dataset import Dataset
 
 MIN_STATIONS = 3
-"""Training and validation share no station; with two in all, either would know one base pose only."""
+"""Fewest stations: training and validation share none, and of two, each would have a single base pose."""
 CACHE_BYTES = 2_000_000_000
 COMMON = 0.05
-"""Quantile of the standard deviations of a view's labels that is taken for what they have in common; the least one may be an outlier."""
+"""Quantile of the standard deviations of a view's labels that counts as their common part; the smallest may be an outlier."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
     """One capture with its label: images (H, W) float32, NaN where invalid; `mask` marks where the label may be used.
 
-    label_sigma: standard deviation of the label in metres without what the labels of the view have in common, see `own_sigma`.
+    label_sigma: standard deviation of the label in metres without the part common to all labels of the view, see `own_sigma`.
     """
 
     depth: Image
@@ -48,13 +48,13 @@ class Sample:
 
     @property
     def nbytes(self) -> int:
-        """Memory it takes."""
+        """Memory in bytes."""
         return sum(a.nbytes for a in (self.depth, self.amplitude, self.label, self.label_sigma, self.mask, self.incidence, self.material))
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Address of a capture: number of the dataset, of the capture and of its view in it, and of the view among all datasets."""
+    """Address of a capture: numbers of the dataset, of capture and view in that dataset, and of the view among all datasets."""
 
     dataset: int
     capture: int
@@ -63,7 +63,7 @@ class Place:
 
 
 class Pool:
-    """Several datasets as one: views are numbered consecutively, and stations of different datasets are different.
+    """Several datasets as one: views are numbered consecutively; stations of different datasets are different stations.
 
     Raises:
         DatasetError: a dataset is damaged, or made by another camera.
@@ -94,7 +94,7 @@ class Pool:
         return int(self.first[-1])
 
     def column(self, name: str) -> Ints:
-        """The stations of all views, numbered consecutively, as a split needs them."""
+        """The stations of all views, numbered consecutively, for `split_stations`."""
         assert name == "views/station"
         return self._station
 
@@ -113,7 +113,7 @@ class Pool:
         ]
 
     def facts(self) -> list[dict[str, Any]]:
-        """Description of the data for the card: hashes, sizes, source of the poses."""
+        """Description of the datasets for the card: hashes, sizes, source of the poses."""
         return [
             {
                 "name": d.path.parent.name if d.path.name == "dataset.zarr" else d.path.name,
@@ -138,7 +138,7 @@ class Pool:
 
 
 class Samples:
-    """Usable captures of some views. `skipped` counts the others by reason; the most recently used are kept in memory."""
+    """Usable captures of some views. `skipped` counts the unusable ones by reason; samples are kept in memory up to `CACHE_BYTES`."""
 
     def __init__(self, pool: Pool, views: Ints) -> None:
         self.pool = pool
@@ -195,10 +195,10 @@ def _fault(sample: Sample) -> str:
 
 
 def own_sigma(sigma: Image, mask: Mask) -> Image:
-    """Standard deviation of each pixel's label (H, W) without what all labels of the view have in common; 0 where there is none.
+    """Standard deviation of each pixel's label (H, W) without the part common to all labels of the view; 0 where there is no label.
 
-    A range offset that no session can see (2 mm by default) is in every label alike. Left in, it would hide all smaller errors of the
-    network from the scale that it learns.
+    A range offset that no session can measure (2 mm by default) is common to all labels. With it, the scale would not show any
+    smaller error of the network.
     """
     known = np.isfinite(sigma)
     used = sigma[known & mask]
@@ -207,7 +207,7 @@ def own_sigma(sigma: Image, mask: Mask) -> Image:
 
 
 def _material(dataset: Dataset, view: int) -> Image:
-    """Albedo of the CAD's material by pixel, where the dataset's notes have it."""
+    """Albedo of the CAD's material by pixel; NaN where the dataset's notes have none."""
     albedo = dataset.attributes.notes.get("albedo")
     part = dataset.frame("views/part", view)
     if not albedo:

@@ -13,7 +13,7 @@ from tof_core.errors import ModelError, RefusedError
 from tof_infer.card import KEY, OUTPUTS, Card, parse_card
 from tof_infer.config import InferConfig
 from tof_infer.frames import Mark, padded_size, unit_rays
-from tof_infer.judged import judged
+from tof_infer.keep_raw import keep_raw
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from tof_core.capture import Capture
 
 MAX_BYTES = 200_000_000
-"""Bytes; a larger file was not written by `toftwin train`."""
+"""Largest model file in bytes; `toftwin train` writes smaller ones."""
 FAR_OUTSIDE = 2.0
-"""A frame is refused if its median depth is outside the trained range by more than this factor."""
+"""Factor outside the trained range beyond which a frame's median depth is refused."""
 DEFAULT_MODEL = Path(__file__).parent / "models" / "default.onnx"
 
 
@@ -68,7 +68,7 @@ class Session:
         self._inputs: dict[str, Any] = {}
         self.max_sigma_m = self.config.max_sigma_mm * 1e-3 or self.card.max_sigma_m
         empty = np.zeros((0, 0), np.float32)
-        self._judged(empty, empty, empty, empty)  # its kernel is loaded before frames arrive, not while they wait
+        self._judged(empty, empty, empty, empty)  # loads the compiled kernel before the first frame
 
     @property
     def device(self) -> str:
@@ -79,7 +79,7 @@ class Session:
         """Prepare for a camera.
 
         Raises:
-            RefusedError: the model was made for another one, and the configuration does not force it.
+            RefusedError: the model was trained for another camera, and `force` is not set.
         """
         if camera == self._camera:
             return
@@ -108,7 +108,7 @@ class Session:
         return self._judged(capture.depth, *(image[0, 0] for image in (depth, sigma, own[0] if own else sigma)))
 
     def check(self, capture: Capture) -> None:
-        """Refuse what `repair` would refuse, for a hundredth of its time; errors as of `repair`."""
+        """Raise what `repair` raises, in a hundredth of its time."""
         self.accept(capture.camera)
         self._check_range(capture.depth)
 
@@ -133,15 +133,15 @@ class Session:
         self._inputs[name][0, 0, :h, :w] = np.nan if image is None else image
 
     def _judged(self, raw: Image, depth: Image, sigma: Image, own: Image) -> Repaired:
-        """Keep the raw depth where sigma is too large, the output is not finite, or the range was not trained."""
+        """The network's depth; raw depth where sigma is too large, the output is not finite, or the range was not trained."""
         low, high = self.card.range_m
-        return Repaired(*judged(raw, depth, sigma, own, *map(np.float32, (self.max_sigma_m, 0.8 * low, 1.2 * high))))
+        return Repaired(*keep_raw(raw, depth, sigma, own, *map(np.float32, (self.max_sigma_m, 0.8 * low, 1.2 * high))))
 
     def _check_range(self, depth: Image) -> None:
         (low, high), known = self.card.range_m, np.isfinite(depth)
         fewer_than_half = (np.count_nonzero(known) - 1) // 2
         beyond = np.count_nonzero(depth < low / FAR_OUTSIDE), np.count_nonzero(depth > high * FAR_OUTSIDE)
-        if self.config.force or not known.any() or max(beyond) <= fewer_than_half:  # then the median lies within: it need not be found
+        if self.config.force or not known.any() or max(beyond) <= fewer_than_half:  # then the median is within the range
             return
         middle = float(np.median(depth[known]))
         if not low / FAR_OUTSIDE <= middle <= high * FAR_OUTSIDE:
@@ -163,14 +163,14 @@ def _load(path: Path, config: InferConfig) -> Any:
     options = ort.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = config.threads, 1
     options.log_severity_level = 4
-    # Threads that spin while they wait take the cores that the rest of the graph needs, and block each other on a busy machine.
+    # Spinning threads take cores that the rest of the graph needs, and block each other on a busy machine.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     available = ort.get_available_providers()
     if config.device == "cuda" and "CUDAExecutionProvider" not in available:
         raise RefusedError("onnxruntime has no CUDA here", where="infer.device", todo="install onnxruntime-gpu, or use --device cpu")
     cuda = ["CUDAExecutionProvider"] if config.device != "cpu" and "CUDAExecutionProvider" in available else []
     try:
-        # From bytes, so that a model cannot pull in files that lie beside it.
+        # From bytes, so that a model cannot load other files.
         return ort.InferenceSession(path.read_bytes(), options, providers=[*cuda, "CPUExecutionProvider"])
     except Exception as error:  # noqa: BLE001 (onnxruntime raises many kinds)
         reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
@@ -184,9 +184,7 @@ def _checked_card(session: Any, path: Path) -> Card:
     except UnicodeDecodeError:
         raise ModelError("its metadata are damaged (no UTF-8 text)", where=path, todo="copy it again, or train it again") from None
     if text is None:
-        raise ModelError(
-            "was not made by `toftwin train` (it has no card)", where=path, todo="train a model; others have no contract to check"
-        )
+        raise ModelError("was not made by `toftwin train` (it has no card)", where=path, todo="train a model with toftwin train")
     card = parse_card(text, path)
     takes = {i.name: i.type for i in session.get_inputs()}
     gives = [o.name for o in session.get_outputs()]
@@ -195,5 +193,5 @@ def _checked_card(session: Any, path: Path) -> Card:
         raise ModelError(msg, where=path, todo="train it again")
     known = {"depth", "amplitude", "ray", "temperature", "incidence", "material"}
     if not set(takes) <= known:
-        raise ModelError(f"takes '{min(set(takes) - known)}', which no camera here gives", where=path, todo="train it again")
+        raise ModelError(f"takes '{min(set(takes) - known)}', which is no input of toftwin", where=path, todo="train it again")
     return card

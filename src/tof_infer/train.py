@@ -16,12 +16,12 @@ from tof_core.hashing import digest_config
 from tof_infer.batches import Batcher
 from tof_infer.card import Card
 from tof_infer.export import export
-from tof_infer.honesty import Calibration
-from tof_infer.judge import judge
 from tof_infer.network import RepairNet
 from tof_infer.passes import State, one_pass
 from tof_infer.samples import Pool, Samples
-from tof_infer.unseen import Unseen, make_sure
+from tof_infer.sigma_calibration import Calibration
+from tof_infer.unseen import Unseen, calibrate_sigma
+from tof_infer.validate import validate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -43,15 +43,15 @@ def train(
     unseen: Sequence[Path] = (),
     say: Callable[[str], None] = lambda _: None,
 ) -> Card:
-    """Train on datasets, write `out` and its card beside it; a checkpoint lies at `<out>.ckpt` until it is done.
+    """Train on datasets; write `out` and its card. During training, the checkpoint is `<out>.ckpt`.
 
-    `unseen` are datasets of other scenes, since errors on new stations of a trained scene are smaller than on a new scene. Two of
+    `unseen` are datasets of other scenes: errors on new stations of a trained scene are smaller than on a new scene. Two of
     three train the frame-level correction of sigma, the others calibrate sigma. Without them the validation views calibrate it.
 
     Raises:
-        RefusedError: too few stations, or nothing to learn from.
+        RefusedError: too few stations, or no usable label.
         DatasetError: a damaged dataset, or several cameras.
-        ModelError: the checkpoint there is of other data or settings.
+        ModelError: the checkpoint belongs to other data or settings.
     """
     config = config.resolved
     pool = Pool(paths)
@@ -76,7 +76,7 @@ def train(
         line = _one_epoch(state, batcher, checker, device)
         _save(checkpoint, state, digest)
         say(line)
-    figures, limit = make_sure(state.average, {"val": checker}, others, config, device)
+    figures, limit = calibrate_sigma(state.average, {"val": checker}, others, config, device)
     card = _card(config, pool, split, training, state, figures, limit, others)
     out.parent.mkdir(parents=True, exist_ok=True)
     export(state.average.cpu(), Calibration(**card.figures["calibration"]), card, out)
@@ -92,7 +92,7 @@ def _one_epoch(state: State, batcher: Batcher, checker: Batcher, device: torch.d
     state.epoch += 1
     line = f"epoch {state.epoch}/{config.epochs}: loss {point['loss']:.4f}"
     if state.epoch % every == 0:
-        verdict = judge(state.average, checker, device, config.loss)
+        verdict = validate(state.average, checker, device, config.loss)
         point |= {"val_loss": verdict.loss, "val_mae_mm": verdict.mae * 1e3}
         line += f", validation {verdict.loss:.4f}, MAE {verdict.mae * 1e3:.2f} mm (raw {verdict.raw_mae * 1e3:.2f} mm)"
     state.curves.append(point)
@@ -124,7 +124,7 @@ def device_of(config: TrainConfig) -> torch.device:
     """The device to train on.
 
     Raises:
-        RefusedError: CUDA is asked for and not there.
+        RefusedError: CUDA is requested but not available.
     """
     if config.device == "cuda" and not torch.cuda.is_available():
         raise RefusedError("there is no CUDA device", where="train.device", todo="train with --device cpu")
@@ -142,7 +142,7 @@ def _new_state(config: TrainConfig, training: Samples, device: torch.device) -> 
 
 
 def measure_amplitude(net: RepairNet, samples: Samples) -> None:
-    """Set the mean and the spread of log amplitude by which the network scales its input to those of some samples."""
+    """Set the mean and standard deviation that normalise log amplitude to those of the samples."""
     amplitude = np.concatenate([_logs(samples[i].amplitude) for i in range(0, len(samples), max(len(samples) // 50, 1))])
     if amplitude.size:
         net.features.log_amplitude.copy_(torch.tensor([float(amplitude.mean()), float(amplitude.std()) + 1e-3]))

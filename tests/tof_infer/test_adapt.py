@@ -21,8 +21,8 @@ from tof_infer.session import Session
 pytest.importorskip("torch", reason="training needs the extra `train`")
 
 from tof_infer.adapt import adapt
-from tof_infer.judge import Verdict
 from tof_infer.report import sentence, write
+from tof_infer.validate import Validation
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -111,10 +111,10 @@ def test_what_all_labels_of_a_view_have_in_common_is_not_their_own_sigma() -> No
 
 
 def test_several_validations_are_one() -> None:
-    def verdict(n: int, mae: float) -> Verdict:
-        return Verdict(1.0, mae, 2 * mae, *(np.full(n, mae + k) for k in range(4)))
+    def verdict(n: int, mae: float) -> Validation:
+        return Validation(1.0, mae, 2 * mae, *(np.full(n, mae + k) for k in range(4)))
 
-    found = Verdict.of_all([verdict(10, 1e-3), verdict(30, 3e-3)])
+    found = Validation.of_all([verdict(10, 1e-3), verdict(30, 3e-3)])
     assert (found.mae, found.raw_mae) == pytest.approx((2.5e-3, 5e-3))
     assert found.error.shape == found.own.shape == (40,)
     assert found.own[-1] == pytest.approx(3.003)

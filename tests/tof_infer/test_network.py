@@ -18,11 +18,11 @@ torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 
 from tof_infer.batches import pad  # noqa: E402
 from tof_infer.card import Card  # noqa: E402
-from tof_infer.doubt import Doubt, cells_of  # noqa: E402
 from tof_infer.export import export, restore  # noqa: E402
-from tof_infer.honesty import Calibration  # noqa: E402
 from tof_infer.loss import loss_of  # noqa: E402
 from tof_infer.network import RepairNet  # noqa: E402
+from tof_infer.sigma_calibration import Calibration  # noqa: E402
+from tof_infer.sigma_correction import SigmaCorrection, cells_of  # noqa: E402
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,10 +45,10 @@ def net(config: NetConfig = CONFIG) -> RepairNet:
 
 
 @torch.no_grad()
-def doubtful(run: RepairNet) -> Doubt:
-    """A doubt with random weights everywhere."""
+def random_correction(run: RepairNet) -> SigmaCorrection:
+    """A frame-level correction of sigma with random weights."""
     _, log, features = run.look(images(1, (32, 48)))
-    made = Doubt(cells_of(*features, log)[0].shape[1])
+    made = SigmaCorrection(cells_of(*features, log)[0].shape[1])
     made.tell.weight += 0.1 * torch.randn_like(made.tell.weight)
     return made
 
@@ -94,27 +94,27 @@ def test_more_padding_changes_only_the_rim() -> None:
 
 
 @torch.no_grad()
-@pytest.mark.parametrize(("size", "kind"), [((32, 48), "plain"), ((64, 64), "doubting"), ((176, 224), "doubting")])
+@pytest.mark.parametrize(("size", "kind"), [((32, 48), "plain"), ((64, 64), "with correction"), ((176, 224), "with correction")])
 def test_onnx_and_pytorch_agree_at_any_size(tmp_path: Path, size: tuple[int, int], kind: str) -> None:
     import onnxruntime as ort
 
     run = net()
-    run.doubt = doubtful(run) if kind == "doubting" else None
+    run.doubt = random_correction(run) if kind == "with correction" else None
     card = Card(CONFIG.names, CONFIG.multiple, CAMERA, (0.3, 2.0), 0.01, {"net": to_mapping(CONFIG)})
     export(run, Calibration(0.3, 1.1), card, tmp_path / "m.onnx")
     session = ort.InferenceSession(tmp_path / "m.onnx", providers=["CPUExecutionProvider"])
     given = images(4, size)
     depth, sigma, *own = session.run(None, {n: given[n].numpy() for n in CONFIG.names})
-    want, log, alone = run.doubted(given)
+    want, log, alone = run.with_correction(given)
     there = torch.isfinite(given["depth"]).numpy()
     np.testing.assert_allclose(depth[there], want.numpy()[there], atol=1e-5)
     np.testing.assert_allclose(sigma[there], np.exp(0.3 + 1.1 * log.numpy()[there]), rtol=1e-4)
     assert np.isnan(depth[~there]).all()
-    assert len(own) == (kind == "doubting")
+    assert len(own) == (kind == "with correction")
     for image in own:
         np.testing.assert_allclose(image[there], np.exp(0.3 + 1.1 * alone.numpy()[there]), rtol=1e-4)
     again, read = restore(tmp_path / "m.onnx")
-    torch.testing.assert_close(again.doubted(given), (want, log, alone), rtol=0, atol=0)
+    torch.testing.assert_close(again.with_correction(given), (want, log, alone), rtol=0, atol=0)
     assert read == card
 
 
@@ -122,16 +122,16 @@ def test_onnx_and_pytorch_agree_at_any_size(tmp_path: Path, size: tuple[int, int
 def test_the_frame_level_correction_changes_sigma_alone_and_ignores_invalid_pixels() -> None:
     run, given = net(), images(1, (32, 48))
     depth, log = run(given)
-    run.doubt = doubtful(run)
-    same, doubted, own = run.doubted(given)
+    run.doubt = random_correction(run)
+    same, with_correction, own = run.with_correction(given)
     torch.testing.assert_close((same, own), (depth, log), rtol=0, atol=0)
-    assert (doubted - log).abs().max() > 0.01
+    assert (with_correction - log).abs().max() > 0.01
     for nothing in (0.0, float("inf")):
         other = {**given, "depth": torch.nan_to_num(given["depth"], nan=nothing, posinf=nothing)}
         there = torch.isfinite(given["depth"])
-        torch.testing.assert_close(run.doubted(other)[1][there], doubted[there])
-    run.doubt = Doubt(run.doubt.see.in_channels)  # an untaught one
-    torch.testing.assert_close(run.doubted(given)[1], log, rtol=0, atol=0)
+        torch.testing.assert_close(run.with_correction(other)[1][there], with_correction[there])
+    run.doubt = SigmaCorrection(run.doubt.see.in_channels)  # an untrained one
+    torch.testing.assert_close(run.with_correction(given)[1], log, rtol=0, atol=0)
 
 
 def test_a_file_without_weights_is_not_restored(tmp_path: Path) -> None:

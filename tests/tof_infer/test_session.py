@@ -195,7 +195,7 @@ def test_other_inputs_in_the_graph(model: Path, tmp_path: Path) -> None:
             node.input[:] = ["secret" if n == "amplitude" else n for n in node.input]
         card["inputs"] = ["depth", "secret", "ray", "temperature"]
 
-    with pytest.raises(ModelError, match="takes 'secret', which no camera here gives"):
+    with pytest.raises(ModelError, match="takes 'secret', which is no input of toftwin"):
         opened(changed(model, tmp_path / "other.onnx", rename))
 
 

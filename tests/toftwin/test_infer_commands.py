@@ -118,7 +118,7 @@ def test_a_truth_of_another_session_is_no_reference(session: Path, tmp_path: Pat
     assert "no view has a reference" in capsys.readouterr().err
     other.write_bytes(b"nothing")
     assert cli.main(["evaluate", str(session), "--scene", "body_section", "--truth", str(other), "--methods", "raw"]) == 1
-    assert "is no truth" in capsys.readouterr().err
+    assert "is no truth file" in capsys.readouterr().err
 
 
 def test_train_says_what_is_wrong_with_the_call(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tof_infer.honesty import BINS, KNOWN, LEFT_WRONG, Calibration, _best_shift, calibrate, coverage, sigma_limit
+from tof_infer.sigma_calibration import BINS, LEAST_CORRECTED, LEFT_WRONG, Calibration, _best_shift, calibrate, coverage, sigma_limit
 
 RNG = np.random.default_rng(5)
 N = 60_000
@@ -36,9 +36,9 @@ def test_too_few_pixels_change_nothing() -> None:
     assert calibrate(np.ones(5), np.ones(5)) == Calibration()
 
 
-@pytest.mark.parametrize(("wrong_at", "known"), [(0.97, 0.97), (0.92, 0.92), (0.5, KNOWN)])
+@pytest.mark.parametrize(("wrong_at", "known"), [(0.97, 0.97), (0.92, 0.92), (0.5, LEAST_CORRECTED)])
 def test_the_limit_leaves_few_flying_pixels_wrong(wrong_at: float, known: float) -> None:
-    """Flying pixels are right up to a quantile of sigma and wrong beyond it: the limit lies just there, but never below `KNOWN`."""
+    """Flying pixels are right up to a quantile of sigma and wrong beyond it: the limit lies just there, but never below `LEAST_CORRECTED`."""
     sigma = np.linspace(1e-3, 1e-1, N)
     flying = np.arange(N) % 10 == 0
     raw = np.where(flying, 0.021, 0.019)
@@ -46,15 +46,15 @@ def test_the_limit_leaves_few_flying_pixels_wrong(wrong_at: float, known: float)
     error = np.where(wrong, 0.0101, 0.0099)
     share = float((sigma <= sigma_limit(error, raw, sigma)).mean())
     left = (flying & wrong & (sigma <= sigma_limit(error, raw, sigma))).sum() / flying.sum()
-    allowed = LEFT_WRONG if known > KNOWN else 1.0
+    allowed = LEFT_WRONG if known > LEAST_CORRECTED else 1.0
     assert left <= allowed
-    assert share == pytest.approx(max(min(wrong_at + LEFT_WRONG, 1.0), KNOWN), abs=2e-3)
+    assert share == pytest.approx(max(min(wrong_at + LEFT_WRONG, 1.0), LEAST_CORRECTED), abs=2e-3)
 
 
 def test_pixels_that_were_not_flying_do_not_lower_the_limit() -> None:
     sigma = np.linspace(1e-3, 1e-1, N)
     assert sigma_limit(np.full(N, 0.5), np.full(N, 0.0199), sigma) == sigma[-1]
-    assert sigma_limit(np.full(N, 0.5), np.full(N, -0.0201), sigma) == pytest.approx(sigma[int(KNOWN * N) - 1])
+    assert sigma_limit(np.full(N, 0.5), np.full(N, -0.0201), sigma) == pytest.approx(sigma[int(LEAST_CORRECTED * N) - 1])
 
 
 def test_shares_are_counted_up_to_the_sigma_itself() -> None:
@@ -135,7 +135,7 @@ def test_the_factor_is_two_at_most(factor: float, shift: float) -> None:
 def test_flying_is_beyond_20_mm_and_wrong_beyond_10(sign: float, raw: float, error: float, *, limited: bool) -> None:
     sigma = np.linspace(1e-3, 1e-1, 1000)
     found = sigma_limit(np.full(1000, sign * error), np.full(1000, sign * raw), sigma)
-    assert found == (sigma[int(KNOWN * 1000) - 1] if limited else sigma[-1])
+    assert found == (sigma[int(LEAST_CORRECTED * 1000) - 1] if limited else sigma[-1])
 
 
 def test_of_two_pixels_one_is_corrected() -> None:

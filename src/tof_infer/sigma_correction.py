@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frame-level correction of sigma, learnt on scenes that the depth network was not trained on.
+"""Frame-level correction of sigma, trained on scenes that the depth network was not trained on.
 
-Errors beyond two sigma are not at edges. They are multipath on smooth surfaces with bright neighbours: thousands of pixels at once,
-nearly all measured too far, and half of them in a tenth of the frames. The scale of a pixel does not contain this, since it is
-computed from the pixel's surroundings and trained on known scenes. Brightness, width and concavity of the whole frame predict it.
+Errors beyond two sigma are not at edges but on smooth surfaces with bright neighbours (multipath): thousands of pixels at once,
+nearly all measured too far, half of them in a tenth of the frames. The scale of a pixel, computed from its surroundings and trained
+on known scenes, does not contain these errors. Brightness, width and concavity of the whole frame predict them.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812 (as PyTorch calls it)
 
-from tof_infer.honesty import KNOWN
 from tof_infer.loss import usable
+from tof_infer.sigma_calibration import LEAST_CORRECTED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,8 +37,8 @@ LEVELS = ((0.0, 0.6827, 0.05), (math.log(2.0), 0.9545, 0.03))
 """Log of a multiple of sigma, the share of errors within it, and the tolerance of that share."""
 
 
-class Doubt(nn.Module):
-    """From cells of a frame to an addend for the log of their scale; each cell also sees the frame's mean and maximum."""
+class SigmaCorrection(nn.Module):
+    """Addend to the log of the scale of each cell of a frame, from the cell, its neighbours, and the frame's mean and maximum."""
 
     def __init__(self, channels: int, width: int = 16) -> None:
         super().__init__()
@@ -52,7 +52,7 @@ class Doubt(nn.Module):
             nn.init.zeros_(zeros)
 
     def forward(self, cells: Tensor, share: Tensor) -> Tensor:
-        """(N, channels, h, w) and the share of their pixels that have a depth (N, 1, h, w) to (N, 1, h, w)."""
+        """Addends (N, 1, h, w) of cells (N, channels, h, w) with their shares of valid pixels (N, 1, h, w)."""
         x = F.relu(self.see(cells)) * share
         mean = x.sum((2, 3), keepdim=True) / (share.sum((2, 3), keepdim=True) + 1e-6)
         x = F.relu(self.near(x) + self.frame(torch.cat([mean, x.amax((2, 3), keepdim=True)], 1)))
@@ -61,7 +61,7 @@ class Doubt(nn.Module):
 
 
 def cells_of(fine: Tensor, smooth: Tensor, valid: Tensor, log: Tensor) -> tuple[Tensor, Tensor]:
-    """The features and the scale of a frame by cells, and the cells' share of pixels with a depth."""
+    """Features and scale of a frame averaged over cells, and each cell's share of valid pixels."""
     size = CELL * log.shape[-1] // smooth.shape[-1]
     share = F.avg_pool2d(valid, size)
     mean = F.avg_pool2d((log - LOWEST) * valid, size) / (share + 1e-3)
@@ -70,8 +70,8 @@ def cells_of(fine: Tensor, smooth: Tensor, valid: Tensor, log: Tensor) -> tuple[
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lesson:
-    """One frame: its cells and their share, and of some pixels the cell they are in, the log of the error and of the scale."""
+class TrainingFrame:
+    """A training frame: cells and their shares of valid pixels; for some pixels the cell, the log error and the log scale."""
 
     cells: Tensor
     share: Tensor
@@ -80,34 +80,34 @@ class Lesson:
     scale: Tensor
 
 
-def learn_doubt(net: RepairNet, batcher: Batcher, device: torch.device, seed: int) -> Doubt:
-    """A `Doubt` from frames of scenes that the network was not trained on."""
-    return teach(_lessons(net, batcher, device), seed)
+def train_correction(net: RepairNet, batcher: Batcher, device: torch.device, seed: int) -> SigmaCorrection:
+    """A correction trained on frames of scenes that the network was not trained on."""
+    return fit_correction(_frames(net, batcher, device), seed)
 
 
-def teach(lessons: Sequence[Lesson], seed: int, steps: int = STEPS) -> Doubt:
-    """Make 68 and 95 % of errors lie within one and two sigma, wherever the scale is small enough to count.
+def fit_correction(frames: Sequence[TrainingFrame], seed: int, steps: int = STEPS) -> SigmaCorrection:
+    """Train a correction with which 68 and 95 % of the errors lie within one and two sigma, over pixels of small enough scale.
 
-    Pinball losses of both quantiles, weighed by their tolerances: no law of the errors is assumed.
+    The loss is the sum of both quantiles' pinball losses, divided by their tolerances; no distribution of the errors is assumed.
     """
-    limit = torch.quantile(torch.cat([x.scale[::STRIDE] for x in lessons]), KNOWN)
+    limit = torch.quantile(torch.cat([x.scale[::STRIDE] for x in frames]), LEAST_CORRECTED)
     torch.manual_seed(seed)
-    doubt = Doubt(lessons[0].cells.shape[0])
-    optimiser = torch.optim.AdamW(doubt.parameters(), lr=RATE, weight_decay=0.1)
+    correction = SigmaCorrection(frames[0].cells.shape[0])
+    optimiser = torch.optim.AdamW(correction.parameters(), lr=RATE, weight_decay=0.1)
     falling = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
     rng = np.random.default_rng(seed)
     for _ in range(steps):
-        loss = _loss(doubt, [lessons[int(k)] for k in rng.choice(len(lessons), BATCH)], limit)
+        loss = _loss(correction, [frames[int(k)] for k in rng.choice(len(frames), BATCH)], limit)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
         falling.step()
-    doubt.eval()
-    return doubt
+    correction.eval()
+    return correction
 
 
 @torch.no_grad()
-def _lessons(net: RepairNet, batcher: Batcher, device: torch.device) -> list[Lesson]:
+def _frames(net: RepairNet, batcher: Batcher, device: torch.device) -> list[TrainingFrame]:
     net.eval()
     out = []
     for images, target in batcher.plain():
@@ -121,13 +121,13 @@ def _lessons(net: RepairNet, batcher: Batcher, device: torch.device) -> list[Les
         error = (depth - target["label"])[0, 0, rows, columns].abs()
         cell = rows // size * cells.shape[-1] + columns // size
         found = (cells[0], share[0], cell, torch.log(error + 1e-5), log[0, 0, rows, columns])
-        out.append(Lesson(*(x.cpu() for x in found)))
+        out.append(TrainingFrame(*(x.cpu() for x in found)))
     return out
 
 
-def _loss(doubt: Doubt, lessons: Sequence[Lesson], limit: Tensor) -> Tensor:
-    addend = doubt(torch.stack([x.cells for x in lessons]), torch.stack([x.share for x in lessons])).flatten(1)
-    beyond = torch.cat([x.error - x.scale - addend[k, x.cell] for k, x in enumerate(lessons)])
-    counts = (torch.cat([x.scale for x in lessons]) <= limit).float()
+def _loss(correction: SigmaCorrection, frames: Sequence[TrainingFrame], limit: Tensor) -> Tensor:
+    addend = correction(torch.stack([x.cells for x in frames]), torch.stack([x.share for x in frames])).flatten(1)
+    beyond = torch.cat([x.error - x.scale - addend[k, x.cell] for k, x in enumerate(frames)])
+    counts = (torch.cat([x.scale for x in frames]) <= limit).float()
     losses = [torch.maximum(share * (beyond - far), (share - 1) * (beyond - far)) / tolerance for far, share, tolerance in LEVELS]
     return (sum(losses) * counts).sum() / counts.sum()

@@ -11,8 +11,8 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 
-from tof_infer.honesty import Calibration, calibrate, sigma_limit  # noqa: E402
-from tof_infer.judge import STRIDE, Verdict, judge  # noqa: E402
+from tof_infer.sigma_calibration import Calibration, calibrate, sigma_limit  # noqa: E402
+from tof_infer.validate import STRIDE, Validation, validate  # noqa: E402
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
-def verdict(error: ArrayLike, raw: ArrayLike, own: ArrayLike, mae: float = 0.004, loss: float = -4.0) -> Verdict:
+def verdict(error: ArrayLike, raw: ArrayLike, own: ArrayLike, mae: float = 0.004, loss: float = -4.0) -> Validation:
     """Pixels whose scale with the frame's correction is twice their own."""
-    return Verdict(loss, mae, 0.012, np.asarray(error), np.asarray(raw), np.log(2.0 * np.asarray(own)), np.log(own))
+    return Validation(loss, mae, 0.012, np.asarray(error), np.asarray(raw), np.log(2.0 * np.asarray(own)), np.log(own))
 
 
 def test_figures_are_those_of_the_pixels_below_the_limit() -> None:
@@ -60,13 +60,13 @@ def test_the_limit_is_chosen_unless_it_is_given() -> None:
     own = np.exp(rng.normal(-6, 0.5, 3000))
     of = verdict(own * rng.normal(size=3000), rng.normal(0, 0.02, 3000), own)
     calibration = calibrate(of.error, of.log_scale, of.own)
-    assert of.honest() == (calibration, sigma_limit(of.error, of.raw_error, calibration.sigma(of.own)))
-    assert of.honest(0.5) == (calibration, 0.5)
+    assert of.calibrated() == (calibration, sigma_limit(of.error, of.raw_error, calibration.sigma(of.own)))
+    assert of.calibrated(0.5) == (calibration, 0.5)
 
 
 def test_validations_together_are_weighted_by_their_pixels() -> None:
     one, three = verdict([0.1], [0.1], [1e-3], 0.004, -4.0), verdict([0.1] * 3, [0.1] * 3, [1e-3] * 3, 0.008, -2.0)
-    both = Verdict.of_all([one, three])
+    both = Validation.of_all([one, three])
     assert (both.mae, both.loss, both.raw_mae) == pytest.approx((0.007, -2.5, 0.012))
     assert len(both.error) == len(both.raw_error) == len(both.log_scale) == len(both.own) == 4
 
@@ -77,7 +77,7 @@ class Shifted:
     def eval(self) -> None:
         """As a network has it."""
 
-    def doubted(self, images: dict[str, Any]) -> tuple[Any, Any, Any]:
+    def with_correction(self, images: dict[str, Any]) -> tuple[Any, Any, Any]:
         depth = images["depth"]
         return depth + 0.003, torch.full_like(depth, np.log(2e-3)), torch.full_like(depth, np.log(1e-3))
 
@@ -93,7 +93,7 @@ def test_errors_are_measured_minus_label_over_usable_pixels() -> None:
     def plain() -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
         yield {"depth": depth}, {"label": label, "mask": mask, "sigma": torch.zeros_like(label)}
 
-    found = judge(Shifted(), SimpleNamespace(plain=plain), torch.device("cpu"), "mse")
+    found = validate(Shifted(), SimpleNamespace(plain=plain), torch.device("cpu"), "mse")
     assert found.mae == pytest.approx(0.007, abs=1e-6)
     assert found.raw_mae == pytest.approx(0.010, abs=1e-6)
     assert found.loss == pytest.approx(0.007**2, abs=1e-8)

@@ -12,7 +12,11 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 BINS = 42
-LEFT_WRONG, KNOWN = 0.06, 0.88
+"""Bins of the scale over which the slope is fitted."""
+LEFT_WRONG = 0.06
+"""Largest share of flying pixels that may be corrected and still be wrong."""
+LEAST_CORRECTED = 0.88
+"""Least share of all pixels that is corrected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,15 +27,15 @@ class Calibration:
     slope: float = 1.0
 
     def sigma(self, log_scale: Float) -> Float:
-        """Standard deviations of logs of scales, metres."""
+        """Standard deviations in metres of log scales."""
         return np.asarray(np.exp(self.offset + self.slope * log_scale))
 
 
 def calibrate(error: Float, log_scale: Float, own: Float | None = None) -> Calibration:
-    """Fit on validation pixels (n,): the slope in bins of the scale, then the factor.
+    """Fit on validation pixels (n,): the slope over bins of the scale, then the factor.
 
-    Errors have longer tails than a normal distribution, so no factor meets both shares; this one misses both by little. Only
-    pixels whose own scale (the same, if not given) is small enough to be used count.
+    Errors have longer tails than a normal distribution, so no factor meets both shares; this factor misses both by little. Only
+    pixels whose scale from their surroundings (`own`, default `log_scale`) is small enough to be used count.
     """
     order = np.argsort(log_scale)
     bins = [b for b in np.array_split(order, BINS)[1:-1] if len(b) >= 20]  # the outermost bins are too wide
@@ -42,7 +46,7 @@ def calibrate(error: Float, log_scale: Float, own: Float | None = None) -> Calib
     at = np.array([np.median(log_scale[b]) for b in bins])
     slope = float(np.clip(np.polyfit(at, wanted, 1)[0], 0.5, 1.5)) if np.ptp(at) > 0.1 else 1.0
     offset = float(np.mean(wanted - slope * at))
-    small = (order if own is None else np.argsort(own))[: int(KNOWN * len(order))]
+    small = (order if own is None else np.argsort(own))[: int(LEAST_CORRECTED * len(order))]
     ratio = e[small] / Calibration(offset, slope).sigma(log_scale[small])
     return Calibration(offset + _best_shift(ratio), slope)
 
@@ -58,13 +62,13 @@ def sigma_limit(error: Float, raw_error: Float, sigma: Float) -> float:
     """Sigma in metres above which the raw depth is kept.
 
     It is the largest value at which, of the pixels whose raw error exceeds 20 mm (flying pixels), at most the share
-    `LEFT_WRONG` is corrected and still more than 10 mm off. At least the share `KNOWN` of all pixels is corrected.
+    `LEFT_WRONG` is corrected and still more than 10 mm off. At least the share `LEAST_CORRECTED` of all pixels is corrected.
     """
     order = np.argsort(sigma)
     flying = np.abs(raw_error[order]) > 0.02
     left = np.cumsum(flying & (np.abs(error[order]) > 0.01)) / max(int(flying.sum()), 1)
     enough = int(np.searchsorted(left, LEFT_WRONG, side="right"))
-    last = int(np.clip(max(enough, KNOWN * len(order)), 1, len(order))) - 1
+    last = int(np.clip(max(enough, LEAST_CORRECTED * len(order)), 1, len(order))) - 1
     return float(sigma[order[last]])
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from tof_infer.honesty import Calibration, calibrate, coverage, sigma_limit
 from tof_infer.loss import loss_of, usable
+from tof_infer.sigma_calibration import Calibration, calibrate, coverage, sigma_limit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from tof_infer.network import RepairNet
 
 STRIDE = 7
-"""Step between the pixels whose errors are stored one by one."""
+"""Step between the pixels whose errors are stored individually."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Verdict:
+class Validation:
     """Validation: mean loss, mean absolute errors in metres of the network and of the raw depth, and thinned pixels (n,).
 
     log_scale: with the frame-level correction; own: from the pixel's surroundings alone.
@@ -39,20 +39,20 @@ class Verdict:
     own: Float
 
     @classmethod
-    def of_all(cls, verdicts: Sequence[Verdict]) -> Verdict:
+    def of_all(cls, verdicts: Sequence[Validation]) -> Validation:
         """Several validations as one; means are weighted by the number of pixels."""
         pixels = [len(v.error) for v in verdicts]
         loss, mae, raw = (float(np.average([getattr(v, n) for v in verdicts], weights=pixels)) for n in ("loss", "mae", "raw_mae"))
         thin = (np.concatenate([getattr(v, n) for v in verdicts]) for n in ("error", "raw_error", "log_scale", "own"))
         return cls(loss, mae, raw, *thin)
 
-    def honest(self, max_sigma_m: float = 0.0) -> tuple[Calibration, float]:
-        """The calibration of sigma for these errors, and the limit above which the raw depth is kept (0: chosen here)."""
+    def calibrated(self, max_sigma_m: float = 0.0) -> tuple[Calibration, float]:
+        """The calibration of sigma for these errors, and the sigma in metres above which raw depth is kept (`max_sigma_m`, chosen here if 0)."""
         calibration = calibrate(self.error, self.log_scale, self.own)
         return calibration, max_sigma_m or sigma_limit(self.error, self.raw_error, calibration.sigma(self.own))
 
     def figures(self, name: str, calibration: Calibration, limit: float) -> dict[str, Any]:
-        """Plain numbers for the card, their names beginning with `name`."""
+        """Plain numbers for the card; their names begin with `name`."""
         sigma = calibration.sigma(self.log_scale)
         known = calibration.sigma(self.own) <= limit
         one, two = coverage(self.error[known], sigma[known])
@@ -71,19 +71,19 @@ class Verdict:
 
 
 @torch.no_grad()
-def judge(net: RepairNet, batcher: Batcher, device: torch.device, kind: str) -> Verdict:
-    """Run the network over all samples as they are."""
+def validate(net: RepairNet, batcher: Batcher, device: torch.device, kind: str) -> Validation:
+    """Run the network over all samples without augmentation."""
     net.eval()
     losses: list[float] = []
     errors: list[np.ndarray[Any, Any]] = []
     for images, target in batcher.plain():
         images = {k: v.to(device) for k, v in images.items()}
         target = {k: v.to(device) for k, v in target.items()}
-        depth, log_scale, own = net.doubted(images)
+        depth, log_scale, own = net.with_correction(images)
         losses.append(float(loss_of(kind, depth, own, images, target)))
         where = usable(images, target)
         rows = [(depth - target["label"])[where], (images["depth"] - target["label"])[where], log_scale[where], own[where]]
         errors.append(torch.stack(rows).cpu().numpy())
     every = np.concatenate(errors, axis=1)
     thin = every[:, ::STRIDE].astype(np.float64)
-    return Verdict(float(np.mean(losses)), float(np.abs(every[0]).mean()), float(np.abs(every[1]).mean()), *thin)
+    return Validation(float(np.mean(losses)), float(np.abs(every[0]).mean()), float(np.abs(every[1]).mean()), *thin)

@@ -17,7 +17,7 @@ REPAIRED, RAW_KEPT, INVALID = np.uint8(Mark.REPAIRED), np.uint8(Mark.RAW_KEPT), 
 
 
 @njit(cache=True, nogil=True)
-def judged(
+def keep_raw(
     raw: Image, depth: Image, sigma: Image, own: Image, max_sigma: np.float32, nearest: np.float32, farthest: np.float32
 ) -> tuple[Image, Image, Bytes]:
     """Depth, its sigma and `Mark`, each (H, W), of raw depth (H, W) and the network's outputs, which may be padded below and to the right.
