@@ -10,6 +10,7 @@ import numpy as np
 
 from tof_core import se3
 from tof_core.stats import robust_stds
+from tof_inspect.evidence import eroded
 from tof_inspect.light import fit_light
 
 if TYPE_CHECKING:
@@ -45,20 +46,20 @@ class Picture:
 
     @classmethod
     def of(cls, colour: Colour | None, T_cell_depth: Float) -> Picture | None:
-        """The picture beside a depth image whose pose is known; None without image, calibration or TF."""
+        """The picture of a colour image, from the pose of its depth image; None without image, calibration or TF."""
         if colour is None or colour.camera is None or colour.T_camera_colour is None:
             return None
         return cls(colour.camera, np.asarray(T_cell_depth @ colour.T_camera_colour), tones_of(colour.image))
 
     def look(self, caster: Raycaster, rows: Ints, cols: Ints) -> tuple[Hits, Float]:
-        """Surfaces that pixels (n,) see: hits, and points (n, 3) in the cell."""
+        """Hits of the rays of pixels (n,), and the points hit (n, 3) in the cell."""
         T = self.T_cell_camera
         rays = self.camera.rays()[rows, cols] @ T[:3, :3].T
         hits = caster.cast(T[:3, 3], rays)
         return hits, T[:3, 3] + rays * hits.t[:, None]
 
     def recall(self, caster: Raycaster, points: Float) -> Float:
-        """Tones (n, 3) of surface points (n, 3) in this image; NaN where it does not see them."""
+        """Tones (n, 3) of surface points (n, 3) in this image; NaN where they are not visible."""
         eye = self.T_cell_camera[:3, 3]
         uv = self.camera.project(se3.apply(se3.inverse(self.T_cell_camera), points))
         at = np.floor(np.nan_to_num(uv, nan=-9.0) + 0.5).astype(np.int64)
@@ -72,7 +73,7 @@ class Picture:
 
 
 def tones_of(image: Bytes) -> Float:
-    """Tones (h, w, 3) of an RGB image (h, w, 3), over 3 x 3 pixels."""
+    """Tones (h, w, 3) of an RGB image (h, w, 3), averaged over 3 x 3 pixels."""
     from scipy import ndimage
 
     linear = (image.astype(float) / 255.0) ** GAMMA
@@ -108,7 +109,7 @@ class Colours:
         return float(np.sum(ratios) / np.sqrt(len(ratios))) if ratios else 0.0
 
     def _pair_ratio(self, then: Picture, now: Picture, light: Light, without: Without, part: int) -> float:
-        """One pair: log density of the part's median colour under the part's reference colour minus that under the background's."""
+        """Log ratio of one image pair: log density of the median colour given the part's reference colour minus that given the background's."""
         rows, cols = self._box(now, part)
         if not len(rows):
             return 0.0
@@ -127,7 +128,7 @@ class Colours:
         return there - gone
 
     def _behind(self, tones: Float, hits: Hits, mine: Ints, behind: Ints, normal: Float, light: Light) -> float:
-        """Log density of the part's tones if the background were visible: the tones of the background part around it."""
+        """Log density of the part's median tones given the tones of the background around the part."""
         which = int(np.bincount(behind + 1).argmax()) - 1
         if which < 0:
             return -float(FLAT)
@@ -140,7 +141,7 @@ class Colours:
         return _density(np.median(tones[mine], axis=0) - middle, np.hypot(light.sigma, spread), self._config)
 
     def _box(self, now: Picture, part: int) -> tuple[Ints, Ints]:
-        """Rows and columns (n,) of the part's box and a margin around it; a large one on a raster."""
+        """Rows and columns (n,) of the part's bounding box with a margin; of a large box, a subsample."""
         p = se3.apply(se3.inverse(now.T_cell_camera), self._caster.scene.parts[part].vertices)
         if (p[:, 2] < 0.05).any():
             return np.zeros(0, int), np.zeros(0, int)
@@ -156,15 +157,12 @@ class Colours:
 
 
 def _inner(mine: Mask, rows: Ints, cols: Ints) -> Mask:
-    """Without the outermost ring of pixels, if enough remain."""
-    from scipy import ndimage
-
-    shape = len(np.unique(rows)), len(np.unique(cols))
-    inner = ndimage.binary_erosion(mine.reshape(shape)).ravel()
+    """The mask without its outermost ring of pixels, if enough remain."""
+    inner = eroded(mine.reshape(len(np.unique(rows)), len(np.unique(cols)))).ravel()
     return np.asarray(inner if inner.sum() >= 12 else mine)
 
 
 def _density(error: Float, sigma: Float, config: ColourConfig) -> float:
-    """Log density of an error (3,): a Gaussian, mixed with a share `surprise` (edge of a shadow, gloss) of all colours."""
+    """Log density of an error (3,): a Gaussian, mixed with a share `surprise` (edge of a shadow, gloss) spread over all colours."""
     exponent = -0.5 * float(((error / sigma) ** 2).sum()) - float(np.log(sigma).sum()) - 1.5 * np.log(2 * np.pi)
     return float(np.logaddexp(np.log1p(-config.surprise) + exponent, np.log(config.surprise) - FLAT))

@@ -25,7 +25,7 @@ class ColourConfig:
 
     @property
     def floors(self) -> tuple[float, float, float]:
-        """By tone."""
+        """Least sigma of each tone."""
         return self.light_floor, self.tint_floor, self.tint_floor
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Displacement of a part from its place in the CAD: a small rigid fit of that part alone."""
+"""Displacement of a part from its place in the CAD, by a rigid fit of that part alone."""
 
 from __future__ import annotations
 
@@ -27,15 +27,16 @@ if TYPE_CHECKING:
 LOOSE_DEG = 6.0
 """Prior standard deviation of a part's rotation."""
 UNKNOWN = 0.5
-"""Standard deviation, as a share of the largest displacement that is searched, from which an axis counts as unknown."""
+"""Standard deviation, as a share of `search_mm`, from which the place along an axis counts as unknown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """A part's motion from the CAD.
 
-    shift (3,): metres in the cell along the directions that the data determine, zero along the others; noise, outline, shared (3, 3): its
-    covariance by noise, by the width of the pixels at outlines, and by what pixels share (poses and the camera's errors); known (3, k): unit axes along which the place is known; ratio: log likelihood ratio of the displaced part over no part, from all pixels around it.
+    shift (3,): metres in the cell along the directions that the data determine, zero along the others; noise, outline, shared (3, 3):
+    its covariance by noise, by the width of the pixels at outlines, and by errors common to pixels (poses and camera); known (3, k): unit
+    axes along which the place is known; ratio: log likelihood ratio of the displaced part over no part, from all pixels around it.
     """
 
     shift: Float
@@ -47,12 +48,12 @@ class Fit:
 
     @property
     def cov(self) -> Float:
-        """(3, 3) all causes together, metres squared."""
+        """(3, 3) covariance of the shift by all causes, metres squared."""
         return self.noise + self.outline + self.shared
 
     @property
     def mm(self) -> float:
-        """Distance from the place in the CAD."""
+        """Distance from the place in the CAD, millimetres."""
         return 1e3 * float(np.linalg.norm(self.shift))
 
     @property
@@ -65,13 +66,9 @@ class Fit:
             return 1e3 * float(np.sqrt(direction @ self.cov @ direction))
         return 1e3 * float(np.sqrt(np.linalg.eigvalsh(self.known.T @ self.cov @ self.known)[-1]))
 
-    def axes_mm(self) -> tuple[Float, Float]:
-        """(k,), (k,): shift along the known axes and its standard deviations."""
-        return 1e3 * self.known.T @ self.shift, 1e3 * np.sqrt(np.diag(self.known.T @ self.cov @ self.known))
-
 
 def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Without, config: InspectConfig, errors: SharedErrors) -> Fit:
-    """Pose of the part from all pixels, of all views, that may see it.
+    """Displacement of the part from all pixels of all views that may show it.
 
     Args:
         part: its geometry in the cell.
@@ -79,7 +76,7 @@ def fit_part(part: Part, seen: Sequence[Seen], alone: Raycaster, bare: Without, 
         alone: a scene of the part alone.
         bare: the scene without it.
         config: noise and largest displacement.
-        errors: what is known of the errors that the pixels share.
+        errors: estimated errors common to pixels.
     """
     centre, reach = part.vertices.mean(axis=0), 1e-3 * config.search_mm
     patches = [p for s in seen if (p := patch_of(s, alone.vertices, reach, bare, config, errors)) is not None]
@@ -125,7 +122,7 @@ def _patterned(motion: Float, cost: Callable[[Float], float], steps: Sequence[fl
 def _smoothed(
     motion: Float, cost: Callable[[Float], float], linear: Callable[[Float], tuple[Float, Float, Float]], config: InspectConfig
 ) -> Float:
-    """Gauss-Newton from there, with rotation; kept if it is better."""
+    """Gauss-Newton steps from `motion`, with rotation; the motion of least cost."""
     prior = np.repeat([config.search_mm * 1e-3, np.radians(LOOSE_DEG)], 3) ** -2.0
     best, kept = cost(motion), motion
     for _ in range(4):
@@ -143,13 +140,13 @@ def _smoothed(
 
 
 def _offsets(reach: float) -> list[Float]:
-    """Places around the nominal one."""
+    """Shifts (3,) from which the search starts, in metres."""
     unit = [np.array([x, y, z], float) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)]
     return [u / np.linalg.norm(u) * r for r in (0.4 * reach, 0.9 * reach) for u in unit]
 
 
 def _all_linearised(motion: Float, patches: Sequence[Patch], alone: Raycaster, centre: Float) -> tuple[Float, Float, Float]:
-    """Residual (n,), Jacobian (n, 6) for a motion about the part's middle on the left, weight (n,)."""
+    """Residual (n,), Jacobian (n, 6) for a left perturbation about the part's centre, weight (n,)."""
     parts = [linearised(motion, p, alone, centre)[:3] for p in patches]
     if not parts:
         return np.zeros(0), np.zeros((0, 6)), np.zeros(0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth as evidence for a part: the scene with it against the scene without it, pixel by pixel."""
+"""Depth as evidence for a part: likelihood of the scene with the part against the scene without it, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.pixels import view_sigma
+from tof_core.stats import grouped
 from tof_scene.render import render
 
 if TYPE_CHECKING:
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 class Seen:
     """A view at its pose with the whole CAD rendered.
 
-    number: which of the session's views it is; noise (H, W): the measurement's own sigma, metres along z; sigma (H, W): with the pose's
-    share and the slope's.
+    number: index of the view in the session; noise (H, W): standard deviation of the measurement, metres along z; sigma (H, W): the same
+    with the errors of pose and pixel footprint.
     """
 
     number: int
@@ -42,10 +43,10 @@ class Seen:
 class Evidence:
     """Evidence of one view for one part.
 
-    pixels: valid pixels of the part where presence and absence differ by `stand_out` of the measured sigmas: what makes it
-    observable; covered: pixels that the part fills by the CAD; log_ratio: log likelihood of present over absent, neighbours
-    counted as few; index (n,) flat indices of the pixels weighed (no mixed, grazing or rim pixels where there are others),
-    present, absent, measured, sigma (n,) metres.
+    pixels: valid pixels of the part where presence and absence differ by `stand_out` times the noise: they make it observable; covered:
+    pixels that the part covers by the CAD; log_ratio: log likelihood ratio of present over absent, in which neighbouring pixels count as
+    correlated; index (n,): flat indices of the pixels used (no mixed, grazing or rim pixels where there are others); present, absent,
+    measured, sigma (n,): metres.
     """
 
     pixels: int
@@ -60,7 +61,7 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Ratios:
-    """Log likelihood ratios of presence: by depth (at its place, or wherever it may have moved), by colour (at its place), together."""
+    """Log likelihood ratios of presence: by depth (at the part's place or displaced), by colour (at its place), by both."""
 
     depth: float
     colour: float
@@ -68,9 +69,9 @@ class Ratios:
 
     @classmethod
     def of(cls, depth: float, colour: float, moved: float = -np.inf) -> Ratios:
-        """A displaced part is present too: `moved` is the ratio at its best pose.
+        """`moved`: ratio of depth at the best displaced pose, since a displaced part is present.
 
-        Colour was read at the part's place in the CAD, so it is evidence for that place alone.
+        Colour is measured at the part's place in the CAD, so it is evidence for that place only.
         """
         return cls(max(depth, moved), colour, max(depth + colour, moved))
 
@@ -99,9 +100,9 @@ def log_amplitude(view: View, index: Ints) -> Float:
 
 
 def agreement(seen: Seen) -> float:
-    """Share of the pixels that lie on the CAD within 10 mm (or four sigmas); edges and grazing pixels are left out.
+    """Share of the pixels within 10 mm (or four sigmas) of the CAD; edges and grazing pixels are left out.
 
-    On large faces a pose that is off by centimetres may fit, and parts would then be compared with the wrong pixels.
+    On large faces a pose that is off by centimetres may fit; parts would then be compared with the wrong pixels.
     """
     error = np.abs(seen.view.depth - seen.whole.depth)
     clear = np.isfinite(error) & (seen.whole.mixed < 0.02) & (seen.whole.incidence < np.radians(75.0))
@@ -109,11 +110,11 @@ def agreement(seen: Seen) -> float:
 
 
 def weigh(seen: Seen, without: Without, part: int, config: InspectConfig, errors: SharedErrors) -> Evidence:
-    """The likelihood ratio of one part in one view, from the depth less the estimated error of the camera.
+    """Evidence of one view for one part, from the depth minus the estimated error of the camera.
 
-    A pixel's likelihood is a Gaussian of its sigma beside a share `outliers` that is flat over `wide_m` (a mirror, a cable,
-    a dropout: no pixel may decide alone). Its log ratio is bounded by that. Sums over cells of `cell_px` pixels are
-    reduced to the size that a shared error of `shared_mm` leaves of them.
+    The likelihood of a pixel is a Gaussian of its sigma plus a share `outliers` spread over `wide_m` (mirrors, cables, dropouts), which
+    bounds the log ratio of a single pixel. The sum over a cell of `cell_px` pixels is divided by the square root of their number, since
+    errors within a cell are correlated.
     """
     view, whole = seen.view, seen.whole
     covered = whole.part == part
@@ -123,7 +124,7 @@ def weigh(seen: Seen, without: Without, part: int, config: InspectConfig, errors
     outstanding = both & (gap > config.stand_out * seen.noise)
     scale = np.hypot(seen.sigma, config.shared_mm * 1e-3)
     clear = both & (whole.mixed <= config.mixed) & (whole.incidence < np.radians(config.grazing_deg)) & (gap > config.stand_out * scale)
-    index = _clearest([clear & _inner(covered), clear, outstanding])
+    index = _clearest([clear & eroded(covered), clear, outstanding])
     z = view.depth.ravel()[index].astype(float)
     radial = z * view.camera.ray_length().ravel()[index]
     z -= errors.bias(seen.number, errors.columns(seen.number, radial, log_amplitude(view, index), index))
@@ -133,11 +134,11 @@ def weigh(seen: Seen, without: Without, part: int, config: InspectConfig, errors
     return Evidence(int(outstanding.sum()), int(covered.sum()), _together(ratio, index, view.camera.width, config), index, p, a, z, s)
 
 
-def _inner(covered: Mask) -> Mask:
-    """Pixels of the part without their outermost ring."""
+def eroded(mask: Mask) -> Mask:
+    """A mask (H, W) without its outermost ring of pixels."""
     from scipy import ndimage
 
-    return np.asarray(ndimage.binary_erosion(covered))
+    return np.asarray(ndimage.binary_erosion(mask))
 
 
 def _clearest(choices: list[Mask], enough: int = 20) -> Ints:
@@ -149,7 +150,7 @@ def _clearest(choices: list[Mask], enough: int = 20) -> Ints:
 
 
 def render_at(without: Without, camera: Camera, T: Float, where: Mask) -> Float:
-    """(H, W) z of the scene without the part, at the pixels of the part only; NaN elsewhere."""
+    """(H, W) z of the scene without the part at the pixels `where`; NaN elsewhere."""
     out = np.full(where.shape, np.nan)
     rays = camera.rays()[where]
     if len(rays):
@@ -163,11 +164,9 @@ def _log_likelihood(error: Float, sigma: Float, config: InspectConfig) -> Float:
 
 
 def _together(ratio: Float, index: Ints, width: int, config: InspectConfig) -> float:
-    """Sum of log ratios; pixels of one cell are correlated and count as a few independent ones."""
+    """Sum of log ratios; n pixels of one cell count as the square root of n."""
     if not len(ratio):
         return 0.0
     row, col = np.divmod(index, width)
-    cell = np.unique((row // config.cell_px) * width + col // config.cell_px, return_inverse=True)[1]
-    total = np.bincount(cell, weights=ratio)
-    count = np.bincount(cell)
-    return float((total / np.sqrt(count)).sum())
+    cells = grouped(row // config.cell_px, col // config.cell_px)
+    return float((cells.sum(ratio) / np.sqrt(cells.count)).sum())

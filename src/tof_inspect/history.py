@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trend of each part over sessions: a part that creeps is seen before it leaves its tolerance."""
+"""Trend of each part over sessions, which shows a creeping part before it leaves its tolerance."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 LEAST = 5
-"""Sessions from which a trend is estimated: two parameters, and three that may contradict. The errors of a part often lie along one
-direction: of four sessions two lie on any line, and one part in sixty was named by chance."""
+"""Fewest sessions of a trend: two parameters, and three sessions that may contradict. The errors of a part often have one direction: with
+four sessions, one part in sixty was reported by chance."""
 CREEPS = 4.0
-"""Chi of the rate (3 degrees of freedom) from which a part creeps; by chance in 1 of 900 parts."""
+"""Chi of the rate (3 degrees of freedom) from which a part counts as creeping; 1 part in 900 exceeds it by chance."""
 LEAST_SCALE = 0.01
 """Least scale of variances: no session is ten times better than it states."""
 KNOWN_MM = 6.0
-"""Standard deviation from which an axis states nothing: half of the largest displacement that is searched."""
+"""Standard deviation from which an axis is unknown: half of the largest displacement that is searched."""
 MANY, RAREST = 1e6, 1e-300
-"""Degrees of freedom that are as good as all, and the least chance that a double tells from none."""
+"""Degrees of freedom that stand for infinitely many; least probability that is used, near the smallest double."""
 SCHEMA = "toftwin.inspection/"
 
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """A part over its sessions.
+    """Trend of a part over sessions.
 
-    rate_mm (3,): displacement per session in the cell; std_mm: its standard deviation along the rate; chi: of 3 degrees of freedom, as rare
-    by chance as the rate; scale: spread of the sessions about the line, over their stated standard deviations;
-    now_mm: displacement that the trend states for the last session; left: sessions until it leaves its tolerance, None where it does not
-    creep or is out already.
+    rate_mm (3,): displacement per session in the cell; std_mm: its standard deviation along the rate; chi: chi of 3 degrees of freedom
+    with the probability of the rate; scale: spread of the sessions about the line, divided by their stated standard deviations; now_mm:
+    displacement in the last session by the trend; left: sessions until the part leaves its tolerance, None if it does not creep or is
+    out of tolerance.
     """
 
     name: str
@@ -54,11 +54,11 @@ class Trend:
 
     @property
     def creeps(self) -> bool:
-        """Whether the rate is more than chance."""
+        """Whether the rate is significant."""
         return self.chi > CREEPS
 
     def words(self) -> str:
-        """One line."""
+        """The trend in one line."""
         rate = float(np.linalg.norm(self.rate_mm))
         x, y, z = (component / max(rate, 1e-9) for component in self.rate_mm)
         along = f"{self.name} creeps by {rate:.2f} ± {self.std_mm:.2f} mm a session along ({x:.1f}, {y:.1f}, {z:.1f})"
@@ -72,7 +72,7 @@ class Trend:
 
 
 def add(folder: Path, content: dict[str, Any]) -> list[dict[str, Any]]:
-    """Keep this inspection in the folder, one file a session; returns all of the same scene, oldest first.
+    """Save this inspection in the folder, one file per session; returns all inspections of the same scene, oldest first.
 
     Raises:
         UsageError: a file in the folder is no inspection.
@@ -96,8 +96,8 @@ def add(folder: Path, content: dict[str, Any]) -> list[dict[str, Any]]:
 def trends(sessions: Sequence[dict[str, Any]]) -> list[Trend]:
     """The trend of every part that was fitted in at least `LEAST` of the sessions; the largest chi first.
 
-    A part's covariance holds what the camera does there, which repeats from session to session: it moves the start of the line and not
-    its rate. How much changes between sessions is measured by their spread about the lines: that of the part, and that of all parts.
+    A part's covariance contains the camera's errors at its place, which repeat in every session: they shift the line and do not change
+    its rate. The variance between sessions is estimated from the spread about the lines, of the part and of all parts.
     """
     names = dict.fromkeys(p["name"] for s in sessions for p in s["parts"])
     lines = []
@@ -111,10 +111,10 @@ def trends(sessions: Sequence[dict[str, Any]]) -> list[Trend]:
 
 @dataclass(frozen=True, slots=True)
 class Inflation:
-    """Ratio of the variances between sessions to the stated ones, which differs from part to part (Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3).
+    """Ratio of the variances between sessions to the stated variances, which differs from part to part (Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3).
 
-    scale: of a usual part; free: how alike parts are, as degrees of freedom of an estimate that varies as much, inf where all have one
-    scale; total: degrees of freedom of all parts together.
+    scale: of a typical part; free: degrees of freedom of the prior of a part's scale, inf if all parts have one scale; total: degrees of
+    freedom of all parts together.
     """
 
     scale: float
@@ -123,7 +123,7 @@ class Inflation:
 
     @classmethod
     def of(cls, spread: Float, free: Float) -> Inflation:
-        """From the chi-squares `spread` (n,) of parts about their lines, with `free` (n,) degrees of freedom (Smyth's section 6.2)."""
+        """Estimate from the chi-squares `spread` (n,) of parts about their lines, with `free` (n,) degrees of freedom (Smyth's section 6.2)."""
         spread, free = spread[free > 0], free[free > 0]
         if not len(free):
             return cls(1.0, np.inf, 0.0)
@@ -136,13 +136,13 @@ class Inflation:
         return cls(float(np.exp(log.mean() + digamma(prior) - np.log(prior))), 2.0 * prior, float(free.sum()))
 
     def at(self, spread: float, free: float) -> tuple[float, float]:
-        """Scale of the variances of a part with its own spread, and the degrees of freedom of that scale."""
+        """Scale of the variances of a part with chi-square `spread`, and the degrees of freedom of that scale."""
         scale = self.scale if np.isinf(self.free) else (self.free * self.scale + spread) / (self.free + free)
         return max(scale, LEAST_SCALE), min(self.free + free, self.total)
 
 
 def _trigamma_inverse(value: float) -> float:
-    """x with trigamma(x) = value (Newton's steps of 1 / trigamma, which is nearly straight; Smyth's appendix)."""
+    """x with trigamma(x) = value (Newton's method on 1 / trigamma, which is nearly linear; Smyth's appendix)."""
     x = 0.5 + 1.0 / value
     for _ in range(20):
         here = float(polygamma(1, x))
@@ -154,8 +154,8 @@ def _trigamma_inverse(value: float) -> float:
 class _Line:
     """Weighted least squares of place = start + rate * session, of one part.
 
-    now, rate (3,): of the last session, mm; cov (3, 3): of the rate, as the sessions state it; spread: chi-square of the sessions about the
-    line, free: its degrees of freedom.
+    now, rate (3,): displacement in the last session and rate, mm; cov (3, 3): covariance of the rate from the stated ones; spread:
+    chi-square of the sessions about the line; free: its degrees of freedom.
     """
 
     name: str
@@ -168,7 +168,7 @@ class _Line:
     tolerance: float
 
     def trend(self, inflation: Inflation) -> Trend:
-        """With variances as much larger than stated as the sessions show."""
+        """The trend with the estimated scale of the variances."""
         scale, free = inflation.at(self.spread, self.free)
         cov = scale * self.cov
         size = float(np.linalg.norm(self.rate))
@@ -181,7 +181,7 @@ class _Line:
 
 
 def _chi(square: float, free: float) -> float:
-    """Chi of 3 degrees of freedom that is as rare as a squared rate over a covariance whose scale has `free` degrees of freedom."""
+    """Chi of 3 degrees of freedom with the probability of `square`, a squared rate over a covariance whose scale has `free` degrees of freedom."""
     if free <= 0:
         return 0.0
     chance = float(fdtrc(3, min(free, MANY), square / 3.0))
@@ -189,7 +189,7 @@ def _chi(square: float, free: float) -> float:
 
 
 def _line(name: str, number: Float, parts: Sequence[dict[str, Any]], last: int) -> _Line:
-    """The line of one part; axes that a session does not know weigh next to nothing."""
+    """The line of one part; axes that are unknown in a session have hardly any weight."""
     H, b = np.zeros((6, 6)), np.zeros(6)
     rows = []
     for k, part in zip(number - last, parts, strict=True):
@@ -208,7 +208,7 @@ def _line(name: str, number: Float, parts: Sequence[dict[str, Any]], last: int) 
 
 
 def _left(now: Float, rate: Float, tolerance: float, chi: float) -> float | None:
-    """Sessions until |now + k rate| reaches the tolerance."""
+    """Sessions k until |now + k rate| reaches the tolerance; None if the part does not creep or is out of tolerance."""
     if chi <= CREEPS or np.linalg.norm(now) >= tolerance:
         return None
     a, half, c = float(rate @ rate), float(now @ rate), float(now @ now) - tolerance**2

@@ -12,12 +12,12 @@ from tof_align.config import AlignConfig
 from tof_align.known import known_removed
 from tof_align.session import solve_session
 from tof_core.errors import RefusedError, SceneError
-from tof_inspect.beside import ReferenceSession, Standing
 from tof_inspect.colour import Colours, Picture
 from tof_inspect.config import InspectConfig
 from tof_inspect.displaced import Fit, fit_part
 from tof_inspect.evidence import Evidence, Ratios, agreement, see, weigh
 from tof_inspect.place import JUDGED_PLACE, UNSEEN_TODO, Place, place_of
+from tof_inspect.reference import ReferenceSession, Standing
 from tof_inspect.shared import Left, PosesAlone, SessionErrors
 from tof_inspect.without import Split
 from tof_scene.raycast import Raycaster
@@ -39,11 +39,11 @@ if TYPE_CHECKING:
 class PartVerdict:
     """Verdict of one part.
 
-    state: present, absent, displaced, not_observable; probability: that the part is there (also where it is displaced), NaN where too
-    little was seen of it; pixels: distinctive pixels of all views; displaced_mm with std_mm: distance from the place in the CAD, NaN if not fitted;
-    log_depth, log_colour, log_ratio: log likelihood ratios of presence by each and by both (see `Ratios`); why: one line;
-    judged: whether the state is decided and the tolerance could be judged; todo: the capture that would decide, "" where it is judged;
-    shift_mm (3,), cov_mm2 (3, 3): displacement in the cell, zero along axes that are not known, and its covariance; () if not fitted.
+    state: present, absent, displaced, not_observable; probability: that the part is present or displaced, NaN where too few pixels show
+    it; pixels: distinctive pixels of all views; displaced_mm, std_mm: distance from the place in the CAD, NaN if not fitted; log_depth,
+    log_colour, log_ratio: log likelihood ratios of presence by each and by both (see `Ratios`); why: one line; judged: whether the state
+    is decided and the tolerance could be judged; todo: the capture that would decide, "" if judged; shift_mm (3,), cov_mm2 (3, 3):
+    displacement in the cell, zero along unknown axes, and its covariance; () if not fitted.
     """
 
     name: str
@@ -71,7 +71,7 @@ class PartVerdict:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inspection:
-    """Verdicts of all parts, the views, their poses, and one line on the evidence used (depth alone, or depth and colour)."""
+    """Verdicts of all parts, views, poses, and one line on the evidence used (depth alone, or depth and colour)."""
 
     verdicts: tuple[PartVerdict, ...]
     views: tuple[View, ...]
@@ -82,7 +82,7 @@ class Inspection:
 class Inspector:
     """A prepared scene: fixed and inspected parts as two search trees, and each part alone on first use.
 
-    `first`: reference images of the complete scene, with which colour is compared; `standing`: a reference session of the complete scene
+    `first`: reference images of the complete scene, for the comparison of colours; `standing`: a reference session of the complete scene
     (`learn`), relative to which displacements are measured. Both may be set later.
     """
 
@@ -94,7 +94,7 @@ class Inspector:
         first: Sequence[Picture] = (),
         bias: Bias | None = None,
     ) -> None:
-        """Refuse a scene without parts to inspect; `bias`: what is known of the camera, removed before anything is judged."""
+        """Refuse a scene without parts to inspect; `bias`: known error of the camera, removed first."""
         self.first, self._bias = tuple(first), bias
         self.standing: ReferenceSession | None = None
         self.caster, self.config, self.align, self.scene = caster, config or InspectConfig(), align or AlignConfig(), caster.scene
@@ -125,9 +125,9 @@ class Inspector:
         return self.inspect(clean, solution.posed, progress, solution=solution)
 
     def learn(self, views: Sequence[View], progress: Callable[[str], None] = lambda _: None) -> ReferenceSession:
-        """Where each part seems to stand in a session in which all of them stand in their place; raises as `judge`.
+        """The measured displacement of each part in a session with all parts in their place; raises as `judge`.
 
-        The camera's errors that no solution explains are the same in the next session from about the same views.
+        Errors of the camera that the solution does not model repeat in a later session with about the same views.
         """
         clean, solution = self._solved(views, progress)
         seen, parts = self._seen(clean, solution.posed), {}
@@ -144,7 +144,7 @@ class Inspector:
         return ReferenceSession(parts)
 
     def _solved(self, views: Sequence[View], progress: Callable[[str], None]) -> tuple[Sequence[View], SessionSolution]:
-        """The views less the known bias of the camera, with the estimated lens, and their poses."""
+        """The views without the known error of the camera, with the estimated lens, and their solution."""
         if not views:
             raise RefusedError("there is no view to judge", where="inspection", todo="toftwin doctor lists what the input lacks")
         progress("poses of all views")
@@ -165,7 +165,7 @@ class Inspector:
         return seen
 
     def _useful(self, seen: Sequence[Seen], evidence: Sequence[Evidence]) -> list[Seen]:
-        """The views that show enough of a part to place it."""
+        """The views with enough distinctive pixels of a part to fit it."""
         return [s for s, e in zip(seen, evidence, strict=True) if e.pixels >= self.config.min_pixels // 3]
 
     def inspect(
@@ -176,9 +176,9 @@ class Inspector:
         *,
         solution: SessionSolution | None = None,
     ) -> Inspection:
-        """Judge every part from views at known poses; those that are not accepted, or disagree with the CAD, are left out.
+        """Judge every part from views at given poses; views whose pose is not accepted or that disagree with the CAD are left out.
 
-        `solution`: of the session, whose estimate of the camera's errors is removed; None: nothing is known of them.
+        `solution`: the session's solution, whose estimate of the camera's errors is removed; None: no estimate.
 
         Raises:
             RefusedError: no view is left.
@@ -193,14 +193,14 @@ class Inspector:
         return Inspection(tuple(verdicts), tuple(views), tuple(posed), note)
 
     def _errors(self, views: Sequence[View], posed: Sequence[Posed], solution: SessionSolution | None) -> Callable[[int], SharedErrors]:
-        """What the pixels of a part share, by its index."""
+        """Errors common to the pixels of a part, as a function of its index."""
         if solution is None:
             return lambda _: PosesAlone(posed)
         shapes, left = [v.depth.shape for v in views], Left.of(solution)
         return lambda part: SessionErrors.of(solution, shapes, part, self.align.discrepancy, left)
 
     def _colours(self, seen: Sequence[Seen]) -> tuple[Colours | None, str]:
-        """Colour beside depth, or why there is none."""
+        """The evidence from colour, None if there is none, and one line on the evidence used."""
         if not self.config.colour.enabled or not self.first:
             return None, "depth alone: " + ("colour is switched off" if self.first else "no reference image in colour is given")
         now = [p for s in seen if (p := Picture.of(s.view.colour, s.posed.T_cell_camera)) is not None]
@@ -229,7 +229,7 @@ class Inspector:
 def decide(
     part: Part, evidence: Sequence[Evidence], depth: float, colour: float, fit: Fit, config: InspectConfig, place: Place = JUDGED_PLACE
 ) -> PartVerdict:
-    """Present within tolerance, displaced beyond it, absent if the scene without the part fits the pixels better."""
+    """The verdict: present within tolerance, displaced beyond it, absent if the scene without the part fits the pixels better."""
     # A free pose pays `moved_cost`: a part can always be placed behind another one, where it changes no pixel.
     ratios = Ratios.of(depth, colour, fit.ratio / config.cell_px - config.moved_cost)
     p = probability(ratios.fused, config)

@@ -19,21 +19,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Light:
-    """Current minus reference tones as a function of the surface normal: terms (4, 3) of 1 and the unit normal in the cell.
+    """Current minus reference tones as a function of the surface normal: terms (4, 3), coefficients of 1 and of the unit normal in the cell.
 
-    sigma (3,): standard deviation of the residual (cast shadows, lamps at finite distance, gloss). Measured, not assumed.
+    sigma (3,): measured standard deviation of the residual (cast shadows, lamps at finite distance, gloss).
     """
 
     terms: Float
     sigma: Float
 
     def change(self, normals: Float) -> Float:
-        """(n, 3) for normals (n, 3)."""
+        """Changes of the tones (n, 3) for normals (n, 3)."""
         return np.asarray(_basis(normals) @ self.terms)
 
 
 def fit_light(caster: Raycaster, then: Picture, now: Picture, fixed: Mask, config: ColourConfig) -> Light | None:
-    """Fit by least absolute values on a raster of the surfaces of parts that are `fixed`; None where too few are in both images."""
+    """Fit by least absolute deviations to a raster of pixels on `fixed` parts; None where too few are visible in both images."""
     step = max(1, int(np.sqrt(now.camera.width * now.camera.height / config.light_pixels)))
     rows, cols = (a.ravel() for a in np.mgrid[step // 2 : now.camera.height : step, step // 2 : now.camera.width : step])
     hits, points = now.look(caster, rows, cols)
@@ -54,7 +54,7 @@ def _basis(normals: Float) -> Float:
 
 
 def _least_absolute(X: Float, y: Float, rounds: int = 12, least: float = 0.02) -> Float:
-    """Iteratively reweighted least squares; directions that few surfaces have stay small."""
+    """Iteratively reweighted least squares; the coefficients of the normal are slightly damped."""
     weight = np.ones(len(y))
     terms = np.zeros(X.shape[1])
     for _ in range(rounds):

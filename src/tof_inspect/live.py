@@ -15,8 +15,10 @@ from tof_inspect.config import InspectConfig
 class LiveConfig(ColourViewOptions):
     """Parameters that only the running node has."""
 
-    views: int = param(20, "number of last dwells that are judged together", low=1, high=500)
-    sensor: str = param("", "sensor.yaml of the camera: its effects are removed before anything is judged; empty: nothing is known")
+    views: int = param(20, "number of recent dwells that are judged together", low=1, high=500)
+    sensor: str = param(
+        "", "sensor.yaml of the camera: its effects are removed from the depth before parts are judged; empty: no correction"
+    )
     out: str = param("", "folder for inspection.json and inspection.html of each judgement; empty writes none")
 
 

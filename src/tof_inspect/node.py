@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `inspect`: on request, whether every part is there, from the dwells seen so far."""
+"""The node `inspect`: on request, judges every part from the recent dwells."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NAME = "inspect"
 OUTPUTS = {"verdict": DiagnosticArray}
 """Topics under `inspect/`, once per `~/judge`, with the stamp of the last view."""
 TYPED = {"parts": "InspectionVerdict"}
-"""The same with typed fields (toftwin_msgs)."""
+"""The verdicts with typed fields (toftwin_msgs)."""
 ACTIONS = {"judge": "Judge"}
 SHARED = {"inspect/markers": MarkerArray}
 """Latched for RViz: the inspected parts, coloured by the last judgement."""
@@ -57,7 +57,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
     threads = 2
 
     def __init__(self, **options: Any) -> None:
-        """Nothing loaded yet."""
+        """Make the outputs and services; the scene is loaded by `load`."""
         super().__init__(NAME, NAME, InspectNodeConfig, fixed=("live.", "align."), **options)
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
         self._parts = self.typed("parts", TYPED["parts"])
@@ -76,7 +76,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         self._inspector = Inspector(Raycaster(open_scene(live.scene)), self.config.inspect, self.config.align, bias=known_bias(live.sensor))
 
     def start(self) -> None:
-        """Hear `preproc` and TF."""
+        """Subscribe to `preproc` and TF."""
         live, scene = self.config.live, self._inspector.scene
         chain = self._placing.chain(live, scene.frame, scene.placed_in)
         self._dwells = Dwells(live.views)
@@ -88,7 +88,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         del self._inspector
 
     def retune(self, config: InspectNodeConfig) -> None:
-        """Other thresholds hold from the next judgement on."""
+        """Use other thresholds from the next judgement on."""
         self._inspector.config = config.inspect
 
     def reset(self) -> str:
@@ -98,7 +98,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         return "the dwells are discarded"
 
     def _capture(self) -> str:
-        """Store the present images as reference: the scene is complete now."""
+        """Store the current images as reference images of the complete scene."""
         found = self._inspector.judge(self._dwells.all())
         pictures = [Picture.of(v.colour, p.T_cell_camera) for v, p in zip(found.views, found.posed, strict=True) if p.accepted]
         first = tuple(p for p in pictures if p is not None)
@@ -108,7 +108,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         return f"{len(first)} reference images in colour"
 
     def _answer(self, goal: Any, progress: Progress) -> Any:
-        """The result of the action."""
+        """The result of the action `judge`."""
         del goal
         from toftwin_msgs.action import Judge
 
@@ -156,7 +156,7 @@ class InspectNode(ManagedNode[InspectNodeConfig]):
         }
 
     def warnings(self) -> list[str]:
-        """Parts that the last judgement did not find in their place."""
+        """Numbers of absent and displaced parts in the last judgement."""
         bad = {state: self._counts.get(state, 0) for state in ("absent", "displaced")}
         return [f"parts {state}: {count}" for state, count in bad.items() if count]
 

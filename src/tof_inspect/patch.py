@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels of a view that a part may fill, and their change by a motion of the part."""
+"""Pixels of a view that a part may cover, and their predicted depth for a motion of the part."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 MIXED = 0.3
-"""Standard deviation of the depth of a pixel at an outline, as a share of the step there: uniform between both sides."""
+"""Standard deviation of the depth of a pixel at an outline, as a share of the depth step: uniform distribution between both sides."""
 
 
 def at(shift: Float) -> Float:
@@ -34,11 +34,11 @@ def at(shift: Float) -> Float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Patch:
-    """Pixels of one view that the part may fill.
+    """Pixels of one view that the part may cover.
 
-    view: its number; rays (n, 3) in the cell from origin; z, scale (n,): depth less the camera's estimated error, scale of what is left;
-    behind (n,): depth without the part; columns (n, k): of the camera's error; cell (n,): cell of neighbours; even (n,): every second row and column;
-    place (n,): flat index in the box of pixels (h, w); pixel: angle of a pixel, radians.
+    view: index of the view; rays (n, 3) in the cell from origin; z, scale (n,): depth minus the estimated error of the camera, standard
+    deviation of the rest; behind (n,): depth without the part; columns (n, k): of the camera's error; cell (n,): cell of neighbours; even
+    (n,): every second row and column; place (n,): flat index in the box of pixels (h, w); pixel: angle of a pixel, radians.
     """
 
     view: int
@@ -55,14 +55,14 @@ class Patch:
     pixel: float
 
     def thinned(self) -> Patch:
-        """Every second row and column."""
+        """The patch with every second row and column."""
         k = self.even
         return Patch(
             self.view, self.origin, self.rays[k], self.z[k], self.scale[k], self.behind[k], self.columns[k], self.cell[k], k[k], self.place[k], self.box, self.pixel
         )  # fmt: skip
 
     def softened(self, depth: Float) -> Patch:
-        """With the scale widened at the outlines of a predicted depth (n,): a pixel there measures a mixture of both sides."""
+        """The patch with larger scale at the outlines of a predicted depth (n,), where pixels measure a mixture of both sides."""
         image = np.full(self.box, np.nan)
         image.ravel()[self.place] = depth
         gap = np.zeros(self.box)
@@ -71,7 +71,7 @@ class Patch:
         return replace(self, scale=np.hypot(self.scale, MIXED * gap.ravel()[self.place]))
 
     def inner(self, on: Mask) -> Mask:
-        """Of the pixels (n,) on the part, those all of whose eight neighbours are on it."""
+        """Pixels (n,) on the part whose eight neighbours are on it, too."""
         from scipy import ndimage
 
         image = np.zeros(self.box, bool)
@@ -80,7 +80,7 @@ class Patch:
 
 
 def patch_of(seen: Seen, part: Float, margin: float, bare: Without, config: InspectConfig, errors: SharedErrors) -> Patch | None:
-    """Pixels of a view in the box that the part may fill; None if there are none."""
+    """Pixels of a view that the part may cover; None if there are none."""
     T = errors.pose(seen.number)
     camera = seen.view.camera
     inside = se3.apply(se3.inverse(T), part)
@@ -116,7 +116,7 @@ def patch_of(seen: Seen, part: Float, margin: float, bare: Without, config: Insp
 
 
 def moved_hits(motion: Float, patch: Patch, alone: Raycaster, centre: Float) -> tuple[Float, Mask, Float]:
-    """Depth (n,) with the part moved by `motion` about its middle, which rays meet it, and its normals (n, 3)."""
+    """Depth (n,) with the part moved by `motion` about its centre, which rays hit the part, and its normals (n, 3)."""
     back = se3.inverse(about(motion, centre))
     hits = alone.cast(se3.apply(back, patch.origin), patch.rays @ back[:3, :3].T)
     first = np.isfinite(hits.t) & ~(patch.behind < hits.t)
@@ -141,7 +141,7 @@ def misfit(patch: Patch, depth: Float) -> float:
 
 
 def linearised(motion: Float, p: Patch, alone: Raycaster, centre: Float) -> tuple[Float, Float, Float, Mask]:
-    """Residual (k,), Jacobian (k, 6) for a motion about the part's middle on the left, weight (k,), and which pixels (n,) these are."""
+    """Residual (k,), Jacobian (k, 6) for a left perturbation about the part's centre, weight (k,), and mask (n,) of these pixels."""
     depth, on, normal = moved_hits(motion, p, alone, centre)
     facing = np.einsum("ij,ij->i", normal, p.rays)
     on &= (np.abs(facing) > 0.2 * np.linalg.norm(p.rays, axis=1)) & np.isfinite(depth)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the place of a part is known well enough to judge its tolerance, and the capture that would make it so."""
+"""Whether the place of a part is known well enough to judge its tolerance, and the capture that would achieve it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tof_scene.scene import Part
 
 JUDGED = 2.0
-"""Standard deviations of the place that fit into the tolerance where it is judged: a part out of tolerance is then seen."""
+"""Least tolerance, in standard deviations of the place, that can be judged: a part out of tolerance is then detected."""
 FREE_M = 0.35
 """Free distance in front of a part from which a camera can look at it."""
 AXES = ("x", "y", "z")
@@ -29,9 +29,9 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """How well a part's place is known.
+    """Accuracy of a part's place.
 
-    judged: whether its tolerance can be judged; std_mm: standard deviation along the axis that is known least (inf: unknown);
+    judged: whether its tolerance can be judged; std_mm: standard deviation along the least known axis (inf: unknown);
     words: one clause; todo: the capture that would judge it, "" where it is judged.
     """
 
@@ -46,7 +46,7 @@ JUDGED_PLACE = Place(True, 0.0)
 
 
 def place_of(part: Part, fit: Fit, seen: Sequence[Seen], caster: Raycaster, config: InspectConfig) -> Place:
-    """Judge the place of a part that is present."""
+    """Whether the tolerance of a present part can be judged."""
     values, axes = np.linalg.eigh(fit.cov)
     std, axis = 1e3 * float(np.sqrt(values[-1])), axes[:, -1]
     if JUDGED * std <= part.tolerance_mm:
@@ -72,7 +72,7 @@ def _todo(part: Part, fit: Fit, axis: Float, seen: Sequence[Seen], caster: Rayca
 
 
 def _look(part: Part, axis: Float, caster: Raycaster) -> str:
-    """A view along the axis, from the side that is free; closer views where neither is."""
+    """Advice for a view along the axis from a side without obstacle; for closer views where both sides have one."""
     centre, reach = part.vertices.mean(axis=0), 0.5 * float(np.linalg.norm(np.ptp(part.vertices, axis=0)))
     for direction in (axis, -axis):
         if not np.isfinite(caster.cast(centre + direction * (reach + 1e-3), direction[None]).t[0]):
@@ -82,7 +82,7 @@ def _look(part: Part, axis: Float, caster: Raycaster) -> str:
 
 
 def _direction(axis: Float) -> str:
-    """An axis of the cell where it is one within 25 degrees, else its components."""
+    """The name of the cell axis within 25 degrees of the direction, otherwise the components."""
     k = int(np.abs(axis).argmax())
     if abs(axis[k]) > np.cos(np.radians(25.0)):
         return f"{'-' if axis[k] < 0 else ''}{AXES[k]}"

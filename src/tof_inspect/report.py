@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`inspection.json` and one page that shows each part: expected depth, measured depth, verdict."""
+"""`inspection.json`, and a page with each part's verdict, expected and measured depth."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_core import se3
 from tof_core.page import image_uri, render_page
-from tof_inspect.evidence import render_at
+from tof_inspect.evidence import eroded, render_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,7 +72,7 @@ def write(inspector: Inspector, found: Inspection, folder: Path, title: str, tre
 
 
 def sentence(verdicts: Sequence[PartVerdict]) -> str:
-    """The verdict in words."""
+    """The verdicts in one sentence."""
     of = {state: [v for v in verdicts if v.state == state] for state in ORDER}
     wrong = [
         *([f"absent: {_names(of['absent'])}"] if of["absent"] else []),
@@ -90,7 +90,7 @@ def sentence(verdicts: Sequence[PartVerdict]) -> str:
 
 
 def todo(verdicts: Sequence[PartVerdict]) -> list[str]:
-    """What to do now: parts to look after, then the captures that would judge the others, those that help several at once."""
+    """Recommendations: parts to correct, then captures that make other parts judgeable, those for most parts first."""
     lines = [f"Put {v.name} in: it is absent." for v in verdicts if v.state == "absent"]
     for v in (v for v in verdicts if v.state == "displaced"):
         x, y, z = (round(-s, 1) + 0.0 for s in v.shift_mm)
@@ -109,13 +109,13 @@ def _names(verdicts: Sequence[PartVerdict]) -> str:
 
 
 def _named(names: Sequence[str], most: int = 6) -> str:
-    """Names in a line; the last of many are counted."""
+    """Names in a line; beyond `most`, only their number."""
     shown = [*names[:most], f"{len(names) - most} more"] if len(names) > most else list(names)
     return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
 
 
 def picture(inspector: Inspector, verdict: PartVerdict, views: Sequence[View], posed: Sequence[Posed], margin: int = 20) -> str:
-    """Crops as a PNG data URL: amplitude if there is one, measured depth, the CAD with the part, without it; "" where no view has the part."""
+    """Crops as an embedded PNG image: amplitude if recorded, measured depth, the CAD with and without the part; "" where no view shows the part."""
     from tof_scene.render import render
 
     index = inspector.scene.index(verdict.name)
@@ -137,7 +137,7 @@ def picture(inspector: Inspector, verdict: PartVerdict, views: Sequence[View], p
 
 
 def _size(inspector: Inspector, posed: Posed, view: View, name: str) -> float:
-    """Size of a part in a view: its vertices inside the image over the square of their distance."""
+    """Relative size of a part in a view: share of its vertices inside the image, divided by their squared distance."""
     p = se3.apply(se3.inverse(posed.T_cell_camera), inspector.scene.part(name).vertices)
     uv = view.camera.project(p)
     inside = (p[:, 2] > 0.05) & (uv > -0.5).all(axis=1) & (uv < [view.camera.width - 0.5, view.camera.height - 0.5]).all(axis=1)
@@ -163,16 +163,10 @@ def _png(amplitude: Image | None, crops: Sequence[Image], covered: Mask) -> str:
         shown.append(rgb)
     scale = max(1, round(PICTURE_PX / (len(shown) * covered.shape[1])))
     large = np.kron(covered, np.ones((scale, scale), bool))
-    outline = large & ~_eroded(large)
+    outline = large & ~eroded(large)
     wide: list[Float] = []
     for image in shown:
         grown = np.kron(image, np.ones((scale, scale, 1)))
         grown[outline] = (1.0, 0.25, 0.1)
         wide += [grown, np.ones((len(grown), 6, 3))]
     return image_uri((255 * np.concatenate(wide[:-1], axis=1)).astype(np.uint8))
-
-
-def _eroded(mask: Mask) -> Mask:
-    from scipy import ndimage
-
-    return np.asarray(ndimage.binary_erosion(mask))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last step of a fit: inner pixels place a part along the lines of sight, outlines across them; and how sure that is."""
+"""The last step of a fit and its covariance: inner pixels determine a part's place along the lines of sight, outlines across them."""
 
 from __future__ import annotations
 
@@ -23,18 +23,22 @@ if TYPE_CHECKING:
 USUAL = 3.5
 """Residuals beyond this many sigmas are outliers."""
 EDGE_PX = 0.25
-"""Standard deviation, in pixels, of the place of an outline in one view: a pixel at an edge measures a mixture of both surfaces."""
+"""Standard deviation, in pixels, of an outline in one view: a pixel at an edge measures a mixture of both surfaces."""
 ASSUMED_PIXELS = 6
-"""Pixels of the assumed noise that are added to those of a part: a few residuals are no measure of noise."""
+"""Pixels with the assumed noise that are added to a part's pixels: a few residuals do not determine the noise."""
 LEAST_INNER = 8
-"""Inner pixels of a part in a view from which its outline's pixels, which measure a mixture, do not count for the depth."""
+"""Inner pixels of a part in a view from which only these determine its depth; pixels at the outline measure a mixture."""
 STEPS, LONGEST_M = 2, 0.003
-"""Steps of the settling, and the longest."""
+"""Number of steps, and the longest step in metres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _View:
-    """What one view knows of the part: error e (k,), J (k, 3), weight (k,) of its inner pixels and their place (k,) in the patch; outline (3, 3): information across the line of sight."""
+    """Information of one view on the part.
+
+    e, J, w (k,), (k, 3), (k,): error, Jacobian and weight of its inner pixels; at (k,): their index in the patch; outline (3, 3):
+    information of the outline, across the line of sight.
+    """
 
     patch: Patch
     e: Float
@@ -51,7 +55,7 @@ class _View:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Settled:
-    """A part's motion (4, 4), and the covariances (3, 3) of its shift: noise, outline, shared as of `displaced.Fit`."""
+    """A part's motion (4, 4), and the covariances (3, 3) of its shift: noise, outline, shared as in `displaced.Fit`."""
 
     motion: Float
     noise: Float
@@ -62,7 +66,7 @@ class Settled:
 def settle(
     motion: Float, patches: Sequence[Patch], alone: Raycaster, centre: Float, config: InspectConfig, errors: SharedErrors
 ) -> Settled:
-    """Move the part to where its inner pixels have it, held across the lines of sight by its outlines."""
+    """Fit the shift to the inner pixels; across the lines of sight, the outlines hold it."""
     outlines = [_outline(motion, p, alone, centre) for p in patches]
     prior = np.eye(3) * (config.search_mm * 1e-3) ** -2.0
     views, H = list[_View](), prior
@@ -75,7 +79,7 @@ def settle(
 
 
 def _outline(motion: Float, patch: Patch, alone: Raycaster, centre: Float) -> Float:
-    """(3, 3) information of the part's outline in a view: the curvature of the cost, less that of depth, across the line of sight."""
+    """(3, 3) information of the part's outline in a view: curvature of the cost minus that of depth, across the line of sight."""
     _, J, w, _ = linearised(motion, patch, alone, centre)
     rest = positive(curvature(motion, lambda m: cost_of(m, [patch], alone, centre)) - (J[:, :3] * w[:, None]).T @ J[:, :3])
     across = _across(motion, patch, centre)
@@ -97,11 +101,11 @@ def _across(motion: Float, patch: Patch, centre: Float) -> Float:
 
 
 def _uncertain(motion: Float, views: Sequence[_View], inverse: Float, centre: Float, errors: SharedErrors) -> Settled:
-    """The covariances.
+    """The motion with its covariances.
 
-    With the information H_v of view v and H of all, the estimate moves by H^-1 H_v M xi with the view's pose (the camera's motion moves the
-    part the other way), and by H^-1 J' W C u with the camera's errors C u at its pixels. Noise counts by what the residuals of the part
-    show: their sums over cells of neighbours against independent pixels.
+    Let H_v be the information of view v, and H of all. An error xi of the view's pose moves the estimate by H^-1 H_v M xi (the camera's
+    motion moves the part the other way); errors C u of the camera at its pixels move it by H^-1 J' W C u. Noise is scaled by the
+    residuals of the part: their sums over cells of neighbours, relative to independent pixels.
     """
     maps, edges = {}, np.zeros((3, 3))
     middle = centre + motion[:3, 3]
@@ -116,7 +120,7 @@ def _uncertain(motion: Float, views: Sequence[_View], inverse: Float, centre: Fl
 
 
 def _inflation(views: Sequence[_View]) -> float:
-    """By how much the residuals of the part's own pixels, and their correlation, exceed white noise of the assumed sigma."""
+    """Variance of the residuals of the part's pixels, correlation included, relative to white noise of the assumed sigma."""
     total, count = float(ASSUMED_PIXELS), float(ASSUMED_PIXELS)
     for v in views:
         u = v.e / v.patch.scale[v.at]

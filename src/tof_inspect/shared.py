@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors that the pixels of a part share: of the camera poses, and of the camera itself, as the solution of the session estimates them."""
+"""Errors common to the pixels of a part: of the camera poses, and of the camera, as estimated by the session's solution."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ if TYPE_CHECKING:
 
 
 BEYOND = 3
-"""Columns of what the solution does not describe, each one unknown of unit variance for all views: ranges and amplitudes that it did not
-see (`beyond_data`), and what it leaves at those that it saw (`Left`)."""
+"""Columns of errors that the solution does not model, each one unknown of unit variance for all views: at ranges and amplitudes outside
+its data (`beyond_data`, 2 columns), and its remaining errors within (`Left`)."""
 ALIKE = 0.3, 0.15
-"""Sides of the cells of ln amplitude and range (metres) in which, with their neighbours, pixels count as alike."""
+"""Sides of the cells of ln amplitude and of range (metres); pixels of a cell and its neighbour cells count as alike."""
 LEAST_ALIKE = 12
-"""Pixels that are alike from which their median is taken."""
+"""Fewest alike pixels for a median."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Left:
-    """What the solution leaves of the depth of all pixels: cell (n, 2) of ln amplitude and range, left (n,) metres, part (n,).
+    """Residuals of all pixels in depth: cell (n, 2) of ln amplitude and range, left (n,) metres, part (n,).
 
-    The camera's described errors are off it, motions of parts and errors that stick to the surface are not: what only a few dark surfaces
-    show would else pass for their own, and not for what the camera does to dark surfaces at this range.
+    The modelled errors of the camera are subtracted; motions of parts and errors tied to a surface are not. Otherwise an error of the
+    camera on a few dark surfaces would count as theirs, not as the camera's error on dark surfaces at this range.
     """
 
     cell: Ints
@@ -48,7 +48,7 @@ class Left:
 
     @classmethod
     def of(cls, solution: SessionSolution) -> Left:
-        """Of all views; pixels without amplitude have one of their own."""
+        """Residuals of all views; pixels without amplitude are in cells of their own."""
         system, kinds = solution.system, [*(name in OF_CAMERA for name in SHARED), *(name in OF_CAMERA for name in LOCAL)]
         cells: list[Ints] = []
         left: list[Float] = []
@@ -60,7 +60,7 @@ class Left:
         return cls(np.concatenate(cells), np.concatenate(left), np.concatenate([v.part for v in system.views]), {})
 
     def at(self, log_amplitude: Float, radial: Float, part: int) -> Float:
-        """(n,) metres: size of the median that is left of other parts' pixels that are alike; 0 where there are too few."""
+        """(n,) metres: absolute median residual of alike pixels of other parts; 0 where there are too few."""
         cells, which = np.unique(_cells(log_amplitude, radial), axis=0, return_inverse=True)
         return np.array([self._median(int(a), int(r), part) for a, r in cells])[which.ravel()]
 
@@ -78,20 +78,20 @@ def _cells(log_amplitude: Float, radial: Float) -> Ints:
 
 
 OF_CAMERA = ("range", "amplitude", "image", "offset", "bend", "smooth")
-"""Kinds of discrepancy that are the camera's own."""
+"""Kinds of discrepancy that are errors of the camera."""
 
 
 class SharedErrors(Protocol):
-    """What is known of the shared errors while one part is judged."""
+    """Estimated errors common to pixels, while one part is judged."""
 
     def pose(self, view: int) -> Float:
         """T_cell_camera (4, 4) of a view."""
 
     def columns(self, view: int, radial: Float, log_amplitude: Float, index: Ints) -> Float:
-        """(n, k) metres of z of pixels of a view per unknown of the camera's errors; k may be zero."""
+        """(n, k) change of z in metres of pixels of a view per unknown of the camera's errors; k may be zero."""
 
     def bias(self, view: int, columns: Float) -> Float:
-        """(n,) metres of z: the estimated error of the camera at those pixels."""
+        """(n,) estimated error of the camera in z at those pixels, metres."""
 
     def cov(self, maps: Mapping[int, tuple[Float, Float]]) -> Float:
         """(3, 3) covariance of the sum over views of pose_map @ xi + camera_map @ u.
@@ -102,7 +102,7 @@ class SharedErrors(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosesAlone:
-    """Views with given poses: the poses are uncertain each by itself, of the camera's errors nothing is known."""
+    """Views with given, independent poses; errors of the camera are not estimated."""
 
     posed: Sequence[Posed]
 
@@ -111,24 +111,24 @@ class PosesAlone:
         return self.posed[view].T_cell_camera
 
     def columns(self, view: int, radial: Float, log_amplitude: Float, index: Ints) -> Float:  # noqa: ARG002
-        """None."""
+        """No columns."""
         return np.zeros((len(index), 0))
 
     def bias(self, view: int, columns: Float) -> Float:  # noqa: ARG002
-        """Zero."""
+        """Zeros."""
         return np.zeros(len(columns))
 
     def cov(self, maps: Mapping[int, tuple[Float, Float]]) -> Float:
-        """Of the poses."""
+        """Covariance by the poses."""
         return np.asarray(sum((A @ self.posed[v].cov_right @ A.T for v, (A, _) in maps.items()), np.zeros((3, 3))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SessionErrors:
-    """Poses and the camera's errors of a session solution in which one part has no vote.
+    """Poses and camera errors of a session's solution that does not use one part.
 
-    x (G,), own (V, o), cov (G, G): the solution of the linear system with that part free to stand anywhere, so that a displaced part
-    neither moves the cameras nor passes for an error of the camera.
+    x (G,), own (V, o), covariance (G, G): the solution of the linear system with that part free to be anywhere, so that a displaced part
+    neither moves the cameras nor counts as an error of the camera.
     """
 
     solution: SessionSolution
@@ -144,7 +144,7 @@ class SessionErrors:
     def of(
         cls, solution: SessionSolution, shapes: Sequence[tuple[int, int]], part: int, config: DiscrepancyConfig, left: Left
     ) -> SessionErrors:
-        """Take the vote of part number `part` of the scene off the solution (Woodbury's identity); one without columns has none."""
+        """Remove part number `part` of the scene from the solution (Woodbury's identity); the solution is unchanged if it has no columns."""
         system, answer = solution.system, solution.fitted
         at = np.flatnonzero(system.basis.parts.index == part)
         if not len(at):
@@ -162,7 +162,7 @@ class SessionErrors:
         return cls(solution, shapes, config, part, left, answer.x + step, own, answer.cov - gain @ rows.T)
 
     def pose(self, view: int) -> Float:
-        """The solution's pose, moved by what the part's vote had moved it."""
+        """The pose of the solution without the part."""
         rig, answer = self.solution.system.rig, self.solution.fitted
         shared, arm = rig.links(view)
         dx, own = self.x - answer.x, self.own[view] - answer.own[view]
@@ -170,7 +170,7 @@ class SessionErrors:
         return np.asarray(self.solution.posed[view].T_cell_camera @ se3.exp(step))
 
     def columns(self, view: int, radial: Float, log_amplitude: Float, index: Ints) -> Float:
-        """Of range, amplitude and image, shared by the views; of the view alone; of ranges and amplitudes that the session did not see."""
+        """Columns of range, amplitude and image, common to all views; of the view alone; of errors that the solution does not model."""
         basis, start = self.solution.system.basis, self.solution.system.rig.globals_
         shared, local = camera_columns(basis, radial, log_amplitude, self.shapes[view], index)
         first, count = basis.shared[0], basis.shared[1]
@@ -186,7 +186,7 @@ class SessionErrors:
         return np.asarray(columns @ np.concatenate([shared, self.own[view, rig.own :], np.zeros(BEYOND)]))
 
     def cov(self, maps: Mapping[int, tuple[Float, Float]]) -> Float:
-        """Poses and the camera's errors together, with all their correlations within and between the views."""
+        """Covariance by poses and camera errors, with their correlations within and between views."""
         answer, rig, m = self.solution.fitted, self.solution.system.rig, sum(self.solution.system.basis.shared)
         shared, beyond, out = np.zeros((3, len(self.x))), np.zeros((3, BEYOND)), np.zeros((3, 3))
         for v, (pose_map, camera_map) in maps.items():

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from tof_scene.scene import Scene
 
 STEP_M = 1e-6
-"""Metres behind a face of the removed part at which a ray continues."""
+"""Distance behind a face of the removed part at which a ray continues, metres."""
 MOST = 32
-"""Faces of one part that a ray may cross."""
+"""Most faces of one part that a ray crosses."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +37,7 @@ class Behind:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Tree:
-    """Some of the scene's parts, and their numbers in it (-1 last, for a miss)."""
+    """A subset of the scene's parts, and their numbers in the scene (-1 last, for a miss)."""
 
     caster: Raycaster
     numbers: NDArray[np.int64]
@@ -50,7 +50,7 @@ class _Tree:
         return cls(Raycaster(some), np.array([*numbers, -1]))
 
     def cast(self, origin: Float, directions: Float, part: int) -> Behind:
-        """First hits without part number `part` of the scene: a ray that hits this part continues behind it."""
+        """First hits without part number `part` of the scene: a ray continues behind this part."""
         hits = self.caster.cast(origin, directions)
         t, number, normal = hits.t.copy(), self.numbers[hits.part], hits.normal.copy()
         length = np.linalg.norm(directions, axis=1)
@@ -67,15 +67,15 @@ class _Tree:
 
 
 class Split:
-    """A scene as two trees; a part that lies on another one, face to face, never hides it when it is left out."""
+    """A scene as two search trees, so that a part left out does not hide another part that touches it face to face."""
 
     def __init__(self, scene: Scene) -> None:
-        """Build both."""
+        """Build both trees."""
         marked = [part.inspect for part in scene.parts]
         self._trees = [tree for want in (False, True) if (tree := _Tree.of(scene, [i for i, m in enumerate(marked) if m is want]))]
 
     def without(self, part: int) -> Without:
-        """The scene without part number `part`, which is an inspected one."""
+        """The scene without part number `part`, an inspected part."""
         return Without(self._trees, part)
 
 

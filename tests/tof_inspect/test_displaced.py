@@ -45,12 +45,6 @@ def test_without_a_shift_it_is_the_largest_along_a_known_axis() -> None:
     assert np.isnan(fit((0.0, 0.0, 0.0), np.zeros((3, 0))).std_mm)
 
 
-def test_figures_along_the_known_axes() -> None:
-    shift, std = fit((3.0, -4.0, 5.0), np.eye(3)[:, [2, 1]]).axes_mm()
-    np.testing.assert_allclose(shift, [5.0, -4.0])
-    np.testing.assert_allclose(std, [7.0, 3.0])
-
-
 def test_the_search_begins_in_26_directions_at_two_distances() -> None:
     offsets = np.array(_offsets(0.01))
     assert offsets.shape == (52, 3)

@@ -13,10 +13,10 @@ import pytest
 from tests.tof_inspect.made import SURE, plate, seen
 from tof_core.errors import RefusedError
 from tof_inspect import judge as room
-from tof_inspect.beside import Standing
 from tof_inspect.config import InspectConfig
 from tof_inspect.evidence import Evidence
 from tof_inspect.judge import Inspector
+from tof_inspect.reference import Standing
 from tof_scene.raycast import Raycaster
 
 VIEW = seen(plate())

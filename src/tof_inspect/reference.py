@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A reference session of the complete cell: where each part seemed to stand when it stood in its place."""
+"""A reference session of the complete cell: the measured displacement of parts that are in their place, due to the camera's errors."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     from tof_inspect.config import InspectConfig
 
 NEAR_M = 0.15
-"""Distance of two cameras that see a part from about the same place: three times the stopping accuracy of a base."""
+"""Largest distance in metres of two cameras that count as at the same place: three times the stopping accuracy of a base."""
 SHARE = 0.5
-"""Share of the views of a part that have such a neighbour in the reference session."""
+"""Least share of a part's views with a camera of the reference session at the same place."""
 CHANCE = 0.05
-"""Share of chance beyond which a shift of the reference session shows that the camera errs there by more than is stated."""
+"""Probability of a larger displacement by the stated errors, below which the camera's errors count as larger than stated."""
 SCALES = np.geomspace(1.0, 1e4, 161)
-"""Scales of the stated variance that are tried: up to an error a hundred times as large as stated, in steps of 3 % of its size."""
+"""Scales of the stated variance that are tried: errors up to a hundred times as large as stated, in steps of 3 %."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Standing:
-    """A part in a session: its fit, and where the cameras stood that saw it (n, 3)."""
+    """A part in a session: its fit, and the positions (n, 3) in the cell of the cameras that saw it."""
 
     fit: Fit
     cameras: Float
@@ -38,12 +38,12 @@ class Standing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReferenceSession:
-    """Parts by name, as the reference session has them; digest of its scene."""
+    """The parts of the reference session by name."""
 
     parts: Mapping[str, Standing]
 
     def relative(self, name: str, fit: Fit, cameras: Sequence[Float], config: InspectConfig) -> Fit:
-        """The part's motion since the reference session, where that saw it from about the same places; else the fit as it is."""
+        """The part's motion since the reference session if its cameras were at the same places; otherwise the fit unchanged."""
         then = self.parts.get(name)
         if then is None or not len(cameras):
             return fit
@@ -52,11 +52,11 @@ class ReferenceSession:
 
 
 def relative(now: Fit, then: Fit, config: InspectConfig) -> Fit:
-    """A part's motion less the error that a reference session shows, in which the part stood in its place.
+    """A part's motion minus the error estimated from a reference session in which the part was in its place.
 
-    What pixels share (the camera's errors, and poses from about the same places) may be in both sessions; noise and outlines are new in
-    each. So that error is the reference's shift times a gain of least variance, and what the gain does not remove stays in sigma: a
-    reference that shows only its own noise changes nothing, one that shows an error beyond all that is stated is removed as a whole.
+    Errors common to pixels (of the camera, and of poses at the same places) may occur in both sessions; noise and outline errors are
+    independent. The estimated error is the reference's shift times the gain of least variance; its remaining variance is part of sigma.
+    A reference shift within its noise changes nothing; a shift far beyond all stated errors is removed completely.
     """
     scale, own = least_scale(then), then.noise + then.outline
     gain = np.zeros((3, 3))
@@ -71,7 +71,7 @@ def relative(now: Fit, then: Fit, config: InspectConfig) -> Fit:
 
 
 def least_scale(fit: Fit) -> float:
-    """Least scale of the variance of the shared errors, from 1, at which the shift of a part in its place is no more than chance allows."""
+    """Least scale (1 or more) of the variance of the shared errors with which the shift of a part in its place is within chance."""
     K = fit.known
     if not K.shape[1]:
         return 1.0

@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tof_inspect.beside import ReferenceSession, Standing, least_scale, relative
 from tof_inspect.config import InspectConfig
 from tof_inspect.displaced import Fit
+from tof_inspect.reference import ReferenceSession, Standing, least_scale, relative
 
 NEW_MM, SHARED_MM = 0.3, 0.4
 CONFIG = InspectConfig()
