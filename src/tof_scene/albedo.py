@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Albedo of the parts at the camera's wavelength, from the amplitude that it measured: CAD states it for visible light, if at all."""
+"""Albedo of the parts at the camera's wavelength, estimated from measured amplitude: CAD states albedo for visible light, if at all."""
 
 from __future__ import annotations
 
@@ -7,27 +7,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_core.stats import group_medians
+
 if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
 
 RINGS = 8
-"""Rings about the image's centre, each with a brightness of its own: the lamp of most cameras is weaker towards the border."""
+"""Rings about the image's centre, each with its own brightness: most illuminations are weaker towards the border of the image."""
 ROUNDS = 4
-"""Rounds of the median polish: more change the levels by less than a hundredth."""
+"""Rounds of the median polish: further rounds change the levels by less than one per cent."""
 LEAST_PIXELS = 50
-"""Pixels of a part below which its stated albedo is kept."""
+"""Fewest pixels of a part for an estimate; with fewer, its stated albedo is kept."""
 LOWEST, HIGHEST = 0.02, 0.98
 """Albedo of soot, and of fresh white paint."""
 
 
 def albedo_by_amplitude(stated: Float, part: Ints, returned: Float, off_axis: Float) -> Float:
-    """(P,) albedo of the parts, such that amplitude over cos(incidence) / r^2 is alike wherever a part is seen.
+    """(P,) albedo of the parts with which amplitude divided by albedo cos(incidence) / r^2 is the same for all parts.
 
     An amplitude image has no absolute scale: the mean of ln albedo over the pixels stays the stated one.
 
     Args:
         stated: (P,) albedo of the parts in the scene.
-        part: (n,) part that each pixel sees, of all views.
+        part: (n,) part in each pixel, over all views.
         returned: (n,) ln of amplitude times r^2 / cos(incidence); NaN where unknown.
         off_axis: (n,) distance from the image's centre, 1 in its corner.
 
@@ -41,16 +43,9 @@ def albedo_by_amplitude(stated: Float, part: Ints, returned: Float, off_axis: Fl
         return np.asarray(stated, float)
     level, brightness = np.zeros(len(stated)), np.zeros(RINGS)
     for _ in range(ROUNDS):
-        level = _medians(returned - brightness[ring], part, len(stated))
-        brightness = _medians(returned - level[part], ring, RINGS)
+        level = group_medians(returned - brightness[ring], part, len(stated))
+        brightness = group_medians(returned - level[part], ring, RINGS)
     shift = float(count[seen] @ (np.log(stated[seen]) - level[seen]) / count[seen].sum())
     out = np.array(stated, float)
     out[seen] = np.clip(np.exp(level[seen] + shift), LOWEST, HIGHEST)
     return out
-
-
-def _medians(values: Float, group: Ints, groups: int) -> Float:
-    """(groups,) median of each group, 0 of an empty one."""
-    order = np.argsort(group, kind="stable")
-    parts = np.split(values[order], np.cumsum(np.bincount(group, minlength=groups))[:-1])
-    return np.array([np.median(p) if len(p) else 0.0 for p in parts])

@@ -40,12 +40,12 @@ class Backend(Protocol):
         ...
 
     def blocked(self, origins: Float32, directions: Float32, reach: float) -> Mask:
-        """(N,) whether a ray hits anything within `reach` lengths of its direction; neither the face nor the distance is found."""
+        """(N,) whether a ray hits anything within `reach` lengths of its direction; faster than `nearest`."""
         ...
 
 
 class EmbreeBackend:
-    """embreex: Embree 4. Large sets of rays are split between the cores, since embreex releases the interpreter lock."""
+    """embreex: Embree 4. Many rays are split between the cores; embreex releases the interpreter lock."""
 
     name = "embree"
 
@@ -87,7 +87,7 @@ class EmbreeBackend:
 
 
 def _shared(work: Callable[[Float32, Float32], T], origins: Float32, directions: Float32) -> list[T]:
-    """`work` on rays, in one piece or in one piece per core."""
+    """Results of `work` on all rays at once, or on one piece per core."""
     if CORES == 1 or len(origins) < SHARED_FROM:
         return [work(origins, directions)]
     return in_threads(work, np.array_split(origins, CORES), np.array_split(directions, CORES))
@@ -123,7 +123,7 @@ BACKENDS: dict[str, type[EmbreeBackend | Open3dBackend]] = {"embree": EmbreeBack
 
 
 def make_backend(name: str, vertices: Float, faces: NDArray[np.int32]) -> Backend:
-    """The backend of that name; `auto` is the faster of those installed."""
+    """The backend of that name; `auto`: the first installed in `ORDER`."""
     if name != "auto" and name not in BACKENDS:
         raise UsageError(f"there is no ray caster '{name}'", where="backend", todo=f"use auto, {' or '.join(BACKENDS)}")
     for choice in ORDER if name == "auto" else (name,):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light that comes by way of another part: by how much one bounce lengthens what a point measures, from geometry and stated albedo."""
+"""Multipath of one bounce: range error of each point by light reflected from other parts, from geometry and stated albedo."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
 
 LIT = 1.0 - 1e-3
-"""Share of the way from the lamp to a surface within which nothing may stand."""
+"""Share of the way between lamp and surface that must be free."""
 
 
 def one_bounce(caster: Raycaster, lamp: Float, points: Float, normals: Float, rays: int) -> Float:
-    """(n, P) metres along the ray that the light of each of the scene's P parts adds to what each point measures.
+    """(n, P) metres along the ray: range error of each point by light from each of the scene's P parts.
 
     Monte Carlo gathering (Kajiya 1986) of one bounce between Lambertian surfaces: a part lit by the lamp (radiosity albedo cos / r^2)
-    lights the point; its share of the light, times half the detour, is the shift of the phase where shares are small.
+    illuminates the point. The error is its share of the light times half the detour, valid for small shares.
 
     Args:
         caster: the scene, with its albedos.
-        lamp: (3,) in the cell frame, where the camera is, too.
+        lamp: (3,) position of lamp and camera in the cell frame.
         points: (n, 3) in the cell frame.
         normals: (n, 3) unit, towards the lamp.
         rays: rays per point, with cosine density.

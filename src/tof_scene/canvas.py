@@ -34,7 +34,7 @@ class Canvas:
 
     @classmethod
     def blank(cls, pixels: int, face: NDArray[np.int32]) -> Canvas:
-        """A canvas that holds the faces; all other fields are empty."""
+        """A canvas with the faces set and all other fields empty."""
         void = [np.full(pixels, np.nan, np.float32) for _ in range(4)]
         return cls(
             face, void[0], np.empty(pixels, np.int16), np.empty((pixels, 3), np.float32), void[1], void[2],
@@ -49,7 +49,7 @@ class Canvas:
         )  # fmt: skip
 
     def rendering(self, camera: Camera, T: Float) -> Rendering:
-        """The same arrays in the raster's shape."""
+        """The arrays in the raster's shape."""
         depth, incidence, albedo, mixed, second = (
             a.reshape(camera.shape) for a in (self.depth, self.incidence, self.albedo, self.mixed, self.second)
         )

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
 
 EDGE = 1e-6
-"""Share of a cell by which a pixel is shrunk, so that without distortion it lies in one cell."""
+"""Share of a cell by which pixels are shrunk, so that without distortion each lies in one cell."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """A raster over z = 1, one cell a pixel where the lens is straight.
+    """A raster over z = 1; without distortion, one cell per pixel.
 
     raster (4,) is x0, y0 (its lower corner), cells per unit of x and of y; shape (rows, columns);
     span (H*W, 4) int32 first and last column, first and last row of each pixel (empty where the lens has no ray);
@@ -54,7 +54,7 @@ def cells_of(camera: Camera) -> Cells:
     first, last = np.clip(first, 0, limit).astype(np.int32), np.minimum(last, limit).astype(np.int32)
     span = np.ascontiguousarray(np.stack([first[:, 0], last[:, 0], first[:, 1], last[:, 1]], 1))
     pixel = np.full((rows, columns), -1, np.int32)
-    for row, column in ((2, 0), (2, 1), (3, 0), (3, 1)):  # a pixel's corners, then its middle, which counts more
+    for row, column in ((2, 0), (2, 1), (3, 0), (3, 1)):  # a pixel's corners, then its centre, which has priority
         pixel[span[seen, row], span[seen, column]] = np.flatnonzero(seen)
     middle = np.clip(np.floor((rays[seen, :2] - corner) * per_unit), 0, limit).astype(np.int32)
     pixel[middle[:, 1], middle[:, 0]] = np.flatnonzero(seen)
@@ -62,7 +62,7 @@ def cells_of(camera: Camera) -> Cells:
 
 
 def _turn(camera: Camera) -> Float:
-    """(H*W, 4) how x and y change per pixel along u, then along v."""
+    """(H*W, 4) derivatives of x and y per pixel along u, then along v."""
     if not camera.distorted:
         return np.tile([1 / camera.fx, 0.0, 0.0, 1 / camera.fy], (camera.height * camera.width, 1))
     v, u = np.mgrid[: camera.height, : camera.width]

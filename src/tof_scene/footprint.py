@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixel footprints: pixels that see more than one plane are sampled finely, and the samples counted per surface.
+"""Pixel footprints: pixels with more than one plane are sampled finely, and the samples counted per surface.
 
 The paper renders the CAD finely and counts the samples that fall in each of the sensor's pixels (section 3.2). Here one ray
 per pixel finds the surface at its centre. If the neighbours lie in the same plane and no visible edge of the CAD passes
-through the pixel, the mean of that plane over the pixel is known. In the other pixels the triangles that touch the pixel are
-drawn at a lattice of points, nearest first, and counted per surface. No further ray is cast.
-
-Everything with an outline in the CAD is found down to about a twentieth of a pixel (377 points, 1/19 of a pixel apart).
+through the pixel, the mean of that plane over the pixel has a closed form. In the other pixels the triangles that touch the pixel
+are drawn at a lattice of points, nearest first, and counted per surface. No further ray is cast.
+Objects with an outline in the CAD are found down to about a twentieth of a pixel (377 points, 1/19 of a pixel apart).
 Thinner wires may fall between the points.
 """
 
@@ -37,7 +36,7 @@ _lattices = tuple(lattice(*size) for size in LATTICES)
 
 
 def fill_footprints(caster: Raycaster, camera: Camera, T_cell_camera: Float, cells: Cells, canvas: Canvas) -> NDArray[np.int64]:
-    """Depth, face, mixed and second of the pixels that see more than one plane; returns their flat indices."""
+    """Fill depth, face, mixed and second of the pixels with more than one plane; returns their flat indices."""
     points = points_to_camera(caster.vertices, T_cell_camera)
     flag = _flagged(caster, camera, T_cell_camera[:3, 3], points, cells, canvas)
     pixels = np.flatnonzero(flag)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def check_gltf(path: Path) -> None:
-    """Refuse a .gltf or .glb file that is larger than an assembly is; what is no glTF at all is left to the reader.
+    """Refuse a .gltf or .glb file that is larger than any assembly.
 
     Raises:
         SceneError: more nodes, levels or vertices than `tof_core.bounds` allow, or no glTF header.
@@ -49,7 +49,7 @@ def _header(path: Path) -> dict[str, Any]:
 
 
 def _edges(header: dict[str, Any]) -> int:
-    """Nodes, or parents of nodes where that is more; levels are followed from every scene's roots."""
+    """Number of nodes or of parent-child links, the larger; refuses too many levels below the scenes' roots."""
     nodes = header.get("nodes", [])
     children = [node.get("children", []) for node in nodes]
     edges = sum(map(len, children)) + sum(len(scene.get("nodes", [])) for scene in header.get("scenes", []))
@@ -63,7 +63,7 @@ def _edges(header: dict[str, Any]) -> int:
 
 
 def _elements(header: dict[str, Any]) -> int:
-    """Vertices and indices of all accessors, and of all meshes as often as nodes show them."""
+    """Vertices and indices of all accessors, plus those of all meshes, counted once per node that uses the mesh."""
     counts = [int(accessor["count"]) for accessor in header.get("accessors", [])]
     if min(counts, default=0) < 0:
         raise ValueError("count")
@@ -76,5 +76,5 @@ def _elements(header: dict[str, Any]) -> int:
 
 
 def _copied_bytes(header: dict[str, Any]) -> int:
-    """Bytes that the buffer views take, each of which is copied."""
+    """Bytes of all buffer views; the reader copies each."""
     return sum(int(view["byteLength"]) for view in header.get("bufferViews", []))

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from tof_scene.rendering import Rendering
 
 REACH_M = 0.3
-"""Metres. Interreflection over a longer path is weaker than other errors."""
+"""Longest path of interreflection, metres; over longer paths it is weaker than other errors."""
 CLEARANCE_M = 2e-4
-"""Rays start this far above the surface they leave."""
+"""Height above a surface at which rays start, metres."""
 GOLDEN = np.pi * (3 - np.sqrt(5))
 
 
 def edge_mask(rendering: Rendering) -> Mask:
-    """(H, W) pixels that see two surfaces, or whose right or lower neighbour shows another part, and those neighbours."""
+    """(H, W) pixels with two surfaces, and neighbours on different parts."""
     edge = np.nan_to_num(rendering.mixed) > 0
     down = rendering.part[1:] != rendering.part[:-1]
     right = rendering.part[:, 1:] != rendering.part[:, :-1]
@@ -34,7 +34,7 @@ def edge_mask(rendering: Rendering) -> Mask:
 
 
 def edge_distance(rendering: Rendering) -> Image:
-    """(H, W) float32 pixels to the nearest pixel of `edge_mask`, infinite in a view without one."""
+    """(H, W) float32 pixels to the nearest pixel of `edge_mask`, infinite in a view without edges."""
     import cv2
 
     edge = edge_mask(rendering)
@@ -44,10 +44,10 @@ def edge_distance(rendering: Rendering) -> Image:
 
 
 def concavity(caster: Raycaster, points: Float, normals: Float, rays: int = 32, reach_m: float = REACH_M) -> Float:
-    """(n,) share of the half-space over each point that the scene fills within reach, weighted with the cosine, 0..1.
+    """(n,) ambient occlusion 0..1: share of the half-space over each point that the scene blocks within `reach_m`, weighted by the cosine.
 
     `points`, `normals` (n, 3) in the cell frame, unit normals away from the surface. A plane has 0, the bottom of a deep hole 1,
-    a corner of two walls at right angles 1/2. This is ambient occlusion.
+    a corner of two walls at right angles 1/2.
     """
     directions = half_space(normals, rays)
     starts = np.repeat(points + CLEARANCE_M * normals, rays, axis=0)
@@ -55,9 +55,9 @@ def concavity(caster: Raycaster, points: Float, normals: Float, rays: int = 32, 
 
 
 def concavity_map(caster: Raycaster, rendering: Rendering, stride: int = 4, rays: int = 32, reach_m: float = REACH_M) -> Image:
-    """(H, W) float32 `concavity` of what each pixel sees, NaN where that is nothing.
+    """(H, W) float32 `concavity` at each pixel's surface, NaN where there is none.
 
-    Rays are cast at every `stride`-th pixel; the others take the nearest of those that show the same part.
+    Rays are cast at every `stride`-th pixel; other pixels get the value of the nearest one on the same part.
     """
     half = stride // 2
     coarse = np.full(rendering.depth.shape, np.nan, np.float32)[half::stride, half::stride]
@@ -70,7 +70,7 @@ def concavity_map(caster: Raycaster, rendering: Rendering, stride: int = 4, rays
 
 
 def _spread(coarse: Image, rendering: Rendering, stride: int) -> Image:
-    """Nearest coarse value of the same part within one step, else the nearest one."""
+    """Nearest coarse value of the same part within one step, otherwise the nearest coarse value."""
     rows, columns = (np.minimum(np.arange(n) // stride, m - 1) for n, m in zip(rendering.part.shape, coarse.shape, strict=True))
     coarse_part = rendering.part[stride // 2 :: stride, stride // 2 :: stride]
     out = np.full(rendering.part.shape, np.nan, np.float32)

@@ -24,14 +24,14 @@ STEP_ANGLE = 0.1
 """Largest angle in radians between neighbouring triangles of a curved STEP surface."""
 
 ARCHIVES = {".zip", ".gz", ".bz2", ".xz"}
-"""trimesh would unpack them into memory, however far they go."""
+"""Refused, since trimesh would unpack them into memory without a limit."""
 
 
 def load_mesh(path: Path) -> tuple[Float, NDArray[np.int32]]:
     """Vertices (n, 3) float64 in the file's unit (STEP and GLB: metres) and faces (m, 3) int32.
 
-    A file with several bodies gives all of them, each where the file puts it. Nothing is merged, closed or turned.
-    Faces may use vertices that are NaN; `Part` refuses them by name.
+    All bodies of a file are read, each at its place in the file. Nothing is merged, closed or reoriented.
+    Vertices may be NaN; `Part` refuses them with the part's name.
     """
     if not path.is_file():
         raise SceneError("the mesh is missing", where=path, todo="mesh paths are relative to scene.yaml")
@@ -50,7 +50,7 @@ def load_mesh(path: Path) -> tuple[Float, NDArray[np.int32]]:
 def _bodies(path: Path) -> list[tuple[Float, NDArray[Any]]]:
     import trimesh
 
-    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # it prints tracebacks of what it then raises
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # trimesh logs the traceback of errors that it raises
     options: dict[str, Any] = {}
     if path.suffix.lower() in {".gltf", ".glb"}:
         check_gltf(path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which triangles touch which of the finely sampled pixels; hidden triangles are included."""
+"""The triangles, hidden ones included, that touch each finely sampled pixel."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 def overlaps(points: Float, faces: Int32, cells: Cells, pixels: NDArray[np.int64]) -> tuple[Int32, Int32, Float]:
-    """Triangles over each pixel of `pixels` (k,): start (k + 1,) into face ids (c,), and rows (m, 3, 3).
+    """Triangles that may touch each pixel of `pixels` (k,): start (k + 1,) into face ids (c,), and rows (m, 3, 3).
 
     `points` (n, 3) are in the camera frame. For a direction d, `rows[f] @ d` are the barycentric coordinates divided by z where
     the ray along d = (x, y, 1) meets face f's plane: all positive inside, their sum 1/z (Olano and Greer, Triangle scan
-    conversion using 2D homogeneous coordinates, 1997). Vertices behind the camera need no clipping so. Rows are filled for
+    conversion using 2D homogeneous coordinates, 1997). Vertices behind the camera therefore need no clipping. Rows are filled for
     the faces listed.
     """
     first, entries = _per_cell(cells.span[pixels], *cells.shape)
@@ -62,9 +62,9 @@ def _draw(
     points: Float, faces: Int32, raster: Float, shape: tuple[int, int], first: Int32, entries: Int32, rays: Float, spread: Float,
     rows: Float, face: Int32, entry: Int32,
 ) -> int:  # fmt: skip
-    """Write each (face, pixel) that may overlap; returns their number, which may exceed the size of the arrays.
+    """Write each pair (face, pixel) that may overlap; returns the number of pairs, which may exceed the size of the arrays.
 
-    A pixel of a distorted lens lies in up to four cells: a face asks it once.
+    A pixel of a distorted lens lies in up to four cells; each face tests it once.
     """
     count, width = 0, shape[1]
     asked_by = np.full(len(rays), -1, np.int32)
@@ -89,7 +89,7 @@ def _draw(
 
 @njit(cache=True, nogil=True)
 def _box(points: Float, faces: Int32, f: int, raster: Float, shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Columns and rows that a triangle's front part spans; none when it is wholly behind or beside."""
+    """Columns and rows spanned by the part of a triangle in front of the camera; none if that is outside the image."""
     u0 = v0 = np.inf
     u1 = v1 = -np.inf
     for i in range(3):
@@ -126,7 +126,7 @@ def _barycentric(points: Float, faces: Int32, f: int, rows: Float) -> None:
 
 @njit(cache=True, nogil=True, inline="always")
 def _may_overlap(rows: Float, f: int, rays: Float, spread: Float, k: int) -> bool:
-    """False when the pixel lies wholly beyond one side, or behind."""
+    """False if the pixel is entirely beyond one side of the triangle, or the triangle is behind the camera."""
     total = reach = 0.0
     for i in range(3):
         middle = rows[f, i, 0] * rays[k, 0] + rows[f, i, 1] * rays[k, 1] + rows[f, i, 2]

@@ -25,8 +25,8 @@ def face_normals(vertices: Float, faces: NDArray[np.int32]) -> Float:
 def plane_distance(height: float, along: float, rough: float) -> float:
     """Distance to a face's plane along a ray: `height` of the plane over the origin divided by `along`, both along the face's normal.
 
-    `rough` is the library's own float32 distance. It is kept where the two differ by more than 1e-4: the normal of a sliver is
-    inaccurate, and a ray within the plane meets it anywhere.
+    `rough`, the library's float32 distance, is returned where the two differ by more than 1e-4: the normal of a thin triangle is
+    inaccurate, and a ray within the plane has no single intersection.
     """
     exact = height / along if along != 0.0 else rough
     return exact if abs(exact - rough) <= 1e-4 * max(rough, 1e-3) else rough
@@ -38,7 +38,7 @@ def plane_hits(
 ) -> tuple[Float, Float]:
     """Distance (N,) and normal (N, 3) toward the origin, from the plane of the face each ray hit; NaN where face < 0.
 
-    `near` (N,) is the library's own distance, see `plane_distance`.
+    `near` (N,) is the library's distance, see `plane_distance`.
     """
     t = np.full(len(face), np.nan)
     out = np.full((len(face), 3), np.nan)
@@ -59,7 +59,7 @@ def plane_hits(
 
 @njit(cache=True, nogil=True)
 def rays_to_cell(rays: Float, R_cell_camera: Float) -> NDArray[np.float32]:
-    """(n, 3) float32 directions turned into the cell (a thread pool for such a small product costs more than it saves)."""
+    """(n, 3) float32 directions turned into the cell (BLAS would start threads, which cost more than such a small product)."""
     R = R_cell_camera
     out = np.empty(rays.shape, np.float32)
     for i in range(len(rays)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rays against the CAD: which part, which face, how far (in float64 from the face's plane), at which angle."""
+"""Ray casting against the CAD: part, face, distance (in float64 from the face's plane) and normal."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from tof_scene.topology import Edges
 
 JITTER = 1e-6
-"""Radians by which a ray that hit nothing is turned before it is cast again (Embree works in float32: 6e-8)."""
+"""Radians by which a ray without a hit is turned before it is cast again (Embree works in float32: 6e-8)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hits:
-    """Where N rays first meet the scene, in the rays' order.
+    """First hits of N rays, in the rays' order.
 
     t (N,) float64 in lengths of the direction, NaN for a miss; part (N,) int16 and face (N,) int32 (index into
     `Scene.triangles()`), -1 for a miss; normal (N, 3) float64, unit, cell frame, toward the ray's origin.
@@ -42,9 +42,9 @@ class Hits:
 class Raycaster:
     """Casts rays against a scene, both sides of every face.
 
-    The library finds the face; the distance is computed here in float64 from the face's plane. A ray that hits nothing
-    is cast again, turned by a microradian to either side, since it may have passed between two triangles.
-    Threads may share one.
+    The library finds the face; the distance is computed here in float64 from the face's plane. A ray without a hit is cast
+    again, turned by a microradian to either side, since it may have passed between two triangles.
+    Threads may share a caster.
     """
 
     def __init__(self, scene: Scene, backend: str = "auto") -> None:
@@ -53,7 +53,7 @@ class Raycaster:
         self.vertices, self.faces, self.face_part = scene.triangles()
         self.face_normal = face_normals(self.vertices, self.faces)
         self.face_point = np.ascontiguousarray(self.vertices[self.faces[:, 0]])
-        # float32 is finest near zero, so the library sees the scene around its middle.
+        # float32 is finest near zero, so the library gets the scene relative to its centre.
         self._middle = scene.bounds().mean(axis=0)
         self._backend = make_backend(backend, self.vertices - self._middle, self.faces)
         self.albedo = np.array([part.material.albedo for part in scene.parts], np.float32)
@@ -61,7 +61,7 @@ class Raycaster:
 
     @property
     def backend(self) -> str:
-        """Name of the library that does the work."""
+        """Name of the ray casting library."""
         return self._backend.name
 
     def cast(self, origins: ArrayLike, directions: ArrayLike) -> Hits:
@@ -73,11 +73,11 @@ class Raycaster:
         return Hits(t, np.where(face >= 0, self.face_part[face], np.int16(-1)), face, normal)
 
     def blocked(self, origins: ArrayLike, directions: ArrayLike, reach: float) -> Mask:
-        """(N,) whether a ray hits anything within `reach` lengths of its direction; half the work of `cast`."""
+        """(N,) whether a ray hits anything within `reach` lengths of its direction; in half the time of `cast`."""
         return self._backend.blocked(*self._rays(origins, directions), reach)
 
     def first_faces(self, origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """The face that each ray hits first (-1 for none), and its float32 distance; lost rays are cast again."""
+        """The face that each ray hits first (-1 for none), and its float32 distance; rays without a hit are cast again."""
         start, along = self._rays(origins, directions)
         face, near = self._backend.nearest(start, along)
         lost = np.flatnonzero(face < 0)
@@ -90,7 +90,7 @@ class Raycaster:
         return face, near
 
     def _rays(self, origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Origins, from the scene's middle, and directions (N, 3) as the library takes them."""
+        """Origins relative to the scene's centre, and directions, (N, 3) float32 for the library."""
         along = np.ascontiguousarray(directions, np.float32)
         start = np.empty_like(along)
         start[:] = np.asarray(origins, np.float64) - self._middle
@@ -103,7 +103,7 @@ class Raycaster:
 
     @cached_property
     def curvature(self) -> NDArray[np.float32]:
-        """(m,) 1/m, the most that the surface bends from each face to a neighbour; 0 across sharp edges."""
+        """(m,) 1/m, largest curvature between each face and a neighbour; 0 across sharp edges."""
         return face_curvature(self._edges, self.vertices, self.faces, self.face_normal)
 
     @cached_property
@@ -112,6 +112,6 @@ class Raycaster:
 
 
 def _turned(directions: NDArray[np.float32], angle: float) -> NDArray[np.float32]:
-    """Directions (N, 3) tilted by an angle across no preferred axis."""
+    """Directions (N, 3) tilted by about an angle, in radians."""
     aside = np.roll(directions, 1, axis=1) * np.array([1.0, -1.0, 0.7], np.float32)
     return directions + np.float32(angle) * aside

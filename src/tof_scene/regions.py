@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Smooth patches of parts: faces joined across flat edges, so that a report can name a place on a part."""
+"""Smooth patches of parts: faces connected across flat edges, as places on a part for reports."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tof_scene.scene import Scene
 
 SMOOTH_DEG = 20.0
-"""Two faces belong to one patch when their normals differ by less across the edge they share."""
+"""Largest angle between the normals of two neighbouring faces of one patch."""
 
 
 def surface_regions(scene: Scene) -> NDArray[np.int32]:

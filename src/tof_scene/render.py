@@ -32,7 +32,7 @@ def render(caster: Raycaster, camera: Camera, T_cell_camera: ArrayLike, *, footp
         camera: the raster; with `step` every step-th row and column of it.
         T_cell_camera: (4, 4) pose of the camera's optical frame in the cell.
         footprints: average over the area that each pixel covers; False takes the surface at the pixel's centre.
-        step: stride of the raster; `camera` of the result is the thinned one. Each pixel keeps its own footprint only
+        step: stride of the raster; the result has the thinned camera. Pixels keep their footprint only
             without `footprints`, since a thinned raster has larger pixels.
     """
     T = se3.as_se3("camera pose", T_cell_camera)

@@ -22,7 +22,7 @@ class Rendering:
     depth float32 metres along z, NaN where nothing is hit: the mean over the surface that fills most of the pixel;
     part int16 and face int32, -1 for none; normal (H, W, 3) float32 unit, camera frame, toward the camera; incidence
     float32 radians between normal and ray; albedo float32, NaN for none; mixed float32 share of the second surface,
-    0..0.5; second float32 its depth along z, NaN for none. Void beside a part is no second surface.
+    0..0.5; second float32 its depth along z, NaN for none. Empty space beside a part does not count as a second surface.
     """
 
     camera: Camera

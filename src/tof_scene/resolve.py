@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 ONE = np.float32(1.0)
 SLACK = np.float32(1e-6)
 LATTICES = ((89, 55), (377, 233), (987, 610))
-"""Samples and generator of three lattices: where one bent surface is expected, where an edge passes, where two surfaces are found."""
+"""Samples and generator of the lattices for pixels with one bent surface, with an edge, and with two surfaces."""
 CREASE_M = 8e-6
-"""Mean depth across a crease is off by about half of (difference of the two slopes) / samples; with more than this the second lattice is taken."""
+"""Error of the mean depth beyond which the second lattice is taken; across a crease it is about (difference of the slopes) / (2 x samples)."""
 
 
 def lattice(n: int, generator: int) -> Float32:
     """(2, n) points in the unit pixel around (0, 0): Fibonacci's lattice.
 
-    987 points count half-planes to 0.13 % rms (0.06 % those along the axes, as edges of CAD often lie; a square grid of 1024
-    is off by 0.8 % there).
+    987 points count half-planes to 0.13 % rms (0.06 % for half-planes along the axes, common for edges of CAD; a square grid of 1024
+    points is off by 0.8 % there).
     """
     i = np.arange(n)
     return np.stack([(i + 0.5) / n - 0.5, (i * generator + 0.5) / n % 1 - 0.5]).astype(np.float32)
@@ -43,10 +43,9 @@ def resolve(
 ) -> None:  # fmt: skip
     """Fill depth, face, mixed and second (flat over pixels) of the pixels numbered begin..end of `pixels` (k,).
 
-    `edge` (k,) is the first of the three `lattices` to try, 1 or 2; a pixel that shows two surfaces goes on to
-    the last, one with a sharp crease to the second. `start`, `listed` and `rows`
-    come from `overlaps`; `rays` and `turn` (k, ...) belong to `pixels`. `face` keeps what it holds where that face belongs to
-    the surface that fills most. A pixel more of whose samples are void than on any surface gets NaN.
+    `edge` (k,) is the first of the three `lattices` to try, 1 or 2; a pixel with two surfaces goes on to the last lattice, one with a
+    sharp crease to the second. `start`, `listed` and `rows` come from `overlaps`; `rays` and `turn` (k, ...) belong to `pixels`. `face`
+    is kept where that face belongs to the largest surface. A pixel with more void samples than samples on any surface gets NaN.
     """
     most = 1
     for k in range(begin, end):
@@ -73,7 +72,7 @@ def resolve(
 
 @njit(cache=True, nogil=True)
 def _prepare(candidates: Int32, k: int, rows: Float, rays: Float, turn: Float, planes: Float32, nearest: Float32) -> None:
-    """Per candidate its barycentric functions over the pixel (constant, per u, per v), and a depth nothing of it is nearer than."""
+    """Per candidate its barycentric functions over the pixel (constant, per u, per v), and a lower bound of its depth."""
     for c in range(len(candidates)):
         f, top, per_u, per_v = candidates[c], 0.0, 0.0, 0.0
         for i in range(3):
@@ -88,7 +87,7 @@ def _prepare(candidates: Int32, k: int, rows: Float, rays: Float, turn: Float, p
 
 @njit(cache=True, nogil=True)
 def _nearest_first(n: int, nearest: Float32, order: Int32) -> None:
-    """Candidates by depth: insertion sort, since there are a dozen."""
+    """Candidates by depth, by insertion sort, since there are about a dozen."""
     for c in range(n):
         at = c
         while at > 0 and nearest[order[at - 1]] > nearest[c]:
@@ -99,7 +98,7 @@ def _nearest_first(n: int, nearest: Float32, order: Int32) -> None:
 
 @njit(cache=True, nogil=True)
 def _sample(order: Int32, planes: Float32, nearest: Float32, samples: Float32, inverse: Float32, owner: Int32) -> int:
-    """Nearest candidate and its 1/z at each sample, in order until all that is left lies behind; returns how many were drawn."""
+    """Nearest candidate and its 1/z at each sample; stops once all further candidates lie behind. Returns the number drawn."""
     inverse[:] = 0.0
     owner[:] = -1
     for drawn in range(len(order)):
@@ -112,9 +111,9 @@ def _sample(order: Int32, planes: Float32, nearest: Float32, samples: Float32, i
 
 @njit(cache=True, nogil=True)
 def _all_nearer(inverse: Float32, z: np.float32) -> bool:
-    """Whether all samples are filled by something nearer than z."""
+    """Whether all samples are nearer than z."""
     n = len(inverse)
-    for s in (0, n // 3, 2 * n // 3, n - 1):  # far apart: a cheap test before all are looked at
+    for s in (0, n // 3, 2 * n // 3, n - 1):  # far apart: a cheap test before that of all samples
         if not inverse[s] * z > ONE:
             return False
     nearer = np.int32(0)
@@ -125,7 +124,7 @@ def _all_nearer(inverse: Float32, z: np.float32) -> bool:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _cover(planes: Float32, c: np.int32, samples: Float32, inverse: Float32, owner: Int32) -> None:
-    """Draw one triangle into the samples it is nearest at."""
+    """Draw one triangle into the samples at which it is nearest."""
     su, sv = samples[0], samples[1]
     a0, a1, a2 = planes[c, 0], planes[c, 1], planes[c, 2]
     b0, b1, b2 = planes[c, 3], planes[c, 4], planes[c, 5]
@@ -146,7 +145,7 @@ def _write(
     pixel: int, candidates: Int32, n: int, void: int, found: int, surfaces: int, seen: Int32, group: Int32, count: Int32, depths: Float,
     depth: Image, face: Int32, mixed: Image, second: Image,
 ) -> None:  # fmt: skip
-    """The largest surface gives the pixel's depth, the next its share and depth."""
+    """The largest surface gives the pixel's depth, the second largest the share and depth of the second surface."""
     first, other, largest, next_largest = -1, -1, 0, 0
     for g in range(surfaces):
         size = surface_size(g, found, seen, group, count)

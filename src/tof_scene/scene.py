@@ -29,10 +29,9 @@ class Material:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """One part as it stands in the cell.
+    """One part at its place in the cell.
 
     vertices (n, 3) float64 metres in the cell frame, pose and scale applied; faces (m, 3) int32.
-    `mesh_path` is the file it came from, None for a part made in memory.
     """
 
     name: str
@@ -41,10 +40,9 @@ class Part:
     material: Material = field(default_factory=Material)
     inspect: bool = False
     tolerance_mm: float = 1.0
-    mesh_path: Path | None = None
 
     def __post_init__(self) -> None:
-        """Refuse geometry that no ray can hit; drop faces without area."""
+        """Refuse geometry without a valid face; drop faces without area."""
         vertices = np.ascontiguousarray(self.vertices, np.float64).reshape(-1, 3)
         faces = np.ascontiguousarray(self.faces, np.int32).reshape(-1, 3)
         if not np.isfinite(vertices).all():
@@ -58,14 +56,14 @@ class Part:
         object.__setattr__(self, "faces", faces)
 
     def digest(self) -> str:
-        """Digest of geometry and of everything that is rendered or inspected."""
+        """Digest of geometry, material and inspection settings."""
         facts = repr((self.name, astuple(self.material), self.inspect, self.tolerance_mm)).encode()
         return digest_bytes(facts, self.vertices.tobytes(), self.faces.tobytes())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """The parts of one cell. `frame` is the cell's TF frame; `placed_in` where TF does not know it."""
+    """The parts of one cell. `frame` is the cell's TF frame; `placed_in` its placement if TF lacks it."""
 
     frame: str
     parts: tuple[Part, ...]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""scene.yaml in and out: unknown keys are refused, meshes stay inside the folder, errors name file and line."""
+"""Reading and writing scene.yaml: unknown keys are refused, meshes must be inside the folder, errors name file and line."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SCENE_KEYS = ("frame", "placed_in", "parts")
 PART_KEYS = ("name", "mesh", "scale", "pose", "material", "inspect", "tolerance_mm")
 LARGEST_M = {False: 50.0, True: 5.0}
-"""Largest part of a robot's cell, and largest inspected part. A larger mesh is in millimetres."""
+"""Largest extent of a part and of an inspected part, metres; a larger mesh is taken for one in millimetres."""
 SMALLEST_M = 1e-4
 
 
@@ -62,7 +62,7 @@ def _part(entry: Marked, folder: Path) -> Part:
     _plausible(mesh, vertices, inspected=inspected)
     return Part(
         name, se3.apply(_pose(pose), vertices) if pose else vertices, faces, _material(entry.get("material")), inspected,
-        tolerance.number(above=0.0) if tolerance else 1.0, path,
+        tolerance.number(above=0.0) if tolerance else 1.0,
     )  # fmt: skip
 
 
@@ -75,7 +75,7 @@ def _material(entry: Marked | None) -> Material:
 
 
 def _inside(mesh: Marked, folder: Path) -> Path:
-    """The mesh's path; links are followed before the check that it lies in the scene's folder."""
+    """The mesh's path, which must lie in the scene's folder once links are followed."""
     path = folder / mesh.text()
     if not path.resolve().is_relative_to(folder.resolve()):
         raise mesh.error(f"the mesh '{mesh.text()}' lies outside the scene's folder", "copy it beside scene.yaml")

@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 SHARP = np.cos(np.radians(20.0))
 FLAT = np.cos(np.radians(0.1))
 BEND, EDGE = np.uint8(1), np.uint8(2)
-"""BEND: a pixel that sees one surface which is not flat. EDGE: a pixel that may see two surfaces."""
+"""BEND: a pixel with one surface that is not flat. EDGE: a pixel that may have two surfaces."""
 NEAR_M = 1e-3
-"""Nothing nearer to the camera along z is drawn."""
+"""Nearest z that is drawn, metres."""
 STEP_M = 1e-3
-"""Neighbours whose planes miss each other by more along z are on two surfaces."""
+"""Distance along z between the planes of neighbours, in metres, beyond which they are on two surfaces."""
 HIDDEN_M = 2e-4
 
 
 def outline_edges(edges: Edges, normal: Float) -> tuple[NDArray[np.int32], NDArray[np.int32], Mask]:
-    """Edges that can be seen: ends (e, 2), faces (e, 2), and whether an edge is one from every side (open or sharp).
+    """Edges that may be visible: ends (e, 2), faces (e, 2), and whether an edge is visible from every side (open or sharp).
 
-    The others bound what is seen only where they separate a face toward the camera from one turned away.
+    Other edges are outlines only between a face toward the camera and one turned away.
     """
     second = np.maximum(edges.faces[:, 1], 0)
     cosine = np.einsum("ij,ij->i", normal[edges.faces[:, 0]], normal[second])
@@ -38,7 +38,7 @@ def outline_edges(edges: Edges, normal: Float) -> tuple[NDArray[np.int32], NDArr
 
 
 def face_curvature(edges: Edges, vertices: Float, faces: NDArray[np.int32], normal: Float) -> NDArray[np.float32]:
-    """(m,) 1/m: angle between neighbouring normals over the distance of the faces' middles across their edge, the largest of each face."""
+    """(m,) 1/m: angle between neighbouring normals divided by the distance of the faces' centres across their edge; the largest of each face."""
     both = edges.faces[:, 1] >= 0
     (one, other), (p, q) = edges.faces[both].T, vertices[edges.ends[both]].transpose(1, 0, 2)
     cosine = np.einsum("ij,ij->i", normal[one], normal[other])
@@ -57,7 +57,7 @@ def mark_curved(
     flag: Bytes, depth: NDArray[np.float32], face: NDArray[np.int32], incidence: NDArray[np.float32], curvature: NDArray[np.float32],
     pixel_angle: float, tolerance: float,
 ) -> None:  # fmt: skip
-    """Raise to BEND the pixels whose mean depth curvature moves by `tolerance` metres: footprint² x curvature / 24 (flat arrays)."""
+    """Raise to BEND the pixels whose mean depth curvature shifts by more than `tolerance` metres: footprint² x curvature / 24 (flat arrays)."""
     for i in range(len(flag)):
         if face[i] >= 0 and flag[i] < BEND:
             reach = depth[i] * pixel_angle / max(np.cos(incidence[i]), 0.05)
@@ -72,10 +72,10 @@ def mark_neighbours(
 ) -> None:  # fmt: skip
     """Compare each pixel with its eight neighbours once the outlines are marked; all arrays (H, W, ...), flag is raised to BEND or EDGE.
 
-    Two pixels whose planes meet between them have a crease (or a line where parts intersect). The crease runs through the
-    pixel on whose half they meet, since a line through a pixel passes between its centre and the middle toward at least one of
-    the eight neighbours. Misses below `tolerance` metres within a part do not count. At a depth step an outline has marked one
-    of the two already; if not, both are marked.
+    Two pixels whose planes meet between them have a crease (or a line where parts intersect). The crease runs through the pixel on
+    whose half they meet: a line through a pixel passes between its centre and that of at least one of the eight neighbours. Distances
+    below `tolerance` metres within a part do not count. At a depth step an outline has usually marked one of the two pixels; if not,
+    both are marked.
     """
     rows, columns = depth.shape
     for i in range(rows):
@@ -110,7 +110,7 @@ def _compare(
 
 @njit(cache=True, nogil=True, inline="always")
 def _miss(depth: NDArray[np.float32], normal: NDArray[np.float32], rays: Float, i: int, j: int, a: int, b: int) -> Any:
-    """How far along z pixel (i, j)'s plane lies beyond pixel (a, b)'s hit."""
+    """Distance along z of pixel (i, j)'s plane beyond pixel (a, b)'s hit."""
     here = there = 0.0
     for c in range(3):
         here += normal[i, j, c] * rays[i, j, c]
@@ -161,7 +161,7 @@ def _walk(
     cell_flag: Bytes, level: np.uint8, p: Float, q: Float, raster: Float, pixel: NDArray[np.int32], depth: NDArray[np.float32],
     normal: NDArray[np.float32], rays: Float,
 ) -> None:  # fmt: skip
-    """Visit the cells an edge crosses, each in the middle of its stretch (Amanatides and Woo, A fast voxel traversal algorithm, 1987)."""
+    """Visit the cells that an edge crosses, each in the middle of its section (Amanatides and Woo, A fast voxel traversal algorithm, 1987)."""
     rows, columns = pixel.shape
     u0, v0 = (p[0] / p[2] - raster[0]) * raster[2], (p[1] / p[2] - raster[1]) * raster[3]
     du, dv = (q[0] / q[2] - raster[0]) * raster[2] - u0, (q[1] / q[2] - raster[1]) * raster[3] - v0
@@ -180,13 +180,13 @@ def _walk(
         slant = normal[m, 0] * x + normal[m, 1] * y + normal[m, 2]
         here = normal[m, 0] * rays[m, 0] + normal[m, 1] * rays[m, 1] + normal[m, 2]
         seen = depth[m] * here / slant if slant * here > 0.0 else np.inf
-        if not z > seen + HIDDEN_M:  # where nothing is seen the edge counts
+        if not z > seen + HIDDEN_M:  # an edge before empty space counts
             cell_flag[i, j] = level
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _next_line(start: float, step: float, s: float) -> Any:
-    """Where along the edge the next line of the raster is crossed, a little beyond so that the walk moves on."""
+    """Parameter along the edge at the next line of the raster, slightly beyond so that the walk continues."""
     if step == 0.0:
         return np.inf
     at = start + s * step

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth, normal, incidence and albedo of a pixel from the face it sees; computed in float64, stored in float32."""
+"""Depth, normal, incidence and albedo of a pixel from its face; computed in float64, stored in float32."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Image
 
 STEEP = 0.1
-"""Largest square of the relative change of 1/z over a pixel for which the mean is expanded; beyond it the plane is seen edge-on."""
+"""Largest square of the relative change of 1/z over a pixel for which the mean is expanded; beyond, the plane is nearly parallel to the ray."""
 
 
 @njit(cache=True, nogil=True)
@@ -26,7 +26,7 @@ def shade(
     face_part: NDArray[np.int16], albedo: NDArray[np.float32], T_cell_camera: Float, depth: Image, part: NDArray[np.int16],
     out_normal: NDArray[np.float32], incidence: Image, out_albedo: Image,
 ) -> None:  # fmt: skip
-    """Fill the five outputs (flat over pixels) of `pixels` from the face each sees; pixels without one get NaN and -1.
+    """Fill the five outputs (flat over pixels) of `pixels` from their faces; pixels without a face get NaN and -1.
 
     Where `depth` is NaN it is computed: the plane at the pixel's centre, averaged over the pixel when `turn` (pixels, 4) is
     not empty: mean of 1/(a + b u + c v) over the unit square is (1 + (b² + c²) / 12 a²) / a to second order.
@@ -55,7 +55,7 @@ def shade(
 
 @njit(cache=True, nogil=True, inline="always")
 def _spread(nx: float, ny: float, along: float, turn: Float) -> float:
-    """Mean of 1/z's inverse over a pixel, relative to its centre."""
+    """Mean z over a pixel, relative to z at its centre."""
     b, c = (nx * turn[0] + ny * turn[1]) / along, (nx * turn[2] + ny * turn[3]) / along
     s = b * b + c * c
     return 1.0 + s / 12.0 if s < STEEP else 1.0

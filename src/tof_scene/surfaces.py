@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 ONE, TINY, FAR = np.float32(1.0), np.float32(1e-30), np.float32(1e30)
 STEP_M = 1e-3
-"""Depth step, along z and beyond the slant of the faces, that separates two surfaces of one part."""
+"""Depth step along z, in addition to the slant of the faces, that separates two surfaces of one part, metres."""
 SLANT = 1.6
-"""Divided by the root of the number of samples: share of a face's depth range in a pixel that neighbouring samples may differ by."""
+"""Divided by the root of the number of samples: largest difference of neighbouring samples, as a share of a face's depth range in the pixel."""
 
 
 @njit(cache=True, nogil=True)
 def tally(inverse: Float32, owner: Int32, drawn: Int32, count: Int32, sums: Float32, depths: Float, seen: Int32) -> tuple[int, int]:
-    """Per drawn candidate its samples `count` and `depths` (sum, nearest, farthest z); lists those seen, nearest first.
+    """Samples `count` and `depths` (sum, nearest, farthest z) of each drawn candidate; `seen` lists visible candidates, nearest first.
 
-    Returns how many are seen and how many samples nothing fills. 1/z in `inverse` becomes z. `sums` (..., 3) is scratch.
+    Returns the numbers of visible candidates and of void samples. 1/z in `inverse` becomes z. `sums` (..., 3) is scratch.
     """
     for c in drawn:
         count[c], sums[c, 0], sums[c, 1], sums[c, 2] = 0, 0.0, FAR, 0.0
@@ -80,7 +80,7 @@ def group_faces(
 
 @njit(cache=True, nogil=True)
 def fold(found: int, seen: Int32, planes: Float32, depths: Float) -> float:
-    """Greatest difference, in metres of z per pixel, between the slope of the nearest face seen and that of another."""
+    """Largest difference of slope, in metres of z per pixel, between the nearest visible face and another."""
     widest = 0.0
     for i in range(1, found):
         change = 0.0
@@ -94,7 +94,7 @@ def fold(found: int, seen: Int32, planes: Float32, depths: Float) -> float:
 
 @njit(cache=True, nogil=True, inline="always")
 def _lean(planes: Float32, c: int, z: float) -> Any:
-    """How far a face's plane reaches along z over the whole pixel."""
+    """Extent of a face's plane along z over the whole pixel."""
     per_u, per_v = planes[c, 1] + planes[c, 4] + planes[c, 7], planes[c, 2] + planes[c, 5] + planes[c, 8]
     return (abs(per_u) + abs(per_v)) * z * z
 

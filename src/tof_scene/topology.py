@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Edges and the faces that meet there, found by position, since STL files repeat their vertices."""
+"""Edges and their faces, found by position, since STL files repeat their vertices."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
 
 WELD_M = 1e-6
-"""Vertices of one part whose coordinates agree to a micrometre count as one."""
+"""Grid in metres to which vertices are rounded; vertices of one part at one grid point count as one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """Edges of a mesh: ends (e, 2) vertex ids; faces (e, 2), the second -1 where one face, or more than two, meet."""
+    """Edges of a mesh: ends (e, 2) vertex ids; faces (e, 2), the second -1 unless exactly two faces meet."""
 
     ends: NDArray[np.int32]
     faces: NDArray[np.int32]
 
 
 def edges_of(vertices: Float, faces: NDArray[np.int32], part: NDArray[np.int16]) -> Edges:
-    """The edges of faces (m, 3) over vertices (n, 3); faces of different parts share none."""
+    """The edges of faces (m, 3) over vertices (n, 3); faces of different parts have no common edge."""
     welded = _welded(vertices, faces, part)
     corners = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     pair = np.sort(welded[corners], axis=1)
@@ -39,7 +39,7 @@ def edges_of(vertices: Float, faces: NDArray[np.int32], part: NDArray[np.int16])
 
 
 def _welded(vertices: Float, faces: NDArray[np.int32], part: NDArray[np.int16]) -> NDArray[np.int64]:
-    """(n,) id of each vertex, the same for vertices of one part at one place (64-bit hashes of the rounded place)."""
+    """(n,) id of each vertex, equal for vertices of one part at one place (64-bit hashes of the rounded position)."""
     owner = np.zeros(len(vertices), np.int64)
     owner[faces] = part[:, None]
     place = np.column_stack([np.round(vertices / WELD_M).astype(np.int64), owner]).view(np.uint64)

@@ -17,7 +17,7 @@ NAMES = ("body_section", "housing", "pipework")
 
 
 def builtin_names() -> tuple[str, ...]:
-    """Names that `make_builtin` and `write_builtin` know."""
+    """Names of the built-in scenes."""
     return NAMES
 
 
@@ -37,7 +37,7 @@ def write_builtin(name: str, folder: Path | str) -> Path:
 
 
 def open_scene(name: Path | str) -> Scene:
-    """The built-in scene of that name, or the scene of that file or folder."""
+    """The built-in scene of that name, otherwise the scene of that file or folder."""
     from tof_scene.scene_file import load_scene
 
     return make_builtin(str(name)) if str(name) in NAMES else load_scene(name)

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 PANEL = Material(0.45, 0.6)
 """Albedo of primed sheet metal. Clips and studs have the same, so that colour alone cannot find them."""
 LENGTH, SHEET = 0.9, 0.0015
-# The sill's section (x, z), from the lower flange up, as a sheet-metal worker would fold it; corners are rounded by CORNER.
+# The sill's section (x, z), from the lower flange up, along the folds; corners are rounded by CORNER.
 SECTION = np.array([(0.02, 0.60), (0.02, 0.635), (0.10, 0.665), (0.115, 0.86), (0.015, 0.905), (0.005, 0.96)])
 CORNER = 0.008
 
 
 def make() -> Scene:
-    """The scene; its parts are named after what they are, numbered where there are several."""
+    """The scene; parts have the names of their kind, numbered where there are several."""
     return Scene("cell", (*_surroundings(), *_panels(), *_bracket(), *_clips(), *_trim()))
 
 
@@ -112,7 +112,7 @@ def _clips() -> tuple[Part, ...]:
 
 
 def _trim() -> tuple[Part, ...]:
-    """What is dark and what is bright: grommets, a harness on the sill, a paper label, a reference plate."""
+    """Dark and bright parts: grommets, a harness on the sill, a paper label, a reference plate."""
     grommet = lathe([(0, 0), (0.020, 0), (0.020, 0.003), (0.016, 0.006), (0.010, 0.006), (0.008, 0.002), (0, 0.002)])
     spots = [(0.107, -0.39, 0.70), (0.107, 0.39, 0.70)]
     grommets = [part(f"grommet_{i + 1}", moved(grommet, p, axis="x"), RUBBER, inspect=True) for i, p in enumerate(spots)]

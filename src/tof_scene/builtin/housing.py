@@ -18,7 +18,7 @@ ALUMINIUM = Material(0.5, 0.5)
 BOARD = Material(0.16, 0.7)
 BLACK = Material(0.07, 0.8)
 CENTRE = np.array([0.0, 0.0, 0.80])
-"""Middle of the housing's back; its opening looks along +x, leaning back by LEAN degrees on its stand."""
+"""Centre of the housing's back; its opening faces +x, tilted back by LEAN degrees on its stand."""
 LEAN = -12.0
 CORE = (0.17, 0.11)
 FLOOR, RIM = 0.012, 0.095
@@ -26,7 +26,7 @@ FLOOR, RIM = 0.012, 0.095
 
 
 def make() -> Scene:
-    """The scene; its parts are named after what they are, numbered where there are several."""
+    """The scene; parts have the names of their kind, numbered where there are several."""
     return Scene("cell", (*room(), *_stand(), *_leaning(_housing()), *_leaning(_inside()), *_leaning(_screws())))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts and surroundings that the built-in scenes share."""
+"""Parts and surroundings common to the built-in scenes."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ def part(name: str, solid: Solid, material: Material, *, inspect: bool = False) 
 
 
 def room() -> tuple[Part, Part]:
-    """Floor and back wall, so that hardly a ray leaves the cell."""
+    """Floor and back wall, so that nearly every ray hits a surface."""
     floor = part("floor", box((3.2, 5.0, 0.02), (0.4, 0, -0.01), 8), Material(0.35, 1.0))
     return floor, part("wall", box((0.02, 5.0, 2.6), (-0.55, 0, 1.3), 8), Material(0.6, 1.0))

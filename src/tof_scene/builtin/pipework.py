@@ -21,7 +21,7 @@ BRASS = Material(0.36, 0.5)
 
 
 def make() -> Scene:
-    """The scene; its parts are named after what they are, numbered where there are several."""
+    """The scene; parts have the names of their kind, numbered where there are several."""
     return Scene("cell", (*room(), *_frame(), *_pipes(), *_flanges(), *_tank(), *_small()))
 
 
@@ -145,6 +145,6 @@ def _straight(a: tuple[float, float, float], b: tuple[float, float, float], n: i
 
 
 def _joined(pieces: list[Float]) -> Float:
-    """Pieces of a path in a row, points that repeat left out."""
+    """Pieces of a path joined, without repeated points."""
     path = np.concatenate(pieces)
     return np.asarray(path[np.append(True, np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-9)])

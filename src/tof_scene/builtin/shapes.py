@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 Solid: TypeAlias = "tuple[Float, NDArray[np.int32]]"
 SEGMENTS = 48
 REACH = 4.0
-"""Cells beyond the rim of a hole that its frame may touch."""
+"""Cells around a hole within which the mesh may be changed."""
 
 
 def join(*solids: Solid) -> Solid:
-    """Several solids as one; where they enter each other both surfaces stay."""
+    """Several solids as one mesh; surfaces within another solid are kept."""
     starts = np.cumsum([0, *(len(v) for v, _ in solids)])
     return np.concatenate([v for v, _ in solids]), np.concatenate([f + np.int32(s) for (_, f), s in zip(solids, starts[:-1], strict=True)])
 
@@ -50,7 +50,7 @@ def rotated(solid: Solid, axis: str, degrees: float, about: ArrayLike = (0, 0, 0
 
 
 def box(size: ArrayLike, centre: ArrayLike = (0, 0, 0), cells: int = 1) -> Solid:
-    """A box; `cells` divides each side, so that long faces are no slivers."""
+    """A box; each side is divided into `cells`, which avoids long, thin triangles."""
     faces = []
     for axis in range(3):
         for side in (-1.0, 1.0):
@@ -71,7 +71,7 @@ def grid(nu: int, nv: int) -> Solid:
 
 
 def lathe(profile: ArrayLike, segments: int = SEGMENTS, core: tuple[float, float] = (0.0, 0.0)) -> Solid:
-    """Turn a profile of (radius, z) about z; it runs with the material on its left: outward below, up outside, inward on top.
+    """Turn a profile of (radius, z) about z; the material is on its left: outward at the bottom, up outside, inward at the top.
 
     With `core` (half sizes along x and y) the circle runs around that rectangle instead of around a point.
     """
@@ -98,7 +98,7 @@ def _ring(r: float, z: float, angle: Float, core: Float) -> Float:
 
 
 def cylinder(radius: float, height: float, segments: int = SEGMENTS) -> Solid:
-    """A closed cylinder standing on z = 0, its edges broken by a twentieth of the radius."""
+    """A closed cylinder standing on z = 0, with chamfers of a twentieth of the radius."""
     c = min(radius, height) / 20
     return lathe([(0, 0), (radius - c, 0), (radius, c), (radius, height - c), (radius - c, height), (0, height)], segments)
 
@@ -157,7 +157,7 @@ def tube(path: ArrayLike, radius: float, segments: int = 24) -> Solid:
 
 
 def arc(centre: ArrayLike, start: ArrayLike, end: ArrayLike, n: int = 16) -> Float:
-    """Points (n, 3) on a quarter circle about `centre` from `start` to `end`, which stand at right angles."""
+    """Points (n, 3) on a quarter circle about `centre` from `start` to `end`, which must be perpendicular."""
     centre, start, end = (np.asarray(p, float) for p in (centre, start, end))
     a = np.linspace(0, np.pi / 2, n)[:, None]
     return np.asarray(centre + np.cos(a) * (start - centre) + np.sin(a) * (end - centre))
@@ -170,7 +170,7 @@ def sheet(
 
     Args:
         size: (u, v) extent of the flat pattern in metres, from (0, 0).
-        cells: how many cells along u and v.
+        cells: number of cells along u and v.
         thickness: material behind `surface`, against its normal.
         surface: maps flat points (n, 2) to points (n, 3) of the visible side; its normal is d/du x d/dv.
         holes: (u, v, radius) in the flat pattern.
@@ -190,7 +190,7 @@ def sheet(
 
 
 def _rim(tri: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(k, 2) directed edges that one triangle alone has, in ascending order."""
+    """(k, 2) directed edges that belong to one triangle only, in ascending order."""
     a, b = tri[:, [0, 1, 2]].ravel().astype(np.int64), tri[:, [1, 2, 0]].ravel().astype(np.int64)
     points = max(int(tri.max(initial=0)) + 1, 1)
     edges, reverse = np.sort(a * points + b), np.sort(b * points + a)
@@ -199,7 +199,7 @@ def _rim(tri: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def _pierced(uv: Float, tri: NDArray[np.int32], hole: tuple[float, float, float], cell: Float) -> Solid:
-    """Cut the cells around a hole out of a flat mesh and fill the frame between them and the circle."""
+    """Remove the cells around a hole from a flat mesh, and fill the space between them and the circle with triangles."""
     u, v, radius = hole
     inside = np.asarray(np.all(np.abs(uv - [u, v]) < radius + REACH * cell, axis=1))
     near = np.asarray(np.any(inside[tri], axis=1))

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world that is not the CAD: absent parts, foreign objects and displaced parts, from measured depth against the rendering."""
+"""Differences between the cell and its CAD: absent parts, foreign objects and displaced parts, from measured and rendered depth."""

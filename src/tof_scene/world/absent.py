@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Absent parts of the CAD: in place of the part, the views measure the surfaces behind it."""
+"""Absent parts of the CAD: the views measure the surfaces behind the part."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     from tof_scene.world.seen import Seen
 
 CANDIDATE = 0.4
-"""Share of a part's measured pixels that lie behind it from which its absence is tested."""
+"""Share of a part's pixels measured behind it from which its absence is tested."""
 
 AGREES = 0.3
-"""Share of the way from the part to what is behind it by which a pixel that looks through its place may miss that."""
+"""Largest distance of a measurement from the surface behind the part, as a share of the gap between that surface and the part."""
 
 
 @dataclass(frozen=True, slots=True)
 class Missing:
-    """A part of the CAD that is not there.
+    """An absent part of the CAD.
 
-    part: its index; views: indices of the views that look through its place; pixels: how many pixels of them do; share: of the pixels
-    that can tell, those that measured what is behind it.
+    part: its index; views: indices of the views that measure surfaces behind it; pixels: number of these pixels; share: of the pixels
+    that distinguish the part from the surface behind it, those that measured the latter.
     """
 
     part: int
@@ -43,15 +43,15 @@ class Missing:
 def missing_parts(
     views: Sequence[Seen], behind: Sequence[Mask], measured: Sequence[Float], spread: float, caster: Raycaster, limits: WorldLimits
 ) -> tuple[Missing, ...]:
-    """Parts whose place is empty in the views.
+    """The absent parts.
 
     Args:
-        views: of the session.
-        behind: (H, W) pixels of each that were measured behind the CAD.
-        measured: (H, W) depth of each without the sensor's own effects.
-        spread: standard deviation of what is smooth in the session's residuals, metres.
+        views: views of the session.
+        behind: (H, W) pixels of each view that were measured behind the CAD.
+        measured: (H, W) depth of each view without the sensor's errors, metres.
+        spread: standard deviation of the smooth part of the session's residuals, metres.
         caster: the scene.
-        limits: how many pixels decide, and which share of them.
+        limits: fewest pixels and least share for an absent part.
     """
     candidates = _candidates(views, behind, limits)
     rest = tuple(p for k, p in enumerate(caster.scene.parts) if k not in candidates)
@@ -82,7 +82,7 @@ def missing_parts(
 
 
 def _candidates(views: Sequence[Seen], behind: Sequence[Mask], limits: WorldLimits) -> list[int]:
-    """Parts of which many measured pixels lie behind the CAD."""
+    """Parts with many pixels measured behind the CAD."""
     parts = 1 + max(int(v.part.max(initial=-1)) for v in views)
     every, empty = np.zeros(parts), np.zeros(parts)
     for seen, far in zip(views, behind, strict=True):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The session's sensor effects, roughly: the parts of the residuals that depend on range, on amplitude and on the view.
+"""Rough sensor errors of a session: the parts of the residuals that depend on range, on amplitude and on the view.
 
-Medians, so that surprises that fill less than half of a bin do not count; fitted kind by kind in turn (backfitting).
-They say what a contradiction may not be, and are no model of the sensor.
+Medians are insensitive to differences from the CAD that fill less than half of a bin. Kinds are fitted in turn (backfitting).
+The result serves to detect differences from the CAD and is no sensor model.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from tof_core.stats import group_medians
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,16 +24,16 @@ ROUNDS = 3
 BINS = 16
 """Bins of equal counts over range and over amplitude: each holds a sixteenth of all pixels."""
 BIN_PIXELS = 60
-"""Pixels of a bin below which it states nothing."""
+"""Fewest pixels of a bin; with fewer, its value is 0."""
 PIXELS = 200_000
-"""Pixels of a session that are used."""
+"""Most pixels of a session that are used."""
 
 
 def session_bias(views: Sequence[Seen], limits: WorldLimits, doubtful: Sequence[Mask] | None = None) -> list[Float]:
-    """(H, W) metres of z per view: what sensor effects add to the measured depth, 0 where nothing is measured.
+    """(H, W) sensor error in z per view, metres; 0 where nothing is measured.
 
-    A single view has too few surfaces for a function of range or amplitude: a constant alone. A part that the session's solution finds to
-    stand off its CAD states no bias: a large one fills most of its bins of range. Nor do the pixels that are `doubtful` (H, W).
+    A single view has too few surfaces for functions of range or amplitude: a constant only. Parts off their CAD by the session's
+    solution are left out, since a large part fills most bins at its range, and so are the pixels `doubtful` (H, W).
     """
     known = [v.in_place(limits) & (np.abs(np.nan_to_num(v.residual, nan=np.inf)) < limits.bias_most_mm * 1e-3) for v in views]
     known = known if doubtful is None else [k & ~d for k, d in zip(known, doubtful, strict=True)]
@@ -66,7 +68,7 @@ _KINDS = (_view, _amplitude, _range)
 
 
 class _Steps:
-    """A function through the medians of bins."""
+    """A piecewise linear function through values at bin centres."""
 
     def __init__(self, centres: Float, values: Float) -> None:
         self.centres, self.values = centres, values
@@ -76,13 +78,13 @@ class _Steps:
 
 
 def _backfit(r: Float, samples: Sequence[Float], views: int) -> list[_Steps]:
-    """One function per kind of sample (n,), each fitted to the residuals (n,) less the other functions."""
+    """One function per kind of sample (n,), each fitted to the residuals (n,) minus the other functions."""
     bins = [_bins(x, views if k == 0 else 0) for k, x in enumerate(samples)]
     share = [np.zeros(len(r)) for _ in samples]
     fits = [_Steps(np.zeros(1), np.zeros(1)) for _ in samples]
     for _ in range(ROUNDS):
         for k, (x, (which, centres)) in enumerate(zip(samples, bins, strict=True)):
-            fits[k] = _Steps(centres, _medians(r - sum(share) + share[k], which, len(centres)))
+            fits[k] = _Steps(centres, group_medians(r - sum(share) + share[k], which, len(centres), BIN_PIXELS))
             share[k] = fits[k](x)
     return fits
 
@@ -96,10 +98,3 @@ def _bins(x: Float, views: int) -> tuple[Ints, Float]:
         return np.zeros(len(x), np.int64), edges[:1]
     which = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
     return which, 0.5 * (edges[1:] + edges[:-1])
-
-
-def _medians(values: Float, which: Ints, count: int) -> Float:
-    """(count,) median of each bin, 0 where it has too few."""
-    order = np.argsort(which, kind="stable")
-    parts = np.split(values[order], np.searchsorted(which[order], np.arange(1, count)))
-    return np.array([float(np.median(p)) if len(p) >= BIN_PIXELS else 0.0 for p in parts])

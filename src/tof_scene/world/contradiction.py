@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels of one view where measurement and CAD contradict each other.
+"""Pixels of one view whose measured depth contradicts the CAD.
 
-A patch begins where the median of 3 x 3 pixels lies outside of the depths that the CAD has within one pixel (a pose that is off
-by a pixel, and mixed pixels, stay inside), and grows over neighbours that deviate by less. Its rim has no return: the camera
-filters it. Noise is averaged by the median; smooth errors of the sensor are subtracted before (`bias`).
+A patch starts where the median of 3 x 3 pixels is outside the range of CAD depths within one pixel, which tolerates poses that are
+off by a pixel and mixed pixels. It grows over neighbours with smaller deviations. Pixels at its rim have no return, since the camera
+filters mixed pixels. The median averages noise; smooth errors of the sensor are subtracted before (`bias`).
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from tof_scene.world.seen import Seen
 
 EIGHT = np.ones((3, 3), bool)
-"""Neighbours of a pixel, diagonal ones too."""
+"""The eight neighbours of a pixel."""
 
 
 def contradictions(seen: Seen, bias: Float, spread: float, limits: WorldLimits) -> tuple[Mask, Mask]:
-    """(H, W) pixels measured before the CAD, and behind it; pixels without a return at a patch's rim are in the patch's.
+    """(H, W) pixels measured before the CAD, and behind it; pixels without a return at a patch's rim belong to the patch.
 
     Args:
         seen: the view.
-        bias: (H, W) metres of z that the sensor's own effects add.
-        spread: standard deviation, metres, of what is smooth in the session's residuals beside (`smooth_spread`).
-        limits: what is allowed.
+        bias: (H, W) sensor error in z, metres.
+        spread: standard deviation of the smooth part of the session's residuals without the bias, metres (`smooth_spread`).
+        limits: allowed deviations.
     """
     measured = seen.depth.astype(np.float64) - bias
     noise = seen.noise_or_own
@@ -55,10 +55,10 @@ def contradictions(seen: Seen, bias: Float, spread: float, limits: WorldLimits) 
 
 
 def strays(seen: Seen, bias: Float, known: Mask, limits: WorldLimits) -> Mask:
-    """(H, W) single pixels beside a contradiction `known` (H, W), or beside a part that stands off its CAD, that deviate by themselves.
+    """(H, W) single deviating pixels beside a contradiction `known` (H, W), or beside a part that is off its CAD.
 
-    The outline of a part that stands elsewhere is a strip of a pixel or two, too narrow for a patch, and the depths that the CAD has
-    beside it excuse it.
+    The outline of a displaced part is a strip of one or two pixels, too narrow for a patch, and within the range of CAD depths beside
+    it.
     """
     beside = known if seen.apart is None else known | (seen.apart > 1e-3 * limits.least_mm)
     near = ndimage.binary_dilation(beside, EIGHT, iterations=limits.rim_px) if beside.any() and limits.rim_px else beside
@@ -70,13 +70,13 @@ def strays(seen: Seen, bias: Float, known: Mask, limits: WorldLimits) -> Mask:
 
 
 def allowance(seen: Seen, spread: float, limits: WorldLimits) -> Float:
-    """(H, W) metres by which measurement and CAD may differ beside noise."""
+    """(H, W) allowed difference of measurement and CAD in addition to noise, metres."""
     beside = np.hypot(1e-3 * limits.least_mm, limits.spread_sigma * spread)
     return np.asarray(np.hypot(beside, limits.cad_sigma * np.nan_to_num(seen.cad_sigma.astype(float))))
 
 
 def smooth_spread(views: Sequence[Seen], bias: Sequence[Float], limits: WorldLimits) -> float:
-    """Robust standard deviation, metres, of the medians of 3 x 3 residuals over all views: multipath, rest of the bias, pose."""
+    """Robust standard deviation, metres, of the medians of 3 x 3 residuals over all views, due to multipath, remaining bias and pose."""
     middle = []
     for seen, known in zip(views, bias, strict=True):
         error = seen.residual - known
@@ -86,7 +86,7 @@ def smooth_spread(views: Sequence[Seen], bias: Sequence[Float], limits: WorldLim
 
 
 def _large(patches: Mask, least: int) -> Mask:
-    """Patches of at least so many pixels."""
+    """The patches with at least `least` pixels."""
     number, _ = ndimage.label(patches, EIGHT)
     large = np.bincount(number.ravel()) >= least
     large[0] = False
@@ -94,7 +94,7 @@ def _large(patches: Mask, least: int) -> Mask:
 
 
 def _with_rim(patch: Mask, lost: Mask, saturated: Mask, rim_px: int) -> Mask:
-    """A patch with the pixels without a return that it encloses, or that are near; of what is saturated near it, all."""
+    """A patch with the pixels without a return that are enclosed or near, and connected saturated pixels."""
     if not patch.any():
         return patch
     near = ndimage.binary_dilation(patch, EIGHT, iterations=rim_px) if rim_px else patch
@@ -104,7 +104,7 @@ def _with_rim(patch: Mask, lost: Mask, saturated: Mask, rim_px: int) -> Mask:
 
 @numba.njit(cache=True, nogil=True)
 def _medians(measured: Float, cad: Float, error: Float) -> tuple[Float, Float]:
-    """Medians over 3 x 3 pixels: of the way from the range of CAD depths around a pixel to what it measured, and of the error."""
+    """Medians over 3 x 3 pixels: of the distance of a measurement from the range of CAD depths around its pixel, and of the error."""
     h, w = error.shape
     beyond, low, high = np.zeros((h, w)), np.empty(w), np.empty(w)
     for v in range(h):
@@ -152,7 +152,7 @@ def _median_of(values: Float) -> Float:
 
 @numba.njit(cache=True, nogil=True)
 def _median_of_known(values: Float, v: int, u: int, nine: Float) -> float:
-    """Median of the finite values among 3 x 3 around a pixel at the rim or beside one without a value; 0 where there are none. `nine`: room for them."""
+    """Median of the finite values among 3 x 3 around a pixel; 0 where there are none. `nine`: scratch memory."""
     h, w = values.shape
     n = 0
     for a in range(max(0, v - 1), min(h, v + 2)):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts that stand elsewhere: something of their size is measured beside their place in the CAD.
+"""Displaced parts: an object of a part's size is measured beside the part's place in the CAD.
 
-Either views look through that place, or the session's solution finds the part to stand off: a shelf that stands higher hides its place.
+Evidence is that views measure surfaces behind that place, or that the session's solution has the part off its CAD: a raised shelf hides its place.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ if TYPE_CHECKING:
     from tof_scene.world.seen import Seen
 
 LOOKED_THROUGH = 0.1
-"""Share of a part's measured pixels that lie behind it, from which a part of its place is empty: an object before it does not do that."""
+"""Share of a part's pixels measured behind it, from which a part of its place is empty; an object before the part causes no such pixels."""
 REACH_M = 0.08
-"""Farthest that a part is taken to have moved."""
+"""Largest displacement of a part, metres."""
 INSIDE = 0.7
-"""Share of an object's points that must lie within that reach of the part's box."""
+"""Share of an object's points that must lie within `REACH_M` of the part's box."""
 LARGER = 1.3
-"""Diagonal of the object over that of the part, up to which it may be the part."""
+"""Largest ratio of the object's diagonal to the part's."""
 AS_LARGE = 0.7
-"""Diagonal of the object over that of the part, from which it is all of the part: of a large part, what is measured before the CAD is most of it."""
+"""Ratio of the object's diagonal to the part's from which the object is the whole part; of a large part, most is measured before the CAD."""
 TURNED = 2.0
-"""Ratio of what all of a part stands off the CAD in the median to what the solution finds: a part that is turned stands off by more here than there."""
+"""Largest ratio of an object's median distance from the CAD to the part's in the solution, and inverse: a rotated part has different distances."""
 OFF = 0.3
-"""Share of a part's stand-off by which an object's distance to the CAD may differ from it: the solution knows it to a tenth or two."""
+"""Share of the part's distance from its CAD by which an object's distance may differ: the solution's is accurate to 10 or 20 %."""
 LEAST_PX = 30
-"""Measured pixels of a part, over all views, from which it is judged."""
+"""Fewest measured pixels of a part, over all views."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elsewhere:
-    """The box of a part that does not stand in its place: lowest and highest corner (3,).
+    """The box of a displaced part in the CAD: lowest and highest corner (3,).
 
-    off_m: how far it stands off by the session's solution, metres; 0 where that is not known, and views look through its place.
+    off_m: distance from the CAD by the session's solution, metres; 0 if unknown, with views that measure surfaces behind its place.
     """
 
     bottom: Float
@@ -50,7 +50,7 @@ class Elsewhere:
     off_m: float = 0.0
 
     def may_be(self, found: Foreign, limits: WorldLimits) -> bool:
-        """Whether an object may be this part, moved by less than `REACH_M`; where it is known how far, the object stands off the CAD by that."""
+        """Whether an object may be this part, displaced by less than `REACH_M`, and by `off_m` if that is known."""
         low, high = np.quantile(found.points, [0.02, 0.98], axis=0)
         size = float(np.linalg.norm(high - low) / np.linalg.norm(self.top - self.bottom))
         near = ((found.points > self.bottom - REACH_M) & (found.points < self.top + REACH_M)).all(axis=1)
@@ -63,7 +63,7 @@ class Elsewhere:
 
 
 def parts_elsewhere(views: Sequence[Seen], behind: Sequence[Mask], scene: Scene, limits: WorldLimits) -> list[Elsewhere]:
-    """Parts through whose place some of the views look, and parts that the session's solution finds to stand off their CAD."""
+    """Parts with surfaces behind them in the views, and parts off their CAD by the session's solution."""
     every, empty, off = np.zeros((3, len(scene.parts)))
     for seen, far in zip(views, behind, strict=True):
         on = (seen.part >= 0) & np.isfinite(seen.depth)

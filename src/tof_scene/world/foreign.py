@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Objects that the CAD lacks: measured before it, by several views at the same place, or by one view alone."""
+"""Foreign objects, measured before the CAD by several views at the same place, or by a single view."""
 
 from __future__ import annotations
 
@@ -24,33 +24,33 @@ if TYPE_CHECKING:
     from tof_scene.world.seen import Seen
 
 POINTS = 4000
-"""Points of a view that are used."""
+"""Most points of a view that are used."""
 CAD_POINTS = 60_000
-"""Points of the rendered CAD to which distances are taken."""
+"""Most points of the rendered CAD to which distances are computed."""
 TRIM = 0.02
 """Share of an object's points that its box leaves out at each side."""
 SEEN_THROUGH = 0.1
-"""Share of the points that other views see through from which what one view measured is not a side of a standing object."""
+"""Share of the points contradicted by other views from which a cluster of one view is no side of a standing object."""
 AMONG = 0.5
-"""Share of the pixels of one view that lie at the rim of a standing object's, or among them, from which they are its noise; a hand has an inside."""
+"""Share of the pixels of a cluster of one view beside or among those of a standing object, from which the cluster is noise of that object."""
 INSIDE = 0.3
-"""Share of the pixels that one view alone measured which are not at their rim, from which they are an object: an arm, two thirds; mixed pixels along edges, a fifth at most."""
+"""Least share of inner pixels of an object measured by one view: an arm has two thirds; mixed pixels along edges have at most a fifth."""
 SIDE = 0.5
-"""A side that one view alone faces lies at most this share of the object's diagonal from what several views measure of the object."""
+"""Largest distance of a side measured by one view from the object measured by several views, as a share of the object's diagonal."""
 
 LEAST_WRAP_M = 0.3
-"""Unambiguous range at 500 MHz, beyond any camera's: no shorter jump is a wrapped phase."""
+"""Unambiguous range in metres at 500 MHz, above any camera's frequency: the least jump by a wrapped phase."""
 WRAP_SPREAD = 0.05
-"""Spread of the jumps of one object, over their size, below which they are all alike."""
+"""Robust standard deviation of the jumps of one object, as a share of their median, below which the jumps are equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Foreign:
-    """An object that the CAD lacks.
+    """An object that is not in the CAD.
 
-    centre_m, size_m (3,): of its box along the axes of the cell, of what the views see of it; views: indices of those that show it;
-    pixels: how many do; moves: other views see through its place, as through a hand's; points (n, 3): measured ones, in the cell;
-    clearance (n,): metres from these to the CAD.
+    centre_m, size_m (3,): of the box, along the axes of the cell, of the visible points; views: indices of the views that show it; pixels:
+    their number over these views; moves: other views measure surfaces behind it, as with a hand; points (n, 3): measured points in the
+    cell; clearance (n,): their distance to the CAD, metres.
     """
 
     centre_m: Float
@@ -66,8 +66,8 @@ class Foreign:
 class _Cloud:
     """Points (n, 3) measured before the CAD.
 
-    view (n,): of each; pixel (n, 2): its row and column there; jump (n,): metres of z before the CAD; static (n,): other views measured
-    them too; through (n,): other views see through their place; step (views,): every so manieth pixel is a point.
+    view (n,): of each point; pixel (n, 2): row and column in that view; jump (n,): distance before the CAD along z, metres; static (n,):
+    other views measured the point, too; through (n,): other views measured surfaces behind it; step (views,): every step-th pixel is used.
     """
 
     points: Float
@@ -82,14 +82,14 @@ class _Cloud:
 def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Sequence[Float], limits: WorldLimits) -> tuple[Foreign, ...]:
     """Objects of the session, those of several views first.
 
-    What one view alone measures beside an object of several, and no view sees through, is that object's too: its sides that the
-    others do not face.
+    A cluster of a single view beside an object of several views, which no view contradicts, belongs to that object: it is a side
+    that other views do not see.
 
     Args:
-        views: of the session.
-        before: (H, W) pixels of each that were measured before the CAD.
-        measured: (H, W) depth of each without the sensor's own effects.
-        limits: how large an object is at least.
+        views: views of the session.
+        before: (H, W) pixels of each view that were measured before the CAD.
+        measured: (H, W) depth of each view without the sensor's errors, metres.
+        limits: least size of an object.
     """
     cloud = _cloud(views, before, measured, limits)
     if not len(cloud.points):
@@ -103,7 +103,7 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
         return most_end_in_a_step(((views[v], measured[v], _pixels(cloud, mine, v, before[v])) for v in shown), on_a_part=on_a_part)
 
     def no_bias(mine: Ints) -> bool:
-        """Whether the points are farther before the CAD than any bias of a sensor, or end in a step, as no bias does."""
+        """Whether the points are farther before the CAD than any sensor bias, or end in a step, which a bias does not."""
         return bool(np.median(cloud.jump[mine]) > limits.bias_most_mm * 1e-3) or steps(mine, on_a_part=False)
 
     for mine in _clusters(cloud.points, cloud.static, voxel):
@@ -129,7 +129,7 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
 
 
 def _joined(cloud: _Cloud, standing: Sequence[Ints], single: Sequence[Ints], reach: float, rim_px: int) -> tuple[list[Ints], list[Ints]]:
-    """Clusters of several views joined with each other over those of one view that touch them, and what of the latter is left."""
+    """Clusters of several views, joined with each other via touching clusters of one view, and the remaining clusters of one view."""
     of_several = np.concatenate(standing) if standing else np.zeros(0, np.int64)
     still = [
         k for k, mine in enumerate(single) if cloud.through[mine].mean() < SEEN_THROUGH or _among(cloud, mine, of_several, rim_px) > AMONG
@@ -151,18 +151,18 @@ def _joined(cloud: _Cloud, standing: Sequence[Ints], single: Sequence[Ints], rea
 
 
 def _among(cloud: _Cloud, mine: Ints, others: Ints, rim_px: int) -> float:
-    """Share of the points `mine`, all of one view, with a point of `others` of the same view at most `rim_px` beside them."""
+    """Share of the points `mine`, all of one view, with a point of `others` within `rim_px` pixels in that view."""
     number = cloud.view[mine[0]]
     beside = others[cloud.view[others] == number]
     if not len(beside):
         return 0.0
-    reach = rim_px * float(np.sqrt(cloud.step[number])) + 0.5  # points are as much farther apart as pixels are left out
+    reach = rim_px * float(np.sqrt(cloud.step[number])) + 0.5  # only every step-th pixel is a point
     distance, _ = cKDTree(cloud.pixel[beside]).query(cloud.pixel[mine], distance_upper_bound=reach)
     return float(np.isfinite(distance).mean())
 
 
 def _cloud(views: Sequence[Seen], before: Sequence[Mask], measured: Sequence[Float], limits: WorldLimits) -> _Cloud:
-    """All points before the CAD, each compared with the depth that the other views measure in its direction."""
+    """All points before the CAD, each compared with the depth in the other views at its place."""
     points, view, pixel, jump, step = [], [], [], [], []
     for number, (seen, near, z) in enumerate(zip(views, before, measured, strict=True)):
         at = near & np.isfinite(z)
@@ -188,13 +188,13 @@ def _cloud(views: Sequence[Seen], before: Sequence[Mask], measured: Sequence[Flo
 
 
 def _clusters(points: Float, where: Mask, voxel: float) -> list[Ints]:
-    """Indices of the points of each connected cluster of voxels, with one empty voxel between at most."""
+    """Indices of the points of each cluster of voxels; one empty voxel does not separate clusters."""
     index = np.flatnonzero(where)
     if not len(index):
         return []
     cell = np.floor(points[index] / voxel).astype(np.int64)
     cell -= cell.min(axis=0) - 1
-    if np.prod(cell.max(axis=0) + 2.0) > 5e7:  # Points that lie tens of metres apart are no object.
+    if np.prod(cell.max(axis=0) + 2.0) > 5e7:  # Points tens of metres apart are no object.
         return []
     grid = np.zeros(cell.max(axis=0) + 2, bool)
     grid[tuple(cell.T)] = True
@@ -204,35 +204,35 @@ def _clusters(points: Float, where: Mask, voxel: float) -> list[Ints]:
 
 
 def _clearance(views: Sequence[Seen], points: Float) -> Float:
-    """(n,) metres from points (n, 3) to the nearest point of the CAD that any view can see."""
+    """(n,) distance of points (n, 3) from the nearest point of the CAD visible in any view, metres."""
     drawn = [np.isfinite(v.cad) for v in views]
     counts = [int(d.sum()) for d in drawn]
     every, before = max(1, sum(counts) // CAD_POINTS), np.cumsum([0, *counts[:-1]])
-    # Every so manieth point of all views, copied: a slice would keep all points of its view, which are half a gigabyte of a long session.
+    # Every n-th point of all views, copied: a slice would keep all points of its view, half a gigabyte in a long session.
     cad = [v.points(d, v.cad.astype(float))[-first % every :: every].copy() for v, d, first in zip(views, drawn, before, strict=True)]
     distance, _ = cKDTree(np.concatenate(cad)).query(points)
     return np.asarray(distance)
 
 
 def _stands_out(clearance: Float, least_mm: float) -> bool:
-    """Whether an object's points are far enough from the CAD, the farthest fifth of them aside."""
+    """Whether more than a fifth of an object's points are farther from the CAD than `least_mm`."""
     return bool(np.quantile(clearance, 0.8) > least_mm * 1e-3)
 
 
 def _pixels(cloud: _Cloud, mine: Ints, number: int, before: Mask) -> Mask:
-    """(H, W) pixels of the patches measured before the CAD in one view in which points of the object lie."""
+    """(H, W) pixels of those patches before the CAD in one view that contain points of the object."""
     seed = np.zeros(before.shape, bool)
     seed[tuple(cloud.pixel[mine[cloud.view[mine] == number]].T)] = True
     return np.asarray(ndimage.binary_propagation(seed, structure=EIGHT, mask=before))
 
 
 def _inside(object_px: Mask) -> float:
-    """Share of the pixels (H, W) whose eight neighbours belong to them, too."""
+    """Share of the pixels of a mask (H, W) whose eight neighbours are in the mask, too."""
     return float(ndimage.binary_erosion(object_px, EIGHT).sum() / max(object_px.sum(), 1))
 
 
 def _wrapped(jump: Float) -> bool:
-    """Whether pixels (n,) of one view jump all alike and far, as a wrapped phase does and no object."""
+    """Whether the jumps (n,) of one view are large and equal, which indicates a wrapped phase."""
     size = float(np.median(jump))
     return size > LEAST_WRAP_M and robust_std(jump) < WRAP_SPREAD * size
 
@@ -248,6 +248,6 @@ def _object(cloud: _Cloud, mine: Ints, clearance: Float, views: tuple[int, ...],
 
 
 def _box(points: Float) -> tuple[Float, Float]:
-    """Middle and size (3,) of the box around points (n, 3), along the axes of the cell."""
+    """Centre and size (3,) of the box around points (n, 3), along the axes of the cell."""
     low, high = np.quantile(points, [TRIM, 1 - TRIM], axis=0)
     return 0.5 * (low + high), high - low

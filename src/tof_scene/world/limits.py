@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When measurement and CAD contradict each other, and when contradictions are an object."""
+"""Limits of contradictions between measurement and CAD, and of objects and absent parts."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class WorldLimits:
         "an object that ends in a step, on a part that is in its place around it, stands this far out of the CAD at least",
         unit="mm",
         low=1.0,
-        why="beside the least contradiction of 6 mm, noise and mixed pixels make steps of a few",
+        why="beyond the least contradiction of 6 mm, noise and mixed pixels cause steps of a few mm",
     )
     object_px: int = param(40, "least pixels, over all views, of an object", unit="px", low=1, why="5 cm at 1.5 m are more")
     object_view_px: int = param(

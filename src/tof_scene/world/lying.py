@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flat objects end in a step; a part that is bent, and an error of the sensor, come back to the CAD by and by."""
+"""Flat objects on a part: an object ends in a step, a bent part or a sensor error approaches the CAD gradually."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ if TYPE_CHECKING:
     from tof_scene.world.seen import Seen
 
 MIXED_PX, RIM_PX = 1, 2
-"""Pixels at either side of an object's outline that may mix both surfaces, and the width of the rims beyond them that are compared."""
+"""Width in pixels of the zone of mixed pixels at either side of an object's outline, and of the rims beyond the zone that are compared."""
 AROUND = 0.5
-"""Share of the outer rim that the parts under the object must fill: what ends where a part ends may be the part's own end, bent."""
+"""Least share of the outer rim on the parts under the object: a step at the end of a part may be the part's own bent end."""
 UNDER = 0.2
-"""Share of the object's pixels from which on a part lies under it: an object hides a few pixels of what is behind it."""
+"""Least share of the object's pixels on a part under it; an object hides a few pixels of other parts, too."""
 STEP = 0.6
-"""Step from the inner to the outer rim over the object's height: 1 for a slab; a bump that a smooth bend raises has a third."""
+"""Least step from the inner to the outer rim, as a share of the object's height: a slab has 1, a smooth bump a third."""
 HEIGHT = 0.9
-"""Quantile of the deviations on an object that is its height."""
+"""Quantile of an object's deviations that counts as its height."""
 
 
 def ends_in_a_step(seen: Seen, measured: Float, object_px: Mask, *, on_a_part: bool) -> bool:
-    """Whether what pixels (H, W) measured before the CAD ends in a step all around.
+    """Whether an object before the CAD ends in a step all around.
 
     Args:
         seen: the view.
-        measured: (H, W) depth without the sensor's own effects, metres.
-        object_px: (H, W) the pixels.
-        on_a_part: whether every part under the pixels must be in its place beside them, around most of them.
+        measured: (H, W) depth without the sensor's errors, metres.
+        object_px: (H, W) pixels of the object.
+        on_a_part: whether the parts under the object must surround most of it and be at their place there.
     """
     before = seen.cad - measured
     finite = np.isfinite(before)

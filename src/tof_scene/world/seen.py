@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One view as measured, beside the CAD rendered where the camera was."""
+"""One measured view, and the CAD rendered at its pose."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 class Seen:
     """Arrays (H, W), depths along z in metres.
 
-    depth: measured, NaN without a return; noise: standard deviation of a pixel of it, NaN where unknown; cad: rendered depth, NaN where the ray
-    misses; cad_sigma: standard deviation of that, of pose and CAD; part: index of the part, -1 none; reason: why a pixel has no
-    depth (`tof_core.reasons`); amplitude: or None; apart: how far its part stands off the CAD by the session's solution, or None.
+    depth: measured, NaN without a return; noise: standard deviation of a pixel of it, NaN where unknown; cad: rendered depth, NaN where
+    the ray misses; cad_sigma: its standard deviation by pose and CAD; part: index of the part, -1 none; reason: why a pixel has no depth
+    (`tof_core.reasons`); amplitude: or None; apart: distance of the pixel's part from its CAD by the session's solution, or None.
     """
 
     camera: Camera
@@ -40,11 +40,11 @@ class Seen:
 
     @property
     def saturated(self) -> Mask:
-        """(H, W) pixels with too much light: something bright is close."""
+        """(H, W) saturated pixels."""
         return np.asarray(self.reason == Reason.SATURATED)
 
     def in_place(self, limits: WorldLimits) -> Mask:
-        """(H, W) pixels of parts that stand in their place, as far as the session's solution knows."""
+        """(H, W) pixels of parts that are at their place by the session's solution; all without a solution."""
         return np.ones(self.depth.shape, bool) if self.apart is None else np.asarray(self.apart < 1e-3 * limits.stray_mm)
 
     @property
@@ -54,7 +54,7 @@ class Seen:
 
     @property
     def noise_or_own(self) -> Float:
-        """(H, W) `noise`; where a residual's is unknown, what second differences of all show. Of pixels without a residual it says nothing."""
+        """(H, W) `noise`; where it is unknown, the standard deviation of second differences of all residuals. Undefined without a residual."""
         known, residual = np.isfinite(self.noise), self.residual
         lacking = bool((~known & np.isfinite(residual)).any())
         return np.where(known, self.noise, _own_noise(residual) if lacking else 0.0).astype(float)
@@ -65,7 +65,7 @@ class Seen:
         return np.asarray(se3.apply(self.T_cell_camera, rays * depth[where][:, None]))
 
     def pixels_of(self, points: Float) -> tuple[Ints, Ints, Float, Mask]:
-        """Row, column and depth (n,) of points (n, 3) of the cell in this view, and whether it can show them."""
+        """Row, column and depth (n,) of points (n, 3) of the cell in this view, and whether they are within the image."""
         p = se3.apply(se3.inverse(self.T_cell_camera), points)
         front = p[:, 2] > 0.05
         uv = self.camera.project(np.where(front[:, None], p, [0.0, 0.0, 1.0]))

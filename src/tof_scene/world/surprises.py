@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is not as the CAD has it, over all views of a session: pixels, absent parts, foreign objects."""
+"""Differences from the CAD over all views of a session: pixels, absent parts, foreign objects."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ if TYPE_CHECKING:
     from tof_scene.world.seen import Seen
 
 NONE, BEFORE, BEHIND, ABSENT, OBJECT, DISPLACED = 0, 1, 2, 3, 4, 5
-"""Codes of `Surprises.pixels`: as the CAD has it, measured before it, measured behind it, of a part that is not there, of an
-object that the CAD lacks, of a part that stands elsewhere."""
+"""Codes of `Surprises.pixels`: agrees with the CAD, measured before it, measured behind it, on an absent part, on a foreign object, on
+a displaced part."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surprises:
-    """pixels: (H, W) uint8 per view, the codes above; missing: parts that are not there; foreign: objects that the CAD lacks."""
+    """pixels: (H, W) uint8 per view, the codes above; missing: absent parts; foreign: foreign objects."""
 
     pixels: tuple[Bytes, ...]
     missing: tuple[Missing, ...]
     foreign: tuple[Foreign, ...]
 
     def of_views(self, numbers: Sequence[int]) -> Surprises:
-        """The same with views numbered as `numbers` has them: views of a session among which some were left out."""
+        """The same with view v renumbered to `numbers[v]`, for views selected from a session."""
         missing = (replace(m, views=tuple(numbers[v] for v in m.views)) for m in self.missing)
         foreign = (replace(f, views=tuple(numbers[v] for v in f.views)) for f in self.foreign)
         return Surprises(self.pixels, tuple(missing), tuple(foreign))
 
 
 def find_surprises(views: Sequence[Seen], caster: Raycaster, limits: WorldLimits) -> Surprises:
-    """Judge every view by itself, then make the views agree: a part that is absent is absent in all of them, an object is where several see it."""
+    """Find contradictions view by view, then combine the views: an absent part is absent in all, an object is at one place in all."""
     bias = _bias(views, limits)
     spread = smooth_spread(views, bias, limits)
     sides = [contradictions(v, b, spread, limits) for v, b in zip(views, bias, strict=True)]
@@ -72,9 +72,9 @@ def find_surprises(views: Sequence[Seen], caster: Raycaster, limits: WorldLimits
 
 
 def _bias(views: Sequence[Seen], limits: WorldLimits) -> list[Float]:
-    """(H, W) metres of z per view that sensor effects add.
+    """(H, W) sensor error in z per view, metres.
 
-    Where a part stands off its CAD, it hides others at its range: there only pixels that contradict the CAD in no view by itself count.
+    With a part off its CAD, pixels that contradict the CAD within their own view are left out, since the part fills its bins of range.
     """
     if all(v.in_place(limits).all() for v in views):
         return session_bias(views, limits)
@@ -87,7 +87,7 @@ def _bias(views: Sequence[Seen], limits: WorldLimits) -> list[Float]:
 
 
 def view_surprises(seen: Seen, limits: WorldLimits) -> Bytes:
-    """(H, W) the codes of one view by itself, as a live one is judged."""
+    """(H, W) the codes of a single view."""
     bias = session_bias([seen], limits)
     before, behind = contradictions(seen, bias[0], smooth_spread([seen], bias, limits), limits)
     code = np.where(before, np.uint8(BEFORE), np.where(behind, np.uint8(BEHIND), np.uint8(NONE)))
@@ -95,13 +95,13 @@ def view_surprises(seen: Seen, limits: WorldLimits) -> Bytes:
 
 
 def _with_strays(seen: Seen, bias: Float, code: Bytes, limits: WorldLimits) -> Bytes:
-    """(H, W) the codes of a view, with the single pixels beside what is known."""
+    """(H, W) the codes of a view, with single deviating pixels beside the known ones added."""
     stray = strays(seen, bias, code > NONE, limits) & (code == NONE)
     return np.where(stray, np.where(seen.residual < bias, np.uint8(BEFORE), np.uint8(BEHIND)), code)
 
 
 def _of_objects(seen: Seen, measured: Float, before: Mask, objects: Sequence[Float], spread: float, limits: WorldLimits) -> Mask:
-    """(H, W) pixels that lie on objects, each given by points (n, 3) of it: those measured at them, and lost ones in their outline."""
+    """(H, W) pixels on objects, given by their points (n, 3): pixels measured at these points, and pixels without a return within the outline."""
     out = np.zeros(seen.depth.shape, bool)
     if not objects:
         return out
@@ -111,7 +111,7 @@ def _of_objects(seen: Seen, measured: Float, before: Mask, objects: Sequence[Flo
         doubtful = near & np.isfinite(measured) & (seen.cad - measured > limits.weak * allowance(seen, spread, limits))
     distance, _ = tree.query(seen.points(doubtful, measured), distance_upper_bound=limits.agree_mm * 1e-3)
     out[doubtful] = np.isfinite(distance)
-    # Rays that end on the object give no return at its rim: its points of all views, as this view would see them.
+    # Pixels at the rim of an object have no return: its outline is that of the points of all views, projected into this one.
     row, column, depth, inside = seen.pixels_of(np.concatenate(objects))
     outline = np.zeros(seen.depth.shape, bool)
     ahead = inside & (seen.cad[row, column] - depth > 1e-3 * limits.least_mm)

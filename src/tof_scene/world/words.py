@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is not as the CAD has it, as plain values and in one line each."""
+"""Differences from the CAD as plain values, and in one line each."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 NOT_ALWAYS = "object in some views only"
-"""What other views see through: it moves, or it is none."""
+"""An object that other views do not show."""
 MAY_BE = " and in no other: a person, the blur of a moving view, or the halo of a lamp or a bright surface"
-"""What it may be."""
+"""Possible causes of such an object."""
 SEE, SEES = "see what lies behind its place", "sees what lies behind its place"
 """The evidence that a part is missing, of several views and of one."""
 
@@ -50,14 +50,14 @@ def lines(world: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[str]:
 
 
 def missing_in_words(names: Sequence[str]) -> str:
-    """Parts that are not there, with the evidence; "" where all are."""
+    """Absent parts with the evidence; "" if none is absent."""
     if not names:
         return ""
     return f"{'parts' if len(names) > 1 else 'part'} missing: {', '.join(names)} (the views see what lies behind)"
 
 
 def of_views(numbers: Sequence[int]) -> str:
-    """`view 4`, `views 3 to 9`, `views 1, 4 to 6`; numbers count from 0, words from 1."""
+    """`view 4`, `views 3 to 9`, `views 1, 4 to 6`; `numbers` count from 0, the text from 1."""
     ordered = sorted({n + 1 for n in numbers})
     if not ordered:
         return "no view"
