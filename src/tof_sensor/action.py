@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """One way to capture more.
+    """An additional capture.
 
-    text: the instruction; pose: `T_cell_camera` (4, 4) and the view's median range in metres to the pose of the new capture; change: what
-    differs besides the pose.
+    text: the instruction; pose: maps `T_cell_camera` (4, 4) and the view's median range in metres to the pose of the new capture; change:
+    what differs in the frame besides the pose.
     """
 
     text: str

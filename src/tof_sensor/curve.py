@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects that have, beside their formulas, a form that is any function of the observable on which the effect depends."""
+"""Effects with a free form beside their formulas: any function of the observable on which the effect depends."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Knots(NamedTuple):
-    """Where a curve bends: `at` (k,) ascending, in the observable's unit; `means` (k,) of the curve's hats over the session's pixels."""
+    """Knots of a curve: `at` (k,) ascending, in the observable's unit; `means` (k,): means of the knots' hat functions over the session's pixels."""
 
     at: tuple[float, ...]
     means: tuple[float, ...]
@@ -27,7 +27,7 @@ class CurveEffect(Effect):
     """Base of effects whose mechanism determines the quantity that the error depends on, but not the function.
 
     The fields `knots` (k,), ascending, and `values` (k,), metres along the ray at them, are the free form: piecewise linear, constant
-    beyond the ends. Both are empty in the forms with a formula. A table that a factory measured on another unit bends as no formula does.
+    beyond the ends. Both are empty in the forms with a formula. The error of a factory table measured on another camera follows no formula.
     """
 
     __slots__ = ()
@@ -35,7 +35,7 @@ class CurveEffect(Effect):
     CURVE_OF: ClassVar[str]
     """The observable, by its name in `tof_gap.solve.free`."""
     CENTRED: ClassVar[bool] = False
-    """Whether a curve's mean over the session is no part of the effect; the field `means` (k,) then holds those of its hats."""
+    """Whether the curve's mean over the session is removed from the effect; the field `means` (k,) then holds the means of its hat functions."""
 
     if TYPE_CHECKING:
         knots: tuple[float, ...]
@@ -44,16 +44,16 @@ class CurveEffect(Effect):
 
     @classmethod
     def curve(cls, over: Knots) -> Self:
-        """The free form over these knots, without an error as yet."""
+        """The free form with these knots and all values 0."""
         centred = {"means": over.means} if cls.CENTRED else {}
         return replace(cls(), knots=over.at, values=(0.0,) * len(over.at), **centred)  # type: ignore[type-var]
 
     def observable(self, frame: Frame) -> Float:
-        """(H, W) the observable; NaN where it is not known."""
+        """(H, W) the observable; NaN where it is unknown."""
         raise NotImplementedError
 
     def curve_columns(self, frame: Frame) -> Float:
-        """(H, W, k) metres of z for a metre along the ray at each knot; 0 where the observable is not known."""
+        """(H, W, k) change of z in metres per metre along the ray at each knot; 0 where the observable is unknown."""
         value = np.broadcast_to(self.observable(frame), frame.depth.shape)
         known = frame.valid & np.isfinite(value)
         bends = hats(np.where(known, value, self.knots[0]).ravel(), self.knots).reshape(*value.shape, len(self.knots))
@@ -63,12 +63,12 @@ class CurveEffect(Effect):
 
     @property
     def free_form(self) -> bool:
-        """Whether it is a curve."""
+        """Whether this form is a curve."""
         return bool(self.knots)
 
     @property
     def swing_m(self) -> float:
-        """Metres between the curve's highest and lowest value."""
+        """Difference of the curve's highest and lowest value, metres."""
         return float(np.ptp(self.values)) if self.values else 0.0
 
     @property
@@ -83,7 +83,7 @@ class CurveEffect(Effect):
 
     @property
     def bounds(self) -> tuple[Float, Float]:
-        """None of a curve's values; those of the formula's linear parameters."""
+        """Infinite for a curve's values; otherwise the bounds of the formula's linear parameters."""
         every = np.full(len(self.knots), np.inf)
         return (-every, every) if self.knots else super().bounds
 

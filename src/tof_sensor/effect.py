@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an effect is: a formula with linear coefficients and a shape, and everything else that a simulator or a diagnosis asks of it."""
+"""The base of all effects: a formula with linear coefficients and a shape, and all that a simulator or a diagnosis needs of an effect."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Evidence(Enum):
-    """The kind of trace that an effect leaves."""
+    """How an effect appears in the data."""
 
     BIAS = "bias"
     NOISE = "noise"
@@ -38,9 +38,9 @@ class Form(NamedTuple):
 
 
 class Finer(NamedTuple):
-    """One pass of the search around an effect's best form: a parameter, how far to either side, in how many steps.
+    """One pass of the search around an effect's best form: parameter, width to either side, number of steps.
 
-    steps: odd, so that the parameter's own value is among them; relative: whether `width` is a share of the parameter, or in its own unit.
+    steps: odd, so that the parameter's current value is included; relative: whether `width` is a share of the parameter or in its unit.
     """
 
     parameter: str
@@ -49,14 +49,14 @@ class Finer(NamedTuple):
     relative: bool = True
 
     def near(self, own: float) -> Float:
-        """(steps,) values around the parameter's own one."""
+        """(steps,) values around the parameter's current value."""
         sides = np.linspace(-1, 1, self.steps)
         return np.asarray(own * (1 + self.width) ** sides if self.relative else own + self.width * sides)
 
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """An effect that its own detector found: confidence 0 to 1, standard deviations by parameter, and its size in words."""
+    """An effect found by its detector: confidence 0 to 1, standard deviations by parameter, and its size in words."""
 
     effect: Effect
     confidence: float
@@ -77,42 +77,42 @@ class Effect(ABC):
 
     NAME: ClassVar[str]
     ORDER: ClassVar[int]
-    """Place on the light's way, each effect its own: part 0, pose 10, light 30, pixel 50, noise 70, output 80 and on."""
+    """Unique rank in physical order: part 0, pose 10, light 30, pixel 50, noise 70, output from 80."""
     MEANING: ClassVar[str]
-    """The effect in a plant engineer's words, as the report prints them."""
+    """The effect in a plant engineer's words, for the report."""
     REMEDY: ClassVar[str] = ""
-    """What a plant does about it, as the report prints it."""
+    """What a plant does about the effect, for the report."""
     SEPARATED_BY: ClassVar[str] = "a reference of known distance"
-    """What would tell the effect from those that look like it, if no capture of `ACTIONS` does."""
+    """What separates the effect from similar ones if no capture of `ACTIONS` does."""
     ACTIONS: ClassVar[tuple[Action, ...]] = ()
-    """Captures in which the effect changes otherwise than those that look like it."""
+    """Captures in which the effect changes differently from similar ones."""
     EVIDENCE: ClassVar[Evidence] = Evidence.BIAS
     LINEAR: ClassVar[tuple[str, ...]] = ()
     OWN: ClassVar[tuple[str, ...]] = ()
-    """Of `LINEAR`, those without which it would be another effect: an offset, or stamps that are late."""
+    """Members of `LINEAR` that define the effect; without them it is another one, such as an offset or late stamps."""
     LOCAL: ClassVar[bool] = True
     """Whether the bias of a pixel depends on this pixel alone, so that `Frame.take` may thin the view."""
-    ROUGH: ClassVar[float] = 0.0  # Share of its own energy by which its map may be wrong, where only a coarse model of it can be computed.
+    ROUGH: ClassVar[float] = 0.0  # Relative error of its map, as a share of energy, if only a coarse model of it can be computed.
     LACKS: ClassVar[float] = 0.0
-    """Share of its own energy along any other effect by which its map may be short: another effect is believed beside it for more."""
-    LACKS_ON_A_PART: ClassVar[float] = 0.0  # The same along an effect of one part alone.
+    """Share of its energy along another effect that its map may lack; another effect is accepted beside it only if it explains more."""
+    LACKS_ON_A_PART: ClassVar[float] = 0.0  # The same along an effect of a single part.
     EXACT: ClassVar[bool] = False
-    """Whether its map models neither light nor surfaces, so that nothing that is left can be the map's own error."""
-    UNEVEN: ClassVar[float] = 0.1  # Spread of its size over the views, over its mean, that is allowed: the camera's formulas have less.
+    """Whether its map is exact, since it models neither light nor surfaces: remaining residuals are no error of the map."""
+    UNEVEN: ClassVar[float] = 0.1  # Largest standard deviation of its size over the views, as a share of its mean.
     MODULATED: ClassVar[bool] = False
-    """Whether a camera has it only if it times light that it sends, modulated or pulsed: no stereo camera has it."""
-    REPEATS: ClassVar[bool] = False
-    """Whether it may be there several times at once: once per part, or once per modulation frequency."""
-    IN_CHAIN: ClassVar[bool] = False
-    """Whether it is a member of the chain of poses, which the solution frees in place of columns."""
+    """Whether only time-of-flight cameras have it, modulated or pulsed; no stereo camera does."""
+    ONE_FORM: ClassVar[bool] = False
+    """Whether a diagnosis tries it in a single form, which has the default parameters."""
+    REPEATS: ClassVar[bool] = False  # Whether it may occur several times: once per part, or once per modulation frequency.
+    IN_CHAIN: ClassVar[bool] = False  # Whether it is a member of the chain of poses, which the solution estimates instead of columns.
     SMEARS: ClassVar[bool] = False
     """Whether it shifts depth edges, and with them the poses that edges determine."""
     AT_EDGES: ClassVar[bool] = False
-    """Whether it errs most at edges, which are in no fit: its size is that of its map on all pixels."""
+    """Whether it is largest at edges, which no fit uses: its size is that of its map on all pixels."""
     FINER: ClassVar[tuple[Finer, ...]] = ()
     """Passes of the search around its best form, in turn."""
     REACH_M: ClassVar[float] = 0.05
-    """Prior of a coefficient: metres RMS over the session that its column may reach (one standard deviation)."""
+    """Prior standard deviation of a coefficient, as RMS of its column over the session, metres."""
     COEFFICIENTS: ClassVar[tuple[str, ...]] = ()  # Names of the coefficients where they are not those of `LINEAR`.
 
     @property
@@ -122,27 +122,27 @@ class Effect(ABC):
 
     @property
     def stated(self) -> str:
-        """Its size in the effect's own units, in words; empty where millimetres say it best."""
+        """Its size in words, in the effect's units; empty where millimetres of depth are enough."""
         return ""
 
     def stated_in(self, session_s: float) -> str:
-        """Its size as a session of so many seconds can tell it: no time that is longer than the session."""
+        """`stated` for a session of `session_s` seconds: without times longer than the session."""
         del session_s
         return self.stated
 
     @property
     def remedy(self) -> str:
-        """What a plant does about it, of these parameters."""
+        """What a plant does about the effect with these parameters."""
         return self.REMEDY
 
     @property
     def rest(self) -> str:
-        """Name of the effect that this form is without its own terms, empty where it is none."""
+        """Name of the effect that remains of this form without the terms `OWN`; empty if none does."""
         return ""
 
     @property
     def rivals(self) -> tuple[str, ...]:
-        """Effects that cannot be distinguished from it at these parameters."""
+        """Effects that cannot be distinguished from this one with these parameters."""
         return ()
 
     @property
@@ -152,7 +152,7 @@ class Effect(ABC):
 
     @property
     def bounds(self) -> tuple[Float, Float]:
-        """Plausible (low, high) (k,) of the linear parameters; infinite where none is stated."""
+        """Plausible (low, high) (k,) of the linear parameters; infinite where none are stated."""
         fields = type(self).__dataclass_fields__  # type: ignore[attr-defined]
         limits = [fields[n].metadata for n in self.LINEAR]
         low = [-np.inf if m.get("low") is None else m["low"] for m in limits]
@@ -170,7 +170,7 @@ class Effect(ABC):
 
     @property
     def free_form(self) -> bool:
-        """Whether this form has no formula: it is any function of an observable, and pays for that as such functions do."""
+        """Whether this form is any function of an observable instead of a formula; a diagnosis requires more of such forms."""
         return False
 
     def prior_sd(self, scale: Float) -> Float:
@@ -179,11 +179,11 @@ class Effect(ABC):
 
     # what it does -------------------------------------------------------------------------------
     def columns(self, frame: Frame) -> Float:
-        """(H, W, k) metres of z per unit of each coefficient; 0 where it does nothing."""
+        """(H, W, k) change of z in metres per unit of each coefficient; 0 where the effect is absent."""
         return np.zeros((*frame.depth.shape, 0))
 
     def columns_at(self, frame: Frame, pixels: Ints) -> Float:
-        """(n, k) of `columns` on chosen pixels (flat indices), without the rest where that is possible."""
+        """(n, k) rows of `columns` at chosen pixels (flat indices); computed for these only where possible."""
         if self.LOCAL:
             return np.asarray(self.columns(frame.take(pixels))[0])
         full = self.columns(frame)
@@ -203,17 +203,17 @@ class Effect(ABC):
         return stated
 
     def published(self, stated: Camera) -> Float:
-        """(H, W) z that the camera publishes over the z of the surface that its pixels see: 1, unless the effect is the lens's."""
+        """(H, W) ratio of published z to the surface's z: 1, unless the effect is one of the lens."""
         return np.ones((stated.height, stated.width))
 
     @property
     def mount(self) -> Float | None:
-        """(4, 4) X of the chain of poses that the effect stands for, None where it leaves the camera in its mount."""
+        """(4, 4) X of the chain of poses; None if the effect is no motion of the camera in its mount."""
         return None
 
     @property
     def needs_scene(self) -> bool:
-        """Whether it does nothing where depth and amplitude alone are known."""
+        """Whether it needs the scene: with depth and amplitude alone it is absent."""
         return False
 
     @property
@@ -223,12 +223,12 @@ class Effect(ABC):
 
     @property
     def makes_outliers(self) -> bool:
-        """Whether it leaves single pixels far off, which a filter in the camera removes."""
+        """Whether it causes outliers of single pixels, which a filter in the camera removes."""
         return self.EVIDENCE is Evidence.NOISE
 
     @property
     def smooth(self) -> Effect:
-        """The effect without offsets of single pixels: the same, unless it has such."""
+        """The effect without offsets of single pixels."""
         return self
 
     # noise --------------------------------------------------------------------------------------
@@ -239,7 +239,7 @@ class Effect(ABC):
 
     @property
     def in_bursts(self) -> bool:
-        """Whether it adds noise to some captures and to others none."""
+        """Whether it adds noise to some captures only."""
         return False
 
     def added_to(self, law: PhotonLaw) -> PhotonLaw:
@@ -247,19 +247,19 @@ class Effect(ABC):
         return replace(law, floor_m=float(np.sqrt(law.floor_m**2 + self.constant_variance))) if self.constant_variance else law
 
     def noise(self, frame: Frame) -> Float:
-        """(H, W) metres of z, the standard deviation that a detected effect adds to a capture."""
+        """(H, W) standard deviation of the noise that a detected effect adds to a capture, metres of z."""
         return np.zeros(frame.depth.shape)
 
     # what a diagnosis tries ---------------------------------------------------------------------
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """The forms to try on a session; none of an effect that is no bias."""
+        """The forms to try on a session."""
         del session
-        yield from ()
+        yield from (Form(cls()),) if cls.ONE_FORM else ()
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """What a session lacks that a test of the effect needs, empty where it lacks nothing."""
+        """What a session lacks for a test of the effect; empty if nothing."""
         del session
         return ""
 
@@ -272,7 +272,7 @@ class Effect(ABC):
 
     @classmethod
     def detect(cls, session: Session) -> Detection | None:
-        """The effect where the session's noise shows it; for effects that have no columns."""
+        """The effect if the session's noise shows it; for effects without columns."""
         del session
         return None
 
@@ -289,7 +289,7 @@ class FieldEffect(Effect):
         return replace(self, values=tuple(float(v) for v in values))  # type: ignore[type-var]
 
     def plausible(self, values: Float) -> Effect:
-        """The same shape with other values (k,): no bounds are stated of them one by one."""
+        """The same shape with other values (k,); single values have no bounds."""
         return self.with_coefficients(values)
 
 

@@ -15,26 +15,29 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Ints, Mask
     from tof_core.camera import Camera
+    from tof_core.capture import RobotPose
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
 
 LIGHT_M_PER_S = 299_792_458.0
 MOVING_M_S = 5e-3
-"""Speed from which a view counts as taken in motion: 0.1 mm within an exposure of 20 ms."""
+"""Speed in m/s from which a view counts as taken in motion: 0.1 mm within an exposure of 20 ms."""
+ROUNDING = 1e-4
+"""Velocity (m/s, rad/s) that rounding of TF gives to a camera at rest."""
 GRAZING = 0.1
-"""Least cosine of incidence in formulas; surfaces at a flatter angle are in no fit."""
+"""Least cosine of incidence in formulas; fits do not use flatter surfaces."""
 MOVING_RAD_S = float(np.radians(0.5))
-"""The same as a turn rate."""
+"""Turn rate in rad/s from which a view counts as taken in motion."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Context:
-    """What surrounded the view besides its geometry.
+    """Conditions of a view besides its geometry.
 
     temperature in degrees Celsius, NaN where unknown; time_s since the session's first capture;
-    twist (6,) is the camera's velocity (m/s, rad/s) in its own axes; `caster` lets effects look
-    beyond the image (interreflection), None where only the raster is known. albedo (P,) is that of the scene's parts at the camera's
-    wavelength, None for the one that the scene states.
+    twist (6,) is the camera's velocity (m/s, rad/s) in its own axes; caster: ray caster of the scene, for effects beyond the
+    image (interreflection), None where only the raster is known; albedo (P,): of the scene's parts at the camera's wavelength, None for the
+    scene's values.
     """
 
     temperature: float = float("nan")
@@ -45,8 +48,14 @@ class Context:
 
     @property
     def moving(self) -> bool:
-        """Whether the view was taken at more than `MOVING_M_S` or `MOVING_RAD_S`: TF of an arm at rest trembles, too."""
+        """Whether the camera was faster than `MOVING_M_S` or `MOVING_RAD_S`; TF of an arm at rest is noisy, too."""
         return in_motion(self.twist)
+
+
+def twist_of(robot: RobotPose | None) -> Float:
+    """(6,) velocity of the camera (m/s, rad/s); zero for a camera at rest, or if TF does not state it."""
+    twist = None if robot is None else robot.twist
+    return np.zeros(6) if twist is None or np.abs(twist).max() < ROUNDING else twist
 
 
 def in_motion(twist: Float) -> bool:
@@ -56,7 +65,7 @@ def in_motion(twist: Float) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Frame:
-    """One view: its geometry, and the depth, amplitude, noise and loss so far.
+    """One view: its geometry, and depth, amplitude, noise and loss at this stage of the sensor model.
 
     rays (H, W, 3) with z = 1 through the pixels; depth (H, W) metres along z, NaN off the CAD; amplitude (H, W) in the camera's unit;
     sigma (H, W) metres, noise of one capture; missing (H, W) probability of no return.
@@ -80,7 +89,7 @@ class Frame:
     def take(self, pixels: Ints) -> Frame:
         """The same view on chosen pixels (flat indices (n,)), as a raster of one row (1, n).
 
-        For effects that look at each pixel by itself (`Effect.LOCAL`).
+        For effects that depend on single pixels (`Effect.LOCAL`).
         """
 
         def at(a: NDArray[Any]) -> NDArray[Any]:
@@ -107,7 +116,7 @@ class Frame:
 
     @property
     def valid(self) -> Mask:
-        """(H, W) pixels that see the CAD."""
+        """(H, W) pixels on the CAD."""
         return np.isfinite(self.depth)
 
     @property
@@ -119,8 +128,8 @@ class Frame:
     def surroundings_m2(self) -> Float:
         """(H, W) m^2: range squared over the cosine of incidence; 0 off the CAD.
 
-        The lamp's light off a surface falls with both. Light of the surroundings, which comes from all sides, does not: at one amplitude
-        of the lamp's, there is as much more of it.
+        Light of the lamp off a surface decreases with both; ambient light from all sides does not. At one amplitude of the lamp's light,
+        ambient light is proportional to this quantity.
         """
         return np.nan_to_num(self.radial**2 / np.maximum(np.cos(self.rendering.incidence.astype(np.float64)), GRAZING))
 
@@ -131,7 +140,7 @@ class Frame:
 
 
 def ideal_frame(rendering: Rendering, context: Context | None = None, amplitude: Float | None = None, gain: float = 1.0) -> Frame:
-    """What a perfect sensor would give for a rendering.
+    """The view that a perfect sensor would measure.
 
     Without a measured `amplitude` (H, W) the Lambertian one is used: albedo cos(incidence) / r^2, times the camera's `gain`.
     """
@@ -145,8 +154,8 @@ def ideal_frame(rendering: Rendering, context: Context | None = None, amplitude:
     return Frame(rendering, rendering.camera.rays(), depth, amplitude, np.zeros_like(depth), np.zeros_like(depth), context or Context())
 
 
-MODULATION = "modulation frequency; 5 for a pulsed camera, in which light of several ways adds by its amount alone"
-"""What `modulation_mhz` is of effects in which light of several ways adds up (docs/effects.md)."""
+MODULATION = "modulation frequency; 5 for a pulsed camera, where light of several paths adds by its amount only"
+"""Meaning of `modulation_mhz` for effects in which light of several paths adds up (docs/effects.md)."""
 
 
 def waves_per_m(modulation_mhz: float) -> float:
@@ -155,7 +164,7 @@ def waves_per_m(modulation_mhz: float) -> float:
 
 
 def indirect_bias(indirect: NDArray[np.complex128], waves: float) -> Float:
-    """Metres along the ray by which light of a longer path moves the phase: `indirect` is its phasor over the direct light's."""
+    """Range error in metres by light of longer paths: `indirect` is its phasor divided by the direct light's."""
     return np.asarray(np.angle(1 + indirect) / (2 * waves))
 
 

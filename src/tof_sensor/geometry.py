@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the depth of a pixel answers to small motions of camera, ray and surface.
+"""Change of a pixel's depth by small motions of camera, ray and surface.
 
-For a surface point p = z r with normal n (both in the camera frame) the pixel's ray stays and
-the surface moves: n . (z' r) = n . p', so dz = n . dp / (n . r), first order in the motion.
+For a surface point p = z r with normal n (both in the camera frame) the ray stays and the surface moves:
+n . (z' r) = n . p', so dz = n . dp / (n . r), first order in the motion.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from tof_sensor.frame import Frame
 
 MIN_COSINE = 0.05
-"""Below this cosine between ray and normal a column is cut: the first order ends there."""
+"""Least cosine between ray and normal; at flatter angles columns are 0, since the first order is not valid."""
 
 
 def slope(frame: Frame) -> Float:
-    """(H, W, 3) n / (n . r): metres of z per metre by which the surface point moves."""
+    """(H, W, 3) n / (n . r): change of z per motion of the surface point."""
     rays = frame.rays
     n = frame.rendering.normal.astype(np.float64)
     along = np.einsum("hwi,hwi->hw", n, rays)
@@ -30,21 +30,21 @@ def slope(frame: Frame) -> Float:
 
 
 def pose_columns(frame: Frame) -> Float:
-    """(H, W, 6) metres of z per unit of a right perturbation `T_cell_camera @ exp(xi)`."""
+    """(H, W, 6) change of z in metres per unit of a right perturbation `T_cell_camera @ exp(xi)`."""
     g = slope(frame)
     points = np.nan_to_num(frame.points)
     return np.concatenate([-g, -np.asarray(np.cross(points, g))], axis=-1)
 
 
 def ray_columns(frame: Frame, shift: Float) -> Float:
-    """(H, W, k) metres of z when the true ray differs by `shift` (H, W, 2, k) in normalised x, y."""
+    """(H, W, k) change of z in metres if the true ray differs by `shift` (H, W, 2, k) in normalised x, y."""
     g = slope(frame)[..., :2]
     z = np.nan_to_num(frame.depth)
     return np.asarray(-z[..., None] * np.einsum("hwi,hwik->hwk", g, shift))
 
 
 def object_columns(frame: Frame, motion: Float) -> Float:
-    """(H, W, k) metres of z when surface points move by `motion` (H, W, 3, k) in the cell frame."""
+    """(H, W, k) change of z in metres if surface points move by `motion` (H, W, 3, k) in the cell frame."""
     R_camera_cell = frame.rendering.T_cell_camera[:3, :3].T
     in_camera = np.einsum("ij,hwjk->hwik", R_camera_cell, motion)
     return np.asarray(np.einsum("hwi,hwik->hwk", slope(frame), in_camera))
@@ -57,7 +57,7 @@ def cell_points(frame: Frame) -> Float:
 
 
 def image_flow(frame: Frame) -> tuple[Float, Float]:
-    """(H, W) pixels a second that the scene moves over the image, along columns and rows, under the camera's twist; 0 where nothing is."""
+    """(H, W) optical flow in pixels per second, along columns and along rows, by the camera's twist; 0 without a surface."""
     v, w = frame.context.twist[:3], frame.context.twist[3:]
     points = np.nan_to_num(frame.points)
     velocity = -v - np.cross(w, points)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rendering made from an ideal depth image, as any simulator gives it: normals, incidence and mixed pixels follow from the depth."""
+"""A rendering from a simulator's ideal depth image: normals, incidence and mixed pixels are computed from the depth."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ if TYPE_CHECKING:
     from tof_core.camera import Camera
 
 STEP = 0.005
-"""Depth step between neighbours, relative to range and beyond both their planes, from which they are two surfaces (5 mm at 1 m)."""
+"""Depth step between neighbours, relative to range and beyond both planes, from which they are on two surfaces (5 mm at 1 m)."""
 SAME = 0.005
-"""Relative difference of depth up to which a pixel of an ideal image shows the surface that the scene has there."""
+"""Relative difference of depth up to which a pixel of the ideal image is on the scene's surface."""
 
 
 def imaged(camera: Camera, depth: Image, border: Float, *, albedo: Image | None = None, normal: Image | None = None) -> Rendering:
-    """The rendering that an ideal depth image shows.
+    """The rendering of an ideal depth image.
 
     Args:
         camera: its raster.
-        depth: (H, W) metres along z, exact, NaN where nothing is.
-        border: (2, H, W) in 0..1: where between a pixel's centre and its right and lower neighbour's the edge of a surface runs. A depth image
-            of the camera's own resolution does not show that; uniform random numbers give every share of a mixed pixel its chance.
+        depth: (H, W) metres along z, exact, NaN without a surface.
+        border: (2, H, W) in 0..1: position of an edge between a pixel's centre and its right and lower neighbour's. A depth image of the
+            camera's resolution does not determine it; uniform random numbers give all shares of mixed pixels.
         albedo: (H, W), 1 where not given.
-        normal: (H, W, 3) unit, camera frame, either sign; found from the depth where not given.
+        normal: (H, W, 3) unit, camera frame, either sign; computed from the depth if not given.
     """
     across, down = _slope(depth, axis=1), _slope(depth, axis=0)
     facing = _normal(camera, depth, across, down) if normal is None else normal.astype(np.float64)
@@ -52,7 +52,7 @@ def imaged(camera: Camera, depth: Image, border: Float, *, albedo: Image | None 
 
 
 def completed(seen: Rendering, scene: Rendering) -> Rendering:
-    """`seen` with what the scene knows of the same surface: part, face, normal, albedo, mixed pixels. What the scene lacks stays as seen."""
+    """`seen` with the scene's part, face, normal, albedo and mixed pixels where both show the same surface; elsewhere unchanged."""
     with np.errstate(invalid="ignore"):
         same = np.abs(seen.depth - scene.depth) <= SAME * scene.depth
 
@@ -73,9 +73,9 @@ def completed(seen: Rendering, scene: Rendering) -> Rendering:
 
 
 def _slope(depth: Image, axis: int) -> Float:
-    """(H, W) 1/z per pixel along an axis, from the side on which the surface goes on; NaN where neither does.
+    """(H, W) change of 1/z per pixel along an axis, from the side on which the surface continues; NaN where neither does.
 
-    1/z is linear in the image of a plane, so the slope of either side is that of the plane; over an edge 1/z bends.
+    1/z is linear in the image of a plane, so the slope to either side is that of the plane; across an edge it is not.
     """
     q = 1.0 / depth.astype(np.float64)
     beside = {k: _shifted(q, k, axis) for k in (-2, -1, 1, 2)}
@@ -87,7 +87,7 @@ def _slope(depth: Image, axis: int) -> Float:
 
 
 def _shifted(values: Float, by: int, axis: int) -> Float:
-    """The neighbour `by` pixels on; NaN beyond the image."""
+    """Values of the neighbour `by` pixels further along an axis; NaN beyond the image."""
     out = np.full_like(values, np.nan)
     n = values.shape[axis]
     into, of = slice(max(-by, 0), n - max(by, 0)), slice(max(by, 0), n - max(-by, 0))
@@ -127,7 +127,7 @@ def _mixed(depth: Image, across: Float, down: Float, border: Float) -> tuple[Ima
 
 
 def _edge(depth: Image, slope: Float, axis: int) -> Mask:
-    """(H, W) whether the next pixel along an axis lies on another surface: off the planes of both."""
+    """(H, W) whether the next pixel along an axis is on another surface: the step fits neither pixel's plane."""
     q = 1.0 / depth.astype(np.float64)
     step, beside = _shifted(q, 1, axis) - q, _shifted(slope, 1, axis)
     missed = np.fmin(np.abs(step - np.nan_to_num(slope)), np.abs(step - np.nan_to_num(beside)))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light that reaches a surface by way of others, to be compared with what reaches it directly, cos(theta) / r^2.
+"""Light that reaches a surface via other surfaces, relative to direct light, cos(theta) / r^2.
 
-A patch sends its light times cos(i) cos(x) / d^2 to the point x. By way of one patch i the path is longer by (r_i + d - r_x) / 2.
+A patch i sends its light times cos(i) cos(x) / d^2 to the point x. The measured range via it is longer by (r_i + d - r_x) / 2.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     ComplexImage = NDArray[np.complex128]
 
 BLOCKS = 32
-"""Blocks of pixels across the image; pixels of a block, on one part and facing one way, see the same patches."""
+"""Blocks across the image; pixels of a block, on one part and with similar normals, see the same patches."""
 WAYS = 2.5
-"""Steps per unit of a normal's components: pixels that face one way are within some 25 degrees."""
+"""Steps per unit of a normal's components: similar normals are within about 25 degrees."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bounce:
-    """All of a view's interreflection that neither frequency nor albedo changes.
+    """The part of a view's interreflection that is independent of frequency and albedo.
 
-    patches, and what they exchange; receiver (H*W,): group of pixels that each belongs to; middle (groups,): a group's middle pixel;
-    traced (groups,), seen (groups, patches): whether it was asked what that pixel sees, and which patches those are.
+    patches, exchange: lit patches and their exchange of light; receiver (H*W,): group of each pixel; middle (groups,): central pixel of each
+    group; traced (groups,): whether its visibility is known; seen (groups, patches): which patches are visible from it.
     """
 
     caster: Raycaster
@@ -52,9 +52,9 @@ _traced: WeakKeyDictionary[Rendering, Bounce] = WeakKeyDictionary()
 
 
 def bounce_of(rendering: Rendering, caster: Raycaster, pixels: Ints) -> Bounce:
-    """Trace a view once, for the groups of `pixels` (flat indices), others when they are asked for; kept as long as its rendering is.
+    """The interreflection of a view, traced for the groups of `pixels` (flat indices) and kept as long as the rendering.
 
-    A third of the rays goes to slivers at the borders of parts, of which no fit draws a pixel.
+    Groups are traced on demand: a third of the rays belongs to small groups at the borders of parts, which fits do not use.
     """
     bounce = _traced.get(rendering)
     if bounce is None or bounce.caster is not caster:
@@ -76,8 +76,8 @@ def bounce_of(rendering: Rendering, caster: Raycaster, pixels: Ints) -> Bounce:
 def indirect_phasor(frame: Frame, waves_per_m: float, pixels: Ints | None = None) -> ComplexImage:
     """Complex sum of indirect over direct light, phase `waves_per_m` times excess path.
 
-    (H, W), or (n,) on chosen pixels (flat indices). Needs `frame.context.caster`; zero where nothing is seen. Parts have the albedo of
-    `frame.context.albedo`, or else of the scene.
+    (H, W), or (n,) at chosen pixels (flat indices). Needs `frame.context.caster`; zero without a surface. The albedo of parts is
+    `frame.context.albedo`, otherwise the scene's.
     """
     caster = frame.context.caster
     if caster is None:
@@ -99,7 +99,7 @@ def indirect_phasor(frame: Frame, waves_per_m: float, pixels: Ints | None = None
 
 
 def _receivers(rendering: Rendering) -> tuple[Ints, Ints]:
-    """(groups,) the middle pixel of each group of pixels that see the same patches, (H*W,) the group of each pixel."""
+    """(groups,) central pixel of each group of pixels with the same visible patches, (H*W,) group of each pixel."""
     h, w = rendering.depth.shape
     size = max(w // BLOCKS, 1)
     row, column = np.divmod(np.arange(h * w), w)
@@ -114,9 +114,9 @@ def _receivers(rendering: Rendering) -> tuple[Ints, Ints]:
 
 
 def _visibility(rendering: Rendering, patches: Patches, at: Ints, caster: Raycaster) -> Mask:
-    """(n, patches) whether nothing stands between pixels `at` and patches; traced only where both face each other."""
+    """(n, patches) whether the way between pixels `at` and patches is free; traced only where both face each other."""
     T, rays = rendering.T_cell_camera, rendering.camera.rays().reshape(-1, 3)[at]
-    # Cast anew: a depth that is averaged over a pixel's footprint lies under a curved surface, in its own shadow.
+    # Cast again: a depth averaged over a pixel's footprint lies below a curved surface, which would block its rays.
     hits = caster.cast(np.broadcast_to(T[:3, 3], rays.shape), rays @ T[:3, :3].T)
     points, normals = np.nan_to_num(rays * hits.t[:, None], posinf=0.0), np.nan_to_num(hits.normal @ T[:3, :3])
     toward = facing(points, normals, patches.point, patches.normal)
@@ -126,7 +126,7 @@ def _visibility(rendering: Rendering, patches: Patches, at: Ints, caster: Raycas
     return seen
 
 
-# Division by zero as NumPy has it: a check for it would keep the innermost loop from running on many patches at a time.
+# Division by zero as in NumPy: a check would prevent vectorisation of the innermost loop.
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _gather(
     points: Float,
@@ -138,7 +138,7 @@ def _gather(
     patches: Float,
     waves: float,
 ) -> ComplexImage:
-    """(n,) sum of the light of all patches at each pixel, computed for the middle pixel of its group."""
+    """(n,) sum of the light of all patches at each pixel, with the visibility of its group's central pixel."""
     w = points.shape[1]
     out = np.zeros(len(at), np.complex128)
     receiver = receivers[at]
@@ -174,7 +174,7 @@ def _gather(
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
 def _turned(phase: float) -> tuple[float, float]:
-    """Cosine and sine to 1e-12, of many phases at a time: series of a quarter of the angle, which is then doubled twice."""
+    """Cosine and sine to 1e-12, vectorisable: series for a quarter of the angle, doubled twice."""
     quarter = 0.25 * (phase - 2 * np.pi * np.rint(phase / (2 * np.pi)))
     q = quarter * quarter
     s = quarter * (1 - q / 6 * (1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110)))))

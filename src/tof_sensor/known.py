@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded views as a perfect sensor would have measured them, and the bias that a sensor model states for them."""
+"""Recorded views as a perfect sensor would measure them, and their bias by a sensor model."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from tof_core.cores import in_threads
 from tof_scene.albedo import albedo_by_amplitude
-from tof_sensor.frame import Context, Frame, amplitude_gain, ideal_frame, lambert_amplitude
+from tof_sensor.frame import Context, Frame, amplitude_gain, ideal_frame, lambert_amplitude, twist_of
 from tof_sensor.origin import check_camera
 
 if TYPE_CHECKING:
@@ -26,30 +26,28 @@ if TYPE_CHECKING:
     from tof_sensor.model import SensorModel
 
 STEP = 3
-"""Of so many rows and columns one is asked for its albedo."""
+"""Step of rows and columns of the pixels used for albedo."""
 STEEPEST = 0.25
-"""Cosine of the incidence below which amplitude is not asked for albedo."""
-ROUNDING = 1e-4
-"""Velocity (m/s, rad/s) that rounding of TF gives to a camera that stands still."""
+"""Least cosine of the incidence of pixels used for albedo."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownBias:
-    """The bias of a model's effects at views of a session, which `tof_align.known` removes."""
+    """The bias of a sensor model in the views of a session, which `tof_align.known` removes."""
 
     model: SensorModel
 
     def __call__(
         self, views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster, start_ns: int | None = None
     ) -> list[Float]:
-        """(H, W) metres of z per view; `start_ns`: stamp of the session's first view, where it is not among them.
+        """(H, W) metres of z per view; `start_ns`: stamp of the session's first view, if it is not among `views`.
 
         Raises:
             RefusedError: the model was fitted to another camera.
         """
         for camera in {v.camera for v in views}:
             check_camera(self.model.camera, camera)
-        scene = caster if any(e.needs_scene for e in self.model.effects) else None  # Only these ask for it, and for its albedo.
+        scene = caster if any(e.needs_scene for e in self.model.effects) else None  # Only these use the scene and its albedo.
         return in_threads(self.model.bias, ideal_frames(views, renderings, scene, start_ns))
 
     def camera(self, stated: Camera) -> Camera:
@@ -63,7 +61,7 @@ def known_bias(path: Path | str | None) -> KnownBias | None:
         return None
     from pathlib import Path
 
-    from tof_sensor.model import load_model  # all effects: only where they are needed
+    from tof_sensor.model import load_model  # loads all effects: only where they are needed
 
     return KnownBias(load_model(Path(path)))
 
@@ -71,9 +69,9 @@ def known_bias(path: Path | str | None) -> KnownBias | None:
 def as_ideal(
     views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster | None, start_ns: int | None = None
 ) -> Callable[[View, Rendering], Frame]:
-    """What a perfect sensor would give for a view of this session, with the amplitude that was measured: a function of view and rendering.
+    """A function of view and rendering that gives the frame of a perfect sensor, with the measured amplitude.
 
-    `start_ns`: stamp of the session's first view, where it is not among them.
+    `start_ns`: stamp of the session's first view, if it is not among `views`.
     """
     start, gain = min(v.stamp_ns for v in views) if start_ns is None else start_ns, _gain(views, renderings)
     albedo = None if caster is None else seen_albedo([v.amplitude for v in views], renderings, caster.albedo.astype(float))
@@ -82,7 +80,7 @@ def as_ideal(
         context = Context(
             temperature=view.temperature,
             time_s=(view.stamp_ns - start) * 1e-9,
-            twist=_twist(view),
+            twist=twist_of(view.robot),
             caster=caster,
             albedo=albedo,
         )
@@ -95,12 +93,12 @@ def as_ideal(
 def ideal_frames(
     views: Sequence[View], renderings: Sequence[Rendering], caster: Raycaster | None, start_ns: int | None = None
 ) -> list[Frame]:
-    """The same for each view of a session at once."""
+    """The frames of all views of a session, as of `as_ideal`."""
     return in_threads(as_ideal(views, renderings, caster, start_ns), views, renderings)
 
 
 def seen_albedo(amplitudes: Sequence[Image | None], renderings: Sequence[Rendering], stated: Float) -> Float:
-    """(P,) albedo of the scene's parts as measured amplitude (H, W) shows it; `stated` (P,) for parts or sessions without amplitude."""
+    """(P,) albedo of the scene's parts estimated from measured amplitude (H, W); `stated` (P,) without amplitude."""
     parts, returned, off_axis = [], [], []
     for amplitude, rendering in zip(amplitudes, renderings, strict=True):
         if amplitude is None:
@@ -121,16 +119,10 @@ def seen_albedo(amplitudes: Sequence[Image | None], renderings: Sequence[Renderi
 
 
 def _gain(views: Sequence[View], renderings: Sequence[Rendering]) -> float:
-    """The camera's unit of amplitude, by which views without an amplitude image are made comparable with those that have one."""
+    """Camera's unit of amplitude per 1/m^2, for views without an amplitude image in a session with others; otherwise 1."""
     lit = [v.amplitude is not None and bool(np.isfinite(v.amplitude).any()) for v in views]
     if all(lit) or not any(lit):
         return 1.0
     seen = [(v.amplitude, r) for v, r, has in zip(views, renderings, lit, strict=True) if has]
     gains = [amplitude_gain(a.astype(np.float64), lambert_amplitude(r)) for a, r in seen if a is not None]
     return float(np.median([g for g in gains if g is not None] or [1.0]))
-
-
-def _twist(view: View) -> Float:
-    """(6,) velocity of the camera (m/s, rad/s), zero where it stands still or TF does not state it."""
-    twist = None if view.robot is None else view.robot.twist
-    return np.zeros(6) if twist is None or np.abs(twist).max() < ROUNDING else twist

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the node `sensor`. No ROS in it."""
+"""Parameters of the node `sensor`, without ROS."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from tof_sensor.simulator import SimulatorConfig
 class LiveConfig(ManagedOptions):
     """Parameters that only the running node has."""
 
-    scene: str = param("", "scene.yaml of the cell, its folder, or a built-in scene's name; gives part, albedo, normals and mixed pixels")
-    normals_topic: str = param("", "images of unit normals (32FC3, camera's optical frame); empty: from the depth")
+    scene: str = param(
+        "", "scene.yaml of the cell, its folder, or a built-in scene's name; it provides part, albedo, normals and mixed pixels"
+    )
+    normals_topic: str = param("", "images of unit normals (32FC3, camera's optical frame); empty: computed from the depth")
     reliable: bool = param(
         True, "subscribe to the simulator with reliable QoS: no loss from a reliable publisher, no connection to a best-effort one"
     )
@@ -36,7 +38,7 @@ class SensorNodeConfig:
 
 
 def input_topics(options: BagOptions) -> Topics:
-    """Topics of the simulator: gz's names under `sim/` by default."""
+    """Topics of the simulator: by default, Gazebo's names under `sim/`."""
     depth = options.depth_topic or "sim/depth/image"
     amplitude = "" if options.amplitude_topic == NOT_WANTED else options.amplitude_topic or "sim/ir/image"
     temperature = "" if options.temperature_topic == NOT_WANTED else options.temperature_topic or "sim/temperature"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light that reaches a pixel by way of a glossy part that mirrors another surface.
+"""Light that reaches a pixel via a glossy part that reflects another surface.
 
-The lamp lights a point q; the coat at p mirrors it into the lens. Of the matt light of p that is the share
-R(theta) (rho_q cos(i_q) / r_q^2) / (rho_p cos(theta) / r_p^2), and its path from lamp to lens is longer by r_q + |q - p| - r_p.
+The lamp lights a point q; the coat at p reflects it into the lens. Relative to the matt light of p, this is the share
+R(theta) (rho_q cos(i_q) / r_q^2) / (rho_p cos(theta) / r_p^2). Its path from lamp to lens is longer by r_q + |q - p| - r_p.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 NORMAL_REFLECTANCE = 0.04
 """Fresnel reflectance of a lacquer (refractive index 1.5) at normal incidence."""
 OFF_SURFACE_M = 1e-4
-"""Distance from its surface at which a mirrored ray begins, so that it does not meet the surface itself."""
+"""Distance from the surface at which a reflected ray starts, so that it does not hit the surface, metres."""
 SHORT_OF = 1 - 1e-3
-"""Share of the way from lamp to a point within which something else may stand."""
+"""Share of the way from the lamp to a point that must be free."""
 LEAST_LIGHT = 1e-3
-"""Share of an albedo of 1 at 1 m below which the matt light of a point is nothing to compare with, 1/m^2."""
+"""Least matt light of a point in 1/m^2 that is used as denominator; albedo 1 at 1 m has 1."""
 
 
 def schlick(cosine: Float) -> Float:
@@ -33,9 +33,9 @@ def schlick(cosine: Float) -> Float:
 
 
 def mirrored_phasor(frame: Frame, part: int, waves_per_m: float) -> NDArray[np.complex128]:
-    """(H, W) light that a part mirrors over its own matt light, phase `waves_per_m` times the excess path.
+    """(H, W) light reflected by a part relative to its matt light, phase `waves_per_m` times the excess path.
 
-    Needs `frame.context.caster`; zero off the part, and where nothing lit is mirrored.
+    Needs `frame.context.caster`; zero off the part, and without a lit surface in the reflection.
     """
     out = np.zeros(frame.depth.shape, complex)
     here = frame.valid & (frame.rendering.part == part)
@@ -59,7 +59,7 @@ def _phasor(frame: Frame, here: Mask, waves_per_m: float) -> NDArray[np.complex1
     far = np.linalg.norm(second, axis=1)
     toward = np.nan_to_num(hits.normal) @ R
     lit = np.einsum("ni,ni->n", second, toward) / far
-    # The coat sees one side of q; the lamp must light the same one.
+    # The lamp must light the side of q that faces the coat.
     seen = met & (cosine > 0) & (lit * np.einsum("ni,ni->n", away, toward) > 0)
     seen[seen] = ~caster.blocked(np.broadcast_to(t, (int(seen.sum()), 3)), second[seen] @ R.T, SHORT_OF)
     albedo = np.array([p.material.albedo for p in caster.scene.parts])

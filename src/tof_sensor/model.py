@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor model: a list of effects in physical order, kept as `sensor.yaml`."""
+"""A sensor model: a list of effects in physical order, stored as `sensor.yaml`."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
 
 SCHEMA = "toftwin.sensor/1"
 FREQUENCY = "# modulation_mhz: the frequency at which the effect's formula fits best; a pulsed camera has none (docs/effects.md)\n"
-"""First line of a `sensor.yaml` with an effect that has a frequency: fitted, and no data of the camera."""
+"""First line of a `sensor.yaml` with an effect that has a frequency: the frequency is fitted, no property of the camera."""
 
 
 @dataclass(frozen=True, slots=True)
 class SensorModel:
     """Effects, sorted into physical order. Several of one kind are allowed (one per part).
 
-    gain: amplitude of albedo 1 seen head-on from 1 m, in the camera's unit; None where no amplitude was seen;
-    camera: the one that the model was fitted to, None for any; promise: shrink of the gap that the fit stated, None without a fit.
+    gain: amplitude of albedo 1 seen head-on from 1 m, in the camera's unit, None without amplitude; camera: the camera that the model was
+    fitted to, None for any; promise: shrink of the gap stated by the fit, None without a fit.
     """
 
     effects: tuple[Effect, ...] = ()
@@ -47,12 +47,12 @@ class SensorModel:
     promise: Promise | None = None
 
     def __post_init__(self) -> None:
-        """Sort."""
+        """Sort the effects."""
         rank = {kind: i for i, kind in enumerate(PHYSICAL_ORDER)}
         object.__setattr__(self, "effects", tuple(sorted(self.effects, key=lambda e: rank[type(e)])))
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Send one view through the sensor."""
+        """Apply all effects to one view."""
         for effect in self.effects:
             frame = effect.apply(frame, rng)
         return replace(frame, depth=np.where(frame.depth > 0, frame.depth, np.nan))
@@ -62,12 +62,12 @@ class SensorModel:
         return np.asarray(sum((e.bias(frame) for e in self.effects), np.zeros(frame.depth.shape)))
 
     def without(self, name: str) -> SensorModel:
-        """The model less every effect of that name."""
+        """The model without the effects of that name."""
         return replace(self, effects=tuple(e for e in self.effects if name != e.NAME))
 
     @property
     def law(self) -> PhotonLaw | None:
-        """The photon law together with the noise that the model's effects add to every capture; None where it has no law."""
+        """The photon law with the noise that the other effects add to every capture; None without a law."""
         laws = [e for e in self.effects if isinstance(e, PhotonLaw)]
         return reduce(lambda law, effect: effect.added_to(law), self.effects, laws[0]) if laws else None
 
@@ -137,5 +137,5 @@ def _effect(block: Any, where: str) -> Effect:
 
 
 def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    """Values as YAML holds them: no tuples, no NumPy scalars."""
+    """Plain values for YAML: no tuples, no NumPy scalars."""
     return {k: [float(x) for x in v] if isinstance(v, tuple) else v.item() if isinstance(v, np.generic) else v for k, v in values.items()}

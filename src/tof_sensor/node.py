@@ -36,7 +36,7 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
     """Simulates the camera of a sensor.yaml on ideal frames (docs/nodes/sensor.md)."""
 
     def __init__(self, **options: Any) -> None:
-        """Nothing loaded yet."""
+        """Make the outputs; the sensor model is loaded by `load`."""
         super().__init__(NAME, NAME, SensorNodeConfig, fixed=("input.", "sensor.", "live."), **options)
         self._refusal = ""
         self._outputs = {name: self.output(name, kind) for name, kind in OUTPUTS.items()}
@@ -49,7 +49,7 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
         self._camera = Simulator.load(self.config.sensor, Raycaster(open_scene(scene)) if scene else None)
 
     def unload(self) -> None:
-        """Let go of both."""
+        """Release both."""
         del self._camera
 
     def start(self) -> None:
@@ -69,7 +69,7 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
             self.input(live.normals_topic, Image, self._normal, qos.sensor(reliable=live.reliable, depth=32))
 
     def _chain(self) -> RobotChain | None:
-        """TF, where a scene is rendered from the camera's pose."""
+        """The chain of TF, if a scene is rendered at the camera's pose; otherwise None."""
         caster, live, options = self._camera.caster, self.config.live, self.config.input
         if caster is None:
             return None
@@ -96,14 +96,14 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
         self._outputs["camera_info"].publish(messages.camera_info(ideal.camera, head))
 
     def reset(self) -> str:
-        """Discard the frames that are waiting; the next one is the first of a session."""
+        """Discard waiting frames; the next frame is the first of a session."""
         self._feed.reset()
         self._normals.clear()
         self._camera.reset()
-        return "what waited is forgotten"
+        return "waiting frames are discarded"
 
     def flush(self) -> str:
-        """Give out every frame that waits, as at the end of a bag."""
+        """Simulate all waiting frames, as at the end of a bag."""
         return self._feed.flush()
 
     def figures(self) -> Mapping[str, str]:
@@ -111,7 +111,7 @@ class SensorNode(ManagedNode[SensorNodeConfig]):
         return {"effects": " ".join(self._camera.model.names), "scene": self.config.live.scene}
 
     def warnings(self) -> list[str]:
-        """A camera whose unit of amplitude is unknown; effects that need a scene."""
+        """Refused frames, and effects that need a scene."""
         out = [self._refusal] if self._refusal else []
         if lacking := self._camera.without_effect:
             out.append(f"without a scene these do nothing: {', '.join(lacking)} (live.scene)")

@@ -21,14 +21,14 @@ ENCODINGS = ("32FC3", "32FC4")
 
 
 class Normals:
-    """Normals that wait for the depth image of their stamp."""
+    """Images of normals waiting for the depth image of their stamp."""
 
     def __init__(self, join_s: float) -> None:
         """Stamps may differ by `join_s` seconds."""
         self._joined, self._within_ns = Joined([], []), round(join_s * 1e9)
 
     def put(self, message: Any) -> None:
-        """A normals image."""
+        """Add an image of normals."""
         self._joined.put(message)
 
     def settled(self, stamp_ns: int) -> bool:
@@ -36,7 +36,7 @@ class Normals:
         return self._joined.settled(stamp_ns)
 
     def at(self, capture: Capture) -> Image | None:
-        """(H, W, 3) of a capture, None where none came.
+        """(H, W, 3) normals of a capture, None if none were received.
 
         Raises:
             DecodeError: the image is of another encoding or size.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a sensor model comes from: the camera that it was fitted to, and the shrink of the gap that the fit promised."""
+"""Origin of a sensor model: the camera that it was fitted to, and the shrink of the gap stated by the fit."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SAME_PX = 0.01
-"""Focal length or principal point, in pixels, from which on a CameraInfo is another one: files keep six digits."""
+"""Difference of focal length or principal point, in pixels, above which two cameras differ: files keep six digits."""
 SIZES, LENS = ("width", "height"), ("fx", "fy", "cx", "cy")
 CAMERA_KEYS = {*SIZES, *LENS, "distortion_model", "distortion"}
 
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """Shrink of the gap on held-out views of the session that the model was fitted to, and its 95 % interval; 1 is all of it."""
+    """Shrink of the gap on held-out views of the session that the model was fitted to, and its 95 % interval; 1: the whole gap."""
 
     shrink: float
     low: float
@@ -29,10 +29,10 @@ class Promise:
 
 
 def check_camera(fitted: Camera | None, here: Camera) -> None:
-    """Refuse a model of another camera, or of another calibration of its lens; a model that states no camera fits all.
+    """Refuse a model of another camera, or of another calibration of its lens; a model without a camera is valid for all.
 
     Raises:
-        RefusedError: with what differs.
+        RefusedError: the cameras differ.
     """
     if fitted is None:
         return
@@ -48,7 +48,7 @@ def check_camera(fitted: Camera | None, here: Camera) -> None:
 
 
 def _coefficients(camera: Camera) -> tuple[float, ...]:
-    """Distortion without trailing zeros, rounded as files keep it."""
+    """Distortion without trailing zeros, rounded as in files."""
     values = [round(c, 6) for c in camera.distortion]
     while values and values[-1] == 0.0:
         values.pop()
@@ -56,7 +56,7 @@ def _coefficients(camera: Camera) -> tuple[float, ...]:
 
 
 def to_blocks(camera: Camera | None, promise: Promise | None) -> dict[str, Any]:
-    """The keys `camera` and `promise` of `sensor.yaml`, those that are known."""
+    """The known ones of the keys `camera` and `promise` of `sensor.yaml`."""
     out: dict[str, Any] = {}
     if camera is not None:
         lens = {k: float(getattr(camera, k)) for k in LENS}

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the camera's lamp lights: patches of the CAD, and the light that they exchange.
+"""Patches of the CAD that the camera's lamp lights, and the light that they exchange.
 
-The camera lights a patch of solid angle dOmega; it sends back albedo / pi of the light, by Lambert's law, to what the pixels see and to the
-other patches, which send it on (radiosity; Goral et al. 1984). Every way keeps its length, so that light has a phase. Patches are discs for
-near points (d^2 + area / pi), so that corners stay finite.
+The lamp lights a patch of solid angle dOmega. The patch sends back albedo / pi of the light, by Lambert's law, to the pixels' surfaces and
+to other patches, which reflect it again (radiosity; Goral et al. 1984). Every path keeps its length, so that light has a phase. For near
+points patches are discs (d^2 + area / pi), so that corners stay finite.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     Complex = NDArray[np.complex128]
 
 WIDER = 1.3
-"""The lit field against the image's: light from just outside comes back too."""
+"""Size of the lit field relative to the image: light from just outside returns, too."""
 PATCHES = (34, 25)
 """Raster (columns, rows) of lit patches."""
 BOUNCES = 4
-"""Patches on a way of light, at most: at albedo 0.7 in a corner later ones add less than a hundredth."""
+"""Most patches on a path of light: at albedo 0.7 in a corner, longer paths add less than 1 %."""
 GRAZING = 0.05
-"""Least incidence cosine of a patch, so that none becomes endless."""
+"""Least cosine of a patch's incidence, which limits its area."""
 CLEARANCE_M = 2e-4
-"""Metres off a surface at which a ray starts that asks what another surface sees of it."""
+"""Distance from a surface at which rays between patches start, metres."""
 REACH = 0.99
-"""Share of the way to a surface within which nothing may stand: its end is the surface itself."""
+"""Share of the way to a surface that must be free; at its end is the surface."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +51,7 @@ class Patches:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exchange:
-    """Pairs (k,) of patches that see each other: light goes from `sender` to `receiver`; the receiver gets `factor` of the sender's radiosity, after `length` metres."""
+    """Pairs (k,) of visible patches: `receiver` gets `factor` times the radiosity of `sender`, over a path of `length` metres."""
 
     sender: Ints
     receiver: Ints
@@ -60,7 +60,7 @@ class Exchange:
 
 
 def lit_patches(camera: Camera, T_cell_camera: Float, caster: Raycaster) -> Patches:
-    """What the camera's own light falls on, in equal steps over a field wider than the image."""
+    """The lit patches, in equal steps over a field wider than the image."""
     x_max, y_max = WIDER * 0.5 * camera.width / camera.fx, WIDER * 0.5 * camera.height / camera.fy
     nx, ny = PATCHES
     dx, dy = 2 * x_max / nx, 2 * y_max / ny
@@ -84,7 +84,7 @@ def lit_patches(camera: Camera, T_cell_camera: Float, caster: Raycaster) -> Patc
 
 
 def exchange_of(patches: Patches, T_cell_camera: Float, caster: Raycaster) -> Exchange:
-    """The patches that see each other; none gets more than all the light there is."""
+    """The pairs of patches that see each other; no patch receives more than the whole radiosity."""
     one, other = _facing_pairs(patches.point, patches.normal)
     free = unobstructed(patches.point[one], patches.normal[one], patches.point[other], T_cell_camera, caster)
     one, other = one[free], other[free]
@@ -99,13 +99,13 @@ def exchange_of(patches: Patches, T_cell_camera: Float, caster: Raycaster) -> Ex
 
 
 def emitted(patches: Patches, exchange: Exchange, albedo: Float, waves_per_m: float) -> Complex:
-    """(n,) light that each patch sends back per steradian head-on, over the lamp's intensity; its phase is that of the way from the lamp.
+    """(n,) light that each patch sends back per steradian head-on, relative to the lamp's intensity, with the phase of the path from the lamp.
 
     Args:
-        patches: what is lit.
-        exchange: what they exchange.
+        patches: the lit patches.
+        exchange: their exchange of light.
         albedo: (P,) of the parts.
-        waves_per_m: radians per metre of way.
+        waves_per_m: radians per metre of path.
     """
     own = albedo[patches.part]
     turned = exchange.factor * np.exp(1j * waves_per_m * exchange.length)
@@ -120,7 +120,7 @@ def emitted(patches: Patches, exchange: Exchange, albedo: Float, waves_per_m: fl
 
 
 def unobstructed(points: Float, normals: Float, targets: Float, T_cell_camera: Float, caster: Raycaster) -> Mask:
-    """(k,) whether nothing of the scene stands between points, each on a surface with its normal, and targets; all (k, 3) in the camera frame."""
+    """(k,) whether the way from surface points, with their normals, to targets is free; all (k, 3) in the camera frame."""
     R, t = T_cell_camera[:3, :3], T_cell_camera[:3, 3]
     start = points + CLEARANCE_M * normals
     return np.asarray(~caster.blocked(start @ R.T + t, (targets - start) @ R.T, REACH))
@@ -128,7 +128,7 @@ def unobstructed(points: Float, normals: Float, targets: Float, T_cell_camera: F
 
 @njit(cache=True, nogil=True)
 def facing(points: Float, normals: Float, patch: Float, patch_normal: Float) -> Mask:
-    """(receivers, patches) whether both turn their faces to each other, at least a millimetre apart."""
+    """(receivers, patches) whether both face each other, at least a millimetre apart."""
     out = np.empty((len(points), len(patch)), np.bool_)
     for i in range(len(points)):
         x, y, z = points[i]
@@ -142,6 +142,6 @@ def facing(points: Float, normals: Float, patch: Float, patch_normal: Float) -> 
 
 
 def _facing_pairs(points: Float, normals: Float) -> tuple[Ints, Ints]:
-    """(k,), (k,) each pair once."""
+    """(k,), (k,) pairs of patches that face each other, each once."""
     one, other = np.nonzero(np.triu(facing(points, normals, points, normals)))
     return one, other

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All effects by name, found in `tof_sensor.effects`, in the order in which light and electronics meet them."""
+"""All effects in `tof_sensor.effects` by name, in physical order."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PHYSICAL_ORDER: tuple[type[Effect], ...] = tuple(sorted((kind for module in _MOD
 EFFECTS: dict[str, type[Effect]] = {effect.NAME: effect for effect in PHYSICAL_ORDER}
 
 VOCABULARY: tuple[str, ...] = tuple(sorted(name for name, effect in EFFECTS.items() if effect.MEANING))
-"""Names of effects in a diagnosis; the photon law is not among them, since every sensor has it."""
+"""Names of effects in a diagnosis, without the photon law, which every sensor has."""
 
 
 def effect_class(name: str) -> type[Effect]:
@@ -44,10 +44,10 @@ def effect_class(name: str) -> type[Effect]:
 
 
 def left_out(names: Iterable[str], where: str) -> frozenset[str]:
-    """Effects that a diagnosis is not to consider; one that there is not would forbid nothing.
+    """The names of effects that a diagnosis must not consider; unknown names are refused.
 
     Raises:
-        UsageError: no effect has one of the names; it says which are near, and which there are.
+        UsageError: a name is no effect; the message lists similar names and all names.
     """
     asked = frozenset(names)
     for name in sorted(asked - set(VOCABULARY)):

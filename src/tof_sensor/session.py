@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Properties of a recorded session that effects may use: its views at their reference poses, its parts, the camera's images."""
+"""Properties of a recorded session that effects use: views at their reference poses, parts, the camera's images."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
     from tof_sensor.frame import Frame
 
 WARMING_K = 0.5
-"""Change of temperature from which a drift can show: the resolution of a usual camera's thermometer."""
+"""Least change of temperature that counts, kelvin: the resolution of a usual camera's thermometer."""
 WARMING_S = 60.0
-"""Duration in which a camera may warm up, whatever its thermometer shows."""
+"""Seconds from which a camera may warm up with a steady thermometer."""
 PART_PIXELS = 150
-"""Drawn pixels over the session below which a part has no hypothesis of its own."""
+"""Fewest drawn pixels of a part, over the session, for hypotheses on it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoiseBins:
     """Temporal noise by amplitude, in bins of every view, each (n,).
 
-    view: its index; amplitude: mean, camera's unit; range2: mean squared range, m^2; surroundings2: mean of `Frame.surroundings_m2`;
+    view: index of the view; amplitude: mean, camera's unit; range2: mean squared range, m^2; surroundings2: mean of `Frame.surroundings_m2`;
     variance: of one capture, m^2 along the ray; samples: their number.
     """
 
@@ -39,13 +39,13 @@ class NoiseBins:
     samples: Float
 
     def of(self, keep: Mask) -> NoiseBins:
-        """Some of the bins."""
+        """The bins of a mask."""
         return NoiseBins(*(getattr(self, f.name)[keep] for f in fields(self)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SessionView:
-    """One view: its rendering with measured amplitude, temperature, time and twist; and the flat indices (n,) of the pixels drawn for fits."""
+    """One view: rendering with measured amplitude, temperature, time and twist; flat indices (n,) of the pixels drawn for fits."""
 
     frame: Frame
     pixels: Ints
@@ -53,12 +53,12 @@ class SessionView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Session:
-    """A recorded session as the effects see it.
+    """A recorded session, for the effects.
 
     parts: names of the scene's parts, in the scene's order; has_amplitude: whether any view has an amplitude image; modulated: whether
-    the noise follows light, as a camera's that times light that it sends, and not range squared, as a stereo camera's; law: the camera's
-    photon law as `--sensor` states it; noise: temporal noise by amplitude; posed_apart: whether every pose has a covariance of its own, as
-    those of a board's corners: depth has no say in it.
+    noise depends on light, as for time-of-flight cameras, and not on range squared, as for stereo cameras; law: the camera's photon law
+    from `--sensor`; noise: temporal noise by amplitude; posed_apart: whether all poses are independent of depth and have a covariance, as
+    poses from a board's corners do.
     """
 
     views: tuple[SessionView, ...]
@@ -81,7 +81,7 @@ class Session:
 
     @property
     def warming(self) -> bool:
-        """Whether the temperature changes by `WARMING_K`, or `WARMING_S` pass: a thermometer lags minutes behind lamp and sensor."""
+        """Whether the temperature changes by `WARMING_K`, or the session lasts `WARMING_S`: a thermometer lags minutes behind lamp and sensor."""
         return self.temperature_changes or self.duration_s >= WARMING_S
 
     @property
@@ -105,12 +105,12 @@ class Session:
 
     @property
     def median_amplitude(self) -> float:
-        """Over the drawn pixels, camera's unit."""
+        """Median amplitude of the drawn pixels, camera's unit."""
         seen = np.concatenate([v.frame.amplitude.ravel()[v.pixels] for v in self.views])
         return float(np.median(seen[seen > 0]))
 
     def parts_seen(self) -> Iterator[tuple[int, str]]:
-        """Index and name of every part of which `PART_PIXELS` drawn pixels or more are seen."""
+        """Index and name of every part with at least `PART_PIXELS` drawn pixels."""
         counts = np.zeros(len(self.parts), int)
         for v in self.views:
             seen = v.frame.rendering.part.ravel()[v.pixels]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ideal captures of any simulator in, captures as the modelled camera measures them out."""
+"""Captures of a simulator, with ideal depth, to captures of the modelled camera."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tof_core.config import param
 from tof_core.errors import ConfigError, RefusedError
 from tof_core.reasons import Reason
 from tof_scene.render import render
-from tof_sensor.frame import Context, ideal_frame
+from tof_sensor.frame import Context, ideal_frame, twist_of
 from tof_sensor.ideal import completed, imaged
 from tof_sensor.model import SensorModel, load_model
 
@@ -25,32 +25,30 @@ if TYPE_CHECKING:
     from tof_scene.rendering import Rendering
 
 NOISY_SHARE = 0.25
-"""Noise over distance from which a pixel has no depth: four sigmas reach the camera itself, and a phase so noisy is not known to a period."""
-STILL = 1e-4
-"""Velocity (m/s, rad/s) that rounding of TF gives to a camera that stands still."""
+"""Noise, as a share of depth, above which a pixel has no depth: four sigmas reach the camera, and the phase is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatorConfig:
     """Which effects are simulated, and the meaning of the images beside the ideal depth."""
 
-    model: str = param("", "sensor.yaml of the camera, as `toftwin gap` writes it")
+    model: str = param("", "sensor.yaml of the camera, written by `toftwin gap`")
     seed: int = param(0, "seed of noise, losses and edges", low=0, high=2**31 - 1)
     light: str = param(
         "albedo",
-        "what the amplitude image beside the ideal depth holds: the surfaces' albedo, or the amplitude in the camera's unit",
+        "content of the amplitude image beside the ideal depth: the surfaces' albedo, or the amplitude in the camera's unit",
         choices=("albedo", "amplitude"),
     )
-    albedo: float = param(0.5, "albedo of surfaces for which neither an image nor the scene has one", low=1e-3, high=10.0)
+    albedo: float = param(0.5, "albedo of surfaces without an albedo in an image or in the scene", low=1e-3, high=10.0)
     albedo_per_count: float = param(1.0, "albedo of one count of the albedo image; 0.0039 for 8 bits", low=1e-9, high=10.0)
-    gain: float = param(0.0, "amplitude of albedo 1 seen head-on from 1 m, in the camera's unit; 0 takes the sensor.yaml's", low=0.0)
+    gain: float = param(0.0, "amplitude of albedo 1 seen head-on from 1 m, in the camera's unit; 0: the value in sensor.yaml", low=0.0)
 
 
 class Simulator:
-    """One camera. The same captures in the same order give the same images; each capture has random numbers of its own stamp."""
+    """A simulated camera. Equal captures in the same order give equal images: the random numbers depend on seed and stamp only."""
 
     def __init__(self, config: SimulatorConfig, model: SensorModel, caster: Raycaster | None = None) -> None:
-        """A camera with the effects of `model`; `caster` is the scene, for captures that have a pose."""
+        """Use the effects of `model`; `caster` is the scene, for captures with a pose."""
         self.config, self.model, self.caster = config, model, caster
         self._start: int | None = None
         self._border: Float = np.zeros((2, 0, 0))
@@ -68,19 +66,19 @@ class Simulator:
 
     @property
     def without_effect(self) -> tuple[str, ...]:
-        """Names of the model's effects that do nothing without a scene."""
+        """Names of the model's effects that are absent without a scene."""
         return () if self.caster is not None else tuple(sorted({e.NAME for e in self.model.effects if e.needs_scene}))
 
     def reset(self) -> None:
-        """Begin a session: the next capture is its first."""
+        """Begin a session with the next capture."""
         self._start = None
 
     def measured(self, ideal: Capture, normal: Image | None = None) -> Capture:
-        """What the camera measures where `ideal` is exact.
+        """The capture that the camera measures of `ideal`.
 
         Args:
-            ideal: depth as the simulator has it; `amplitude` holds what `config.light` says.
-            normal: (H, W, 3) unit normals in the camera frame, where the simulator gives them.
+            ideal: capture with the simulator's depth; `config.light` states the content of `amplitude`.
+            normal: (H, W, 3) unit normals in the camera frame, if the simulator gives them.
 
         Raises:
             RefusedError: the camera's unit of amplitude is not known.
@@ -89,7 +87,7 @@ class Simulator:
         frame = ideal_frame(self._rendering(ideal, normal), self._context(ideal), *self._light(ideal))
         made = self.model.apply(frame, rng)
         depth, amplitude = made.depth.astype(np.float32), made.amplitude.astype(np.float32)
-        depth[made.sigma > NOISY_SHARE * ideal.depth] = np.nan  # black surfaces give no light, and a simulator's image has such
+        depth[made.sigma > NOISY_SHARE * ideal.depth] = np.nan  # simulators' images have black surfaces, which return no light
         lost = ~np.isfinite(depth) & (ideal.reason == Reason.VALID)
         return replace(ideal, depth=depth, amplitude=amplitude, reason=np.where(lost, np.uint8(Reason.NO_RETURN), ideal.reason))
 
@@ -104,7 +102,7 @@ class Simulator:
         return completed(seen, render(self.caster, camera, ideal.robot.T_cell_camera))
 
     def _edges(self, camera: Camera) -> Float:
-        """The same for every capture: a camera that stands still mixes the same pixels."""
+        """Random positions of edges, the same for every capture: a camera at rest mixes the same pixels."""
         if self._border.shape[1:] != camera.shape:
             self._border = np.random.default_rng([self.config.seed, 0]).random((2, *camera.shape))
         return self._border
@@ -112,17 +110,15 @@ class Simulator:
     def _context(self, ideal: Capture) -> Context:
         if self._start is None:
             self._start = ideal.stamp_ns
-        twist = None if ideal.robot is None else ideal.robot.twist
-        still = twist is None or np.abs(twist).max() < STILL
         return Context(
             temperature=ideal.temperature,
             time_s=(ideal.stamp_ns - self._start) * 1e-9,
-            twist=np.zeros(6) if still or twist is None else twist,
+            twist=twist_of(ideal.robot),
             caster=self.caster,
         )
 
     def _light(self, ideal: Capture) -> tuple[Float | None, float]:
-        """The simulator's amplitude image, None without one; and the camera's unit."""
+        """The simulator's amplitude image, None without one, and the camera's unit of amplitude."""
         if ideal.amplitude is not None and self.config.light == "amplitude":
             return ideal.amplitude.astype(np.float64), 1.0
         gain = self.config.gain or self.model.gain

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from arm_correction.reference import Reference
     from tof_core.bag import BagReader
     from tof_core.capture import View
-    from tof_inspect.beside import ReferenceSession
     from tof_inspect.colour import Picture
     from tof_inspect.judge import Inspection, Inspector
+    from tof_inspect.reference import ReferenceSession
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,7 @@ def test_camera_steps_are_those_of_the_dense_solution(solution: SessionSolution)
     np.testing.assert_allclose(np.concatenate(ours), left, atol=1e-6)
 
 
-def test_beside_the_discrepancy_a_wiggle_is_no_longer_evidence(solution: SessionSolution) -> None:
+def test_reference_the_discrepancy_a_wiggle_is_no_longer_evidence(solution: SessionSolution) -> None:
     system = solution.system
     wiggle = [c[:, :2] for c in columns(system)]
 

@@ -94,7 +94,7 @@ def test_two_points_or_none_are_no_cloud_to_judge() -> None:
         assert remove_sor(frame, PreprocConfig()) == 0
 
 
-def test_beside_pixels_without_a_ray_the_others_are_judged() -> None:
+def test_reference_pixels_without_a_ray_the_others_are_judged() -> None:
     """A lens model that folds over in the corners gives no ray there, and no spacing of the points beside."""
     pinhole = captures(plane(incidence_deg=30.0), noise=0.2)[0]
     capture = replace(pinhole, camera=replace(pinhole.camera, distortion_model="plumb_bob", distortion=(-0.6, 0.0, 0.0, 0.0, 0.0)))

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One file per effect of docs/effects.md; the registry finds every one that stands here."""
+"""One file per effect of docs/effects.md; the registry finds all of them."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ambient light: photons that are not the camera's own cancel in the phase, and their noise stays."""
+"""Ambient light: its photons cancel in the phase, but their noise remains."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ if TYPE_CHECKING:
     from tof_sensor.session import NoiseBins, Session
 
 LEAST_EXCESS = 0.35
-"""Median variance of foreign light, as a share of the law's, from which foreign light may be named: noise 16 % above the law. Two healthy
-sessions of one camera agree to better than that; scenes of other albedos ask the law where it was not fitted."""
+"""Median variance of ambient light, as a share of the law's, from which it may be named: noise 16 % above the law. Two healthy sessions of
+one camera agree better than that; scenes of other albedos evaluate the law outside the amplitudes that it was fitted to."""
 LEAST_SHARE = 0.75
-"""Share of the views that must have half of that excess: foreign light does not come in bursts."""
+"""Least share of the views with half of that excess: ambient light does not come in bursts."""
 LEAST_BINS = 12
-"""Bins of amplitude below which no dependence on it can be judged."""
+"""Fewest amplitude bins from which a dependence on amplitude can be judged."""
 SURFACE_LEAST = 0.1
-"""Variance of light off the surfaces over that of light on every pixel alike (reference amplitude, 1 m), below which the excess may be
-read-out noise: a constant number of electrons, whether light's or the read-out's, is the same noise. What surfaces send back is not."""
+"""Ratio of the variance by light off the surfaces to that by light uniform over the image (reference amplitude, 1 m), below which the excess
+may be read-out noise: uniform light and read-out both add a constant number of electrons. Light off the surfaces does not."""
 READ_OUT = (
     "record once more with sunlight and lamps shaded: noise that disappears was theirs, noise that stays is the camera's read-out noise; "
     "longer dwells reduce both"
 )
-"""What to do where foreign light and read-out noise cannot be distinguished."""
+"""Remedy where ambient light and read-out noise cannot be distinguished."""
 BETTER = 0.9
-"""Misfit of foreign light beside the camera's own noise over that of own noise alone, above which the excess need be no foreign light: two
-terms more fit a tenth better by chance."""
+"""Ratio of misfits, with ambient light and with the camera's own noise alone, above which ambient light is not named: two more terms reduce
+the misfit by a tenth by chance."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ambient(Effect):
     """sigma_r^2 = surface^2 (r^2 / cos theta) A0 / A + uniform^2 (A0 / A)^2, beyond the photon law (Lange and Seitz 2001; docs/effects.md).
 
-    A count B of foreign photons has the noise B / 2 A^2 in phase. Light of the surroundings that surfaces give back has
-    B ~ albedo ~ A r^2 / cos theta; light that reaches every pixel alike has one B.
+    A count B of ambient photons causes phase noise B / 2 A^2. Ambient light reflected by surfaces has B ~ albedo ~ A r^2 / cos theta;
+    light uniform over the image has a constant B.
     """
 
     NAME: ClassVar[str] = "ambient"
@@ -67,12 +67,12 @@ class Ambient(Effect):
 
     @property
     def rivals(self) -> tuple[str, ...]:
-        """Noise of the read-out, where no light off the surfaces is seen."""
+        """Noise, if no light off the surfaces is found."""
         return ("noise",) if self.like_read_out else ()
 
     @property
     def remedy(self) -> str:
-        """Shade; where it may be the read-out, find out by that."""
+        """Shade the cell; where read-out noise is possible, find out by shading."""
         return READ_OUT if self.like_read_out else self.REMEDY
 
     def variance(self, amplitude: Float, surroundings2: Float) -> Float:
@@ -89,7 +89,7 @@ class Ambient(Effect):
         return with_noise(frame, self.noise(frame), rng)
 
     def added_to(self, law: PhotonLaw) -> PhotonLaw:
-        """The law of the same camera under this light."""
+        """The photon law of the camera under this light."""
         ratio = self.reference / law.reference
         return replace(
             law,
@@ -99,7 +99,7 @@ class Ambient(Effect):
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """An amplitude image, and a photon law to compare with."""
+        """An amplitude image, or a photon law to compare with."""
         if not session.has_amplitude:
             return "no amplitude image"
         return (
@@ -110,7 +110,7 @@ class Ambient(Effect):
 
     @classmethod
     def detect(cls, session: Session) -> Detection | None:
-        """Noise beyond the law of `--sensor`, in most views, that depends on amplitude as that of foreign light does."""
+        """Noise beyond the law of `--sensor`, in most views, with the amplitude dependence of ambient light."""
         law, bins = session.law, session.noise
         if law is None or bins is None or len(bins.view) < LEAST_BINS:
             return None
@@ -118,7 +118,7 @@ class Ambient(Effect):
         excess = bins.variance - predicted
         of_view = np.array([np.median((excess / predicted)[bins.view == v]) for v in np.unique(bins.view)])
         ratio = law.reference / bins.amplitude
-        # The camera's own: noise of one size, as offsets of pixels are to their neighbours; own light that is modulated less; the law times a factor.
+        # The camera's own noise: constant, as by pixel offsets; by less modulated light; the law times a factor.
         own = np.stack([np.ones_like(ratio), ratio, predicted], axis=1)
         foreign = np.stack([bins.surroundings2 * ratio, ratio**2], axis=1)
         either = np.concatenate([own, foreign], axis=1)
@@ -136,7 +136,7 @@ class Ambient(Effect):
 
 
 def _fitted(X: Float, excess: Float, bins: NoiseBins) -> Float:
-    """Non-negative coefficients by least squares on relative errors, bins far off the rest left out."""
+    """Non-negative coefficients by least squares on relative errors, without outlying bins."""
     from scipy.optimize import nnls  # loads slowly, and only a fit needs it
 
     weight = np.sqrt(bins.samples / 2) / np.maximum(bins.variance, 1e-14)
@@ -150,5 +150,5 @@ def _fitted(X: Float, excess: Float, bins: NoiseBins) -> Float:
 
 
 def _misfit(model: Float, excess: Float, predicted: Float) -> float:
-    """Median error of the variance that a form of the excess leaves, as a share of the variance."""
+    """Median error of a model of the excess variance, as a share of the variance."""
     return float(np.median(np.abs(excess - model) / (predicted + np.maximum(excess, 0.0))))

@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 class AmplitudeBias(CurveEffect):
     """dr = c + a ln(Q / A0) + b ln(Q / A0)^2 + s (r / 1 m) ln(Q / A0) + d A0 / Q + e Q / A0 with Q = A (1 + k r^2) (Lindner 2010; docs/effects.md).
 
-    The logarithms follow published walk errors, whose slope may change with the range r; the inverse is charge that arrives late whatever
-    the light, the last term photons that hide later ones (pile-up). `form` says which of them a fit may use: `log` the first three,
-    `slope` those and s, `inverse` c, a and d, `direct` c, a, b and e. c is the bias at the amplitude A0: where none is stated to be free
-    of bias, every A0 describes the same bias. Q is the light that fills the pixel: the lamp's, of amplitude A, and the ambient light's,
-    which does not fall with r. With `knots`, dr is any function of ln A.
+    The logarithms follow published walk errors, whose slope may change with the range r. The inverse term is charge that arrives late
+    independent of the light, the last term photons that hide later ones (pile-up). `form` selects the terms of a fit: `log` the first
+    three, `slope` those and s, `inverse` c, a and d, `direct` c, a, b and e. c is the bias at the amplitude A0; as no amplitude is known to
+    be free of bias, every A0 describes the same bias. Q is the light in the pixel: the lamp's, of amplitude A, and ambient light, which
+    does not decrease with r. With `knots`, dr is any function of ln A.
     """
 
     NAME: ClassVar[str] = "amplitude_bias"
@@ -49,7 +49,7 @@ class AmplitudeBias(CurveEffect):
     at_reference_m: float = param(0.0, "bias at the reference", unit="m", low=-0.2, high=0.2)
     per_ln_m: float = param(0.0, "bias per e-fold of amplitude", unit="m", low=-0.05, high=0.05)
     per_ln2_m: float = param(0.0, "curvature of the law", unit="m", low=-0.05, high=0.05)
-    slope_m: float = param(0.0, "by how much the bias per e-fold grows with a metre of range", unit="m", low=-0.05, high=0.05)
+    slope_m: float = param(0.0, "growth of the bias per e-fold with a metre of range", unit="m", low=-0.05, high=0.05)
     inverse_m: float = param(0.0, "bias by late charge at the reference", unit="m", low=-0.1, high=0.1)
     direct_m: float = param(0.0, "bias in proportion to the light, at the reference", unit="m", low=-0.1, high=0.1)
     form: str = param("log", "terms of a fit", choices=("log", "slope", "inverse", "direct"))
@@ -60,17 +60,17 @@ class AmplitudeBias(CurveEffect):
 
     @property
     def rest(self) -> str:
-        """A constant."""
+        """A constant offset."""
         return "range_offset"
 
     def observable(self, frame: Frame) -> Float:
-        """ln A, A in the camera's unit; NaN where no light came back."""
+        """ln A, A in the camera's unit; NaN without returned light."""
         return np.log(np.where(frame.amplitude > 0, frame.amplitude, np.nan))
 
     def columns(self, frame: Frame) -> Float:
-        """One, log of the light, its square, log times range, inverse light, and light, along z, 0 for terms that `form` lacks; or the curve's.
+        """Along z: constant, log of the light, its square, log times range, inverse, light; 0 for terms not in `form`; or the curve's columns.
 
-        0 where no light came back.
+        0 without returned light.
         """
         if self.knots:
             return self.curve_columns(frame)
@@ -87,18 +87,18 @@ class AmplitudeBias(CurveEffect):
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """An amplitude image."""
+        """The amplitude image, if missing."""
         return "" if session.has_amplitude else "no amplitude image"
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Each form, about the session's median amplitude; two of them in ambient light, too: photons that hide others are the lamp's alone."""
+        """Each form with the session's median amplitude as reference; `log` and `inverse` also with ambient light."""
         for form in ("log", "slope", "inverse", "direct"):
             for ambient in (0.0, AMBIENT) if form in ("log", "inverse") else (0.0,):
                 yield Form(cls(reference=session.median_amplitude, form=form, ambient=ambient), f"{form}, ambient light {ambient:g}")
 
 
 DARKEST = 100.0
-"""Cap of A0 / Q: darker pixels return no depth."""
+"""Upper bound of A0 / Q: darker pixels return no depth."""
 AMBIENT = 0.3
-"""Ambient light over the lamp's at 1 m that is tried first: a lit hall and a lamp of some watts, 1/m^2."""
+"""First value of ambient light, relative to the lamp's at 1 m: a lit hall and a lamp of some watts, 1/m^2."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CAD deviation: a part stands or bends otherwise than drawn, the same in every view."""
+"""CAD deviation: a part is moved or bent relative to its CAD, the same in every view."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 RIGID, BOW = 6, 3
 COEFFICIENT_SD = np.repeat([0.02, 0.1, 0.02], 3)
-"""Prior of each coefficient by itself (m, rad, m of bow): a part that slides along its own plane moves no pixel, and is held by this alone."""
+"""Prior of each coefficient (m, rad, m of bow): a part that slides in its own plane changes no pixel, so that only this prior holds it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class CadDeviation(FieldEffect):
 
     NAME: ClassVar[str] = "cad_deviation"
     ORDER: ClassVar[int] = 0
-    UNEVEN: ClassVar[float] = 0.15  # Of the scene: a part is bent or moved otherwise than the map has it.
+    UNEVEN: ClassVar[float] = 0.15  # Of the scene: a real part may be bent in other shapes.
     MEANING: ClassVar[str] = "a part stands or bends otherwise than drawn"
     REMEDY: ClassVar[str] = (
         "measure the part by other means (light from its neighbours can look alike); if it is off, put it back or correct the CAD"
@@ -43,7 +43,7 @@ class CadDeviation(FieldEffect):
     SEPARATED_BY: ClassVar[str] = "a measurement of the part by other means"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     REPEATS: ClassVar[bool] = True
-    REACH_M: ClassVar[float] = 0.008  # Nine coefficients together must not bend what one view saw.
+    REACH_M: ClassVar[float] = 0.008  # Nine coefficients together must not fit the error of a single view.
     COEFFICIENTS: ClassVar[tuple[str, ...]] = (
         "x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad", "bow_uu_m", "bow_vv_m", "bow_uv_m",
     )  # fmt: skip
@@ -56,11 +56,11 @@ class CadDeviation(FieldEffect):
 
     @property
     def needs_scene(self) -> bool:
-        """Its part."""
+        """Yes: its part."""
         return True
 
     def columns(self, frame: Frame) -> Float:
-        """z by each of the nine values, on the pixels of the part."""
+        """Change of z per unit of each of the nine values, on the pixels of the part."""
         here = frame.rendering.part == self.part
         arm = np.where(here[..., None], np.nan_to_num(cell_points(frame)) - self.centre, 0.0)
         n = np.asarray(self.normal, float) / np.linalg.norm(self.normal)
@@ -77,12 +77,12 @@ class CadDeviation(FieldEffect):
         return np.where(here[..., None], object_columns(frame, motion), 0.0)
 
     def prior_sd(self, scale: Float) -> Float:
-        """(9,) prior deviations: the smaller of a column's bound, and of the largest motion or bow of a part."""
+        """(9,) prior standard deviations: the smaller of `REACH_M` and `COEFFICIENT_SD`."""
         return np.asarray(np.minimum(self.REACH_M, COEFFICIENT_SD * scale))
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """One form for each part that enough pixels see."""
+        """One form for each part with enough pixels."""
         for part, name in session.parts_seen():
             yield Form(cls.of(session, part), name)
 

@@ -8,14 +8,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 from tof_core.config import param
 from tof_sensor.action import FARTHER, NEARER
-from tof_sensor.effect import Effect, Form, stack
+from tof_sensor.effect import Effect, stack
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
-    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,21 +27,16 @@ class DepthScale(Effect):
     )
     ACTIONS: ClassVar = (NEARER, FARTHER)
     EXACT: ClassVar[bool] = True
+    ONE_FORM: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("scale",)
 
     scale: float = param(0.0, "relative stretch", low=-0.2, high=0.2)
 
     @property
     def stated(self) -> str:
-        """Percent."""
+        """The scale error in per cent."""
         return f"{100 * self.scale:+.2f} %"
 
     def columns(self, frame: Frame) -> Float:
-        """Depth itself."""
+        """Depth."""
         return stack([frame.depth], frame)
-
-    @classmethod
-    def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Its one form."""
-        del session
-        yield Form(cls())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dropout: no return where too little light comes back, and at random."""
+"""Dropout: no return where too little light returns, and at random."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 LEAST_STATED = 0.005
-"""Share of pixels lost at random below which it is not stated: single dead or dark pixels are usual."""
+"""Least share of pixels lost at random that is stated: a few dead or dark pixels are usual."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +39,13 @@ class Dropout(Effect):
 
     @property
     def stated(self) -> str:
-        """Share and threshold."""
+        """Share of lost pixels, and amplitude threshold."""
         parts = [f"{in_percent(self.random)} of the pixels at random"] if self.random > LEAST_STATED else []
         parts += [f"most pixels below amplitude {self.threshold:.3g}"] if self.threshold > 0 else []
         return ", ".join(parts) or "some of the pixels"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Lose pixels; the probability is kept in `missing`."""
+        """Remove pixels; `missing` contains the probability."""
         light = np.maximum(frame.amplitude, 1e-12) / max(self.threshold, 1e-12)
         p = self.random + (1 - self.random) / (1 + np.minimum(light, 1e3) ** self.steepness)
         p = np.where(self.threshold > 0, p, self.random)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Emitter offset: the lamp stands beside the lens, so that light travels farther on one side of the image."""
+"""Emitter offset: the lamp is beside the lens, so that light travels farther on one side of the image."""
 
 from __future__ import annotations
 
@@ -10,26 +10,23 @@ import numpy as np
 
 from tof_core.config import param
 from tof_sensor.action import FARTHER, NEARER
-from tof_sensor.effect import Effect, Form, stack
+from tof_sensor.effect import Effect, stack
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
-    from tof_sensor.session import Session
 
 FARTHEST_M = 0.08
-"""Farthest lamp: a Kinect v2 has its lamps 5 to 8 cm beside the lens, and smaller cameras theirs at 1 to 4 cm."""
+"""Largest distance of the lamp from the lens, metres: 5 to 8 cm in a Kinect v2, 1 to 4 cm in smaller cameras."""
 
 
 @dataclass(frozen=True, slots=True)
 class EmitterOffset(Effect):
     """dr = (|p - b| - |p|) / 2 = -b.u / 2 + (|b|^2 - (b.u)^2) / 4r + ..., u = p / |p| (law of cosines; docs/effects.md).
 
-    b = (`x_m`, `y_m`, 0) is the lamp's place in the camera frame, x to the right and y down in the image: points on the lamp's side
-    are measured too near. The columns are the first order, which no range changes; `bias` is exact. Of a lamp 50 mm beside the lens the
-    second order is 1.3 mm at 0.5 m. Shadows that such a lamp casts are not modelled.
+    b = (`x_m`, `y_m`, 0) is the lamp's position in the camera frame, x to the right and y down in the image: points on the lamp's side
+    are measured too near. The columns are the first order, which is independent of range; `bias` is exact. The second order is 1.3 mm at
+    0.5 m for a lamp 50 mm beside the lens. Shadows of such a lamp are not modelled.
     """
 
     NAME: ClassVar[str] = "emitter_offset"
@@ -39,6 +36,7 @@ class EmitterOffset(Effect):
     SEPARATED_BY: ClassVar[str] = "a flat wall seen from several distances"
     ACTIONS: ClassVar = (NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
+    ONE_FORM: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("x_m", "y_m")
 
     x_m: float = param(0.0, "lamp to the right of the lens", unit="m", low=-FARTHEST_M, high=FARTHEST_M)
@@ -47,22 +45,16 @@ class EmitterOffset(Effect):
 
     @property
     def stated(self) -> str:
-        """The lamp beside the lens."""
+        """Position of the lamp relative to the lens."""
         return f"lamp {1e3 * self.x_m:+.1f} mm to the right, {1e3 * self.y_m:+.1f} mm below"
 
     def columns(self, frame: Frame) -> Float:
-        """First order: minus half the direction's x and y, along z."""
+        """First order along z: minus half of the direction's x and y."""
         scale = np.where(frame.valid, -0.5 / frame.length**2, 0.0)
         return stack([scale * frame.rays[..., 0], scale * frame.rays[..., 1]], frame)
 
     def bias(self, frame: Frame) -> Float:
-        """Half of the difference between the path from the lamp and the path to the lens, along z."""
+        """Half of the difference between the paths from the lamp and to the lens, along z."""
         radial = frame.radial
         from_lamp = np.linalg.norm(frame.points - (self.x_m, self.y_m, 0.0), axis=-1)
         return np.asarray(np.nan_to_num(0.5 * (from_lamp - radial) / frame.length))
-
-    @classmethod
-    def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Its one form."""
-        del session
-        yield Form(cls())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fixed pattern: signal run time differs over the array, above all by column and row."""
+"""Fixed pattern: signal delays differ over the array, mainly by column and row."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 class FixedPattern(FieldEffect):
     """dr(u, v) = one value per column, per row, a smooth field (docs/effects.md), and single pixels.
 
-    `values` are W columns, H rows, then `order`^2 - 1 cosines (DCT-II) without the constant,
-    which is `range_offset`'s. `pixels` is an image in text form (`packed`), empty where pixels do not differ.
+    `values` are W columns, H rows, then `order`^2 - 1 cosines (DCT-II) without the constant, which is
+    `range_offset`. `pixels` is an image as text (`packed`), empty if pixels do not differ.
     """
 
     NAME: ClassVar[str] = "fixed_pattern"
@@ -43,8 +43,10 @@ class FixedPattern(FieldEffect):
 
     values: tuple[float, ...] = ()
     order: int = param(4, "smooth field: cosines per axis", low=1, high=16)
-    lines: int = param(0, "cosines of columns and of rows that are fitted beyond the smooth field's, up to this one", low=0, high=64)
-    pixels: str = param("", "what single pixels err by beyond that: int16 of 10 um, row after row, deflated, base64")
+    lines: int = param(
+        0, "cosines of columns and of rows that are fitted beyond those of the smooth field, up to this number", low=0, high=64
+    )
+    pixels: str = param("", "errors of single pixels beyond that: int16 in steps of 10 um, row after row, deflated, base64")
 
     def columns(self, frame: Frame) -> Float:
         """(H, W, W + H + order^2 - 1), dense."""
@@ -65,7 +67,7 @@ class FixedPattern(FieldEffect):
         """The pattern along z, without building the dense columns.
 
         Raises:
-            ConfigError: the pattern is one of another raster.
+            ConfigError: the pattern belongs to another raster.
         """
         h, w = frame.depth.shape
         field = np.zeros((h, w)) if not self.pixels else unpacked(self.pixels, (h, w))
@@ -77,9 +79,9 @@ class FixedPattern(FieldEffect):
         return stack([np.where(frame.valid, field / frame.length, 0)], frame)[..., 0]
 
     def prior_sd(self, scale: Float) -> Float:
-        """Falling with the square of the frequency for the field's cosines, with the frequency for those of lines, and `REACH_M` for single lines.
+        """(k,) prior: falling with the squared frequency for the field's cosines, with the frequency for those of lines; `REACH_M` for lines.
 
-        Run times over an array are smooth: what the views do not show between the pixels they cover is not bent for it.
+        Delays over an array are smooth: between pixels with data, the prior keeps the field from bending.
         """
         i, j = np.mgrid[: self.order, : self.order].reshape(2, -1)[:, 1:]
         sd = np.full(len(scale), self.REACH_M)
@@ -90,17 +92,17 @@ class FixedPattern(FieldEffect):
 
     @property
     def free_form(self) -> bool:
-        """With columns and rows of any course."""
+        """Whether columns and rows are free."""
         return self.lines > 0
 
     @property
     def smooth(self) -> FixedPattern:
-        """Lines and fields alone."""
+        """The pattern without single pixels."""
         return replace(self, pixels="")
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """A tilt, a smooth field, and one with columns and rows in blocks; lines and pixels come from the views' residuals."""
+        """A tilt, a smooth field, and a field with blocks of columns and rows; lines and pixels are estimated from residuals."""
         del session
         yield Form(cls(order=TILT), "tilt")
         yield Form(cls(), "smooth field")
@@ -108,11 +110,11 @@ class FixedPattern(FieldEffect):
 
 
 TILT = 2
-"""Cosines per axis of a pattern that falls from one side of the array to the other: few views determine it, and not a field of 15 cosines."""
+"""Cosines per axis of a pattern that is a tilt: few views determine it, but not a field of 15 cosines."""
 BLOCKS = 16
-"""Cosines of columns and of rows: clock buffers drive groups of lines, wider than the neighbourhood that lines are compared with."""
+"""Cosines of columns and of rows: clock buffers drive groups of lines wider than the neighbourhood to which lines are compared."""
 STEP_M = 1e-5
-"""Of `pixels`: far below any camera's own step, and 0.3 m as int16."""
+"""Step of `pixels` in metres: far below any camera's depth step; int16 reaches 0.3 m."""
 
 
 def packed(image: Float) -> str:
@@ -123,7 +125,7 @@ def packed(image: Float) -> str:
 
 @lru_cache(maxsize=8)
 def unpacked(pixels: str, shape: tuple[int, int]) -> Float:
-    """(H, W) metres along the ray of `pixels`; no more is inflated than the raster holds."""
+    """(H, W) metres along the ray from `pixels`; inflates at most the size of the raster."""
     size = 2 * shape[0] * shape[1]
     try:
         data = zlib.decompressobj().decompress(base64.b64decode(pixels, validate=True), size + 1)
@@ -149,6 +151,6 @@ def cosines(height: int, width: int, order: int) -> Float:
 
 @lru_cache(maxsize=8)
 def line_cosines(count: int, low: int, high: int) -> Float:
-    """(count, high - low) cosines number `low` to `high` - 1 of so many columns or rows, largest value 1."""
+    """(count, high - low) cosines number `low` to `high` - 1 over `count` columns or rows, largest value 1."""
     at = (np.arange(count) + 0.5) / count
     return np.cos(np.pi * np.arange(low, max(low, high)) * at[:, None])

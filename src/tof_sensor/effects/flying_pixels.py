@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flying pixels: a footprint over two surfaces adds their phasors and lies between or beside them."""
+"""Flying pixels: a footprint on two surfaces adds their phasors; its depth is between or beside them."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 class FlyingPixels(Effect):
     """(1 - m) A1 e^{j phi1} + m A2 e^{j phi2}, m the second surface's share (docs/effects.md).
 
-    `share` blends from the surface that fills most (0) to the full mixture (1). A1 and A2 are the
-    amplitudes of unmixed pixels beside the edge that see the one surface and the other.
+    `share` interpolates between the depth of the larger surface (0) and the full mixture (1). A1 and A2 are the
+    amplitudes of unmixed pixels beside the edge, on the first and on the second surface.
     """
 
     NAME: ClassVar[str] = "flying_pixels"
@@ -35,7 +35,7 @@ class FlyingPixels(Effect):
     LINEAR: ClassVar[tuple[str, ...]] = ("share",)
 
     share: float = param(0.0, "1: the footprint's phasors add in full", low=0.0, high=1.5)
-    footprint_px: float = param(1.0, "side of what a pixel really covers, of a straight edge", unit="px", low=0.2, high=1.0)
+    footprint_px: float = param(1.0, "side of a pixel's real footprint, for straight edges", unit="px", low=0.2, high=1.0)
     modulation_mhz: float = param(100.0, MODULATION, unit="MHz", low=5.0, high=400.0)
 
     @property
@@ -55,7 +55,7 @@ class FlyingPixels(Effect):
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         m = np.clip(0.5 + (edge.mixed - 0.5) / self.footprint_px, 0.0, 1.0)
         ratio = m / np.maximum(1 - m, 1e-6) * edge.light
-        # A camera takes the unambiguous range of the stronger return.
+        # Phase is unwrapped to the stronger return's range.
         stronger = np.where(ratio > 1, edge.step, 0.0)
         sum_of_both = np.exp(-1j * wave * stronger) + ratio * np.exp(1j * wave * (edge.step - stronger))
         return np.asarray((stronger + np.angle(sum_of_both) / wave) / edge.length)
@@ -65,8 +65,8 @@ class FlyingPixels(Effect):
 class Edge:
     """A view's mixed pixels (n,).
 
-    where: rows and columns; mixed: the second surface's share of the footprint; light: its amplitude over the first one's;
-    step: metres along the ray from the first to the second; length: of the ray per metre of z.
+    where: rows and columns; mixed: share of the second surface in the footprint; light: ratio of its amplitude to the first one's; step:
+    metres along the ray from the first to the second surface; length: of the ray per metre of z.
     """
 
     where: tuple[Ints, Ints]
@@ -77,7 +77,7 @@ class Edge:
 
     @classmethod
     def of(cls, frame: Frame) -> Edge:
-        """The mixed pixels of a view that see both their surfaces."""
+        """The mixed pixels of a view with both depths known."""
         share, other = np.nan_to_num(frame.rendering.mixed), frame.rendering.second
         rows, columns = np.nonzero((share > 0) & np.isfinite(other) & frame.valid)
         where = rows, columns
@@ -88,15 +88,15 @@ class Edge:
 
 
 REACH_PX = 3
-"""How far from a mixed pixel its surfaces are looked for."""
+"""Distance in pixels from a mixed pixel within which its surfaces are searched."""
 NEAR_M = 0.05
-"""Depth difference beyond which a neighbour is another surface."""
+"""Depth difference in metres beyond which a neighbour is on another surface."""
 
 
 def neighbour_amplitude(frame: Frame, depth: Float | Image) -> Float:
-    """(H, W) amplitude of the nearest-in-depth unmixed neighbour of a surface at `depth`; 0 where there is none.
+    """(H, W) amplitude of the unmixed neighbour whose depth is nearest to `depth`; 0 where there is none.
 
-    Filled on mixed pixels alone.
+    Only mixed pixels are filled.
     """
     mixed = np.nan_to_num(frame.rendering.mixed) > 0
     rows, columns = np.nonzero(mixed)
@@ -109,14 +109,14 @@ def neighbour_amplitude(frame: Frame, depth: Float | Image) -> Float:
 
 @njit(cache=True, nogil=True)
 def _nearest(rows: Ints, columns: Ints, target: Float, clean: Mask, depth: Float, amplitude: Float) -> Float:
-    """(n,) amplitude of the clean pixel about (row, column) whose depth is nearest to the target; of near ones the nearer pixel."""
+    """(n,) amplitude of the clean pixel around (row, column) whose depth is nearest to the target."""
     height, width = depth.shape
     found = np.zeros(len(rows))
     for i in range(len(rows)):
         best = np.inf
         for v in range(max(rows[i] - REACH_PX, 0), min(rows[i] + REACH_PX + 1, height)):
             for u in range(max(columns[i] - REACH_PX, 0), min(columns[i] + REACH_PX + 1, width)):
-                # A surface that goes on may slope; among near ones the nearer pixel is better.
+                # Surfaces may slope: at similar depths the nearer pixel is better.
                 miss = abs(depth[v, u] - target[i]) + 1e-3 * np.hypot(v - rows[i], u - columns[i])
                 if clean[v, u] and miss < min(best, NEAR_M):
                     best, found[i] = miss, amplitude[v, u]

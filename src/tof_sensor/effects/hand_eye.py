@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hand-eye: the pose of the camera in the hand differs from TF, by the same motion in every view."""
+"""Hand-eye: the camera's pose in the hand differs from TF by the same motion in every view."""
 
 from __future__ import annotations
 
@@ -11,15 +11,12 @@ import numpy as np
 from tof_core import se3
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
-from tof_sensor.effect import Effect, Form
+from tof_sensor.effect import Effect
 from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
-    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +30,7 @@ class HandEye(Effect):
     SEPARATED_BY: ClassVar[str] = "a hand-eye calibration"
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     IN_CHAIN: ClassVar[bool] = True
+    ONE_FORM: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 
     x_m: float = param(0.0, "camera axis x", unit="m", low=-0.1, high=0.1)
@@ -45,21 +43,15 @@ class HandEye(Effect):
 
     @property
     def stated(self) -> str:
-        """Shift and turn."""
+        """Translation and rotation."""
         shift, turn = self.coefficients[:3], self.coefficients[3:]
         return f"{1e3 * np.linalg.norm(shift):.1f} mm and {np.degrees(np.linalg.norm(turn)):.2f} degrees"
 
     def columns(self, frame: Frame) -> Float:
-        """z by each component of the twist."""
+        """Change of z per unit of each component of the twist."""
         return pose_columns(frame)
 
     @property
     def mount(self) -> Float:
-        """(4, 4) X."""
+        """(4, 4) X of the chain."""
         return se3.exp(self.coefficients)
-
-    @classmethod
-    def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Its one form."""
-        del session
-        yield Form(cls())

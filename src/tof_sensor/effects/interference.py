@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interference: a second emitter beats with this one in bursts of rows and frames."""
+"""Interference: a second emitter disturbs some of the frames."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Interference(Effect):
-    """Noise in some of the frames (docs/effects.md), larger where the camera's own light is weak."""
+    """Noise in some of the frames (docs/effects.md), larger where the camera's light is weak."""
 
     NAME: ClassVar[str] = "interference"
     ORDER: ClassVar[int] = 74
@@ -37,11 +37,11 @@ class Interference(Effect):
 
     @property
     def stated(self) -> str:
-        """Size and share of the captures."""
+        """Size of the noise, and share of the captures."""
         return f"{1e3 * self.burst_m:.1f} mm in {in_percent(self.duty)} of the captures"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """A frame is hit or not; a beat leaves one common offset and noise of the same size."""
+        """A disturbed frame gets a common offset, and noise of the same size."""
         if rng.random() >= self.duty:
             return frame
         size = self.burst_m * self.reference / np.maximum(frame.amplitude, 1e-12) / frame.length
@@ -51,5 +51,5 @@ class Interference(Effect):
 
     @property
     def in_bursts(self) -> bool:
-        """Always."""
+        """Yes."""
         return True

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Intrinsics: the lens is not the one that CameraInfo describes."""
+"""Intrinsics: the lens differs from CameraInfo."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Intrinsics(Effect):
-    """True minus stated intrinsics: the pixel looks along another ray (docs/effects.md).
+    """True minus stated intrinsics: pixels have other rays (docs/effects.md).
 
-    A time-of-flight camera measures distance along the ray and converts it to z by the lens that CameraInfo states (`z_from`
-    "stated_lens"): with another lens, z is wrong by the ratio of the rays' lengths besides. A camera that gives z itself, or converts
-    by its true lens, has `z_from` "true_lens".
+    A time-of-flight camera measures distance along the ray and converts it to z with the lens in CameraInfo (`z_from` "stated_lens"):
+    with another true lens, z is also wrong by the ratio of the rays' lengths. A camera that measures z, or converts with its true lens,
+    has `z_from` "true_lens".
     """
 
     NAME: ClassVar[str] = "intrinsics"
@@ -50,7 +50,7 @@ class Intrinsics(Effect):
     p1: float = param(0.0, "tangential distortion", low=-0.05, high=0.05)
     p2: float = param(0.0, "tangential distortion", low=-0.05, high=0.05)
 
-    z_from: str = param("stated_lens", "lens by which distance became z", choices=("stated_lens", "true_lens"))
+    z_from: str = param("stated_lens", "lens with which distance was converted to z", choices=("stated_lens", "true_lens"))
 
     @property
     def stated(self) -> str:
@@ -59,7 +59,7 @@ class Intrinsics(Effect):
         return f"focal length {focal:+.2f} %, principal point off by {centre:.1f} px"
 
     def published(self, stated: Camera) -> Float:
-        """(H, W) published z over true z."""
+        """(H, W) ratio of published to true z."""
         if self.z_from == "true_lens":
             return np.ones((stated.height, stated.width))
         true, assumed = (np.linalg.norm(camera.rays(), axis=-1) for camera in (self.camera(stated), stated))
@@ -70,15 +70,15 @@ class Intrinsics(Effect):
         return with_lens(stated, self.coefficients)
 
     def columns(self, frame: Frame) -> Float:
-        """z by each parameter: the ray turns against the change of the projection; its length converts distance to z."""
+        """Change of z per unit of each parameter, by the direction of the ray and by its length."""
         return self._answer(frame, self._shift(frame))
 
     def bias(self, frame: Frame) -> Float:
-        """The same for the parameters as they are, without a column for each."""
+        """Bias of the current parameters, computed without a column for each."""
         return np.asarray(self._answer(frame, self._shift(frame) @ self.coefficients[:, None])[..., 0])
 
     def _answer(self, frame: Frame, shift: Float) -> Float:
-        """(H, W, k) metres of z for `shift` (H, W, 2, k) of the rays."""
+        """(H, W, k) change of z in metres by `shift` (H, W, 2, k) of the rays."""
         turned = ray_columns(frame, shift)
         if self.z_from == "true_lens":
             return turned
@@ -90,22 +90,22 @@ class Intrinsics(Effect):
         return _ray_shift(frame.camera) if frame.rays is frame.camera.rays() else ray_shift(frame.rays, frame.camera)
 
     def prior_sd(self, scale: Float) -> Float:
-        """(k,) prior deviations, those of usual lenses times `scale`: without them, hand-eye, principal point and tangential terms correlate."""
+        """(k,) prior standard deviations, `USUAL_SD` times `scale`: without them, hand-eye, principal point and tangential terms correlate."""
         return np.array(USUAL_SD) * scale
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Either lens for the conversion of distance to z."""
+        """Two forms: conversion to z with the stated and with the true lens."""
         del session
         for lens in ("stated_lens", "true_lens"):
             yield Form(cls(z_from=lens), f"z from the {lens.replace('_', ' ')}")
 
 
 USUAL_SD = (0.02, 0.02, 10.0, 10.0, 0.1, 0.1, 1e-3, 1e-3)
-"""Deviations by which a lens may differ from its CameraInfo, in the order of `LINEAR`.
+"""Prior standard deviations of a lens from its CameraInfo, in the order of `LINEAR`.
 
-Calibrations of one lens differ by less than 2 % and ten pixels, or by its whole radial distortion; decentring of molded lenses stays
-within 1e-3. A rotation of the camera is a shift of the principal point together with tangential terms.
+Calibrations of one lens differ by less than 2 % and ten pixels, or by all of its radial distortion; decentring of molded lenses is
+within 1e-3. A rotation of the camera equals a shift of the principal point with tangential terms.
 """
 
 

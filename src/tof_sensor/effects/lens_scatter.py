@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lens scattering: a veil of light from bright pixels pulls dark ones toward their depth."""
+"""Lens scattering: light of bright pixels is scattered over dark ones and shifts their depth."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 
 
 WIDTHS = (0.06, 0.2, 0.8)
-"""Standard deviations of the veil's three parts over the image's width: halo, middle, whole image."""
+"""Standard deviations of the three parts of scattered light, as shares of the image's width: halo, middle, veil over the whole image."""
 
 
 @dataclass(frozen=True, slots=True)
 class LensScatter(Effect):
     """z' = z + s (h * z) on phasors A e^{j phi} (Schafer 2014; docs/effects.md).
 
-    h is a sum of three Gaussians of unit sum (`WIDTHS`), which follows narrow cores with long
-    tails alike; each share is that part's of all light. Frequency matters: light from a quarter
-    of a wave away turns the phase most, from half a wave not at all.
+    h is a sum of three Gaussians of unit sum (`WIDTHS`), which can represent narrow cores with long tails; each
+    coefficient is the share of all light in that part. Frequency matters: light from a surface a quarter of a wavelength away shifts the
+    phase most, from half a wavelength not at all.
     """
 
     NAME: ClassVar[str] = "lens_scatter"
@@ -51,18 +51,18 @@ class LensScatter(Effect):
     LINEAR: ClassVar[tuple[str, ...]] = ("halo", "middle", "veil")
     AT_EDGES: ClassVar[bool] = True
 
-    halo: float = param(0.0, "share of the light that lands nearby", low=-0.1, high=0.5)
-    middle: float = param(0.0, "share that lands over a fifth of the image", low=-0.1, high=0.5)
-    veil: float = param(0.0, "share that lands over the whole image", low=-0.1, high=0.5)
+    halo: float = param(0.0, "share of the light that is scattered to nearby pixels", low=-0.1, high=0.5)
+    middle: float = param(0.0, "share that is scattered over a fifth of the image", low=-0.1, high=0.5)
+    veil: float = param(0.0, "share that is scattered over the whole image", low=-0.1, high=0.5)
     modulation_mhz: float = param(60.0, MODULATION, unit="MHz", low=5.0, high=400.0)
 
     def columns(self, frame: Frame) -> Float:
-        """First order in the shares: Im(veil / own) over the wave number, along z."""
+        """First order in the shares, along z: Im(scattered / own) divided by the wave number."""
         every = self.columns_at(frame, np.arange(frame.depth.size))
         return every.reshape(*frame.depth.shape, -1)
 
     def columns_at(self, frame: Frame, pixels: Ints) -> Float:
-        """The same on chosen pixels; the veil is of the whole image all the same."""
+        """`columns` at chosen pixels; the scattered light is that of the whole image."""
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         light = np.where(frame.valid, frame.amplitude, 0.0)
         turn = np.exp(1j * wave * np.nan_to_num(frame.radial))
@@ -74,19 +74,19 @@ class LensScatter(Effect):
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """An amplitude image, which shows how bright the veil is."""
+        """The amplitude image, if missing."""
         return "" if session.has_amplitude else "no amplitude image"
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """One form per modulation frequency of usual cameras."""
+        """One form per usual modulation frequency."""
         del session
         for mhz in (15.0, 30.0, 50.0, 65.0, 80.0, 90.0, 100.0, 110.0, 120.0):
             yield Form(cls(modulation_mhz=mhz), f"{mhz:g} MHz")
 
 
 def blurred(own: ComplexImage, sigma: float, pixels: Ints) -> ComplexImage:
-    """Gaussian of `sigma` pixels at chosen pixels (n,); wide ones on block means, since the veil is smooth."""
+    """Gaussian filter of `sigma` pixels, at chosen pixels (n,); wide filters use block means."""
     from scipy.ndimage import gaussian_filter  # loads slowly, and the registry loads every effect
 
     block = max(1, int(sigma / 4))
@@ -101,7 +101,7 @@ def blurred(own: ComplexImage, sigma: float, pixels: Ints) -> ComplexImage:
 
 @lru_cache(maxsize=32)
 def _between(size: int, blocks: int, block: int) -> Float:
-    """(size, blocks) weights of linear interpolation between the centres of blocks; beyond the outer ones their own value."""
+    """(size, blocks) weights of linear interpolation between the centres of blocks; constant beyond the outer centres."""
     at = np.clip((np.arange(size) + 0.5) / block - 0.5, 0, blocks - 1)
     low = np.minimum(at.astype(int), max(blocks - 2, 0))
     weights = np.zeros((size, blocks))

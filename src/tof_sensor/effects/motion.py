@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion: four taps look one after another, each at another scene."""
+"""Motion: four taps are exposed one after another, each at another camera position."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
     from tof_sensor.session import Session
 
 IN_TURN, OPPOSITE_FIRST = (0, 1, 2, 3), (0, 2, 1, 3)
-"""Which quarter turn each tap is shifted by, in order of time: the maker's choice."""
+"""Phase shift of each tap in quarter periods, in order of time; it depends on the maker."""
 EIGHTH = float(np.pi / 4)
-"""Radians of the taps' phase after which the sine of twice the phase is its cosine."""
+"""Phase in radians that turns the sine of twice the phase into its cosine."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion(Effect):
     """Four taps `tap_s` apart around the mean time (Jimenez 2014; docs/effects.md).
 
-    Depth is that of the mean time, late by `axial_s`. Besides, each tap sees the image shifted by its flow: tap k at time t collects
-    A (c + cos(phi - k pi / 2)) with amplitude A and phase phi of the point that lies in the pixel then, lit by a lamp that has moved
-    with the camera, and light c that is not modulated. Where A or phi change along the flow the four do not belong together, and
-    their phase errs. The error is linear in c.
+    Depth is that of the mean time, late by `axial_s`. In addition, each tap measures the image shifted by its flow: tap k at time t collects
+    A (c + cos(phi - k pi / 2)), with amplitude A and phase phi of the point in the pixel at that time, for a lamp that moves with the
+    camera, and unmodulated light c. Where A or phi change along the flow, the four taps do not match, and their phase is wrong. The error
+    is linear in c.
 
-    The taps' phase is the distance's and a constant, which the factory takes off: the delay of the light behind the gates. What
-    the taps err by goes with twice their phase, so its sine and its cosine make up every such constant.
+    The taps' phase is that of the distance plus a constant delay of the light relative to the gates, which the factory subtracts. The error
+    depends on twice the taps' phase, so its sine and its cosine describe every such constant.
     """
 
     NAME: ClassVar[str] = "motion"
@@ -51,25 +51,25 @@ class Motion(Effect):
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("axial_s", "edge", "turned", "steady")
     OWN: ClassVar[tuple[str, ...]] = ("edge", "turned", "steady")
-    ROUGH: ClassVar[float] = 0.1  # What appears and vanishes along the flow is not in the picture of the mean time.
+    ROUGH: ClassVar[float] = 0.1  # Surfaces that appear or vanish along the flow are not in the image of the mean time.
     SMEARS: ClassVar[bool] = True
     FINER: ClassVar[tuple[Finer, ...]] = (Finer("tap_s", 0.5), Finer("modulation_mhz", 0.2), Finer("tap_s", 0.15))
     AT_EDGES: ClassVar[bool] = True
 
-    axial_s: float = param(0.0, "time by which the depth is late", unit="s", low=-0.5, high=0.5)
-    edge: float = param(0.0, "the taps' differences, 1 in full where the taps' phase is the distance's", low=-2.5, high=2.5)
-    turned: float = param(0.0, "the same, 1 in full where the taps' phase is an eighth of a turn beyond the distance's", low=-2.5, high=2.5)
-    steady: float = param(0.0, "light that is not modulated, over the modulated", low=-5.0, high=10.0)
-    tap_s: float = param(0.02, "from one tap to the next", unit="s", low=1e-4, high=0.5)
+    axial_s: float = param(0.0, "delay of the depth", unit="s", low=-0.5, high=0.5)
+    edge: float = param(0.0, "error by the taps' differences, 1 if the taps' phase is that of the distance", low=-2.5, high=2.5)
+    turned: float = param(0.0, "the same, 1 if the taps' phase is an eighth of a period beyond that of the distance", low=-2.5, high=2.5)
+    steady: float = param(0.0, "ratio of unmodulated to modulated light", low=-5.0, high=10.0)
+    tap_s: float = param(0.02, "time from one tap to the next", unit="s", low=1e-4, high=0.5)
     modulation_mhz: float = param(60.0, MODULATION, unit="MHz", low=5.0, high=400.0)
-    opposite_first: bool = param(False, "the second tap is half a turn from the first, not a quarter")
+    opposite_first: bool = param(False, "the second tap is half a period from the first, not a quarter")
 
     def columns(self, frame: Frame) -> Float:
-        """Depth rate, and the taps' error in metres at both constants and by unmodulated light; 0 where the camera stands."""
+        """Rate of depth, and the taps' error at both phase constants and by unmodulated light; 0 for a camera at rest."""
         return self.columns_at(frame, np.arange(frame.depth.size)).reshape(*frame.depth.shape, len(self.LINEAR))
 
     def columns_at(self, frame: Frame, pixels: Ints) -> Float:
-        """(n, 4) of `columns` on chosen pixels."""
+        """(n, 4) rows of `columns` at chosen pixels."""
         if not frame.context.twist.any():
             return np.zeros((len(pixels), len(self.LINEAR)))
         seen, wave = _passing(frame), 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
@@ -79,22 +79,22 @@ class Motion(Effect):
 
     @property
     def late_s(self) -> float:
-        """Of its mean time."""
+        """Delay of the mean time."""
         return self.axial_s
 
     @property
     def apart_s(self) -> float:
-        """Seconds from one tap to the next by the size of the taps' error, which grows with them: `tap_s` is one of a few forms."""
+        """Seconds from one tap to the next, estimated from the size of the taps' error; `tap_s` is only a value of the form."""
         return float(np.hypot(self.edge, self.turned) * self.tap_s)
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """A view in motion."""
+        """A view in motion, if none is."""
         return "" if session.moving else "no view was taken in motion"
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Frequencies, times between taps and orders of the taps of usual cameras."""
+        """Usual frequencies, times between taps and orders of the taps."""
         del session
         for mhz, tap, opposite in itertools.product((60.0, 80.0, 100.0), (0.005, 0.01, 0.02, 0.035, 0.06), (False, True)):
             order = "opposite first" if opposite else "in turn"
@@ -103,10 +103,10 @@ class Motion(Effect):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Passing:
-    """What a view's pixels see as the camera goes by, each (H, W).
+    """Change of a view's pixels by the camera's motion, each (H, W).
 
-    Metres of z a second that the pixel's depth grows; and `images`: pixels a second along columns and rows; metres, and metres a
-    second that the point recedes; light, and light a second.
+    deepens: rate of the pixel's depth, m/s of z; images: flow along columns and rows, pixels/s; range in metres and its rate at a moving
+    point, m/s; amplitude and its rate, per second.
     """
 
     deepens: Float
@@ -117,17 +117,17 @@ _seen: WeakKeyDictionary[Frame, Passing] = WeakKeyDictionary()
 
 
 def _passing(frame: Frame) -> Passing:
-    """Worked out once, and kept as long as the view is: no shape changes it."""
+    """The changes of a view's pixels, computed once per view: they do not depend on the effect's shape."""
     if frame not in _seen:
         _seen[frame] = _passing_by(frame)
     return _seen[frame]
 
 
 def _passing_by(frame: Frame) -> Passing:
-    """What the pixels see under the camera's twist.
+    """The changes of the pixels under the camera's twist.
 
-    Light is the measured amplitude, so that textures that the scene does not know count; its rate is that of Lambert's n.p / r^3, with
-    the point p and its normal n in the camera's frame: both turn alike, and the lamp goes with the camera.
+    The measured amplitude is used, so that textures count that the scene lacks. Its rate is that of Lambert's n.p / r^3, with the point p
+    and its normal n in the camera's frame, where both rotate alike and the lamp is fixed.
     """
     v, point, normal = frame.context.twist[:3], np.nan_to_num(frame.points), np.nan_to_num(frame.rendering.normal)
     radial = np.maximum(frame.radial, 1e-6)
@@ -152,9 +152,9 @@ def _taps(
     tap_s: float,
     order: tuple[int, int, int, int],
 ) -> Float:
-    """(n, 3) metres along the ray: the taps' error at either constant of their phase, and what unmodulated light adds to the first.
+    """(n, 3) metres along the ray: the taps' error at both constants of their phase, and the addition to the first by unmodulated light.
 
-    Their phase is that of the distance, or `EIGHTH` beyond; of unmodulated light there is as much as of modulated.
+    The taps' phase is that of the distance, or `EIGHTH` beyond; unmodulated light equals modulated light.
     """
     out = np.empty((len(pixels), 3))
     for i in range(len(pixels)):
@@ -180,7 +180,7 @@ def _taps(
 
 @njit(cache=True, nogil=True, inline="always")
 def _at(image: Float, v: float, u: float) -> Any:
-    """Between the four pixels around row `v`, column `u`; beyond the border, the border's."""
+    """Bilinear interpolation at row `v`, column `u`; beyond the border, the border's value."""
     v, u = min(max(v, 0.0), image.shape[0] - 1.0), min(max(u, 0.0), image.shape[1] - 1.0)
     top, left = int(v), int(u)
     below, right = min(top + 1, image.shape[0] - 1), min(left + 1, image.shape[1] - 1)

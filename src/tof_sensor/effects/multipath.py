@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Multipath: light that comes by way of other surfaces arrives late and pulls concave corners away."""
+"""Multipath: light reflected by other surfaces arrives late, so that concave corners are measured too far."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 class Multipath(Effect):
     """dr = c0 / (4 pi f) arg(1 + sum r_k e^{j dphi_k}), r_k from the CAD (docs/effects.md).
 
-    `strength` 1 takes parts as matt surfaces of the albedo that the session's amplitude shows, or of the scene's where there is none; the
-    camera may correct a part (below 1), or the parts may be brighter (above 1).
+    `strength` 1 is that of matt surfaces with the albedo estimated from the session's amplitude, or the scene's without amplitude. It is
+    lower if the camera corrects part of the effect, higher if the parts are brighter.
     """
 
     NAME: ClassVar[str] = "multipath"
     ORDER: ClassVar[int] = 36
-    UNEVEN: ClassVar[float] = 0.15  # Of the scene: patches and albedos are coarse, by view another part of them counts.
+    UNEVEN: ClassVar[float] = 0.15  # Of the scene: patches and albedos are coarse, and each view uses others of them.
     MEANING: ClassVar[str] = "light bounces between surfaces before it returns; inner corners are measured too far"
     REMEDY: ClassVar[str] = "mask inner corners, spray the bright neighbour matt, or choose viewpoints from which it lies out of sight"
     SEPARATED_BY: ClassVar[str] = "the same view with the neighbouring surface covered"
@@ -41,18 +41,18 @@ class Multipath(Effect):
     FINER: ClassVar[tuple[Finer, ...]] = (Finer("modulation_mhz", 0.3),)
     LOCAL: ClassVar[bool] = False
     LINEAR: ClassVar[tuple[str, ...]] = ("strength",)
-    ROUGH: ClassVar[float] = 0.06  # Patches are coarse beside the niches of a part: twice as many win a few hundredths more.
-    # Beside a path tracer: what the map lacks of a part's mean light, squared; 90 % quantile of 24 parts of three scenes. The largest is 0.4,
-    # and poses absorb what parts have in common: a part moves where it wins more than all that the map could make of its motion.
+    ROUGH: ClassVar[float] = 0.06  # Patches are coarse beside the niches of a part: twice as many explain a few per cent more.
+    # Compared with a path tracer: squared error of the map, relative to the mean light of a part; 90 % quantile of 24 parts in three scenes.
+    # The largest is 0.4. Poses absorb what parts have in common: a part moves only if that explains more than any error of the map.
     LACKS: ClassVar[float] = 0.12
     LACKS_ON_A_PART: ClassVar[float] = 1.0
 
-    strength: float = param(0.0, "against Lambertian surfaces of the albedo that amplitude shows", low=0.0, high=5.0)
+    strength: float = param(0.0, "relative to Lambertian surfaces of the albedo estimated from amplitude", low=0.0, high=5.0)
     modulation_mhz: float = param(60.0, f"{MODULATION} (weak influence)", unit="MHz", low=5.0, high=400.0)
 
     @property
     def needs_scene(self) -> bool:
-        """The surfaces between which light bounces."""
+        """Yes: the surfaces between which light is reflected."""
         return True
 
     def columns(self, frame: Frame) -> Float:
@@ -60,7 +60,7 @@ class Multipath(Effect):
         return stack([indirect_bias(indirect_phasor(frame, self._waves), self._waves) / frame.length], frame)
 
     def columns_at(self, frame: Frame, pixels: Ints) -> Float:
-        """The same on chosen pixels; light that reaches other pixels is not computed."""
+        """`columns` at chosen pixels; the light at other pixels is not computed."""
         bias = indirect_bias(indirect_phasor(frame, self._waves, pixels), self._waves)
         return np.asarray(np.nan_to_num(bias / frame.length.ravel()[pixels])[:, None])
 
@@ -70,7 +70,7 @@ class Multipath(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Two frequencies: the bias hardly depends on it."""
+        """Two frequencies: the bias hardly depends on frequency."""
         del session
         for mhz in (30.0, 90.0):
             yield Form(cls(modulation_mhz=mhz), f"{mhz:g} MHz")

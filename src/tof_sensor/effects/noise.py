@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Noise(Effect):
-    """Noise that the photon law does not predict: the same at every amplitude, or by a factor."""
+    """Noise beyond the photon law: constant over amplitude, or the law times a factor."""
 
     NAME: ClassVar[str] = "noise"
     ORDER: ClassVar[int] = 72
@@ -34,11 +34,11 @@ class Noise(Effect):
 
     @property
     def stated(self) -> str:
-        """Standard deviation."""
+        """Its standard deviation."""
         return f"{1e3 * self.extra_m:.1f} mm of noise beside the photon noise"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Raise the noise so far to that of the effect."""
+        """Add the noise of the effect."""
         if self.duty < 1.0 and rng.random() >= self.duty:
             return frame
         grown = (max(self.factor, 1.0) ** 2 - 1) * frame.sigma**2
@@ -46,15 +46,15 @@ class Noise(Effect):
 
     @property
     def constant_variance(self) -> float:
-        """Of noise that every capture has."""
+        """Variance of the noise in every capture."""
         return self.extra_m**2 if self.duty == 1.0 else 0.0
 
     @property
     def in_bursts(self) -> bool:
-        """Of noise that some captures have."""
+        """Whether only some captures have the noise."""
         return self.duty < 1.0
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """An amplitude image, by which the photon law is known."""
+        """The amplitude image, which the photon law needs, if missing."""
         return "" if session.has_amplitude else "no amplitude image: rows and single pixels alone can show it"

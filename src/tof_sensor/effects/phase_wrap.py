@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Phase wrap: range beyond the unambiguous one comes back short by whole periods, and a wrong choice of them."""
+"""Phase wrap: range is short by whole periods beyond the unambiguous range, or after a wrong unwrapping."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from tof_sensor.frame import Frame
 
 SINGLE_PIXELS = 0.5
-"""Share of the pixels at a range below which those that wrap are single ones, whose unwrapping failed."""
+"""Share of the pixels at a range below which wrapped pixels count as single ones, whose unwrapping failed."""
 
 
 @dataclass(frozen=True, slots=True)
 class PhaseWrap(Effect):
-    """d' = d - k c0 / 2f (docs/effects.md), from `start_m` on; `share` of those pixels wrap.
+    """d' = d - k c0 / 2f (docs/effects.md), from `start_m` on, for a `share` of the pixels.
 
-    A wrong choice among several frequencies lands at combinations of their periods too: `others_m` are those jumps in metres, and
-    `others_share` is the share of the wrapped pixels that each has.
+    A wrong unwrapping of several frequencies shifts range by combinations of their periods: `others_m` are such jumps in metres,
+    `others_share` their shares of the wrapped pixels.
     """
 
     NAME: ClassVar[str] = "phase_wrap"
@@ -40,30 +40,30 @@ class PhaseWrap(Effect):
     MODULATED: ClassVar[bool] = True
 
     modulation_mhz: float = param(100.0, "frequency whose periods are miscounted", unit="MHz", low=1.0, high=400.0)
-    start_m: float = param(1.5, "range from which the phase wraps (negative: up to it, too far)", unit="m")
+    start_m: float = param(1.5, "range from which the phase wraps (negative: range up to which pixels are too far)", unit="m")
     share: float = param(0.0, "share of those pixels that wrap", low=0.0, high=1.0)
     others_m: tuple[float, ...] = ()
     others_share: tuple[float, ...] = ()
 
     @property
     def stated(self) -> str:
-        """Jump and share."""
+        """Jumps, and share of the pixels."""
         jumps = [f"{jump:.2f}" for jump in (self.turn_m, *self.others_m)]
         listed = f"{', '.join(jumps[:-1])} or {jumps[-1]}" if self.others_m else jumps[0]
         return f"off by {listed} m, {in_percent(self.share)} of the pixels at those ranges"
 
     @property
     def turn_m(self) -> float:
-        """Metres of one whole period."""
+        """Range of one period, metres."""
         return LIGHT_M_PER_S / (2e6 * self.modulation_mhz)
 
     @property
     def makes_outliers(self) -> bool:
-        """Where pixels wrap here and there, because two frequencies did not agree, and not all from a range on."""
+        """Whether single pixels wrap, because two frequencies disagree, and not all pixels beyond a range."""
         return self.share < SINGLE_PIXELS
 
     def bias(self, frame: Frame) -> Float:
-        """Shift of the median pixel: a whole period where most wrap, none where single ones do."""
+        """Shift of the median pixel: one period where most pixels wrap, otherwise none."""
         if self.share < SINGLE_PIXELS:
             return np.zeros(frame.depth.shape)
         beyond = frame.radial > self.start_m if self.start_m > 0 else frame.radial < -self.start_m
@@ -71,7 +71,7 @@ class PhaseWrap(Effect):
         return np.where(beyond & frame.valid, sign * self.turn_m / frame.length, 0.0)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Each pixel wraps or not, and by one of the jumps."""
+        """Shift randomly chosen pixels by one of the jumps."""
         whole = replace(self, share=1.0).bias(frame)
         wraps = rng.random(frame.depth.shape) < self.share
         if self.others_m:

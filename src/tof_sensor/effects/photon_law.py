@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The photon law: the temporal noise that light itself makes, which every sensor has."""
+"""The photon law: temporal noise of the photons, which every sensor has."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 class PhotonLaw(Effect):
     """sigma^2 = floor^2 + (shot^2 + far^2 r^2 / cos theta) A0 / A + ambient^2 (A0 / A)^2, along the ray r, at incidence theta (docs/effects.md).
 
-    Light of the surroundings off a surface is the same from near and far and from any side, while own light falls with r^2 and with the
-    cosine: at one amplitude A the farther and the more oblique surface is the brighter, hence `far_m`.
+    Ambient light reflected by a surface is the same at every range and angle, while the lamp's light decreases with r^2 and with the
+    cosine: at one amplitude A, farther and more oblique surfaces reflect more ambient light, hence `far_m`.
     """
 
     NAME: ClassVar[str] = "photon_law"
     ORDER: ClassVar[int] = 70
-    MEANING: ClassVar[str] = ""  # What every sensor has: no effect.
+    MEANING: ClassVar[str] = ""  # Every sensor has it: no effect.
     EVIDENCE: ClassVar[Evidence] = Evidence.NOISE
 
-    floor_m: float = param(0.0003, "noise that no light removes", unit="m", low=0.0, high=0.05)
+    floor_m: float = param(0.0003, "noise that does not decrease with light", unit="m", low=0.0, high=0.05)
     shot_m: float = param(0.001, "photon noise at the reference amplitude", unit="m", low=0.0, high=0.1)
     ambient_m: float = param(0.0, "ambient and read noise at the reference amplitude", unit="m", low=0.0, high=0.1)
     far_m: float = param(
@@ -40,7 +40,7 @@ class PhotonLaw(Effect):
     window_px: int = param(1, "window over which the camera averages neighbours, which then share noise", unit="px", low=1, high=31)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Noise by amplitude."""
+        """Add noise by amplitude."""
         variance = self.variance(frame.amplitude, frame.surroundings_m2)
         return with_noise(frame, np.sqrt(variance) / frame.length, rng, self.window_px)
 

@@ -33,7 +33,7 @@ class Quantization(Effect):
         return f"steps of {1e3 * self.step_m:.1f} mm"
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
-        """Round."""
+        """Round depth to the step."""
         del rng
         if self.step_m <= 0:
             return frame
@@ -42,5 +42,5 @@ class Quantization(Effect):
 
     @property
     def constant_variance(self) -> float:
-        """Of rounding: a twelfth of the step's square (Widrow 1956)."""
+        """Variance of rounding: a twelfth of the squared step (Widrow 1956)."""
         return self.step_m**2 / 12

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Radial depth: the camera writes distance along the ray, not z."""
+"""Radial depth: the camera gives distance along the ray, not z."""
 
 from __future__ import annotations
 
@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 from tof_core.config import param
 from tof_sensor.action import FARTHER, NEARER
-from tof_sensor.effect import Effect, Form, stack
+from tof_sensor.effect import Effect, stack
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
-    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
 class RadialDepth(Effect):
-    """dz = share (r - z); a share of 1 is a camera that writes r (docs/effects.md)."""
+    """dz = share (r - z); with share 1 the camera gives r (docs/effects.md)."""
 
     NAME: ClassVar[str] = "radial_depth"
     ORDER: ClassVar[int] = 84
@@ -28,6 +25,7 @@ class RadialDepth(Effect):
     REMEDY: ClassVar[str] = "let the driver publish depth along the optical axis (REP 118)"
     SEPARATED_BY: ClassVar[str] = "a flat wall that fills the image"
     ACTIONS: ClassVar = (NEARER, FARTHER)
+    ONE_FORM: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("share",)
 
     share: float = param(0.0, "1: radial given as z", low=-1.5, high=1.5)
@@ -35,9 +33,3 @@ class RadialDepth(Effect):
     def columns(self, frame: Frame) -> Float:
         """Radial minus z."""
         return stack([frame.radial - frame.depth], frame)
-
-    @classmethod
-    def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Its one form."""
-        del session
-        yield Form(cls())

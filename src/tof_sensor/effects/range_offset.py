@@ -8,14 +8,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 from tof_core.config import param
 from tof_sensor.action import ASIDE
-from tof_sensor.effect import Effect, Form, stack
+from tof_sensor.effect import Effect, stack
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from tof_core.arrays import Float
     from tof_sensor.frame import Frame
-    from tof_sensor.session import Session
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,21 +25,16 @@ class RangeOffset(Effect):
     REMEDY: ClassVar[str] = "calibrate the camera's range at a target of known distance"
     ACTIONS: ClassVar = (ASIDE,)
     EXACT: ClassVar[bool] = True
+    ONE_FORM: ClassVar[bool] = True
     LINEAR: ClassVar[tuple[str, ...]] = ("offset_m",)
 
     offset_m: float = param(0.0, "constant added along the ray", unit="m", low=-0.2, high=0.2)
 
     @property
     def stated(self) -> str:
-        """Millimetres."""
+        """The offset in millimetres."""
         return f"{1e3 * self.offset_m:+.1f} mm"
 
     def columns(self, frame: Frame) -> Float:
-        """One over the ray's length: the constant, along z."""
+        """The constant along z: one over the ray's length."""
         return stack([frame.valid / frame.length], frame)
-
-    @classmethod
-    def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Its one form."""
-        del session
-        yield Form(cls())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A glossy coat: near the mirror direction its lobe biases, and it mirrors other surfaces."""
+"""A glossy coat: its lobe biases depth near the mirror direction, and it reflects other surfaces."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Specular(Effect):
-    """dr = b S / (S + M) + c0 / (4 pi f) arg(1 + coat m e^{j dphi}): own light of the coat, and light that the coat mirrors (docs/effects.md).
+    """dr = b S / (S + M) + c0 / (4 pi f) arg(1 + coat m e^{j dphi}): reflection of the lamp, and of other surfaces (docs/effects.md).
 
-    The coat's lobe S and the matt light M = albedo cos(incidence) share the pixel. S = gloss exp(-(tan(incidence) / tan(lobe))^2)
-    (Beckmann): light and camera sit together, so the mirror direction is the normal's. m is the light of other surfaces that a lacquer
-    on `part` mirrors, over M; a coat on all parts (-1) mirrors nothing, for what it mirrors would shine as well.
+    The lobe S of the coat and the matt light M = albedo cos(incidence) add up in a pixel. S = gloss exp(-(tan(incidence) / tan(lobe))^2)
+    (Beckmann): lamp and camera are together, so that the mirror direction is the normal. m is the light of other surfaces reflected by a
+    lacquer on `part`, divided by M; a coat on all parts (-1) has no m, since the reflected surfaces would be glossy, too.
     """
 
     NAME: ClassVar[str] = "specular"
     ORDER: ClassVar[int] = 38
-    UNEVEN: ClassVar[float] = 0.15  # Of the scene: gloss follows facets that the CAD does not have.
+    UNEVEN: ClassVar[float] = 0.15  # Of the scene: gloss depends on facets that the CAD lacks.
     MEANING: ClassVar[str] = "shiny surfaces are measured wrongly: their highlights, and where they mirror another surface"
     REMEDY: ClassVar[str] = "spray the part matt, look at it from another direction, or mask its highlights"
     SEPARATED_BY: ClassVar[str] = "the part sprayed matt"
@@ -49,7 +49,7 @@ class Specular(Effect):
     LINEAR: ClassVar[tuple[str, ...]] = ("bias_m", "coat")
 
     bias_m: float = param(0.0, "bias of the coat's own light", unit="m", low=-0.2, high=0.2)
-    coat: float = param(0.0, "what the part mirrors, against a lacquer of refractive index 1.5", low=0.0, high=25.0)
+    coat: float = param(0.0, "light reflected by the part, relative to a lacquer of refractive index 1.5", low=0.0, high=25.0)
     lobe_deg: float = param(12.0, "angle at which the lobe falls to 1/e", unit="deg", low=0.5, high=60.0)
     gloss: float = param(0.5, "the lobe's peak, as an albedo", low=1e-3, high=100.0)
     part: int = param(-1, "index of the shining part, -1: all", low=-1)
@@ -57,11 +57,11 @@ class Specular(Effect):
 
     @property
     def needs_scene(self) -> bool:
-        """Its part, unless it is on all."""
+        """Whether the coat is on one part."""
         return self.part >= 0
 
     def columns(self, frame: Frame) -> Float:
-        """The coat's share of the light, and the bias by light that a lacquer mirrors, along z."""
+        """The coat's share of the light, and the bias by light reflected by a lacquer, along z."""
         incidence = np.minimum(np.nan_to_num(frame.rendering.incidence.astype(np.float64), nan=1.5), 1.5)
         coat = self.gloss * np.exp(-((np.tan(incidence) / np.tan(np.radians(self.lobe_deg))) ** 2))
         matt = np.maximum(np.nan_to_num(frame.rendering.albedo.astype(np.float64)) * np.cos(incidence), 1e-6)
@@ -72,7 +72,7 @@ class Specular(Effect):
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Widths of the lobe and sizes of its peak on all parts, coats from silk to mirror; and a lacquer on each part."""
+        """Widths and peaks of the lobe on all parts, from silk to mirror; and a lacquer on each part."""
         for lobe in (5.0, 10.0, 16.0, 24.0, 34.0):
             for gloss in (0.05, 0.3, 1.5):
                 yield Form(cls(lobe_deg=lobe, gloss=gloss), f"lobe {lobe:g} deg, gloss {gloss:g}")

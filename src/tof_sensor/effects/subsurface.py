@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subsurface scattering: a translucent part returns light from below its surface."""
+"""Subsurface scattering: light returns from below the surface of a translucent part."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 class Subsurface(Effect):
     """dr = delay + aslant (1 - cos(incidence)), over one material (docs/effects.md).
 
-    A slab is longer aslant, a scattering medium lets light out sooner: the sign of `aslant_m` is the material's.
+    At oblique incidence the path in a slab is longer, but light leaves a scattering medium sooner: the sign of `aslant_m` depends on the material.
     """
 
     NAME: ClassVar[str] = "subsurface"
     ORDER: ClassVar[int] = 32
-    UNEVEN: ClassVar[float] = 0.15  # Of the scene: how deep light goes differs over a part.
+    UNEVEN: ClassVar[float] = 0.15  # Of the scene: the depth of penetration varies over a part.
     MEANING: ClassVar[str] = "light enters a translucent part and returns late"
     REMEDY: ClassVar[str] = "spray the part matt, or mask it: light does not return from its surface"
     SEPARATED_BY: ClassVar[str] = "the part sprayed matt"
@@ -38,22 +38,22 @@ class Subsurface(Effect):
     LINEAR: ClassVar[tuple[str, ...]] = ("delay_m", "aslant_m")
 
     delay_m: float = param(0.0, "added along the ray at normal incidence", unit="m", low=0.0, high=0.1)
-    aslant_m: float = param(0.0, "added besides at grazing incidence", unit="m", low=-0.1, high=0.1)
+    aslant_m: float = param(0.0, "added in addition at grazing incidence", unit="m", low=-0.1, high=0.1)
     part: int = param(0, "index of the part in the scene", low=0)
 
     @property
     def needs_scene(self) -> bool:
-        """Its part."""
+        """Yes: its part."""
         return True
 
     def columns(self, frame: Frame) -> Float:
-        """One, and how far the incidence is from normal, on the pixels of the part."""
+        """A constant, and one minus the cosine of incidence, on the pixels of the part."""
         here = frame.rendering.part == self.part
         aslant = 1 - np.cos(np.nan_to_num(frame.rendering.incidence))
         return stack([np.where(here, x, 0.0) / frame.length for x in (np.ones_like(aslant), aslant)], frame)
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """One form for each part that enough pixels see."""
+        """One form for each part with enough pixels."""
         for part, name in session.parts_seen():
             yield Form(cls(part=part), name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Temperature drift: driver and demodulation delay change while the camera warms up."""
+"""Temperature drift: the delays of driver and demodulation change while the camera warms up."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 class TemperatureDrift(CurveEffect):
     """dr = k (T - T0) + w exp(-t / tau) + h exp(-t / tau_h) + r (g + p (T - T0) + q exp(-t / tau)) (docs/effects.md).
 
-    The first term is what follows the thermometer. The others are what warms up faster or slower than it: the lamp's driver leads a
-    thermometer in the housing by minutes, and the housing lags. Without a thermometer they stand alone. t counts from the session's start.
-    A clock or a line of delays that drifts errs in proportion to the range r: the last three, which no fit has beside the others. With `knots`,
-    dr is any function of t, as a fan that starts, or a compensation by a table, makes it.
+    The first term follows the thermometer. The next two warm up at other rates: the lamp's driver leads a thermometer in the housing by
+    minutes, and the housing lags. Without a thermometer they are the only ones. t is the time since the session's start. A drifting clock
+    or delay line causes errors in proportion to the range r: the last three terms, which are not fitted together with the others. With
+    `knots`, dr is any function of t, as caused by a fan that starts or by a compensation table.
     """
 
     NAME: ClassVar[str] = "temperature_drift"
@@ -44,13 +44,13 @@ class TemperatureDrift(CurveEffect):
     LINEAR: ClassVar[tuple[str, ...]] = ("drift_m", "warmup_m", "housing_m", "reference_share", "drift_share", "warmup_share")
     CURVE_OF: ClassVar[str] = "time_s"
 
-    drift_m: float = param(0.0, "per kelvin of the thermometer", unit="m", low=-0.1, high=0.1)
-    warmup_m: float = param(0.0, "at the session's start, beside what the thermometer shows", unit="m", low=-0.2, high=0.2)
-    housing_m: float = param(0.0, "at the session's start, of a second and slower warm-up", unit="m", low=-0.2, high=0.2)
-    reference_share: float = param(0.0, "error in proportion to range at the reference, beside a share that drifts", low=-0.2, high=0.2)
-    drift_share: float = param(0.0, "of the range, per kelvin of the thermometer", low=-0.1, high=0.1)
-    warmup_share: float = param(0.0, "of the range, at the session's start", low=-0.2, high=0.2)
-    gain: bool = param(False, "whether a fit has the terms in proportion to range, and not the others")
+    drift_m: float = param(0.0, "drift per kelvin of the thermometer", unit="m", low=-0.1, high=0.1)
+    warmup_m: float = param(0.0, "warm-up at the session's start, beside the drift with the thermometer", unit="m", low=-0.2, high=0.2)
+    housing_m: float = param(0.0, "second, slower warm-up at the session's start", unit="m", low=-0.2, high=0.2)
+    reference_share: float = param(0.0, "constant error in proportion to range, beside a share that drifts", low=-0.2, high=0.2)
+    drift_share: float = param(0.0, "drift as a share of range, per kelvin of the thermometer", low=-0.1, high=0.1)
+    warmup_share: float = param(0.0, "warm-up as a share of range, at the session's start", low=-0.2, high=0.2)
+    gain: bool = param(False, "whether the terms in proportion to range are fitted instead of the others")
     reference_c: float = param(25.0, "temperature without drift", unit="degC", low=-40.0, high=120.0)
     tau_s: float = param(0.0, "time constant of the warm-up; 0: none beside the thermometer", unit="s", low=0.0, high=1e5)
     housing_s: float = param(0.0, "time constant of the second warm-up; 0: none", unit="s", low=0.0, high=1e5)
@@ -59,18 +59,18 @@ class TemperatureDrift(CurveEffect):
 
     @property
     def rest(self) -> str:
-        """A constant share of the range, or of a curve a constant: neither drifts."""
+        """A constant share of range, or for a curve a constant: neither drifts."""
         if self.gain:
             return "depth_scale"
         return "range_offset" if self.knots else ""
 
     @property
     def stated(self) -> str:
-        """The drift with the thermometer, and the warm-up beside it."""
+        """Drift with the thermometer, and warm-up."""
         return self.stated_in(np.inf)
 
     def stated_in(self, session_s: float) -> str:
-        """The same for a session; a warm-up slower than the session is stated by its values at the session's start and end."""
+        """`stated` for a session; a warm-up slower than the session is stated by its values at start and end."""
         if self.knots:
             return f"{1e3 * self.swing_m:.1f} mm between the extremes, in no regular course"
         shown = [f"{1e3 * self.drift_m:+.1f} mm a kelvin of the thermometer"] if self.drift_m else []
@@ -93,11 +93,11 @@ class TemperatureDrift(CurveEffect):
         return " and ".join(shown)
 
     def observable(self, frame: Frame) -> Float:
-        """() seconds since the session's first capture."""
+        """Seconds since the session's first capture, shape ()."""
         return np.array(frame.context.time_s)
 
     def columns(self, frame: Frame) -> Float:
-        """Three constants per view and three shares of the range, along z, 0 for what is unknown or no part of the fit; or the curve's."""
+        """Along z: three constants per view and three shares of range, 0 for unknown or unfitted terms; or the curve's columns."""
         if self.knots:
             return self.curve_columns(frame)
         context = frame.context
@@ -109,14 +109,14 @@ class TemperatureDrift(CurveEffect):
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """A change of temperature, or time for one."""
+        """A change of temperature, or enough time for one, if missing."""
         return "" if session.warming else "the temperature is steady or unknown, and the session is shorter than 60 s"
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """By the thermometer about its mean, alone and with warm-ups beside it.
+        """Drift with the thermometer about its mean, alone and with warm-ups.
 
-        While the thermometer stands, only those of which a share `CHANGES` passes: others are a range offset.
+        With a steady thermometer, only warm-ups that change by a share `CHANGES` during the session: slower ones equal a range offset.
         """
         temperature = session.temperatures
         known = bool(np.isfinite(temperature).all())
@@ -136,6 +136,6 @@ class TemperatureDrift(CurveEffect):
 
 
 TIME_CONSTANTS_S = (60.0, 300.0, 1200.0)
-"""Usual of a lamp's driver, a sensor and a housing."""
+"""Usual time constants of a lamp's driver, a sensor and a housing, seconds."""
 CHANGES = 0.5
-"""Share of a warm-up that must pass while the thermometer stands: a smaller change ties with a constant offset."""
+"""Least change of a warm-up during a session with a steady thermometer, as a share; a smaller change cannot be told from a constant offset."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wiggling: odd harmonics of the modulation alias in the taps and bend range periodically."""
+"""Wiggling: odd harmonics of the modulation alias in the taps and cause a periodic range error."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 class Wiggling(CurveEffect):
     """dr = s sin(k phi) + c cos(k phi), phi = 4 pi f (r + a u + d v) / c0 (Lindner 2010; docs/effects.md).
 
-    Four taps alias the 3rd and 5th harmonic into k = 4 (period c0 / 8 f), three taps into k = 3. The wave follows the phase that a pixel
-    measures: it runs ahead over the columns (u, shares of the image's width) and rows (v) by the skew of the demodulation clock and by the
-    place of the lamp. The factory takes both out of range, and not out of the wave. With `knots`, dr is any function of r without a mean,
-    as a table of the range's calibration leaves that was measured on another unit: the mean is an offset, which is an effect of its own.
+    Four taps alias the 3rd and 5th harmonic into k = 4 (period c0 / 8 f), three taps into k = 3. The wave follows the phase measured by a
+    pixel, which increases over the columns (u, share of the image's width) and rows (v) by the skew of the demodulation clock and by the
+    lamp's position. The factory corrects both in the range, but not in the wave. With `knots`, dr is any function of r with mean 0, such
+    as the error of a calibration table measured on another camera; its mean would be an offset, which is another effect.
     """
 
     NAME: ClassVar[str] = "wiggling"
@@ -39,7 +39,7 @@ class Wiggling(CurveEffect):
     SEPARATED_BY: ClassVar[str] = "views over the camera's whole range"
     ACTIONS: ClassVar = (NEARER, FARTHER)
     MODULATED: ClassVar[bool] = True
-    REPEATS: ClassVar[bool] = True  # Each frequency of a camera that merges two or three, and each harmonic, has a wave of its own.
+    REPEATS: ClassVar[bool] = True  # Each frequency of a camera with two or three, and each harmonic, has its own wave.
     FINER: ClassVar[tuple[Finer, ...]] = (
         *(Finer("modulation_mhz", width, 13) for width in (0.2, 0.05, 0.012)),
         Finer("across_m", 0.06, 13, relative=False),
@@ -55,15 +55,15 @@ class Wiggling(CurveEffect):
     cosine_m: float = param(0.0, "amplitude of cos(k phi)", unit="m", low=-0.1, high=0.1)
     modulation_mhz: float = param(
         100.0,
-        "frequency whose wave has the fitted period; of a pulsed camera a number for the period alone",
+        "frequency whose wave has the fitted period; for a pulsed camera it only states the period",
         unit="MHz",
         low=1.0,
         high=1000.0,
     )
 
-    across_m: float = param(0.0, "range by which the phase runs ahead from the left border to the right one", unit="m", low=-0.5, high=0.5)
-    down_m: float = param(0.0, "the same from the upper border to the lower one", unit="m", low=-0.5, high=0.5)
-    harmonic: int = param(4, "aliased harmonic, = number of taps", low=1, high=16)
+    across_m: float = param(0.0, "increase of the phase from the left to the right border, as range", unit="m", low=-0.5, high=0.5)
+    down_m: float = param(0.0, "increase of the phase from the upper to the lower border, as range", unit="m", low=-0.5, high=0.5)
+    harmonic: int = param(4, "aliased harmonic: the number of taps", low=1, high=16)
     knots: tuple[float, ...] = ()
     values: tuple[float, ...] = ()
     means: tuple[float, ...] = ()
@@ -96,27 +96,27 @@ class Wiggling(CurveEffect):
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """A span of range."""
+        """A span of range, if too short."""
         return "" if session.range_span >= LEAST_SPAN_M else f"the ranges span less than {1e3 * LEAST_SPAN_M:.0f} mm"
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
-        """Periods that the session's span of range can tell apart, in steps of a quarter turn over it."""
+        """Periods that can be distinguished over the session's span of range, in steps of a quarter period over it."""
         for period in periods(session.range_span):
             yield Form(cls(modulation_mhz=LIGHT_M_PER_S / (8e6 * period)), f"period {period * 1e3:.0f} mm")
 
 
 LEAST_SPAN_M = 0.08
-"""Span of range from which a period can show: a quarter of the shortest usual one (c0 / 8f at 120 MHz)."""
+"""Least span of range in metres: a quarter of the shortest usual period (c0 / 8f at 120 MHz)."""
 SHORTEST_M, LONGEST_M, MOST_PERIODS = 0.06, 1.0, 40
-"""Shortest and longest period that are tried (c0 / 8f at 620 MHz, above any camera's, and at 37 MHz), and how many at most.
+"""Shortest and longest period that are tried, in metres (c0 / 8f at 620 MHz, above any camera's, and at 37 MHz), and most periods tried.
 
-A longer wave would be hardly one period of any session: a bend over range, which much else makes too.
+A longer wave has less than one period in any session, and many other effects cause such a bend over range.
 """
 
 
 def periods(span: float) -> Float:
-    """Wiggle periods to try, metres: from twice the span (or `LONGEST_M`) down to `SHORTEST_M`, neighbours 90 degrees apart over it."""
+    """Wiggle periods to try, metres: from twice the span (or `LONGEST_M`) down to `SHORTEST_M`, neighbours 90 degrees apart over the span."""
     out, period = [], min(2.0 * max(span, 0.2), LONGEST_M)
     while period > SHORTEST_M:
         out.append(period)

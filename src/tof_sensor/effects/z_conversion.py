@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion to depth: the driver divides distance by a table of ray lengths whose rows or columns run the wrong way."""
+"""Conversion to depth: the driver divides distance by a table of ray lengths with reversed rows or columns."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from tof_sensor.session import Session
 
 REVERSED: dict[str, tuple[int, ...]] = {"stated": (), "rows": (0,), "columns": (1,), "both": (0, 1)}
-"""Axes of the image along which a table runs the wrong way."""
+"""Axes of the image along which a table is reversed."""
 
 
 @dataclass(frozen=True, slots=True)
 class ZConversion(Effect):
     """z' = r / l', where l' is the table of ray lengths l with its rows or columns reversed: z' / z = l / l' (docs/effects.md).
 
-    Pixels look where CameraInfo says; the table alone is wrong. It is there or it is not, and has no size to be fitted.
+    The rays are those of CameraInfo; only the table is wrong. The effect is present or absent, and has no size to fit.
     """
 
     NAME: ClassVar[str] = "z_conversion"
@@ -38,24 +38,24 @@ class ZConversion(Effect):
     ACTIONS: ClassVar = (ASIDE, NEARER, FARTHER)
     LOCAL: ClassVar[bool] = False
 
-    table: str = param("stated", "what runs the wrong way in the table of ray lengths", choices=tuple(REVERSED))
+    table: str = param("stated", "reversed axes of the table of ray lengths", choices=tuple(REVERSED))
 
     @property
     def stated(self) -> str:
-        """What runs the wrong way."""
+        """The reversed axes."""
         return {"stated": "", "both": "rows and columns run the wrong way"}.get(self.table, f"{self.table} run the wrong way")
 
     def published(self, stated: Camera) -> Float:
-        """(H, W) ratio of the ray's length to that of its mirror image; 1 where a lens model ends."""
+        """(H, W) ratio of the ray's length to that of its mirror image; 1 where the lens model has no ray."""
         return _ratio(stated, self.table)
 
     def bias(self, frame: Frame) -> Float:
-        """Depth times that ratio less one."""
+        """Depth times (ratio - 1)."""
         return np.nan_to_num(frame.depth * (self.published(frame.camera) - 1.0))
 
     @classmethod
     def lacks(cls, session: Session) -> str:
-        """Poses that depth has no say in: it is asked before depth is fitted at all."""
+        """Poses that are independent of depth: the effect is tested before depth is fitted."""
         return "" if session.posed_apart else "poses are fitted to depth and absorb its tilt: record a checkerboard (toftwin gap --board)"
 
 
