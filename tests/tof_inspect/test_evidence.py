@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from tests.tof_inspect.made import SURE, as_built, plate, seen
 from tof_inspect.config import InspectConfig
-from tof_inspect.evidence import Ratios, _clearest, _inner, _log_likelihood, _together, log_amplitude, render_at, see, weigh
+from tof_inspect.evidence import Ratios, _clearest, _log_likelihood, _together, eroded, log_amplitude, render_at, see, weigh
 from tof_inspect.shared import PosesAlone
 from tof_inspect.without import Split
 from tof_scene.raycast import Raycaster
@@ -60,7 +60,7 @@ def test_the_first_choice_with_twenty_pixels_is_weighed_or_the_last() -> None:
 def test_the_outermost_ring_is_left_out() -> None:
     mask = np.zeros((6, 6), bool)
     mask[1:5, 1:5] = True
-    assert np.argwhere(_inner(mask)).tolist() == [[2, 2], [2, 3], [3, 2], [3, 3]]
+    assert np.argwhere(eroded(mask)).tolist() == [[2, 2], [2, 3], [3, 2], [3, 3]]
 
 
 def test_amplitude_is_taken_as_its_logarithm_where_it_is_known() -> None:
@@ -109,7 +109,7 @@ def test_pixels_weighed_are_inner_clear_and_stand_out() -> None:
     assert (gap > CONFIG.stand_out * found.sigma).all()
     assert (whole.mixed.ravel()[found.index] <= CONFIG.mixed).all()
     assert (whole.incidence.ravel()[found.index] < np.radians(CONFIG.grazing_deg)).all()
-    assert _inner(whole.part == plate().index("block")).ravel()[found.index].all()
+    assert eroded(whole.part == plate().index("block")).ravel()[found.index].all()
 
 
 def test_the_distinctive_pixels_differ_by_three_of_the_measured_sigmas() -> None:
