@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulator's bag, diagnosed in the scene of the real one."""
+"""Diagnosis of a simulator's bag in the scene of the real session."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 def diagnose_simulated(
     bag: str, caster: Raycaster, config: GapPipelineConfig, *, left_out: frozenset[str] = frozenset(), progress: Callable[[str], None]
 ) -> Diagnosis:
-    """The diagnosis of a simulator's session at its own poses; its topics are found by type and name, whatever those of the real bag are.
+    """The diagnosis of a simulator's session at its own poses; its topics are found by type and name, independent of the real bag's.
 
     Raises:
-        UsageError: the scene is a board, which a simulator's bag cannot be asked for.
+        UsageError: the scene is a calibration board.
         RefusedError: the session supports no diagnosis.
     """
     scene = caster.scene
     if scene.frame == FRAME:
-        raise UsageError("a board is the camera's own scene", where="--against", todo="compare sessions of a CAD scene (--scene)")
+        raise UsageError("a simulator's bag cannot be compared before a board", where="--against", todo="compare sessions of a CAD scene (--scene)")
     with open_bag(bag, BagOptions(), cell_frame=scene.frame, placed=scene.placed_in) as reader:
         return diagnose_bag(reader, scene, config, left_out=left_out, progress=progress)[0]

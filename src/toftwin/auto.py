@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from tof_core.topics import Topics
 
 PATIENCE_S = 10.0
-"""A driver that has just been started has made its publishers by then."""
+"""Seconds within which a newly started driver has made its publishers."""
 SENSED = ("preproc", "infer")
 COLOURED = ("correct", "inspect")
 
 
 def find_live(seconds: float = PATIENCE_S) -> Topics:
-    """The topics of the camera that is published now in this ROS domain.
+    """The topics of the only camera that is published in this ROS domain.
 
     Raises:
-        TopicError: none within `seconds`, or several that fit; it lists them and the flag to pass.
+        TopicError: no camera within `seconds`, or several; the message lists the topics and the flag to pass.
     """
     from tof_core.options import BagOptions
     from tof_core.topics import find_topics
@@ -46,7 +46,7 @@ def find_live(seconds: float = PATIENCE_S) -> Topics:
 
 
 def parameters_of(topics: Topics, nodes: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Parameters of the nodes, by node and dotted name; a topic that is not published keeps its default."""
+    """Parameters of the nodes, by node and dotted name; topics that are not published keep their defaults."""
     sensed = {"depth_topic": topics.depth, "points_topic": topics.points, "info_topic": topics.info}
     sensed |= {"amplitude_topic": topics.amplitude, "temperature_topic": topics.temperature}
     colour = {"live.colour_topic": topics.colour, "live.colour_info_topic": topics.colour_info}
@@ -56,12 +56,12 @@ def parameters_of(topics: Topics, nodes: Sequence[str]) -> dict[str, dict[str, A
 
 
 def with_topics(parameters: Mapping[str, Mapping[str, Any]], topics: Topics, nodes: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """The parameters that the user gave, and the topics where none were named."""
+    """The user's parameters, completed by the topics found."""
     found = parameters_of(topics, nodes)
     return {node: {**found.get(node, {}), **parameters.get(node, {})} for node in nodes}
 
 
 def taken(topics: Topics) -> str:
-    """The line that says what was taken."""
+    """One line with the topics found."""
     plain = replace(topics, colour_info="")
     return f"auto: {', '.join(plain.named())}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Labelling many bags: which ones, the folder of each, which are labelled already, and the outcome of all."""
+"""Labelling of many bags: names and patterns, output folders, bags labelled before, outcomes."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def label_bags(
 ) -> list[Outcome]:
     """Label every bag into a folder of its own under `out`, beside `batch.json`; a bag that fails does not stop the others.
 
-    A bag is kept as it is where an earlier call labelled it with the same scene, configuration and mode, and it has not
-    changed since. The kept ones come first, the others in the order in which they finish.
+    A bag that an earlier call labelled with the same scene, configuration and mode is kept, unless it has changed since. The kept bags
+    come first in the list, the others in the order in which they finish.
 
     Args:
         bags: names and patterns of bags.
@@ -46,10 +46,10 @@ def label_bags(
         config: settings; defaults if not given.
         mode: source of the poses, one of `toftwin.known.MODES`.
         initial_pose: the text of `--initial-pose`.
-        known: what is known of the camera.
+        known: known effects of the camera.
         engine: `local`, processes of this host, or `ray`, a Ray cluster.
-        workers: processes, one core each; 0 for as many as there are cores.
-        each: called with every outcome as soon as it is there, except those kept.
+        workers: processes, one core each; 0: number of cores.
+        each: called with the outcome of each bag that is not kept, when the bag is finished.
 
     Raises:
         UsageError: a pattern fits nothing, two bags would be written to one folder, or Ray is not installed.
@@ -72,12 +72,12 @@ def label_bags(
 
 
 def is_batch(bags: Sequence[str], engine: str | None) -> bool:
-    """Whether a call names several bags, a pattern, or an engine; a file that has a pattern's name is one bag."""
+    """Whether a call names several bags, a pattern, or an engine; an existing file is one bag, also if its name looks like a pattern."""
     return bool(engine) or len(bags) > 1 or (_is_pattern(bags[0]) and not Path(bags[0]).exists())
 
 
 def find_bags(named: Sequence[str]) -> list[str]:
-    """The bags that names and patterns mean, each once, in order.
+    """The bags that match names and patterns, each once, in order.
 
     Raises:
         UsageError: there are no names, a pattern fits nothing, or two bags would be written to one folder.
@@ -97,7 +97,7 @@ def find_bags(named: Sequence[str]) -> list[str]:
 
 
 def _kept(call: LabelCall, wanted: tuple[str, str, str]) -> Outcome | None:
-    """The outcome of an earlier call with the same scene, configuration and mode, if the bag is not younger than its labels."""
+    """The outcome of an earlier call with the same scene, configuration and mode, if the bag is older than its labels; otherwise None."""
     from tof_sim_label.dataset import open_dataset
 
     metrics = call.out / "metrics.json"

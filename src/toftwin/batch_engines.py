@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a batch runs: worker processes of this host, one core each, or the workers of a Ray cluster."""
+"""Engines of a batch: worker processes of this host, one core each, or the workers of a Ray cluster."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def run_local(calls: Sequence[LabelCall], workers: int) -> Iterator[Outcome]:
-    """Label in processes of this host, each on a core of its own; a process that dies costs its bag alone."""
+    """Label in processes of this host, each on its own core; if a process dies, only its bag fails."""
     cores = sorted(os.sched_getaffinity(0))
     free: SimpleQueue[_Worker] = SimpleQueue()
     crew = [_Worker(cores[i % len(cores)]) for i in range(min(workers or len(cores), max(len(calls), 1)))]
@@ -47,7 +47,7 @@ def run_local(calls: Sequence[LabelCall], workers: int) -> Iterator[Outcome]:
 
 
 class _Worker:
-    """A process that labels one bag after the other; started when it is needed, and again after it died."""
+    """A process that labels one bag after another; it is started on demand, and restarted if it has died."""
 
     def __init__(self, core: int) -> None:
         self._core = core
@@ -55,7 +55,7 @@ class _Worker:
         self._line: Any = None
 
     def label(self, call: LabelCall) -> Outcome:
-        """Label there and wait."""
+        """Label a bag in the process, and wait for the outcome."""
         if self._process is None or not self._process.is_alive():
             self._start()
         try:
@@ -68,12 +68,12 @@ class _Worker:
         return outcome
 
     def dismiss(self) -> None:
-        """Ask for no more bags: the process ends by itself where it waits for one."""
+        """Send no more bags: a waiting process ends by itself."""
         if self._line is not None:
             self._line.close()
 
     def stop(self) -> None:
-        """End the process: it has gone by itself or is killed over the bag that it labels."""
+        """End the process; one that is labelling a bag is terminated."""
         if self._process is not None:
             self._process.join(2.0)
             self._process.terminate()
@@ -89,7 +89,7 @@ class _Worker:
 
 
 def _serve(line: Connection[Any, Any], core: int) -> None:
-    """The worker's side: bags until nobody asks."""
+    """Main loop of the process: label bags until the connection is closed."""
     os.environ.update(ONE_THREAD)
     os.sched_setaffinity(0, {core})
     try:
@@ -100,9 +100,9 @@ def _serve(line: Connection[Any, Any], core: int) -> None:
 
 
 def run_ray(calls: Sequence[LabelCall], workers: int) -> Iterator[Outcome]:
-    """Label on the Ray cluster that RAY_ADDRESS or `ray start` names, else on one of this host that is started and stopped here.
+    """Label on the Ray cluster of RAY_ADDRESS or `ray start`; without one, on a temporary cluster of this host.
 
-    Bags, scene and `--out` must be paths that every worker sees.
+    Bags, scene and `--out` must be accessible to every worker under the same path.
     """
     try:
         import ray
@@ -126,7 +126,7 @@ def run_ray(calls: Sequence[LabelCall], workers: int) -> Iterator[Outcome]:
 
 
 def _join(ray: Any, workers: int) -> None:
-    """Connect to the cluster that is there; else start one that listens on this host alone."""
+    """Connect to an existing cluster; otherwise start one that listens on this host only."""
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
     try:
         ray.init(address="auto", **quiet)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Training on captures of a calibration board: they are labelled first, and cut to the board's surroundings."""
+"""Training on captures of a calibration board, which are labelled first, and cut to the board's surroundings."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from tof_infer.config import TrainConfig
 
 MARGIN_PX = 32
-"""Pixels around a board that training sees: the network's finest neighbourhoods (20 blocks of 2 pixels to a side) end within."""
+"""Margin around a board in training captures, in pixels: half of the network's finest neighbourhoods (20 blocks of 2 pixels) and more."""
 
 
 def labelled(bags: Sequence[Path], board: str, out: Path) -> list[Path]:
-    """Folders beside the network `out`, each with the dataset of one bag; a bag that is labelled already is kept.
+    """Folders beside the network `out`, each with the dataset of one bag; a bag labelled before is not labelled again.
 
     Raises:
         RefusedError: the board is found in no capture of a bag.
@@ -33,5 +33,5 @@ def labelled(bags: Sequence[Path], board: str, out: Path) -> list[Path]:
 
 
 def near_labels(config: TrainConfig) -> TrainConfig:
-    """The settings with captures cut to the board and `MARGIN_PX` around it, unless a margin is stated."""
+    """The settings with captures cut to the board and a margin of `MARGIN_PX`, unless a margin is set."""
     return replace(config, margin_px=config.margin_px or MARGIN_PX)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A session before a calibration board: no TF and no CAD, poses from the board's corners in the amplitude image."""
+"""A session before a calibration board, without TF and CAD: poses from the board's corners in the amplitude image."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
     from tof_scene.scene import Scene
 
 WHITE_ALBEDO = 0.8
-"""Albedo taken for the paper: only the ratio of the squares' albedos shows in amplitudes of unknown gain."""
+"""Assumed albedo of the paper: amplitudes of unknown gain only show the ratio of the squares' albedos."""
 HELD_MM, HELD_DEG = 1e-2, 1e-3
-"""Prior deviations of base and hand-eye before a board: there is neither."""
+"""Prior standard deviations of base and hand-eye, which do not exist before a board."""
 PRINT_SCALE_PCT = 0.3
-"""Largest error of a board's print scale that is assumed: printers and paper differ by one to three parts in a thousand. Poses scale with it, so depth_scale within it is the board's."""
+"""Assumed largest error of a board's print scale in per cent: printers and paper differ by 0.1 to 0.3 %. Poses scale with it, so a depth_scale within it may be the board's error."""
 NOT_TESTABLE = {
     "cad_deviation": "the board is taken to be flat and whole",
     "hand_eye": "poses come from the board's corners, not from an arm",
@@ -51,10 +51,10 @@ NOT_TESTABLE = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardSession:
-    """Views with the poses that the board gives them, the board as a scene, and what is known of the poses.
+    """Views with their poses from the board, the board as a scene, and the accuracy of the poses.
 
-    skipped: stamps of captures in which the board was not found; lens_std (9,): of a calibrated lens, None where CameraInfo's was kept;
-    lens_fault: where the corners contradict CameraInfo's lens, and the views have another.
+    skipped: stamps of captures in which the board was not found; lens_std (9,): standard deviations of a calibrated lens, None where
+    CameraInfo's lens was kept; lens_fault: set where the corners contradict CameraInfo's lens, which the views then do not have.
     """
 
     views: tuple[View, ...]
@@ -66,7 +66,7 @@ class BoardSession:
     lens_fault: LensFault | None = None
 
     def calibration(self, stated: Calibration) -> Calibration:
-        """What may be off beside the camera: the board's print scale, and a lens calibrated from the same corners by its deviations."""
+        """The stated calibration, completed by the board's print scale and the accuracy of a lens calibrated from the corners."""
         board = stated.board if stated.board != BoardLimits() else BoardLimits(PRINT_SCALE_PCT)
         lens = stated.lens if self.lens_std is None or stated.lens != LensLimits() else lens_limits(self.camera, self.lens_std)
         return replace(stated, board=board, lens=lens)
@@ -78,20 +78,20 @@ class BoardSession:
 
 
 def posed_by_board(reader: BagReader | BoardSource, config: AlignConfig) -> AlignConfig:
-    """Settings with which a session before a board keeps the poses of its corners, with their covariance; a bag's are as they are.
+    """Settings with which a session before a board keeps its poses from the corners; unchanged for a bag.
 
-    Depth has no say in these poses, so labels owe nothing to the camera's range errors.
+    These poses are independent of depth, so labels are independent of the camera's range errors.
     """
     return replace(reader.session.align(config), mode="robot") if isinstance(reader, BoardSource) else config
 
 
 class BoardSource:
-    """Captures before a board in the place of a bag: each is a view of its own, since the board or the camera is held by hand."""
+    """Captures before a board, with the interface of a bag's reader; each capture is one view, since the board or the camera is held by hand."""
 
     def __init__(self, captures: Sequence[Capture], board: Board, *, calibrate: bool = False, apart: bool = False) -> None:
         """Find the board in every capture; errors as of `board_session`.
 
-        `apart` makes each view a station of its own: a dataset is divided by stations, and no two views have a stand in common.
+        `apart` makes each view a separate station: datasets are divided by stations, and no two views have a common one.
         """
         self.session = board_session(captures, board, calibrate=calibrate)
         seen = [(v.stamp_ns, v.robot) for v in self.session.views if v.robot is not None]
@@ -100,34 +100,34 @@ class BoardSource:
         }
         self._captures = [replace(c, camera=self.camera, robot=posed[c.stamp_ns]) for c in captures if c.stamp_ns in posed]
         self.skipped, self.last_error = Counter(board=len(self.session.skipped)), ""
-        self.note = f"the board is seen in {len(posed)} of {len(captures)} captures"
+        self.note = f"the board is found in {len(posed)} of {len(captures)} captures"
         if (fault := self.session.lens_fault) is not None:
             self.note += (
-                f"; its corners are off by {fault.stated_px:.2f} px through the lens that camera_info states: one fitted to them"
-                f" ({fault.fitted_px:.2f} px) takes its place"
+                f"; its corners are off by {fault.stated_px:.2f} px with the lens in camera_info: a lens fitted to them"
+                f" ({fault.fitted_px:.2f} px) replaces it"
             )
 
     @property
     def camera(self) -> Camera:
-        """The camera, its lens fitted where that was asked for."""
+        """The camera, with the fitted lens if one was fitted."""
         return self.session.camera
 
     @property
     def frame_count(self) -> int:
-        """How many captures see the board."""
+        """Number of captures with the board."""
         return len(self._captures)
 
     def captures(self, *, need_tf: bool = True) -> Iterator[Capture]:  # noqa: ARG002 (as a bag's reader is called)
-        """The captures that see the board, with the pose that it gives them."""
+        """The captures with the board, and their poses."""
         return iter(self._captures)
 
     def still(self, capture: Capture, gate: MotionConfig) -> bool:  # noqa: ARG002 (as a bag's reader is called)
-        """Never: no two captures are known to be from one pose."""
+        """False: no two captures are known to have the same pose."""
         return False
 
 
 def save_lens(session: BoardSession, out: Path) -> None:
-    """Leave a calibrated lens with its deviations: `camera.yaml`, and the `calibration.yaml` that states them for later sessions in a scene."""
+    """Write a calibrated lens with its standard deviations: `camera.yaml`, and `calibration.yaml` for later sessions in a scene."""
     assert session.lens_std is not None
     out.mkdir(parents=True, exist_ok=True)
     write_camera(session.camera, out / CAMERA, session.lens_std)
@@ -147,8 +147,8 @@ def board_session(captures: Sequence[Capture], board: Board, *, calibrate: bool 
 
     Args:
         captures: depth with amplitude; no robot pose is needed.
-        board: what stands in view.
-        calibrate: fit the lens to the same corners instead of taking CameraInfo's.
+        board: the board in view.
+        calibrate: fit the lens to the corners instead of using CameraInfo's.
 
     Raises:
         RefusedError: no amplitude, or the board is found in no capture.
@@ -185,7 +185,7 @@ def board_session(captures: Sequence[Capture], board: Board, *, calibrate: bool 
 
 
 def _albedos(posed: Sequence[tuple[Capture, BoardPose]], board: Board) -> tuple[float, float, bool]:
-    """Albedo of black and of white squares, and whether the odd ones are black, from the amplitude at the squares' centres."""
+    """Albedo of black and white squares, and whether odd squares are black, from the amplitude at the squares' centres."""
     lower, odd = board.squares
     centre = np.concatenate([lower + 0.5 * board.extent, np.zeros((len(lower), 1))], axis=1)
     levels = []

@@ -39,7 +39,7 @@ class Command(Protocol):
         """Declare the flags."""
 
     def run(self, args: argparse.Namespace) -> int:
-        """Do the work; 0 done, 1 the data do not support a result."""
+        """Execute the command; returns 0 if done, 1 if the data do not support a result."""
 
 
 def command_names() -> list[str]:
@@ -54,7 +54,7 @@ def load_command(name: str) -> Command:
 
 
 def build_parser(chosen: str = "") -> argparse.ArgumentParser:
-    """The parser; only the chosen command declares its flags, so that help is instant."""
+    """The parser; only the chosen command declares its flags, so that help is fast."""
     parser = argparse.ArgumentParser(prog="toftwin", description=ABOUT, epilog="toftwin COMMAND --help shows an example.")
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
@@ -94,7 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         check_paths(args)
         set_command(argv)
         if "numpy" not in sys.modules:
-            one_thread()  # read when NumPy is imported, by the command; what takes more threads says so itself
+            one_thread()  # NumPy reads the variables at import; commands that use more threads set them
         return load_command(chosen).run(args)
     except SystemExit as stop:  # argparse has printed its message
         return stop.code if isinstance(stop.code, int) else 2
@@ -103,14 +103,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _no_such(word: str, names: list[str]) -> str:
-    """There is no such command, and which one may be meant."""
+    """Message on an unknown command, with the most similar one."""
     near = get_close_matches(word.lower(), names, n=1, cutoff=0.5)
     meant = f"did you mean '{near[0]}'?" if near else f"commands: {', '.join(names)}"
     return f"there is no command '{word}'; {meant}"
 
 
 def report(error: BaseException, *, debug: bool = False) -> int:
-    """Print an error as one line on stderr; an unknown one leaves a traceback file. Returns the exit code."""
+    """Print an error as one line on stderr; an unexpected error also writes a traceback file. Returns the exit code."""
     if debug:
         traceback.print_exception(error)
     if isinstance(error, BrokenPipeError):

@@ -109,7 +109,7 @@ def test_a_bias_common_to_all_depth_beyond_what_sigma_holds_is_a_warning(bias_mm
     [
         pytest.param(1.8, (), id="a healthy camera"),
         pytest.param(2.0, (), id="a bias of dark pixels, labels 0.3 mm off"),
-        pytest.param(4.3, ("sure to 4.3 mm only", "label again with --joint"), id="multipath, labels 3.9 mm off"),
+        pytest.param(4.3, ("accurate to 4.3 mm only", "label again with --joint"), id="multipath, labels 3.9 mm off"),
     ],
 )
 def test_labels_that_the_session_leaves_open_are_said_to_be_unsure(sigma_mm: float, words: tuple[str, ...]) -> None:

@@ -42,7 +42,7 @@ def _settings() -> type[Any]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run it, print the table."""
+    """Run the demo, print the table."""
     from tof_core.errors import UsageError
     from toftwin.demo.config import DemoConfig
     from toftwin.demo.run import MARK, run_demo, summary

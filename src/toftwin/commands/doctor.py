@@ -77,7 +77,7 @@ def _examine(args: argparse.Namespace) -> Iterator[Finding]:
 
 
 def _bag_options(args: argparse.Namespace) -> BagOptions:
-    """The options of the bag from the flags."""
+    """The bag's options from the flags."""
     from tof_core.config import from_mapping
     from tof_core.options import BagOptions
 

@@ -25,7 +25,7 @@ ABOUT = (
     "the two differ, which effects of the camera explain the difference, and how much of it disappears once these effects "
     "are simulated, on views that took no part in the fit. sensor.yaml holds the fitted effects, for simulation and "
     "training. calibration.yaml beside scene.yaml states how good the calibration of hand-eye and lens is (docs/calibration.md): "
-    "without it both are taken to be exact."
+    "without it, both are assumed to be exact."
 )
 EXAMPLE = "toftwin gap session/bag --scene cell/scene.yaml --out out/gap"
 
@@ -33,7 +33,7 @@ EFFECTS = (
     "ambient, amplitude_bias, cad_deviation, depth_scale, dropout, emitter_offset, fixed_pattern, flying_pixels, hand_eye, interference, intrinsics, lens_scatter, motion, "
     "multipath, noise, phase_wrap, quantization, radial_depth, range_offset, specular, subsurface, temperature_drift, time_sync, wiggling, z_conversion"
 )
-"""Names of `tof_sensor.registry.VOCABULARY`, whose import takes half a second: help is instant."""
+"""Names of `tof_sensor.registry.VOCABULARY`; copied, since its import takes half a second and help must be fast."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -148,7 +148,7 @@ def _compared(
     left_out: frozenset[str],
     say: Callable[[str], None],
 ) -> Against:
-    """The simulator's bag diagnosed in the same scene, and compared; leaves against.json."""
+    """Diagnose the simulator's bag in the same scene, compare, and write against.json."""
     import json
 
     from tof_gap.tell.against import against
@@ -163,7 +163,7 @@ def _compared(
 
 
 def _retrained(diagnosis: Diagnosis, caster: Raycaster, out: Path, config: GapPipelineConfig, say: Callable[[str], None]) -> Retrained:
-    """Two networks, with and without the fitted effects, judged on the session."""
+    """Train two networks, with and without the fitted effects, and validate both on the session."""
     from tof_gap.tell.report import sensor_model
     from toftwin.retraining import retrain
 
@@ -171,7 +171,7 @@ def _retrained(diagnosis: Diagnosis, caster: Raycaster, out: Path, config: GapPi
 
 
 def worth(r: Retrained) -> str:
-    """What the fitted sensor is worth for learning, in a line."""
+    """Result of the retraining in one line."""
     return (
         f"learned repair of the held-out views: {r.raw_mm:.2f} mm raw, {r.without_mm:.2f} trained without {', '.join(r.effects)}, "
         f"{r.with_mm:.2f} trained with ({r.pixels:,} pixels)"
@@ -179,14 +179,14 @@ def worth(r: Retrained) -> str:
 
 
 def meaning_of(verdict: Sequence[str]) -> str:
-    """What the two answers that are no effect mean."""
+    """Meaning of the verdicts `none` and `unknown`."""
     if "unknown" in verdict:
         return f" ({'unknown: ' * (len(verdict) > 1)}a difference that no effect known here explains)"
     return " (camera and simulation agree to within the noise)" if "none" in verdict else ""
 
 
 def summary(d: Diagnosis) -> str:
-    """A few lines for a terminal."""
+    """Summary of the diagnosis for a terminal."""
     from tof_gap.tell.words import interval, percent, unexplained_words, where_to_look
     from tof_scene.world.words import lines as world_lines
     from tof_scene.world.words import of_views
@@ -198,16 +198,16 @@ def summary(d: Diagnosis) -> str:
         f"gap, measured minus simulated depth: {g.above_mm(g.before):.2f} mm RMS above the noise of {g.floor_mm:.2f} mm, on views that took no part in the fit",
     ]
     if not agrees and d.verdict != ("unknown",):
-        rest = "" if d.unexplained.structured else ", in which no structure shows"
+        rest = "" if d.unexplained.structured else ", without structure"
         lines.append(f"with the named effects simulated: {g.above_mm(g.after):.2f} mm remain{rest}")
         if g.off_edges_mm is not None:
             lines.append(
-                "without the pixels at edges, which see two surfaces: {:.2f} mm, of which {:.2f} mm remain".format(*g.off_edges_mm)
+                "without pixels at edges, which cover two surfaces: {:.2f} mm, of which {:.2f} mm remain".format(*g.off_edges_mm)
             )
         if g.shrink is not None and g.ci95 is not None:
             lines.append(f"the squared gap shrinks by {percent(g.shrink)}; the true effects would shrink it by {interval(g.ci95)}")
     elif not agrees:
-        lines.append("no effect is sure enough to be added to the simulation: the gap stays as it is")
+        lines.append("no effect is certain enough to be simulated: the gap remains")
     lines += [cause_line(c, d) for c in d.causes]
     lines += [f"  {f.name}: confidence {f.confidence:.2f}" + (f", {f.note}" if f.note and not f.size else "") for f in d.findings]
     if d.unexplained.structured:
@@ -215,13 +215,13 @@ def summary(d: Diagnosis) -> str:
         lines.append(f"unexplained: {left} To do: {where_to_look(d.unexplained.where)}")
     lines += world_lines(d.world)
     if d.stray:
-        lines.append(f"left out: {of_views(d.stray)}, whose depth fits the CAD only where the arm cannot have been")
+        lines.append(f"left out: {of_views(d.stray)}, whose depth fits the CAD only at poses where the arm cannot have been")
     lines += [f"not testable: {name} ({why})" for name, why in d.not_testable.items()]
     return "\n".join(lines)
 
 
 def cause_line(c: Cause, d: Diagnosis) -> str:
-    """One effect of the solution: its confidence, and the gap that goes when it alone is simulated."""
+    """One effect of the solution: its confidence, and the share of the gap that it explains alone."""
     from tof_gap.tell.words import percent
 
     away = c.alone.off_edges

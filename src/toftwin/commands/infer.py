@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 NAME = "infer"
 HELP = "repair the depth of a bag with a trained network"
 ABOUT = (
-    "Writes a bag with corrected depth and its standard deviation (sigma) for each frame. A pixel that the network does not "
-    "know keeps its raw depth and gets an infinite sigma."
+    "Writes a bag with corrected depth and its standard deviation (sigma) for each frame. A pixel whose sigma is too large "
+    "keeps its raw depth and gets an infinite sigma."
 )
 EXAMPLE = "toftwin infer session/bag --model model.onnx --out out/repaired"
 
@@ -53,7 +53,7 @@ def _settings() -> type[Any]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Repair, print the counts and the time of a frame."""
+    """Repair the bag, print the counts and the time per frame."""
     from tof_core.bag import open_bag
     from toftwin.inference import InferenceConfig, infer_bag
     from toftwin.options import load_config

@@ -62,7 +62,7 @@ def _settings() -> type[Any]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Inspect; 1 when a part is absent or displaced, or not judged where that is asked for."""
+    """Inspect; 1 if a part is absent or displaced, or, with --all-judged, not judged."""
     import json
 
     from toftwin.inputs import opened
@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _learn(args: argparse.Namespace, inspector: Inspector, config: InspectionConfig) -> None:
-    """Give the inspector its references: views in colour, and at most one session."""
+    """Set the inspector's references: views in colour, and at most one session."""
     import sys
 
     from arm_correction.reference import load_reference
@@ -121,7 +121,7 @@ def _learn(args: argparse.Namespace, inspector: Inspector, config: InspectionCon
 
 
 def _lines(found: Inspection, trends: Sequence[Trend]) -> list[str]:
-    """What is printed: a line for each part, the trends, and the counts."""
+    """The printed lines: one for each part, the trends, and the counts."""
     lines = []
     for v in found.verdicts:
         p = "      " if v.probability != v.probability else f"{v.probability:.4f}"  # NaN: nothing was seen

@@ -33,12 +33,12 @@ EXAMPLE = "toftwin label session/bag --scene cell/scene.yaml --out out/session\n
 EXPLAINED = {
     "missing: ": "  (missing: its pixels are no labels. Put the part back, or take it out of scene.yaml, and label again)",
     "parts disagree": (
-        "  (parts disagree: a part stands off its CAD by so much, compared with the others, or the camera errs there, as where light comes "
-        "back over its neighbours; toftwin gap says which, and no part should be moved before it is measured)"
+        "  (parts disagree: a part is off its CAD by this much relative to the others, or the camera has an error there, for instance by light "
+        "from its neighbours (multipath). toftwin gap tells which; move no part before it is measured)"
     ),
 }
-"""What words of a verdict mean, and what to do."""
-TABLE = "  (raw: single captures with their noise; filtered: means of dwells. alignment: mean of 100 % less the relative error)"
+"""Meaning of words in verdicts, and remedies."""
+TABLE = "  (raw: single captures with their noise; filtered: means of dwells. alignment: mean of 100 % minus the relative error)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -164,48 +164,48 @@ def _print(result: LabelResult) -> None:
 
 
 def in_common(bias_mm: float, offset_mm: float) -> str:
-    """A line where depth and label differ by more in common than the label's stated deviation holds (95 %), else nothing.
+    """A line if the mean difference of depth and label exceeds the label's stated standard deviation (95 %); otherwise "".
 
     Args:
-        bias_mm: mean of the filtered depth less the label.
-        offset_mm: standard deviation of a constant offset that the label's sigma allows for.
+        bias_mm: mean of filtered depth minus label.
+        offset_mm: standard deviation of a constant offset, which is part of the label's sigma.
     """
     if not abs(bias_mm) > 2.0 * offset_mm:
         return ""
     way = "farther" if bias_mm > 0 else "nearer"
     return (
-        f"the camera measures {abs(bias_mm):.1f} mm {way} than the labels in the mean of all pixels. Up to {2.0 * offset_mm:.1f} mm is usual (the labels' sigma holds it); more "
+        f"the camera measures {abs(bias_mm):.1f} mm {way} than the labels in the mean of all pixels. Up to {2.0 * offset_mm:.1f} mm is usual (it is part of the labels' sigma); more "
         "comes from the camera's range, its lens or multipath, and may have moved the labels, too. Diagnose the session (toftwin gap BAG --scene FILE --out DIR), then label "
         "it with --sensor DIR/sensor.yaml, or with --joint\n"
     )
 
 
 def unsure(sigma_mm: float, config: LabelConfig, *, joint: bool) -> str:
-    """A line where the session leaves labels open by `open_mm` and more, else nothing.
+    """A line if the labels' standard deviation is `open_mm` or more; otherwise "".
 
-    Unmodelled errors of the depth widen the labels' sigma, so it says what no comparison with depth can: the cameras moved with them.
+    Unmodelled depth errors increase the labels' sigma. They may have moved the poses, which no comparison with depth shows.
 
     Args:
         sigma_mm: standard deviation of a label, median of the session.
-        config: what of it an unseen offset makes, and how much more is worth a line.
+        config: standard deviation of an unseen offset, and `open_mm`.
         joint: whether the poses were solved together with the effects of the diagnosis.
     """
     own_mm = max(sigma_mm**2 - config.unseen_offset_mm**2, 0.0) ** 0.5
     if own_mm < config.open_mm:
         return ""
     todo = (
-        "what is left is no effect that the diagnosis finds: add views from other sides, or see toftwin gap"
+        "the remaining error is no effect that the diagnosis finds: add views from other sides, or see toftwin gap"
         if joint
-        else "label again with --joint, which takes the effects that it finds out of the depth before the poses are solved (toftwin gap names them)"
+        else "label again with --joint, which removes the effects found from the depth before the poses are solved (toftwin gap names them)"
     )
     return (
-        f"the labels are sure to {sigma_mm:.1f} mm only (one standard deviation, median): the views leave the cameras open, or the depth has errors that neighbouring pixels "
-        f"share, such as light between surfaces (multipath), and these may have moved the cameras. To do: {todo}\n"
+        f"the labels are accurate to {sigma_mm:.1f} mm only (one standard deviation, median): the views do not determine the poses well, or the depth has errors common to neighbouring "
+        f"pixels, such as light between surfaces (multipath), which may have moved the poses. To do: {todo}\n"
     )
 
 
 def _usable(result: LabelResult) -> str:
-    """How many pixels may be trained on, and why the others may not."""
+    """Share of the pixels that are usable for training, and reasons for the others."""
     total = max(result.reasons.total(), 1)
     shares = [f"{name} {in_percent(count / total, 1)}" for name, count in result.reasons.most_common() if name != "usable"]
     return f"labels usable in {in_percent(result.reasons['usable'] / total, 1)} of all pixels; the others: {', '.join(shares) or 'none'}"

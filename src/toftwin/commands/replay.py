@@ -54,7 +54,7 @@ def _settings() -> type[Any]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play, then compare."""
+    """Play the bag, then compare if asked to."""
     from tempfile import TemporaryDirectory
 
     from tof_core.errors import UsageError

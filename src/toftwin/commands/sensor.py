@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`toftwin sensor`: what a camera with known effects would have measured where a simulator gives ideal depth."""
+"""`toftwin sensor`: a simulator's ideal depth to the depth that a camera with known effects would measure."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--light",
         dest="sensor.light",
         choices=("albedo", "amplitude"),
-        help="what the amplitude topic of the ideal bag holds: albedo of the surfaces (default), or amplitude in the camera's unit",
+        help="content of the ideal bag's amplitude topic: albedo of the surfaces (default), or amplitude in the camera's unit",
     )
     parser.add_argument("--albedo", dest="sensor.albedo", type=float, metavar="A", help="albedo where none is given (default: 0.5)")
     parser.add_argument(
@@ -55,7 +55,7 @@ def _settings() -> type[Any]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Simulate, print the counts and the time of a frame."""
+    """Simulate the bag, print the counts and the time per frame."""
     import json
 
     from tof_scene.raycast import Raycaster
