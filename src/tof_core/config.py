@@ -128,13 +128,14 @@ def to_mapping(config: object) -> dict[str, Any]:
 
 def flatten(config: object, prefix: str = "") -> dict[str, Any]:
     """Dotted names to values: the form of ROS parameters."""
-    return _flatten_dict(to_mapping(config), prefix)
+    return flatten_mapping(to_mapping(config), prefix)
 
 
-def _flatten_dict(values: dict[str, Any], prefix: str) -> dict[str, Any]:
+def flatten_mapping(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Dotted names to values of nested mappings."""
     out: dict[str, Any] = {}
     for name, value in values.items():
-        out.update(_flatten_dict(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value})
+        out.update(flatten_mapping(value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value})
     return out
 
 

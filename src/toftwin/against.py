@@ -30,6 +30,8 @@ def diagnose_simulated(
     """
     scene = caster.scene
     if scene.frame == FRAME:
-        raise UsageError("a simulator's bag cannot be compared before a board", where="--against", todo="compare sessions of a CAD scene (--scene)")
+        raise UsageError(
+            "a simulator's bag cannot be compared before a board", where="--against", todo="compare sessions of a CAD scene (--scene)"
+        )
     with open_bag(bag, BagOptions(), cell_frame=scene.frame, placed=scene.placed_in) as reader:
         return diagnose_bag(reader, scene, config, left_out=left_out, progress=progress)[0]

@@ -14,6 +14,7 @@ from tof_core.progress import progress
 from toftwin.known import Known
 from toftwin.label_call import KEPT, LabelCall, Outcome, files
 from toftwin.pipeline import PipelineConfig
+from toftwin.resume import save_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -63,10 +64,10 @@ def label_bags(
     before = {outcome.bag for outcome in outcomes}
     left = [call for call in calls if call.bag not in before]
     out.mkdir(parents=True, exist_ok=True)
-    _save(out / REPORT, outcomes)
+    save_json(out / REPORT, [asdict(o) for o in outcomes])
     for outcome in progress(ENGINES[engine](left, workers), "bags", len(left)):
         outcomes.append(outcome)
-        _save(out / REPORT, outcomes)
+        save_json(out / REPORT, [asdict(o) for o in outcomes])
         each(outcome)
     return outcomes
 
@@ -121,9 +122,3 @@ def _name(bag: str) -> str:
 
 def _youngest(path: Path) -> float:
     return max((p.stat().st_mtime for p in files(path) if p.exists()), default=0.0)
-
-
-def _save(path: Path, outcomes: Sequence[Outcome]) -> None:
-    part = path.with_name(path.name + ".part")
-    part.write_text(json.dumps([asdict(o) for o in outcomes], indent=1) + "\n", encoding="utf-8")
-    part.replace(path)

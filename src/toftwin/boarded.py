@@ -15,6 +15,7 @@ from tof_core.board.corners import find_corners
 from tof_core.board.lens import calibrated, lens_fault, with_lens_errors
 from tof_core.board.pose import board_pose
 from tof_core.calibration import FILE, BoardLimits, Calibration, LensLimits, lens_limits, save_calibration
+from tof_core.camera import radial_to_z
 from tof_core.capture import RobotPose, View
 from tof_core.cores import in_threads
 from tof_core.errors import RefusedError
@@ -137,7 +138,8 @@ def save_lens(session: BoardSession, out: Path) -> None:
 def read_captures(path: str | Path, options: BagOptions) -> list[Capture]:
     """Captures of a bag, or of a folder of PNG pairs (`tof_core.image_folder`), without any pose."""
     if is_image_folder(Path(path)):
-        return read_image_folder(Path(path))
+        captures = read_image_folder(Path(path), depth_scale=options.depth_scale)
+        return captures if options.depth == "z" else [replace(c, depth=radial_to_z(c.camera, c.depth)) for c in captures]
     with open_bag(path, options) as reader:
         return list(reader.captures(need_tf=False))
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 TURN_DEG = 0.9
-"""Deviation of a board's seeming turn in one view: before a Kinect v2 0.8 and 0.9 degrees about its axes (RMS of 21 views), where corners are known to 0.2."""
+"""Standard deviation in degrees by which a board appears turned in one view: before a Kinect v2 0.8 and 0.9 about the two axes (RMS of 21 views), where the corners are accurate to 0.2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ def diagnose_before_board(
     fault, given = session.lens_fault, list[Finding]()
     if fault is not None and Intrinsics.NAME not in left_out:
         given.append(lens_finding(fault))
-    if (found := reading(views, caster.scene, left_out)) is not None:  # Then nothing is left to ask of distance along the ray.
+    if (found := reading(views, caster.scene, left_out)) is not None:  # The reading decides about distance along the ray.
         views, conversions = converted(views, found, config.gap.evidence.level)
         given, left_out = [*given, *conversions], left_out | {RadialDepth.NAME}
     return diagnose_session(
@@ -103,10 +103,10 @@ def diagnose_before_board(
 
 
 def turning(view: View, scene: Scene) -> View:
-    """The view whose pose may be off by a turn of the board besides, `TURN_DEG` about either axis through its middle.
+    """The view, with the additional uncertainty of a turn of the board: `TURN_DEG` about either axis through its middle.
 
-    Light of the surroundings, which no scene of a board holds, changes depth from one side of the board to the other, in every view
-    otherwise. Pixels of one view are then no independent samples of an error over range or image: such errors are judged between views.
+    Ambient light, which no scene of a board describes, changes depth from one side of the board to the other, in every view
+    otherwise. Pixels of one view are then no independent samples of an error over range or image: such errors are compared between views.
     """
     assert view.robot is not None
     assert view.robot.cov is not None
@@ -119,7 +119,7 @@ def turning(view: View, scene: Scene) -> View:
 
 
 def lens_finding(fault: LensFault) -> Finding:
-    """The lens that CameraInfo states and the corners contradict, as `intrinsics`; the camera's own conversion of distance to z is not in doubt."""
+    """An `intrinsics` finding for CameraInfo's lens that the corners contradict; the camera's own conversion of distance to z is not affected."""
     stated, fitted = fault.stated, fault.camera
     distortion = np.zeros((2, 4))
     for row, camera in zip(distortion, (stated, fitted), strict=True):

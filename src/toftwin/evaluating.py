@@ -44,7 +44,7 @@ def evaluate_bag(
     """
     from tof_align.session import solve_session
 
-    # A dwell must hold as many captures as the method takes that takes most.
+    # A dwell must hold as many captures as any method needs.
     most, accumulate = max(m.frames for m in methods), config.preproc.accumulate
     accumulate = replace(accumulate, max_captures=max(accumulate.max_captures, most))
     config = replace(config, preproc=replace(config.preproc, accumulate=accumulate))
@@ -68,7 +68,7 @@ def evaluate_bag(
 
 
 def frame_bias(model: SensorModel) -> Callable[[Capture], Float]:
-    """A function that gives the (H, W) metres by which a capture is too far, as far as the model finds them from the frame alone."""
+    """A function that predicts the (H, W) error of a capture in metres, as far as the model computes it from the frame alone."""
     effects = [e for e in model.effects if e.NAME in BY_FRAME]
 
     def bias(capture: Capture) -> Float:
@@ -79,7 +79,7 @@ def frame_bias(model: SensorModel) -> Callable[[Capture], Float]:
 
 
 def measured_frame(capture: Capture) -> Frame:
-    """A measured frame in the place of a rendered one; an amplitude that is not measured is 1."""
+    """A measured frame in the form of a rendered one; a missing amplitude is 1."""
     depth = capture.depth.astype(np.float64)
     amplitude = np.ones_like(depth) if capture.amplitude is None else np.nan_to_num(capture.amplitude.astype(np.float64))
     rendering, zero = depth_only(capture.camera, capture.depth), np.zeros_like(depth)

@@ -18,22 +18,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RosCall(GraphSpec):
-    """A graph whose ROS arguments were written by somebody else: names, remappings, parameter files."""
+    """A graph from foreign ROS arguments: names, remappings, parameter files."""
 
     arguments: tuple[str, ...] = ()
 
     def ros_args(self) -> list[str]:
-        """What came after `--ros-args`."""
+        """The text after `--ros-args`."""
         return list(self.arguments)
 
 
 def called(nodes: tuple[str, ...], argv: list[str]) -> RosCall:
-    """The call as `ros2 run` makes it: everything but `--ros-args` itself, which `ros_context` puts back. It reaches as far as every node does."""
+    """Arguments as of `ros2 run`, without `--ros-args`, which `ros_context` adds; discovery reaches as far as that of any node."""
     return RosCall(nodes, safe=False, arguments=tuple(a for a in argv if a != "--ros-args"))
 
 
 def called_together(argv: list[str]) -> RosCall:
-    """The call of several nodes: their names come before the first argument of ROS."""
+    """Arguments of several nodes: the names come before the first ROS argument."""
     names = tuple(takewhile(lambda a: not a.startswith("-"), argv))
     if not names:
         raise UsageError("no node named", where="graph", todo=f"ros2 run toftwin graph preproc infer; nodes are {', '.join(NODES)}")

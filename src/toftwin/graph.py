@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several nodes in one process; the same nodes as `ros2 run` would start one by one."""
+"""Several nodes in one process, the same as `ros2 run` starts one by one."""
 
 from __future__ import annotations
 
@@ -43,17 +43,17 @@ DONE = {
 }
 """Topic on which each node reports the fate of a frame."""
 PLACED = ("sim_label", "correct", "inspect", "gap")
-"""Nodes that need to know where the cell is."""
+"""Nodes that need the pose of the cell."""
 WITH_SCENE = (*PLACED, "sensor")
 """Nodes that need the CAD."""
 
 
 @dataclass(frozen=True, slots=True)
 class GraphSpec:
-    """Which nodes run, and how.
+    """The nodes to run, and their settings.
 
-    `parameters` are by node and dotted name; `remaps` are (from, to) for all nodes. A node that cannot be configured waits for its
-    parameters to be set right; with `strict` it ends the graph. `safe` keeps to this host unless the environment says otherwise.
+    `parameters` are by node and dotted name; `remaps` are (from, to) for all nodes. A node with wrong parameters waits until they
+    are corrected; with `strict` it ends the graph. `safe` keeps to this host unless the environment says otherwise.
     """
 
     nodes: tuple[str, ...]
@@ -66,13 +66,13 @@ class GraphSpec:
     safe: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse names that are no nodes."""
+        """Refuse unknown node names."""
         for name in self.nodes:
             if name not in NODES:
                 raise UsageError(f"'{name}' is no node", where="node", todo=f"nodes are {', '.join(NODES)}")
 
     def ros_args(self) -> list[str]:
-        """Arguments that hold for every node, as after `--ros-args`."""
+        """ROS arguments for all nodes, as after `--ros-args`."""
         out = [a for source, target in self.remaps for a in ("-r", f"{source}:={target}")]
         out += [a for path in self.params_files for a in ("--params-file", path)]
         if self.namespace:
@@ -80,7 +80,7 @@ class GraphSpec:
         return [*out, "-p", "use_sim_time:=true"] if self.use_sim_time else out
 
     def command(self) -> list[str]:
-        """The command line that runs this graph in a process of its own."""
+        """The command line that runs this graph in another process."""
         parameters = [f"{node}.{name}={_text(value)}" for node, values in self.parameters.items() for name, value in values.items()]
         flags = [a for p in parameters for a in ("--param", p)]
         flags += [a for source, target in self.remaps for a in ("--remap", f"{source}:={target}")]
@@ -126,7 +126,7 @@ def run_graph(spec: GraphSpec) -> int:
 
 HOW_TO_REACH = "; ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET hears a robot on the network"
 SOON_S = 5.0
-"""A node that is not active by then is named: it waits for somebody."""
+"""A node that is not active after this time is reported with what it waits for."""
 
 
 def _say(line: str) -> None:
@@ -134,7 +134,7 @@ def _say(line: str) -> None:
 
 
 def _say_running(nodes: Sequence[Any], seconds: float) -> bool:
-    """Report once that all nodes are active, or after a while which are not; true when reported."""
+    """Report once that all nodes are active, or, after a while, which are not; true when reported."""
     waiting = {n.get_name(): n.state for n in nodes if not getattr(n, "active", True)}
     if waiting and seconds < SOON_S:
         return False
@@ -149,16 +149,16 @@ class GraphProcess:
     """A graph that runs in a process of its own."""
 
     def __init__(self, spec: GraphSpec, domain: int) -> None:
-        """Start it in a ROS domain; its messages go where ours go."""
+        """Start the process in a ROS domain, with discovery on this host alone unless the environment says otherwise."""
         environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ, "ROS_DOMAIN_ID": str(domain)}
         self.process = subprocess.Popen(spec.command(), stdin=subprocess.DEVNULL, env=environment)  # noqa: S603  (our own command)
 
     def alive(self) -> bool:
-        """Whether it runs."""
+        """Whether the process runs."""
         return self.process.poll() is None
 
     def stop(self) -> int:
-        """Ask it to stop, insist after ten seconds; returns its exit code."""
+        """Terminate the process, and kill it after ten seconds; returns its exit code."""
         if self.alive():
             self.process.terminate()
         try:
@@ -168,7 +168,7 @@ class GraphProcess:
             return self.process.wait()
 
     def memory_bytes(self) -> int:
-        """Its largest resident memory so far."""
+        """Largest resident memory of the process so far."""
         try:
             lines = Path(f"/proc/{self.process.pid}/status").read_text(encoding="ascii").splitlines()
         except OSError:
@@ -176,7 +176,7 @@ class GraphProcess:
         return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM")), 0)
 
     def cpu_seconds(self) -> float:
-        """Processor time it has used so far."""
+        """Processor time of the process so far."""
         try:
             fields = Path(f"/proc/{self.process.pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
         except OSError:
@@ -185,10 +185,10 @@ class GraphProcess:
 
 
 class RunningGraph:
-    """A graph that somebody else started; nothing is known of its process."""
+    """A graph that was started elsewhere; its process is unknown."""
 
     def alive(self) -> bool:
-        """Assumed to be active: a node that is not there does not answer."""
+        """Always true: the process is unknown, and nodes that do not run give no answers."""
         return True
 
     def memory_bytes(self) -> int:

@@ -60,7 +60,7 @@ class Tally:
 
     @property
     def median_ms(self) -> float:
-        """Time of a frame."""
+        """Milliseconds of a frame."""
         return 1e3 * median(self.seconds) if self.seconds else float("nan")
 
     def to_dict(self) -> dict[str, Any]:
@@ -111,7 +111,7 @@ def _must_have_frames(tally: Tally, reader: BagReader) -> None:
 
 
 def write_repaired(bag: BagWriter, capture: Capture, repaired: Repaired) -> None:
-    """One repaired frame as the node `infer` publishes it."""
+    """Write one repaired frame, as the node `infer` publishes it."""
     frame, stamp = capture.camera.frame_id, capture.stamp_ns
     bag.image("/infer/depth", repaired.depth, "32FC1", frame, stamp)
     bag.image("/infer/sigma", repaired.sigma, "32FC1", frame, stamp)

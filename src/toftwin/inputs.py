@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def opened(
     bag: str | Path, scene_path: Path | None, config: PipelineConfig | SensingConfig, initial_pose: str | None = None
 ) -> Iterator[tuple[BagReader, Scene | None]]:
-    """A bag and its scene; the pose of the cell comes from `--initial-pose`, or from `placed_in` of the scene."""
+    """A bag and its scene; the cell's pose is that of `--initial-pose`, or the scene's `placed_in`."""
     from dataclasses import replace
 
     from tof_core.bag import open_bag

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag and its scene to verdicts on parts: averaged views, poses of the session, evidence for each part in all views."""
+"""Verdicts on parts from a bag and its scene: averaged views, poses of the session, evidence for each part from all views."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class InspectionConfig(PipelineConfig):
 
 
 def inspect_bag(reader: BagReader, inspector: Inspector, config: InspectionConfig) -> Inspection:
-    """Inspect all views of a bag together; raises the errors of `Inspector.judge`."""
+    """Inspect all views of a bag together; errors as of `Inspector.judge`."""
     return inspect_views(tuple(ViewStream(reader, config)), inspector)
 
 
 def inspect_views(views: Sequence[View], inspector: Inspector) -> Inspection:
-    """Inspect views together, with a bar; raises the errors of `Inspector.judge`."""
+    """Inspect views together, with a progress bar; errors as of `Inspector.judge`."""
     with steps("parts", 1 + len(inspector.names)) as begin:
         return inspector.judge(views, begin)
 
@@ -48,7 +48,7 @@ def learn_bag(reader: BagReader, inspector: Inspector, config: InspectionConfig)
 
 
 def first_pictures(references: Mapping[str, Reference], scene: str) -> tuple[tuple[Picture, ...], list[str]]:
-    """Colour pictures of references by name, and a line for each without one; a reference of another scene (digest) is refused."""
+    """Colour pictures of references by name, and a line for each reference without one; references of another scene (digest) are refused."""
     from tof_inspect.colour import Picture
 
     pictures: list[Picture] = []

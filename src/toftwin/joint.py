@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 def joint_poses(
     reader: BagReader | BoardSource, views: Sequence[View], caster: Raycaster, config: PipelineConfig, known: SensorModel | None = None
 ) -> Sequence[Posed]:
-    """The cameras of the views of a bag: `known` is removed first, then the session is diagnosed.
+    """Views of a bag with the camera's errors removed: first those that are `known`, then those that a diagnosis finds.
 
-    The camera's bias by the joint solution is removed and the poses are solved once more: by the pixels that the filters kept, with a
-    verdict of each view, through the lens that the diagnosis finds, and with the covariance of what it leaves unexplained.
+    The bias that the joint solution ascribes to the camera is removed, and the poses are solved again: from the pixels that the filters
+    kept, with a verdict for each view, through the diagnosed lens, and with the covariance of the unexplained error.
 
     Raises:
         RefusedError: the session cannot be diagnosed, or fits the scene nowhere.
@@ -52,7 +52,7 @@ def joint_poses(
 
 
 def _bias(solved: Solved, k: int) -> Float:
-    """(H, W) metres of z of view k, seen through the lens found, that the diagnosis explains by the camera and not by parts off their CAD."""
+    """(H, W) metres of z: the camera's bias in view k by the diagnosis, through the diagnosed lens and without the parts' deviations."""
     bare, off = solved.bare[k], solved.maps.get(CadDeviation.NAME)
     whole = bare.view.depth - (bare.frame.depth + bare.residual)
     return np.asarray(whole if off is None else whole - np.nan_to_num(off[k]))

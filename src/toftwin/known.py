@@ -23,7 +23,7 @@ POSE_SOURCES = {"final": "session, final", "causal": "session, causal", "per_vie
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is known of the camera.
+    """Prior knowledge of the camera.
 
     sensor: its `sensor.yaml`, None where nothing is known; joint: whether the session is diagnosed, and the poses solved together
     with the effects that the diagnosis names.
@@ -55,7 +55,7 @@ class Known:
             raise UsageError("mode robot takes poses from TF alone and uses no sensor model", where="--sensor", todo="leave it out")
 
     def digest(self, config: PipelineConfig) -> str:
-        """Digest of the settings, the content of the sensor model among them."""
+        """Digest of the settings and of the sensor model's content."""
         if self.sensor is None:
             return digest_config(config)
         return digest_config({"config": to_mapping(config), "sensor": digest_file(self.sensor)})

@@ -23,7 +23,7 @@ DONE, KEPT, FAILED = "done", "kept", "failed"
 
 @dataclass(frozen=True, slots=True)
 class LabelCall:
-    """A bag, the scene or board it shows, the folder of its dataset, and how it is labelled.
+    """What to label, where to write it, and how.
 
     `mode` is one of `toftwin.known.MODES`; `initial_pose` is the text of `--initial-pose`, "" for none; `board` that of `--board`, ""
     where `scene` is given; `known` is what is known of the camera.
@@ -85,7 +85,7 @@ class Outcome:
 
 
 def label_one(call: LabelCall) -> Outcome:
-    """Label one bag in this process; an error of any kind becomes the one line of the outcome."""
+    """Label one bag in this process; an error of any kind becomes the outcome's line."""
     from tof_core.progress import set_quiet
 
     set_quiet()

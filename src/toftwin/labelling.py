@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 class LabelResult:
     """Result of a bag: counts, depth errors against the label, the verdict of each view.
 
-    `label_sigma_mm` is what one label may be off (one standard deviation): the median of the usable pixels of a view, and of the views.
+    `label_sigma_mm` is the standard deviation of one label: the median over the usable pixels of a view, and over the views.
     `reasons` counts the pixels of all views by why they may not be trained on (`tof_sim_label.reasons`); `world` lists missing parts
     and foreign objects, with mode final. `others` holds the `T_cell_camera` of each view by the further modes that were requested.
     """
@@ -97,7 +97,7 @@ def label_bag(
 
     The dataset gets its name when it is complete; an earlier one stays until then. An interrupted run leaves
     `dataset.zarr.part`, and the same call continues where it stopped.
-    `known` is what is known of the camera. `also` names further modes whose poses are computed, too (`LabelResult.others`), with mode final.
+    `known`: prior knowledge of the camera. `also`: further modes whose poses are computed (`LabelResult.others`), with mode final.
 
     Raises:
         RefusedError: the bag has no usable frame, or the session fits the CAD nowhere.
@@ -140,7 +140,7 @@ class _Job:
 
     @cached_property
     def caster(self) -> Raycaster:
-        """Built where the first pose is asked for: reading a bag does not wait for it."""
+        """Built at its first use: reading a bag does not need it."""
         from tof_scene.raycast import Raycaster
 
         return Raycaster(self.scene)
@@ -188,7 +188,7 @@ class _Job:
             yield view, pose, partial(label_view, view, pose, self.caster, self.config.label, codes)
 
     def _poses(self, views: Sequence[View]) -> Sequence[Posed]:
-        """The cameras of all views, corrected for known effects and, if asked for, for the effects that a diagnosis finds."""
+        """The cameras of all views, corrected for known effects and, on request, for those that a diagnosis finds."""
         from tof_sim_label.labeller import label_session
 
         if self.known.joint:
@@ -198,7 +198,7 @@ class _Job:
         return label_session(views, self.caster, self.config.labeller, self.known.bias)[0].posed
 
     def _causal(self, dataset: Unfinished, result: LabelResult) -> Iterator[Labelled]:
-        """The live result, by the code of the node `sim_label`: the pose of each view follows from the views before it."""
+        """Poses as of the node `sim_label`, by its code: each view's follows from the views before it."""
         from tof_sim_label.stream import LabelStream
 
         stream, number = LabelStream(self.caster, self.config.labeller, self.known.bias), 0
@@ -227,7 +227,7 @@ class _Job:
 
 
 def _lens_note(stated: Camera, posed: Sequence[Posed]) -> str:
-    """A note where the session shows another lens than CameraInfo states."""
+    """A note where the session contradicts CameraInfo's lens."""
     lens = next((p.camera for p in posed if p.camera is not None), None)
     if lens is None:
         return ""
@@ -259,7 +259,7 @@ def _entry(view: View, posed: Posed) -> dict[str, Any]:
 
 
 def _score(path: Path, result: LabelResult) -> None:
-    """Errors of every view and every capture against the label, how sure labels are, and why pixels have none."""
+    """Errors of views and captures against the label, accuracy of the labels, and reasons of removed pixels."""
     from tof_sim_label.dataset import open_dataset
     from tof_sim_label.reasons import LabelReason
 

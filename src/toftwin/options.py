@@ -12,7 +12,7 @@ from tof_core import config
 from tof_core.errors import ConfigError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable
 
     from tof_core.placement import Placement
 
@@ -77,7 +77,7 @@ def add_bag(parser: argparse.ArgumentParser) -> None:
 
 
 def add_scene(parser: argparse.ArgumentParser, *, required: bool = False, use: str = "") -> None:
-    """`--scene`; `use` says what the command needs it for."""
+    """`--scene`; `use`: purpose in the command."""
     what = "the CAD of the cell: scene.yaml, its folder, or the name of a built-in scene"
     parser.add_argument("--scene", type=Path, required=required, metavar="SCENE", help=what + (f"; {use}" if use else ""))
 
@@ -133,12 +133,12 @@ def add_bag_arguments(parser: argparse.ArgumentParser, section: str = "input") -
 
 
 def load_config(cls: type[C], args: argparse.Namespace) -> C:
-    """Defaults, overlaid by `--config`, then by flags, then by `--set`; unknown keys and bad values are refused."""
+    """Defaults, overlaid by `--config`, flags and `--set` in this order; unknown keys and bad values are refused."""
     from tof_core.yamlio import load_yaml
 
     values: dict[str, Any] = {}
     if args.config is not None:
-        values.update(_flat(load_yaml(args.config)))
+        values.update(config.flatten_mapping(load_yaml(args.config)))
     values.update({name: value for name, value in vars(args).items() if "." in name and value is not None})
     values.update(parse_settings(cls, args.set))
     return config.from_mapping(cls, values, where=str(args.config or "--set"))
@@ -180,13 +180,6 @@ def _parse(kind: type, text: str, key: str) -> bool | int | float | str:
         raise ConfigError(f"'{text}' is no {kind.__name__}", where=f"--set {key}") from None
 
 
-def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    out: dict[str, Any] = {}
-    for key, value in values.items():
-        out.update(_flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value})
-    return out
-
-
 def settings_text(cls: type[Any]) -> str:
     """Every setting of a configuration class, one line each."""
     return "\n".join(f"{info.name} = {_value(info.default)}{_bounds(info)}  {info.text}{_reason(info)}" for info in config.table(cls))
@@ -205,7 +198,7 @@ def _unit(info: config.ParamInfo) -> str:
 
 
 def parse_placement(text: str | None, camera_frame: str) -> Placement | None:
-    """`--initial-pose` as a placement of the cell: in the camera's own frame unless another is named before a colon."""
+    """A placement of the cell from `--initial-pose`: in the camera's frame, or in the frame before a colon."""
     from tof_core import placement
 
     return placement.parse_placement(text or "", camera_frame)

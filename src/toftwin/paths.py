@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Paths of a call, checked before anything heavy is imported: inputs that are not there, outputs that cannot be written."""
+"""Paths of a command line, checked before heavy imports: inputs that do not exist, outputs that cannot be written."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ DATASETS = ("datasets", "unseen")
 OUTPUTS = ("out", "save", "record", "history", "truth")
 """Arguments that name a file or folder to write."""
 WRITTEN = {"truth": "simulate"}
-"""Arguments that are an output in one command alone, and an input in the others."""
+"""Arguments that are an output in the commands listed, and an input in all others."""
 FRESH = {"infer": "out", "replay": "record", "sensor": "out", "simulate": "out"}
-"""By command, the output that must not exist: a bag is never written over."""
+"""Outputs by command that must not exist: a bag is never overwritten."""
 DEFAULT_NETWORK = "default"
 """The network in the package (`tof_infer.config.InferConfig.model`)."""
 PATTERN = frozenset("*?[")
 
 
 def check_paths(args: argparse.Namespace) -> None:
-    """Check the paths of a parsed command line; what a file holds is checked when it is read.
+    """Check the paths of a parsed command line; the content of files is checked when they are read.
 
     Raises:
         UsageError: an input does not exist, or the output's folder cannot be written.
@@ -68,7 +68,7 @@ def check_paths(args: argparse.Namespace) -> None:
 
 
 def session_name(bag: str | Path) -> str:
-    """The name of a bag in the title of a page: with its folder where it is just called `bag`, as in `monday/bag`."""
+    """The name of a bag in a page's title; a bag that is called `bag` with its folder, as in `monday/bag`."""
     path = Path(bag).absolute()
     return f"{path.parent.name}/{path.name}" if path.name == "bag" else path.name
 
@@ -81,7 +81,7 @@ def _paths(value: object) -> Iterator[str]:
 
 
 def _is_there(name: str, value: str) -> bool:
-    """Whether an input exists; references and truths are named without or with the ending of one of their files."""
+    """Whether an input exists; references and truths may be given without the ending of their files."""
     if (name == "scene" and value in BUILT_IN) or (name.endswith("model") and value == DEFAULT_NETWORK):
         return True
     path = Path(value)
@@ -91,7 +91,7 @@ def _is_there(name: str, value: str) -> bool:
 
 
 def _check_writable(out: Path, *, fresh: bool) -> None:
-    """Refuse an output below a file, in a folder that this user cannot write, or that exists where it must not; nothing is made."""
+    """Refuse an output below a file, in a folder without write permission, or that must not exist; nothing is created."""
     if fresh and out.exists():
         raise UsageError("exists already", where=out, todo="name another folder or remove it")
     above = next((p for p in (out, *out.absolute().parents) if p.exists()), Path("/"))

@@ -72,7 +72,7 @@ def _noted(captures: Iterable[Capture], taken: list[Capture]) -> Iterator[Captur
 
 
 def raw_views(reader: BagReader | BoardSource, config: StreamConfig, moving: int | None = None) -> list[View]:
-    """Views of a bag averaged but unfiltered, as a diagnosis of the sensor needs them: all at rest, and at most so many `moving` ones (None: all)."""
+    """Averaged, unfiltered views of a bag for a diagnosis of the sensor: all at rest, and at most `moving` in motion (None: all)."""
     unfiltered = replace(config, preproc=replace(config.preproc, order="accumulate"))
     views = (replace(view, colour=None, noise=None) for view in ViewStream(reader, unfiltered))
     return list(views) if moving is None else thinned(views, moving)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Labelled views of a scene as a sensor model measures them, rendered around the poses of a session: training data without a measured frame."""
+"""Labelled views of a scene, simulated with a sensor model around the poses of a session: training data without a measured frame."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ POSE_COV = np.diag(np.repeat([1e-5, 1e-5], 3) ** 2)
 """The pose of a simulated camera is known."""
 
 ACCEPTED = ("ok", "robot")
-"""Verdicts of poses to render from: solved and accepted, or stated by TF or by a board's corners."""
+"""Verdicts of poses around which views are rendered: solved and accepted, or given by TF or a board's corners."""
 MOVING = frozenset({CadDeviation.NAME, HandEye.NAME, Intrinsics.NAME, TimeSync.NAME})
-"""Effects that move a part, the camera or its rays: the true depth of a pixel moves with them."""
+"""Effects that move a part, the camera or its rays, and thereby the true depth of a pixel."""
 
 
 @dataclass(frozen=True, slots=True)
 class RenderedConfig:
-    """Views that are rendered around those of a session."""
+    """Settings of the rendered views."""
 
     views: int = param(60, "views simulated around those of the session", low=6, high=100_000)
     spread_m: float = param(0.06, "largest distance from a camera of the session", unit="m", low=0.0, high=2.0)
@@ -57,7 +57,7 @@ class RenderedConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Near:
-    """A view of a session, around which others are rendered.
+    """A pose of a session, around which views are rendered.
 
     T_cell_camera (4, 4); context: temperature, time and scene of its capture; gain: amplitude of albedo 1 head-on from 1 m, in the camera's unit.
     """
@@ -68,7 +68,7 @@ class Near:
 
 
 def near_dataset(path: Path, caster: Raycaster, gain: float) -> list[Near]:
-    """The views of a labelled dataset whose pose was accepted: pose, temperature and time, no image.
+    """The accepted poses of a labelled dataset, with temperature and time and without images.
 
     Raises:
         RefusedError: no pose was accepted.
@@ -88,14 +88,14 @@ def near_dataset(path: Path, caster: Raycaster, gain: float) -> list[Near]:
 
 
 def of_depth(model: SensorModel) -> SensorModel:
-    """The model less `MOVING`: what is left are errors of depth, which a network can repair."""
+    """The model without `MOVING`: the remaining errors of depth are those that a network can repair."""
     return replace(model, effects=tuple(e for e in model.effects if e.NAME not in MOVING))
 
 
 def rendered_dataset(
     near: Sequence[Near], camera: Camera, model: SensorModel, caster: Raycaster, path: Path, config: RenderedConfig
 ) -> Path:
-    """A labelled dataset of `config.views` views around some, simulated with the model; an interrupted run continues.
+    """A labelled dataset of `config.views` views around the poses, simulated with the model; an interrupted run continues.
 
     Poses and noise follow from the number of the view alone, so that they are the same with any model.
     """
@@ -112,7 +112,7 @@ def rendered_dataset(
 
 
 def as_capture(view: View) -> Capture:
-    """A view as the input of a network."""
+    """The input of a network for one view."""
     return Capture(view.stamp_ns, view.camera, view.depth, view.reason, view.robot, view.amplitude, temperature=view.temperature)
 
 

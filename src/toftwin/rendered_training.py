@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Training on rendered views alone: the poses of labelled datasets, their scene, and a sensor model in the place of the camera."""
+"""Training on rendered views alone, from the poses of labelled datasets, their scene and a sensor model of the camera."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 
 def rendered(datasets: Sequence[Path], scene: Scene, sensor: Path, out: Path, views: int, *, fresh: bool = False) -> Path:
-    """A labelled dataset beside the network `out`, of `views` views rendered around the poses of `datasets`; one that is there is continued.
+    """A labelled dataset beside the network `out`: `views` views, rendered around the poses of `datasets`; an unfinished one is continued.
 
-    Of the datasets poses, temperatures and stamps are read, and no image. The unit of amplitude is the sensor model's.
+    Poses, temperatures and stamps of the datasets are read, but no image. The unit of amplitude is that of the sensor model.
 
     Args:
         datasets: labelled datasets of one camera.

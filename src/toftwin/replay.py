@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from toftwin.pipeline import PipelineConfig
 
 PATIENCE_S = 8.0
-"""Time after which a frame without its transform is skipped; DDS repeats lost messages after three seconds."""
+"""Seconds after which a frame without its transform is skipped; DDS repeats lost messages after three seconds."""
 OWN_GRAPH_S = 300.0
-"""Time that the graph of a replay may take to start while its process lives: on a busy host it imports and compiles for minutes."""
+"""Seconds that the graph of a replay may take to start while its process lives: on a busy host it imports and compiles for minutes."""
 NOT_PLAYED = ("/clock", "/diagnostics", "/rosout", "/parameter_events")
 
 
@@ -114,7 +114,7 @@ def replay(
     points: bool = False,
     running: bool = False,
 ) -> ReplayResult:
-    """Play a bag through a graph that is started for it in a process and a ROS domain of its own.
+    """Play a bag through a graph in another process and a ROS domain of its own.
 
     Args:
         reader: the bag.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Continuing an interrupted labelling: stored frames, poses and labels are not computed again."""
+"""Continues an interrupted labelling: stored frames, poses and labels are not computed again."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tof_sim_label.schema import Attributes
 
 SAME_POSE = 1e-9
-"""Metres and radians; sums over arrays of another memory alignment differ in the last bit."""
+"""Tolerance of stored poses in metres and radians: sums over arrays of another memory alignment differ in the last bit."""
 
 
 class OtherBagError(Exception):
@@ -37,10 +37,10 @@ class OtherBagError(Exception):
 
 
 class Unfinished:
-    """An unfinished dataset, `dataset.zarr.part`, and beside it the poses once they are solved.
+    """An unfinished dataset, `dataset.zarr.part`, and, once they are solved, the poses beside it.
 
-    It can be read as far as it was written. The data of an interrupted run are compared with those that this run would
-    write, and stay; data of another scene, configuration or camera are removed. A new dataset is made when its first frame
+    The part that is written can be read. Data of an interrupted run stay if they equal those that this run would write;
+    data of another scene, configuration or camera are removed. A new dataset is created when its first frame
     arrives, so that zarr is loaded only then.
     """
 
@@ -53,7 +53,7 @@ class Unfinished:
 
     @property
     def note(self) -> str:
-        """A note for the user if an earlier run is continued, else empty."""
+        """A note if an earlier run is continued, else empty."""
         if not self.path.exists():
             return ""
         captures, views = self._before.captures, self._before.views
@@ -96,7 +96,7 @@ class Unfinished:
         return [_from_json(p) for p in kept[name]]
 
     def finish(self, whole: Path) -> None:
-        """Give the closed dataset its final name; an earlier dataset stays until then."""
+        """Rename the closed dataset to its final name; an earlier dataset stays until then."""
         old = whole.with_name(f"{whole.name}.old")
         shutil.rmtree(old, ignore_errors=True)
         if whole.exists():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Use of the fitted sensor for training: two networks, trained on views simulated with and without the effects, repair the real session."""
+"""Test of the fitted sensor as training data: two networks, trained on views simulated with and without the effects, repair the real session."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from tof_infer.config import TrainConfig
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.frame import ideal_frame
 from tof_sensor.model import SensorModel
+from toftwin.extras import trainer
 from toftwin.rendered import Near, RenderedConfig, as_capture, rendered_dataset
 
 if TYPE_CHECKING:
@@ -28,14 +29,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RetrainConfig(RenderedConfig):
-    """Learning from the fitted sensor."""
+    """Settings of the two trainings."""
 
     train: TrainConfig = section(TrainConfig, "the training of both networks")
 
 
 @dataclass(frozen=True, slots=True)
 class Retrained:
-    """Mean absolute error in mm on the session's held-out views, at the poses of the diagnosis: raw, and repaired by either network."""
+    """Mean absolute error in mm on the session's held-out views, at the poses of the diagnosis: raw, and repaired by each network."""
 
     raw_mm: float
     without_mm: float
@@ -45,7 +46,7 @@ class Retrained:
 
     @property
     def helps(self) -> bool:
-        """Whether the fitted effects lowered the error."""
+        """Whether the effects in the training data lowered the error."""
         return self.with_mm < self.without_mm
 
 
@@ -78,7 +79,7 @@ def retrain(
         network = out / f"{name}.onnx"
         if not network.exists():
             say(f"training {name}")
-            _train(data, network, config.train, say)
+            trainer("--retrain")([data], network, config.train, say=say)
         session = Session(InferConfig(model=str(network), force=True))
         errors[name] = [_error(d, v, session.repair(as_capture(d.evidence[v].view)).depth) for v in d.split.held_out]
     raw = [_error(d, v, as_capture(d.evidence[v].view).depth) for v in d.split.held_out]
@@ -89,18 +90,6 @@ def retrain(
     return result
 
 
-def _train(data: Path, network: Path, config: TrainConfig, say: Callable[[str], None]) -> None:
-    try:
-        from tof_infer.train import train
-    except ModuleNotFoundError as error:
-        if error.name not in {"torch", "onnx"}:
-            raise
-        from toftwin.extras import install_line
-
-        raise UsageError(f"needs {error.name}, which is not installed", where="--retrain", todo=install_line("train")) from None
-    train([data], network, config, say=say)
-
-
 def _error(d: Diagnosis, view: int, depth: Image) -> tuple[float, int]:
     """Mean absolute error in metres against the CAD at the diagnosis's pose, away from edges; and its pixels."""
     e = d.evidence[view]
@@ -109,7 +98,7 @@ def _error(d: Diagnosis, view: int, depth: Image) -> tuple[float, int]:
 
 
 def near_views(d: Diagnosis, caster: Raycaster) -> list[Near]:
-    """The session's views with what surrounded them, and the unit of amplitude that each shows."""
+    """The session's views with temperature and time, and the unit of amplitude of each."""
     out = []
     for pose, seen in zip(d.cameras, d.evidence, strict=True):
         context = replace(seen.frame.context, caster=caster)

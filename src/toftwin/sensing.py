@@ -41,7 +41,7 @@ class SensingConfig:
 
 @dataclass(slots=True)
 class Tally:
-    """What became of the frames of a bag."""
+    """Counts of a bag's frames and pixels."""
 
     effects: tuple[str, ...]
     without_effect: tuple[str, ...]
@@ -74,7 +74,7 @@ class Tally:
 
 
 def sense_bag(reader: BagReader, out: Path, config: SimulatorConfig, caster: Raycaster | None = None, *, normals_topic: str = "") -> Tally:
-    """Send every frame of a bag through the simulated camera; the new bag holds the old one's other messages too.
+    """Pass every frame of a bag through the simulated camera; the new bag holds the other messages unchanged.
 
     Args:
         reader: ideal depth; its amplitude topic holds what `config.light` says.
@@ -130,7 +130,7 @@ def _with_normals(captures: Iterator[Capture], reader: BagReader, topic: str) ->
 
 
 def write_measured(bag: BagWriter, measured: Capture) -> None:
-    """One frame as the node `sensor` publishes it."""
+    """Write one frame, as the node `sensor` publishes it."""
     frame, stamp = measured.camera.frame_id, measured.stamp_ns
     bag.image(DEPTH, measured.depth, "32FC1", frame, stamp)
     assert measured.amplitude is not None

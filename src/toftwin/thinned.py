@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Views of a recorder that ran while the robot drove: all at rest, and some in motion."""
+"""Fewer views of a recording during motion: all at rest, and some in motion."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def thinned(views: Iterable[View], moving: int) -> list[View]:
     """The views at rest and at most `moving` of those in motion, spread evenly, in their order.
 
-    At no time more than twice as many views in motion are held: while they come, every other one is dropped whenever there are too many.
+    At most twice `moving` views in motion are held: whenever there are more, every other one is dropped.
     """
     rest: list[tuple[int, View]] = []
     some: list[tuple[int, View]] = []

@@ -34,7 +34,7 @@ MEASURED_RGB, LABELLED_RGB, PATH_RGB = (232, 89, 12), (11, 114, 133), (112, 72, 
 
 
 def rerun() -> Any:
-    """The module rerun; UsageError with the line that installs it if it is missing."""
+    """The module rerun; if it is missing, a UsageError with the line that installs it."""
     try:
         import rerun as rr
     except ImportError:
@@ -74,7 +74,7 @@ class Scribe:
                 self._log.log(["gap", "parts", part.name], self._rr.TextDocument(f"{1e3 * gap:.2f} mm RMS"), static=True)
 
     def at(self, stamp_ns: int) -> None:
-        """Set the time of what is written next."""
+        """Set the time of the following entries."""
         self._log.set_time(TIME, timestamp=np.datetime64(stamp_ns, "ns"))
 
     def camera(self, camera: Camera, T_cell_camera: Float) -> None:
@@ -106,7 +106,7 @@ class Scribe:
         self._log.log(f"images/{name}", self._rr.Image(image))
 
     def text(self, name: str, text: str) -> None:
-        """A text that holds throughout."""
+        """A text for all times."""
         self._log.log(name, self._rr.TextDocument(text), static=True)
 
     def number(self, name: str, value: float) -> None:

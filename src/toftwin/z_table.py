@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a driver converted distance to depth, by its table of ray lengths or not at all: tested on a board, whose poses do not depend on depth."""
+"""The driver's conversion of distance to z, by its table of ray lengths or not at all: tested on a board, whose poses do not depend on depth."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ if TYPE_CHECKING:
     from tof_scene.scene import Scene
 
 BETTER = 0.8
-"""Spread of depth about the board by another reading, over that by the stated one, below which the other is the driver's: a Kinect v2 has 0.5, a wrong reading more than 1."""
+"""Ratio of the spreads of depth about the board, by another reading and by the stated one, below which the other is the driver's: a Kinect v2 has 0.5, a wrong reading more than 1."""
 ALIKE = 0.05
-"""Relative difference of spread up to which the simpler of two readings is taken: about a principal point in the middle of the image, mirrored columns change nothing."""
+"""Relative difference of spread within which the simpler reading is taken: with a principal point in the image's middle, mirrored columns change nothing."""
 LEAST_VIEWS, LEAST_PIXELS = 4, 200
-"""Views, and pixels of a view, that are asked at least."""
+"""Least number of views, and of pixels in each."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What a depth image holds: distance over the ray lengths of `table`, or, `along_ray`, that times the stated ones."""
+    """What a depth image holds: distance over the ray lengths of `table`, times the stated ray lengths if `along_ray`."""
 
     table: str = "stated"
     along_ray: bool = False
 
     def effects(self) -> list[ZConversion | RadialDepth]:
-        """The effects that the reading means, in the order in which they are taken off."""
+        """The effects of the reading, in the order in which they are removed."""
         return [
             *([] if self.table == "stated" else [ZConversion(table=self.table)]),
             *([RadialDepth(share=1.0)] if self.along_ray else []),
@@ -52,10 +52,10 @@ READINGS = tuple(Reading(table, along_ray) for along_ray, table in product((Fals
 
 
 def reading(views: Sequence[View], scene: Scene, left_out: AbstractSet[str] = frozenset()) -> Reading | None:
-    """The reading that brings depth clearly nearer to the board's plane than the stated one, else the stated one; None of too few views.
+    """The reading with depth clearly nearer to the board's plane than by the stated one, else the stated one; None for too few views.
 
-    Each view has its own offset, and bright pixels are asked: what light and range err by is nearly one value over one board. An offset
-    of the camera cannot pass for distance along the ray by that.
+    Each view has its own offset, and only bright pixels count: over one board, errors by amplitude and range are nearly constant. So
+    an offset of the camera is not taken for distance along the ray.
     """
     asked = [r for r in READINGS if not left_out & {e.NAME for e in r.effects()}]
     seen = [s for s in (_about_board(v, scene) for v in views) if s is not None]
@@ -71,7 +71,7 @@ def reading(views: Sequence[View], scene: Scene, left_out: AbstractSet[str] = fr
 
 
 def converted(views: Sequence[View], found: Reading, limits: LevelLimits) -> tuple[list[View], list[Finding]]:
-    """The views with depth converted by the stated lens, and for each effect of the conversion a finding with its metres in each view."""
+    """Views with depth converted by the stated lens, and a finding for each effect of the conversion with its metres in each view."""
     out, findings = list(views), list[Finding]()
     for effect in found.effects():
         ratio = _ratio(effect, views[0].camera)

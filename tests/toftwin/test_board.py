@@ -18,6 +18,7 @@ from tof_core.calibration import BoardLimits, Calibration, load_calibration
 from tof_core.capture import Capture
 from tof_core.errors import RefusedError
 from tof_core.image_folder import read_camera
+from tof_core.options import BagOptions
 from tof_core.yamlio import load_yaml
 from tof_gap.config import GapConfig
 from tof_gap.solve.radial import median_miss
@@ -30,7 +31,7 @@ from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.z_conversion import ZConversion
 from tof_sim_label.dataset import open_dataset
-from toftwin.boarded import HELD_MM, PRINT_SCALE_PCT, BoardSource, board_session, posed_by_board, save_lens
+from toftwin.boarded import HELD_MM, PRINT_SCALE_PCT, BoardSource, board_session, posed_by_board, read_captures, save_lens
 from toftwin.cli import main
 from toftwin.diagnosis import TURN_DEG, GapPipelineConfig, diagnose_before_board, lens_finding, turning
 from toftwin.labelling import label_bag
@@ -91,6 +92,14 @@ def test_the_board_is_the_scene_and_gives_the_poses() -> None:
     for view in session.views:
         assert view.robot is not None
         assert view.robot.T_cell_camera[2, 3] < 0
+
+
+def test_image_folders_follow_scale_and_meaning_of_depth(folder: Path) -> None:
+    plain, scaled, radial = (
+        read_captures(folder, options)[0] for options in (BagOptions(), BagOptions(depth_scale=0.0005), BagOptions(depth="radial"))
+    )
+    np.testing.assert_allclose(scaled.depth, 0.5 * plain.depth, rtol=1e-6)
+    np.testing.assert_allclose(radial.depth, plain.depth / plain.camera.ray_length(), rtol=1e-6)
 
 
 def test_captures_without_the_board_are_counted_and_left_out() -> None:

@@ -54,7 +54,7 @@ def test_what_a_bare_session_cannot_test_is_said(bare: tuple[str, str], tmp_path
     assert why["motion"] == why["time_sync"] == "no view was taken in motion"
     assert why["temperature_drift"] == "the temperature is steady or unknown, and the session is shorter than 60 s"
     assert report["verdict"] == ["none"]
-    assert report["gap"]["floor_from"].startswith("5 of 5 views are of one capture: noise from differences of neighbouring pixels")
+    assert report["gap"]["floor_from"].startswith("5 of 5 views are of one capture: noise, which a pixel does not share with others nearby")
     assert "5 of 5 views are of one capture" in (tmp_path / "report.html").read_text()
 
 

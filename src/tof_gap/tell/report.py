@@ -135,7 +135,7 @@ def _floor_from(d: Diagnosis) -> str:
     """From what the floor was estimated, in words."""
     single = sum(v.view.captures == 1 for v in d.evidence)
     how = f"{single} of {len(d.evidence)} views are of one capture: " if single else ""
-    return f"{how}noise from differences of neighbouring pixels of like amplitude, and the uncertainty of the poses"
+    return f"{how}noise, which a pixel does not share with others nearby, and the uncertainty of the poses"
 
 
 def _dispersion(d: Diagnosis) -> dict[str, float]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lens scattering: light of bright pixels is scattered over dark ones and shifts their depth."""
+"""Lens scattering: light of bright pixels reaches dark ones and shifts their depth."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 WIDTHS = (0.06, 0.2, 0.8)
-"""Standard deviations of the three parts of scattered light, as shares of the image's width: halo, middle, veil over the whole image."""
+"""Standard deviations of the three parts of stray light, as shares of the image's width: halo, middle, veil over the whole image."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,18 +51,18 @@ class LensScatter(Effect):
     LINEAR: ClassVar[tuple[str, ...]] = ("halo", "middle", "veil")
     AT_EDGES: ClassVar[bool] = True
 
-    halo: float = param(0.0, "share of the light that is scattered to nearby pixels", low=-0.1, high=0.5)
-    middle: float = param(0.0, "share that is scattered over a fifth of the image", low=-0.1, high=0.5)
-    veil: float = param(0.0, "share that is scattered over the whole image", low=-0.1, high=0.5)
+    halo: float = param(0.0, "share of the light that reaches nearby pixels", low=-0.1, high=0.5)
+    middle: float = param(0.0, "share that is spread over a fifth of the image", low=-0.1, high=0.5)
+    veil: float = param(0.0, "share that is spread over the whole image", low=-0.1, high=0.5)
     modulation_mhz: float = param(60.0, MODULATION, unit="MHz", low=5.0, high=400.0)
 
     def columns(self, frame: Frame) -> Float:
-        """First order in the shares, along z: Im(scattered / own) divided by the wave number."""
+        """First order in the shares, along z: Im(stray / own) divided by the wave number."""
         every = self.columns_at(frame, np.arange(frame.depth.size))
         return every.reshape(*frame.depth.shape, -1)
 
     def columns_at(self, frame: Frame, pixels: Ints) -> Float:
-        """`columns` at chosen pixels; the scattered light is that of the whole image."""
+        """`columns` at chosen pixels; the stray light is that of the whole image."""
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         light = np.where(frame.valid, frame.amplitude, 0.0)
         turn = np.exp(1j * wave * np.nan_to_num(frame.radial))

@@ -138,4 +138,4 @@ class TemperatureDrift(CurveEffect):
 TIME_CONSTANTS_S = (60.0, 300.0, 1200.0)
 """Usual time constants of a lamp's driver, a sensor and a housing, seconds."""
 CHANGES = 0.5
-"""Least change of a warm-up during a session with a steady thermometer, as a share; a smaller change cannot be told from a constant offset."""
+"""Least change of a warm-up during a session with a steady thermometer, as a share; a smaller change cannot be distinguished from a constant offset."""

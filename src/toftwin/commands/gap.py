@@ -201,9 +201,7 @@ def summary(d: Diagnosis) -> str:
         rest = "" if d.unexplained.structured else ", without structure"
         lines.append(f"with the named effects simulated: {g.above_mm(g.after):.2f} mm remain{rest}")
         if g.off_edges_mm is not None:
-            lines.append(
-                "without pixels at edges, which cover two surfaces: {:.2f} mm, of which {:.2f} mm remain".format(*g.off_edges_mm)
-            )
+            lines.append("without pixels at edges, which cover two surfaces: {:.2f} mm, of which {:.2f} mm remain".format(*g.off_edges_mm))
         if g.shrink is not None and g.ci95 is not None:
             lines.append(f"the squared gap shrinks by {percent(g.shrink)}; the true effects would shrink it by {interval(g.ci95)}")
     elif not agrees:

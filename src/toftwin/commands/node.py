@@ -39,7 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--params-file", action="append", default=[], metavar="FILE", help="a ROS parameter file")
     parser.add_argument("--remap", action="append", default=[], metavar="FROM:=TO", help="a topic under another name")
     parser.add_argument("--namespace", default="", help="namespace of the robot")
-    parser.add_argument("--auto", action="store_true", help="subscribe to the only camera that is published, whatever the names of its topics")
+    parser.add_argument(
+        "--auto", action="store_true", help="subscribe to the only camera that is published, whatever the names of its topics"
+    )
     parser.add_argument("--use-sim-time", action="store_true", help="follow /clock")
     parser.add_argument(
         "--strict", action="store_true", help="stop when a node cannot be configured (default: it waits for valid parameters)"

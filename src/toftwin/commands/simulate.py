@@ -99,7 +99,7 @@ def parse_effects(pairs: list[str]) -> dict[str, float]:
 
 
 def open_scene(name: str, out: Path) -> Scene:
-    """A scene by path, or a built-in one by name, whose files are then left in `<out>.scene` for the commands that follow."""
+    """A scene by path, or a built-in one by name; the files of a built-in scene are written to `<out>.scene`."""
     from tof_scene.builtin import builtin_names, write_builtin
     from tof_scene.scene_file import load_scene
 
@@ -112,7 +112,7 @@ def open_scene(name: str, out: Path) -> Scene:
 
 
 def bodies_of(scene: Scene) -> list[Body]:
-    """The scene's parts as the virtual robot takes them."""
+    """The scene's parts, as bodies of the virtual robot."""
     from tof_virtual.body import Body
 
     return [Body(p.name, p.vertices, p.faces, p.material.albedo, p.material.roughness, p.inspect) for p in scene.parts]

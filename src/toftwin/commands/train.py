@@ -103,12 +103,14 @@ def run(args: argparse.Namespace) -> int:
     """Train, and print the figures of the network."""
     import sys
 
+    from toftwin.extras import trainer
+
     config = load(args)
     if args.out.suffix != ".onnx":
         raise UsageError("must end in .onnx", where=f"--out {args.out}")
     _check_adapt(args)
     _check_rendered(args)
-    train, bag = _trainer(), args.datasets[0]
+    train, bag = trainer("train"), args.datasets[0]
     if args.board is not None:
         from toftwin.board_training import labelled, near_labels
 
@@ -143,11 +145,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 NOT_ADAPTED = ("recipe", "epochs", "batch", "rate", "limit", "fresh", "unseen")
-"""Flags that say nothing to an adaptation."""
+"""Flags that have no effect with `--adapt`."""
 
 
 def _check_adapt(args: argparse.Namespace) -> None:
-    """Refuse flags that an adaptation would not read."""
+    """Refuse flags that have no effect with `--adapt`."""
     if args.adapt is None:
         return
     if given := [name for name in NOT_ADAPTED if getattr(args, name)]:
@@ -169,21 +171,9 @@ def load(args: argparse.Namespace) -> TrainConfig:
 
 
 def dataset_at(path: Path) -> Path:
-    """The dataset itself, or the one in a folder that `toftwin label` wrote."""
+    """A dataset, or the dataset in a folder that `toftwin label` wrote."""
     inside = path / "dataset.zarr"
     return inside if inside.exists() else path
-
-
-def _trainer() -> Any:
-    try:
-        from tof_infer.train import train
-    except ModuleNotFoundError as error:
-        if error.name not in {"torch", "onnx"}:
-            raise
-        from toftwin.extras import install_line
-
-        raise UsageError(f"needs {error.name}, which is not installed", where="train", todo=install_line("train")) from None
-    return train
 
 
 def _check_rendered(args: argparse.Namespace) -> None:
@@ -204,7 +194,7 @@ def _check_rendered(args: argparse.Namespace) -> None:
 
 
 def _scene(args: argparse.Namespace, bag: Path) -> Scene:
-    """What is rendered: the scene.yaml, or the board as its first bag shows it."""
+    """The scene to render: scene.yaml, or the board with the albedos that its first bag shows."""
     from toftwin.inputs import source
     from toftwin.pipeline import PipelineConfig
 

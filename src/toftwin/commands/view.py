@@ -43,7 +43,7 @@ def _settings() -> type[Any]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw into a file; open it unless only the file was asked for."""
+    """Write the recording; open the viewer unless only the file is asked for."""
     from tempfile import TemporaryDirectory
 
     from toftwin.viewing import rerun
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def draw(args: argparse.Namespace, path: Path) -> None:
-    """All there is of `args.what` into a recording."""
+    """Write everything in `args.what` into a recording."""
     from toftwin.viewing import Scribe, draw_gap
 
     scribe = Scribe(path)
@@ -75,7 +75,7 @@ def draw(args: argparse.Namespace, path: Path) -> None:
 
 
 def _draw_what(scribe: Scribe, args: argparse.Namespace) -> tuple[dict[str, float], Scene | None]:
-    """The gap of each part where it is known, and the scene."""
+    """The gap of each part that has one, and the scene."""
     from tof_sim_label.dataset import open_dataset
     from toftwin import viewing
 
@@ -101,7 +101,7 @@ def _scene(args: argparse.Namespace) -> Scene | None:
 
 
 def show(path: Path) -> int:
-    """Open the viewer that rerun brings and wait until it is closed; it listens on this host alone."""
+    """Open rerun's viewer and wait until it is closed; the viewer listens on this host alone."""
     import os
     import subprocess
     import sys

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the demonstration records."""
+"""Settings of the demonstration."""
 
 from __future__ import annotations
 

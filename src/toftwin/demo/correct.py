@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     from toftwin.demo.config import DemoConfig
 
 MOVES = 3
-"""Moves at most: the first brings a far hand near, the next ones see more of the reference."""
+"""Largest number of moves: the first brings a distant hand near, the next ones see more of the reference."""
 NEAR_MM = 0.5
-"""A smaller step is the arm's own repeatability."""
+"""Moves below this are within the arm's repeatability."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corrected:
-    """The corrections of the first view's hand, and what they do.
+    """The corrective moves of the hand at the first view, and the distance that each leaves.
 
     made: the first proposal, by what it is compared with (`reference`, `cad`); apart: distance of the true camera from that of the
-    first day, millimetres and degrees, before and after each move; reference, now, then: depth (H, W) of the first day, of the day
-    after, and after the last move.
+    first day, millimetres and degrees, before and after each move; reference, now, then: depth (H, W) of the first day, of the
+    second day, and after the last move.
     """
 
     made: dict[str, Correction]
@@ -92,7 +92,7 @@ def _first_view(bag: Path, scene_path: Path, settings: CorrectionConfig) -> View
 
 
 def _robot(folder: Path, scene: Scene, config: DemoConfig) -> VirtualRobot:
-    """The virtual robot where the day after begins: at the first view of the recorded bag, with the same errors."""
+    """The virtual robot on the second day, at the first view of the recorded bag and with the same errors."""
     from tof_virtual.live import VirtualRobot
     from toftwin.commands.simulate import bodies_of
 

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosed:
-    """The report's content (`gap.json`), its verdict in words, the map of the gap as a picture.
+    """The content of `gap.json`, its verdict in words, and a picture of the gap.
 
-    before_mm, after_mm: gap above the noise, RMS of the held-out views, and the same once the named effects are added.
+    before_mm, after_mm: RMS gap of the held-out views above the noise, before and after the named effects are added.
     """
 
     content: dict[str, Any]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inspected:
-    """What is true, the verdicts in words and by part, and pictures by part of those that are absent or displaced."""
+    """The truth, the verdicts in words and by part, and pictures of the parts that are absent or displaced."""
 
     truth: Changed
     sentence: str
@@ -29,12 +29,12 @@ class Inspected:
 
     @property
     def judged(self) -> int:
-        """How many parts were judged: the others are not observable."""
+        """Number of parts with a verdict; the others are not observable."""
         return sum(v.state != "not_observable" for v in self.verdicts)
 
     @property
     def right(self) -> int:
-        """How many of them were judged rightly."""
+        """Number of correct verdicts."""
         true = {self.truth.gone: "absent", self.truth.moved: "displaced"}
         return sum(v.state == true.get(v.name, "present") for v in self.verdicts)
 

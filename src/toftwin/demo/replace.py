@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from toftwin.demo.config import DemoConfig
 
 FAR_M = 0.05
-"""A larger difference is no effect of the sensor: another surface is seen."""
+"""Larger differences are not of the sensor: the pixel sees another surface."""
 
 NOISY_M = 0.003
-"""Standard error of a difference above which a pixel does not show an effect of millimetres."""
+"""Pixels with a larger standard error of the difference are left out: they cannot show an effect of millimetres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +46,7 @@ class Replaced:
 
     @property
     def ideal_mm(self) -> float:
-        """Camera minus an ideal one, RMS above the noise."""
+        """Difference of the camera and an ideal sensor, RMS above the noise."""
         return _above(self.ideal, self.ideal_noise)
 
     @property
@@ -61,13 +61,13 @@ def _above(difference: Float, noise2: Float) -> float:
 
 
 def replace_sensor(folder: Path, scene_path: Path, scene: Scene, config: DemoConfig) -> Replaced:
-    """Record the day after by simulation, and compare it pixel by pixel with what the camera measured from the same poses."""
+    """Simulate the second day, and compare it pixel by pixel with the camera at the same poses."""
     fitted(folder, scene, config)
     return compared(folder, scene_path, config)
 
 
 def compared(folder: Path, scene_path: Path, config: DemoConfig) -> Replaced:
-    """The recorded day after beside its simulation, pixels of parts that were taken away or moved left out."""
+    """The recorded second day and its simulation, without the pixels of parts that were taken away or moved."""
     real, real_noise = _means(folder / LATER, scene_path, config)
     simulated, noise = _means(folder / FITTED, scene_path, config)
     truth, meta = load_truth(folder / "later" / "truth")

@@ -84,7 +84,7 @@ def sentence(result: DemoResult) -> str:
 
 
 def _four(result: DemoResult) -> dict[str, Any]:
-    """What the four leading sections show."""
+    """The content of the first four sections."""
     corrected, replaced, inspected = result.corrected, result.replaced, result.inspected
     proposal = corrected.made["reference"]
     shown = int(np.argmax(np.isfinite(replaced.ideal).sum(axis=(1, 2))))

@@ -42,7 +42,7 @@ MARK = "made-by-toftwin-demo"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DemoResult:
-    """Everything the report shows."""
+    """The content of the report."""
 
     config: DemoConfig
     folder: Path

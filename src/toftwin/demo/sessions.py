@@ -32,7 +32,7 @@ DAY_S = 86_400
 
 @dataclass(frozen=True, slots=True)
 class Changed:
-    """What is different on the day after: a part that is gone, a part that is displaced by `shift_m` (3,) in the cell; "" where there is none."""
+    """Changes of the second day: an absent part, and a part displaced by `shift_m` (3,) in the cell; "" for none."""
 
     gone: str
     moved: str
@@ -56,7 +56,7 @@ def later(folder: Path, scene: Scene, config: DemoConfig, change: Changed) -> No
 
 
 def fitted(folder: Path, scene: Scene, config: DemoConfig) -> None:
-    """Record the same day in simulation: an ideal camera, the effects that the diagnosis fitted, and the CAD as it is drawn."""
+    """Simulate the same day: an ideal camera, the effects that the diagnosis fitted, and the unchanged CAD."""
     from tof_sensor.model import load_model
     from toftwin.sensed import modelled
 
@@ -88,19 +88,19 @@ def effects_of(config: DemoConfig) -> dict[str, float]:
 
 
 def sizes(folder: Path) -> Mapping[str, float]:
-    """Physical sizes of the camera's effects, as the first day's truth has them."""
+    """Physical sizes of the camera's effects, from the truth of the first day."""
     _, meta = load_truth(folder / "truth")
     return {name: effect["size"] for name, effect in meta["effects"].items()}
 
 
 def changed(scene: Scene, config: DemoConfig) -> Changed:
-    """The largest inspected part is displaced along the wall, the one of middle size is gone."""
+    """Displace the largest inspected part along the wall, and take away the one of median size."""
     parts = sorted((p for p in scene.parts if p.inspect), key=lambda p: float(np.linalg.norm(np.ptp(p.vertices, axis=0))))
     gone = parts[len(parts) // 2].name if len(parts) > 1 else ""
     return Changed(gone, parts[-1].name if parts else "", (0.0, 1e-3 * config.moved_mm, 0.0))
 
 
 def standing(scene: Scene, change: Changed) -> list[Body]:
-    """The bodies as they stand on the day after."""
+    """The bodies of the second day."""
     bodies = [b for b in bodies_of(scene) if b.name != change.gone]
     return [replace(b, vertices=b.vertices + change.shift_m) if b.name == change.moved else b for b in bodies]

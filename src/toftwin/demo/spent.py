@@ -14,20 +14,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Spent:
-    """What a step took: seconds on the clock, processor seconds of all its processes."""
+    """Duration of a step, and processor time of all its processes, in seconds."""
 
     seconds: float
     processor: float
 
 
 def measured(work: Callable[..., Any], *args: Any) -> tuple[Any, Spent]:
-    """The result of some work, and the time it took in this process."""
+    """The result of a function, and the time that it took in this process."""
     began, before = time.monotonic(), processor_seconds()
     result = work(*args)
     return result, Spent(time.monotonic() - began, processor_seconds() - before)
 
 
 def processor_seconds() -> float:
-    """Of this process and its children that have ended."""
+    """Processor time of this process and of its children that have ended, in seconds."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Level(StrEnum):
-    """Severity: as it should be, good to know, to be fixed before the graph can work."""
+    """Severity: good, worth knowing, to be fixed before the graph can work."""
 
     OK = "ok"
     NOTE = "note"
@@ -40,17 +40,17 @@ class Finding:
 
 
 def ok(check: str, what: str) -> Finding:
-    """As it should be."""
+    """A finding that is good."""
     return Finding(Level.OK, check, what)
 
 
 def note(check: str, what: str, todo: str) -> Finding:
-    """Good to know; the graph works without a change."""
+    """A finding worth knowing; the graph works without a change."""
     return Finding(Level.NOTE, check, what, todo)
 
 
 def fix(check: str, what: str, todo: str) -> Finding:
-    """The graph does not work, or works wrongly, until this is fixed."""
+    """A finding that keeps the graph from working, or from working correctly."""
     return Finding(Level.FIX, check, what, todo)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of the scene: sizes and places of its parts, and whether the camera sees it; the usual mistakes are tried where it does not."""
+"""Checks of the scene: sizes and places of its parts, and whether the camera sees it; if not, common mistakes are tried."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def examine_parts(scene: Scene, path: Path) -> Iterator[Finding]:
 
 
 def examine_fit(bag: Path | str, scene: Scene, options: BagOptions, initial_pose: str | None) -> Iterator[Finding]:
-    """Render some views against the CAD; where they do not fit, name the usual mistake that explains it."""
+    """Compare some views with the CAD; where they do not fit, name the common mistake that explains it."""
     from dataclasses import replace
 
     from tof_core.bag import open_bag
@@ -58,7 +58,7 @@ def examine_fit(bag: Path | str, scene: Scene, options: BagOptions, initial_pose
 
 
 def in_words(found: Found) -> Finding:
-    """The share of pixels that fit, the distance within which a pixel fits, and the usual share."""
+    """The share of pixels that fit, the distance within which a pixel fits, and the common share."""
     from toftwin.mistakes.find import FITS
     from toftwin.mistakes.fit import fitting
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is this host fit: Python, ROS and its middleware, ray casters, ONNX providers, system libraries."""
+"""Checks of this host: Python, ROS and its middleware, ray casters, ONNX providers, system libraries."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 PYTHONS = ((3, 11), (3, 12))
 LIBRARIES = {"libgomp.so.1": "libgomp1", "libGL.so.1": "libgl1", "libX11.so.6": "libx11-6", "libEGL.so.1": "libegl1"}
-"""What wheels link and do not bring, and the Debian package that has it."""
+"""Libraries that wheels link but do not contain, each with its Debian package."""
 CASTERS = {"embreex": "embreex", "open3d": "open3d"}
 
 
 def examine_host() -> Iterator[Finding]:
-    """All checks that need no data."""
+    """All checks that need no bag."""
     yield python()
     yield from middleware()
     yield discovery(dict(os.environ))
@@ -35,7 +35,7 @@ def examine_host() -> Iterator[Finding]:
 
 
 def python(version: tuple[int, int] | None = None) -> Finding:
-    """Python is one that the wheels and ROS exist for."""
+    """Wheels and ROS exist for this version of Python."""
     version = version or (sys.version_info.major, sys.version_info.minor)
     named = f"Python {version[0]}.{version[1]} on {platform.machine()}"
     if version in PYTHONS:
@@ -66,7 +66,7 @@ def middleware() -> Iterator[Finding]:
 
 
 def executor(failures: dict[str, str]) -> Finding:
-    """Which executor runs the nodes; `failures` are what each lacks on this host, the graph's own first."""
+    """The executor that runs the nodes; `failures`: why an executor does not work on this host, the graph's own first."""
     (own, why), (fallback, nothing_works) = failures.items()
     if not why:
         return ok("executor", f"{own} runs guards, timers, messages, services and coroutines")
@@ -84,7 +84,7 @@ def executor(failures: dict[str, str]) -> Finding:
 
 
 def discovery(environment: Mapping[str, str]) -> Finding:
-    """How far discovery reaches from the command line: a robot on another host is not heard unless asked for."""
+    """Range of discovery: without a setting, robots on other hosts are not found."""
     from tof_ros.environment import REACH, REACH_CHOICES, reach
 
     if not any(environment.get(name) for name in REACH_CHOICES):
@@ -116,7 +116,7 @@ def onnx_providers() -> Finding:
 
 
 def libraries() -> Iterator[Finding]:
-    """Shared libraries that wheels expect of the system."""
+    """System libraries that wheels link."""
     missing = {library: package for library, package in LIBRARIES.items() if not _loads(library)}
     if missing:
         yield fix("libraries", f"the linker does not find {', '.join(missing)}", f"apt-get install {' '.join(sorted(missing.values()))}")
@@ -125,7 +125,7 @@ def libraries() -> Iterator[Finding]:
 
 
 def _version(package: str) -> str:
-    """The version of a package that can be imported, else empty."""
+    """Version of a package, empty if it cannot be imported."""
     try:
         importlib.import_module(package)
         return metadata.version(package)

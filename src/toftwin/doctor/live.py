@@ -26,7 +26,7 @@ SILENT = "start the driver's streams; on another host: is the network's firewall
 
 
 def examine_live(options: BagOptions, scene: Scene | None, initial_pose: str | None, seconds: float) -> Iterator[Finding]:
-    """Look at the ROS graph of this domain, record it for a while, examine the recording."""
+    """List the ROS graph of this domain, record it for a while, and examine the recording."""
     from tof_ros.survey import survey
 
     with TemporaryDirectory(prefix="toftwin-doctor-") as folder:
@@ -53,7 +53,7 @@ def examine_live(options: BagOptions, scene: Scene | None, initial_pose: str | N
 
 
 def publishers(seen: Mapping[str, Sequence[Publisher]]) -> Iterator[Finding]:
-    """Published topics of the graph's types, and whether the QoS of our subscriptions fits them."""
+    """Published topics of types that the graph reads, and whether their QoS fits that of the nodes' subscriptions."""
     if not seen:
         yield fix(
             "live",

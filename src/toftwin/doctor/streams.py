@@ -94,11 +94,11 @@ def stamps(name: str, stream: Stream) -> Iterator[Finding]:
 
 
 MOVED_M, MOVED_DEG = 0.005, 0.3
-"""Further than this the camera was moved on: beyond the sway of a standing robot."""
+"""Larger motions are moves of the camera, not the sway of a standing robot."""
 
 
 def pauses(name: str, stream: Stream, transforms: TransformBuffer, camera: str) -> Iterator[Finding]:
-    """Long gaps between frames: drives between views where TF shows that the camera moved, else frames that were lost."""
+    """Long gaps between frames: moves between views where TF shows that the camera moved, else lost frames."""
     stamp = np.array(stream.stamps, np.int64)
     gaps = np.diff(stamp) / 1e9
     usual = float(np.median(gaps)) if len(gaps) else 0.0

@@ -25,25 +25,25 @@ if TYPE_CHECKING:
 VIEWS = 3
 """Views of one station that are rendered."""
 TRIED = 8
-"""Mistakes, those that fit best at the robot's pose, for which the base is moved too."""
+"""Number of mistakes, those that fit best at the robot's pose, for which the base is registered too."""
 FITS = 0.75
-"""Share of fitting pixels from which nothing is wrong: missing parts, foreign objects and edges leave so much of a healthy session."""
+"""Share of fitting pixels from which bag and scene agree: missing parts, foreign objects and edges leave this much in a healthy session."""
 SURE = 0.9
 """Share of fitting pixels from which no other mistake is tried."""
 NAMED = 0.45
 """Share of fitting pixels from which a mistake is named."""
 BETTER = 0.6
-"""Share of the misses that must be left at most, where a mistake is undone."""
+"""Largest ratio of the misses without a mistake to those with it."""
 NOWHERE = 0.35
 """Share of fitting pixels below which the camera sees another scene, whatever the mistake."""
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What was found.
+    """The result of a search.
 
-    share: of the pixels, those that fit as bag and scene have it; small: the same of pixels on small parts alone; undone: those that
-    fit without the mistake. `mistake` is None where all is well, or where no usual mistake explains the misfit.
+    share: of the pixels, those that fit the bag and scene as given; small: the same on small parts alone; undone: those that fit
+    without the mistake. `mistake` is None where bag and scene agree, or where no common mistake explains the misfit.
     """
 
     share: float
@@ -58,12 +58,12 @@ class Found:
 
     @property
     def nowhere(self) -> bool:
-        """Whether they fit it nowhere, and nothing explains why."""
+        """Whether the views fit the scene nowhere, and no mistake explains it."""
         return self.mistake is None and not self.fits and min(self.share, self.small) < NOWHERE
 
 
 def find_mistake(views: Sequence[View], caster: Raycaster, options: BagOptions, config: AlignConfig | None = None) -> Found:
-    """Try the usual mistakes on some views of one station, each with its robot pose."""
+    """Try the common mistakes on some views of one station, each with its robot pose."""
     config = config or AlignConfig()
     some = _some(views)
     if not some:
@@ -83,7 +83,7 @@ def find_mistake(views: Sequence[View], caster: Raycaster, options: BagOptions, 
 
 
 def _best(tried: Sequence[tuple[Taken, Mistake]], caster: Raycaster, config: AlignConfig) -> tuple[float, Mistake]:
-    """The mistake without which most pixels fit, and their share; the first one without which nearly all do."""
+    """The mistake whose removal lets most pixels fit, and their share; the first one with nearly all ends the search."""
     best = (0.0, tried[0][1])
     for taken, mistake in tried:
         share = aligned(taken, caster, config, mistake.metres)
@@ -95,7 +95,7 @@ def _best(tried: Sequence[tuple[Taken, Mistake]], caster: Raycaster, config: Ali
 
 
 def _some(views: Sequence[View]) -> list[View]:
-    """Views of the station that has most, spread over it, with the most measured pixels of their neighbours."""
+    """Views of the station with most views, spread over it; of neighbours the one with most measured pixels."""
     usable = [v for v in views if v.robot is not None and np.isfinite(v.depth).any()]
     if not usable:
         return []

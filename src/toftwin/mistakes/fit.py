@@ -13,11 +13,11 @@ from tof_align.pixels import take_pixels
 from tof_core import se3
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from tof_align.config import AlignConfig
     from tof_align.pixels import Pixels
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
     from toftwin.mistakes.hypotheses import Mistake
@@ -29,11 +29,11 @@ TIGHT_M = 0.015
 ROOM_M = 1.5
 """Longest side from which a part is a floor, a wall or a table, which many scenes have."""
 FEW = 0.03
-"""Share of the pixels below which small parts tell nothing."""
+"""Share of measured pixels below which the pixels on small parts are too few to count."""
 PIXELS = 700
 """Pixels of a view that are used."""
 STARTS, KEPT = 64, 2
-"""Places of the base that are looked at, and from which a descent starts: an eighth of an alignment's, since many mistakes are tried."""
+"""Candidate poses of the base, and those from which a descent starts: an eighth of an alignment's, since many mistakes are tried."""
 
 
 def fitting(metres: float = 1.0) -> str:
@@ -49,28 +49,27 @@ class Taken:
     poses: Float
 
     def share(self, caster: Raycaster, poses: Float, limit: float) -> float:
-        """Share of the measured pixels that the CAD has within `limit` metres; where the ray misses it, it has not."""
+        """Share of the measured pixels within `limit` metres of the CAD; a ray that misses the CAD does not fit."""
         fits = count = 0
+        for miss, _ in self.misses(caster, poses):
+            fits, count = fits + int((miss < limit).sum()), count + len(miss)
+        return fits / max(count, 1)
+
+    def misses(self, caster: Raycaster, poses: Float) -> Iterator[tuple[Float, Ints]]:
+        """Of each view's measured pixels the distance to the CAD along the ray in metres, and the part that the ray hits (-1: none)."""
         for p, T in zip(self.pixels, poses, strict=True):
             known = np.isfinite(p.depth.ravel())
             hits = caster.cast(T[:3, 3], p.rays.reshape(-1, 3)[known] @ T[:3, :3].T)
-            with np.errstate(invalid="ignore"):
-                fits += int((np.abs(p.depth.ravel()[known] - hits.t) < limit).sum())
-            count += int(known.sum())
-        return fits / max(count, 1)
+            yield np.abs(p.depth.ravel()[known] - hits.t), hits.part
 
 
 def on_small(taken: Taken, poses: Float, caster: Raycaster) -> float:
-    """Share of fitting pixels among those on parts smaller than a room, by the CAD; 1 where they are too few."""
+    """Share of fitting pixels among those on parts that are smaller than a room; 1 where they are too few."""
     small = np.array([float(np.ptp(p.vertices, axis=0).max()) < ROOM_M for p in caster.scene.parts])
     fits = count = total = 0
-    for p, T in zip(taken.pixels, poses, strict=True):
-        known = np.isfinite(p.depth.ravel())
-        hits = caster.cast(T[:3, 3], p.rays.reshape(-1, 3)[known] @ T[:3, :3].T)
-        mine = (hits.part >= 0) & small[hits.part]
-        with np.errstate(invalid="ignore"):
-            fits += int((mine & (np.abs(p.depth.ravel()[known] - hits.t) < 2 * TIGHT_M)).sum())
-        count, total = count + int(mine.sum()), total + int(known.sum())
+    for miss, part in taken.misses(caster, poses):
+        on = (part >= 0) & small[part]
+        fits, count, total = fits + int((on & (miss < 2 * TIGHT_M)).sum()), count + int(on.sum()), total + len(miss)
     return fits / count if count > FEW * total else 1.0
 
 
@@ -92,7 +91,7 @@ def aligned(taken: Taken, caster: Raycaster, config: AlignConfig, metres: float 
 
 
 def moved(taken: Taken, caster: Raycaster, config: AlignConfig, metres: float = 1.0) -> tuple[float, Float]:
-    """The same, and the poses (V, 4, 4) there."""
+    """`aligned`, and the poses (V, 4, 4) after the registration."""
     if metres != 1.0:  # Kernels and priors of an alignment are in metres.
         return taken.share(caster, taken.poses, LOOSE_M * metres), taken.poses
     quick = replace(config, approach=replace(config.approach, views=len(taken.pixels), starts=STARTS, kept=KEPT, slides=1, slide_rounds=1))

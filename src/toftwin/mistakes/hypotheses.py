@@ -98,7 +98,7 @@ def _images() -> Iterator[Mistake]:
 
 
 def _turned(turn: Callable[[Any], Any], *, across: bool, down: bool) -> Callable[[View], View]:
-    """The image and its principal point turned."""
+    """The view with its image and principal point turned."""
 
     def undone(view: View) -> View:
         c = view.camera
@@ -170,7 +170,7 @@ def _scenes() -> Iterator[Mistake]:
 
 
 def _in_cell_of(factor: float) -> Callable[[View], View]:
-    """Everything that was measured in the unit of the CAD: a scene that must shrink is one in which all else is larger."""
+    """The view with its lengths in the CAD's unit: a scene that is too large is tested by a camera and an arm that are larger."""
 
     def undone(view: View) -> View:
         grown = _times(1 / factor)(view)
@@ -180,7 +180,7 @@ def _in_cell_of(factor: float) -> Callable[[View], View]:
 
 
 def _posed(change: Callable[[Float], Float]) -> Callable[[View], View]:
-    """The view with another pose of its camera in the cell; the base stays where the camera is, so that it may still be moved."""
+    """The view with another camera pose in the cell; the base stays at the camera, so that it can still be registered."""
 
     def undone(view: View) -> View:
         assert view.robot is not None
@@ -190,7 +190,7 @@ def _posed(change: Callable[[Float], Float]) -> Callable[[View], View]:
 
 
 def _at(T: Float, place: Float) -> Float:
-    """A pose at another place."""
+    """The view with the pose of another view."""
     out = np.array(T)
     out[:3, 3] = place
     return out

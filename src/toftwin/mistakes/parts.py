@@ -10,6 +10,7 @@ import numpy as np
 import yaml
 
 from tof_scene.raycast import Raycaster
+from toftwin.mistakes.fit import loose
 from toftwin.mistakes.hypotheses import Mistake
 
 if TYPE_CHECKING:
@@ -22,23 +23,21 @@ if TYPE_CHECKING:
     from toftwin.mistakes.fit import Taken
 
 TINY_M = 0.003
-"""Longest side below which no camera of an arm sees a part."""
+"""Longest side in metres below which no camera of an arm sees a part."""
 MANY = 0.3
-"""Share of the parts that are too small from which it is the scene's unit that is wrong."""
+"""Share of parts that are too small, from which the whole scene has the wrong unit."""
 FAR = 10.0
-"""A part's distance from the others' middle, over the extent of the others, from which it is not of this cell."""
+"""Distance of a part from the others' middle, over the others' extent, from which the part is too far away."""
 LEAST_FAR_M = 5.0
-"""No part within reach of the others' middle by this is too far."""
+"""Parts nearer than this to the others' middle are never too far away."""
 IN_METRES = (".step", ".stp", ".glb", ".gltf")
 """Mesh files that state their unit: they are read in metres."""
 MOST_PARTS = 40
-"""Parts up to which each is left out in turn."""
+"""Largest number of parts for which each is left out in turn."""
 SCALES = (1e-3, 1e3, 0.0254, 1 / 0.0254, 0.1, 10.0)
 """Factors by which the scale of a mesh is usually wrong."""
-LOOSE_M = 0.1
-"""Error up to which a pixel fits at the robot's pose."""
 GAINED, REST = 0.1, 0.8
-"""Share of the pixels that must fit beside, and in all, without a part that is taken for wrong: the rest of the scene is right then."""
+"""A part is wrong if without it this share of pixels more fits, and at least this share in all: the rest of the scene is right then."""
 
 
 def suspicious(scene: Scene, path: Path) -> Iterator[tuple[bool, str, str]]:
@@ -88,18 +87,18 @@ def sizes(scene: Scene) -> str:
 
 
 def wrong_part(taken: Taken, caster: Raycaster) -> tuple[float, Mistake] | None:
-    """The part without which the views fit best, and the share that fits with the usual mistake in it undone, if one does."""
+    """The part without which the views fit best, and the fitting share with a common mistake in it undone, if one does."""
     scene = caster.scene
     if not 1 < len(scene.parts) <= MOST_PARTS:
         return None
-    bare = [(taken.share(Raycaster(scene.without(p.name)), taken.poses, LOOSE_M), p) for p in scene.parts]
+    bare = [(loose(taken, Raycaster(scene.without(p.name))), p) for p in scene.parts]
     share, part = max(bare, key=lambda b: b[0])
-    before = taken.share(caster, taken.poses, LOOSE_M)
+    before = loose(taken, caster)
     if share < max(before + GAINED, REST):
         return None
     size = _size(np.ptp(part.vertices, axis=0))
     stands = f"part '{part.name}' ({size}) stands where the camera sees through"
-    repaired = [(taken.share(_with(caster.scene, part, fixed), taken.poses, LOOSE_M), todo) for fixed, todo in _repairs(scene, part)]
+    repaired = [(loose(taken, _with(caster.scene, part, fixed)), todo) for fixed, todo in _repairs(scene, part)]
     better, todo = max(repaired, key=lambda r: r[0], default=(0.0, ""))
     if better > share + 0.01:
         return better, Mistake(stands, f"scene.yaml, part '{part.name}': {todo}", lambda view: view)
@@ -107,7 +106,7 @@ def wrong_part(taken: Taken, caster: Raycaster) -> tuple[float, Mistake] | None:
 
 
 def _repairs(scene: Scene, part: Part) -> Iterator[tuple[Float, str]]:
-    """Vertices of the part with a usual mistake undone, and the line to change."""
+    """Vertices of the part with a common mistake undone, and the line to change."""
     entry = _entries(scene.folder / "scene.yaml").get(part.name, {})
     pose = entry.get("pose")
     origin = np.array(pose[:3], float) if isinstance(pose, list) and len(pose) == 7 else np.zeros(3)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def explained(error: RefusedError, views: Sequence[View], caster: Raycaster, options: BagOptions, align: AlignConfig) -> RefusedError:
-    """The refusal with the line to change, where a usual mistake explains it; else the same."""
+    """The refusal with the line to change, if a common mistake explains it; else the unchanged refusal."""
     found = find_mistake(views, caster, options, align)
     if found.mistake is None:
         return error
