@@ -75,7 +75,7 @@ def test_metadata_that_is_no_yaml_or_lacks_keys(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.95])
-def test_a_truncated_bag_is_refused_and_what_is_whole_can_be_had(tmp_path: Path, share: float) -> None:
+def test_a_truncated_bag_is_refused_and_its_intact_messages_can_be_recovered(tmp_path: Path, share: float) -> None:
     path = bags.write(tmp_path / "bag", MANY)
     file = storage_file(path)
     os.truncate(file, int(file.stat().st_size * share))
@@ -283,7 +283,7 @@ def test_a_transform_that_is_no_motion_is_a_gap_not_the_end(tmp_path: Path) -> N
         assert reader.note == "1 messages left out: no rigid motion"
 
 
-def test_one_damaged_message_costs_itself_alone_if_asked(tmp_path: Path) -> None:
+def test_with_recover_one_damaged_message_loses_only_itself(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag") as bag:
         bags.write_tf(bag, Session())
         for i in range(6):

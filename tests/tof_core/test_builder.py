@@ -121,7 +121,7 @@ def test_without_tf_frames_are_skipped_after_a_while_and_counted(live: Live) -> 
     assert "TF does not have the cell frame 'cell'" in live.builder.last_error
 
 
-def test_without_camera_info_nothing_is_given_out(live: Live) -> None:
+def test_without_camera_info_no_capture_is_emitted(live: Live) -> None:
     t = live.topics
     assert live.feed(only(live, "/tf_static", "/tf", t.amplitude, t.depth)) == []
     assert list(live.builder.ready(final=True)) == []

@@ -58,8 +58,8 @@ def test_a_kernel_sees_an_edit_of_what_it_calls(package: Path) -> None:
     assert called(package) == (22, 1)
 
 
-def test_files_of_others_are_left_to_numba(tmp_path: Path) -> None:
+def test_files_of_other_packages_are_cached_by_numba(tmp_path: Path) -> None:
     foreign = tmp_path / "mine.py"
     foreign.write_text("")
     assert kernel_cache.root_of(foreign) is None
-    assert kernel_cache.BesideSource.from_function(test_files_of_others_are_left_to_numba, str(foreign)) is None
+    assert kernel_cache.BesideSource.from_function(test_files_of_other_packages_are_cached_by_numba, str(foreign)) is None

@@ -84,7 +84,7 @@ def test_the_gate_is_as_sharp_at_either_end_of_tf(ms: int, speed: float, still: 
     assert is_still(moving(speed, 0.0), "cell", "camera", ms * MS, MotionConfig(speed_mm_s=10.0)) is still
 
 
-def test_one_stamp_alone_tells_no_velocity() -> None:
+def test_one_stamp_gives_no_velocity() -> None:
     tf = TransformBuffer()
     tf.add("cell", "camera", 0, np.eye(4))
     assert camera_velocity(tf, "cell", "camera", 0, 0.04) is None

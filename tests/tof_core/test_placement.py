@@ -22,7 +22,7 @@ def test_the_frame_stands_before_a_colon_and_is_the_camera_without_one() -> None
     assert parse_placement(" ") is None
 
 
-def test_what_is_no_pose_is_refused_with_the_name_of_the_parameter() -> None:
+def test_an_invalid_pose_is_refused_with_the_name_of_the_parameter() -> None:
     with pytest.raises(UsageError, match=r"live.initial_pose: '1 2' is not 'x y z qx qy qz qw'"):
         parse_placement("1 2", where="live.initial_pose")
 

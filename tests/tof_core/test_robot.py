@@ -93,13 +93,13 @@ def test_two_robots_are_placed_in_one_cell_which_has_one_parent() -> None:
         RobotChain(tf, "cell", placed=Placement("three/odom", first)).resolve("three/camera")
 
 
-def test_a_camera_without_any_tf_is_placed_itself() -> None:
+def test_without_tf_the_placement_is_that_of_the_camera() -> None:
     T_camera_cell = se3.exp([0.0, 0.0, 1.5, 0.1, 0.0, 0.0])
     pose = RobotChain(TransformBuffer(), "cell", placed=Placement("camera", T_camera_cell)).pose("camera", 123)
     np.testing.assert_allclose(pose.T_cell_camera, se3.inverse(T_camera_cell), atol=1e-12)
 
 
-def test_tf_that_knows_the_cell_overrides_a_placement() -> None:
+def test_a_cell_frame_in_tf_overrides_a_placement() -> None:
     chain = RobotChain(buffer(), "cell", placed=Placement("spot/body", np.eye(4)))
     np.testing.assert_allclose(chain.pose("spot/camera", 0).T_cell_camera, CELL_BODY @ BODY_CAMERA, atol=1e-12)
 

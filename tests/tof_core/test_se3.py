@@ -126,7 +126,7 @@ def changed(row: int, column: int, value: float) -> Float:
         changed(0, 1, 2e-4),
     ],
 )
-def test_what_is_no_rigid_motion_is_refused_by_name(T: Float) -> None:
+def test_a_matrix_that_is_no_rigid_motion_is_refused_by_name(T: Float) -> None:
     with pytest.raises(TransformError, match="initial pose"):
         se3.as_se3("initial pose", T)
 

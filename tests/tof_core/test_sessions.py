@@ -72,7 +72,7 @@ def test_a_session_that_is_not_there_is_refused(tmp_path: Path) -> None:
         open_bag(looped(tmp_path / "bag", (20, 20, 20)), BagOptions(session=4))
 
 
-def test_a_bag_of_one_session_says_nothing(tmp_path: Path) -> None:
+def test_a_bag_of_one_session_has_no_note(tmp_path: Path) -> None:
     with open_bag(looped(tmp_path / "bag", (12,))) as reader:
         assert reader.note == ""
         assert reader.frame_count == 12
@@ -87,7 +87,7 @@ def test_late_messages_are_no_jump_and_three_ascending_ones_far_back_are() -> No
     assert set_back(back) == [20, 40]
 
 
-def test_one_topic_s_bad_stamps_cut_nothing() -> None:
+def test_bad_stamps_of_one_topic_do_not_split_the_session() -> None:
     good, bad = np.arange(40) * FRAME + START, np.tile(np.arange(20) * FRAME, 2) + START
     topics = np.tile([0, 1, 2], 40)
     stamps = np.stack([good, good, bad], axis=1).ravel()

@@ -198,7 +198,7 @@ def test_interpolation_takes_the_shorter_way_round() -> None:
         np.testing.assert_allclose(buffer.lookup("a", "b", ms * MS), se3.exp([0, 0, 0, 0, 0, np.radians(degrees)]), atol=1e-12)
 
 
-def test_what_is_known_of_the_tree_follows_frames_that_come_and_go() -> None:
+def test_cached_paths_follow_added_and_removed_frames() -> None:
     buffer = tree()
     assert buffer.chain("odom", "camera") == ("odom", "body", "hand", "camera")
     assert not buffer.connected("cell", "camera")

@@ -38,7 +38,7 @@ def test_a_chunk_one_byte_larger_than_it_says_is_refused(compression: str) -> No
         unpack(packed(compression), compression, len(CONTENT) - 1)
 
 
-def test_a_chunk_that_says_too_much_is_refused_before_it_is_unpacked() -> None:
+def test_a_chunk_that_states_too_large_a_size_is_refused_before_it_is_unpacked() -> None:
     unpack(b"", "", LARGEST_CHUNK)
     with pytest.raises(BagError, match=f"a chunk of {LARGEST_CHUNK + 1} bytes"):
         unpack(b"", "", LARGEST_CHUNK + 1)

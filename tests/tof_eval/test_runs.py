@@ -53,7 +53,7 @@ def test_the_first_frame_and_topic_that_differ_are_named(tmp_path: Path) -> None
     assert result.largest["/preproc/depth"] == pytest.approx(1e-5, rel=1e-2)
 
 
-def test_differences_within_the_tolerance_pass_and_are_told(tmp_path: Path) -> None:
+def test_differences_within_the_tolerance_pass_and_are_reported(tmp_path: Path) -> None:
     result = compare_runs(run(tmp_path / "a", x=1.00001), run(tmp_path / "b"))
     assert result.same
     assert result.largest["/label/pose"] == pytest.approx(1e-5, rel=1e-6)

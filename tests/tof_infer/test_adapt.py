@@ -74,7 +74,7 @@ def test_the_card_names_the_network_and_the_camera_that_it_comes_from(adapted: t
     assert card.config["net"] == parse_card(model.with_suffix(".json").read_text(), "card").config["net"]
 
 
-def test_belongs_to_the_other_camera_alone(adapted: tuple[Path, Card]) -> None:
+def test_an_adapted_network_applies_to_the_new_camera_alone(adapted: tuple[Path, Card]) -> None:
     with pytest.raises(RefusedError, match="it is 44x30, the model's 52x38"):
         Session(InferConfig(model=str(adapted[0]))).repair(measured(1))
 
@@ -92,7 +92,7 @@ def test_one_view_is_refused_since_sigma_needs_another(model: Path, tmp_path: Pa
         adapt([data], model, tmp_path / "out.onnx", SHORT)
 
 
-def test_the_page_says_what_judged_it(adapted: tuple[Path, Card], tmp_path: Path) -> None:
+def test_the_page_names_the_validation_data(adapted: tuple[Path, Card], tmp_path: Path) -> None:
     page = write(adapted[1], tmp_path / "other.onnx").read_text()
     assert "on 5 views of the other half" in page
     assert "Adapted from walls.onnx, a network of a camera of 44 × 30." in page

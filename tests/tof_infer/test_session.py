@@ -111,7 +111,7 @@ def test_inf_in_depth_is_no_depth(model: Path) -> None:
     assert np.isnan(repaired.depth[0, :3]).all()
 
 
-def test_one_frame_leaves_nothing_for_the_next(model: Path) -> None:
+def test_a_frame_does_not_influence_the_next(model: Path) -> None:
     run = opened(model)
     first = run.repair(measured(506))
     run.repair(replace(measured(507), depth=np.full(CAMERA.shape, np.nan, np.float32)))

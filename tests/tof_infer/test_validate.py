@@ -49,7 +49,7 @@ def test_ten_millimetres_are_not_wrong_yet() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_where_no_pixel_is_sure_its_error_is_unknown() -> None:
+def test_without_pixels_of_small_sigma_their_error_is_unknown() -> None:
     found = verdict([0.001], [0.001], [1.0]).figures("val", Calibration(), 2e-3)
     assert found["val_mae_known_mm"] is None
     assert found["val_known"] == 0.0

@@ -108,7 +108,7 @@ def test_a_part_without_a_vote_moves_no_camera() -> None:
     assert (np.linalg.eigvalsh(cov) > 0).all(), "the pose stays uncertain"
 
 
-def test_what_is_left_of_like_pixels_counts_but_not_of_the_part_itself() -> None:
+def test_the_bias_comes_from_like_pixels_outside_the_part() -> None:
     cell = np.repeat([[20, 5], [20, 9], [26, 5]], 40, axis=0)
     part = np.tile([1, 2], 60)
     left = np.where(cell[:, 0] == 26, 0.0, np.where(part == 1, 0.003, 0.009))

@@ -45,7 +45,7 @@ def test_the_probability_is_bayes(prior: float, ratio: float, p: float) -> None:
     assert probability(ratio, InspectConfig(prior=prior)) == pytest.approx(p)
 
 
-def test_a_verdict_takes_the_probability_that_is_asked_of_it() -> None:
+def test_a_verdict_needs_the_configured_probability() -> None:
     edge = log_odds(CONFIG.decide)
     for depth, expected in (
         (edge + 0.01, "present"),

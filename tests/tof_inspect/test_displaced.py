@@ -71,7 +71,7 @@ def test_the_pattern_search_steps_three_times_at_most_of_each_size() -> None:
     np.testing.assert_allclose(_patterned(np.eye(4), bowl(0.5, 0.0, 0.0))[:3, 3], [3 * 7e-3, 0.0, 0.0])
 
 
-def test_what_is_as_good_is_not_moved() -> None:
+def test_the_search_stays_where_no_step_is_better() -> None:
     np.testing.assert_array_equal(_patterned(at(np.array([1e-3, 0, 0])), lambda _: 1.0), at(np.array([1e-3, 0, 0])))
 
 
@@ -180,7 +180,7 @@ def test_no_farther_than_the_search_and_a_third(monkeypatch: pytest.MonkeyPatch)
     assert found.shift[0] == pytest.approx(1.3 * 0.012, abs=0.3e-3)
 
 
-def test_along_what_is_not_known_a_part_has_not_moved(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_along_an_undetermined_axis_no_shift_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     found = fitted(monkeypatch, Dents((-0.006, 0.006, 0.006)), open_axis=True)
     np.testing.assert_allclose(found.shift, [-0.006, 0.006, 0.0], atol=0.13e-3)
     assert found.shift[2] == 0.0

@@ -81,7 +81,7 @@ def weighed(changes: Any = None, config: InspectConfig = CONFIG, name: str = "bl
     return weigh(made, Split(scene).without(scene.index(name)), scene.index(name), config, PosesAlone([SURE] * 4)), made
 
 
-def test_a_part_that_is_there_speaks_for_itself_and_one_that_is_gone_against() -> None:
+def test_evidence_is_positive_for_a_present_part_and_negative_for_an_absent_one() -> None:
     there, made = weighed()
     gone, _ = weighed(measured=as_built(plate(), gone=("block",)))
     assert there.log_ratio > 20.0

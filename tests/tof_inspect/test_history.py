@@ -94,7 +94,7 @@ def test_chance_stays_chance_where_parts_differ_in_their_noise() -> None:
     assert false / count < 4 / 900, "stated: 1 in 900"
 
 
-def test_an_axis_that_is_not_known_says_nothing() -> None:
+def test_an_undetermined_axis_has_no_trend() -> None:
     (trend,) = trends([session(k, (0.0, 0.0, 3.0 * k), (STD, STD, 1e3)) for k in range(5)])
     assert not trend.creeps
     assert trend.left is None

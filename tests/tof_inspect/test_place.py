@@ -112,7 +112,7 @@ def test_without_views_one_capture_is_assumed() -> None:
         (("y", "-y"), "add views from half the distance"),
     ],
 )
-def test_a_view_is_asked_for_from_a_free_side(blocked: tuple[str, ...], todo: str) -> None:
+def test_a_proposed_view_is_from_a_free_side(blocked: tuple[str, ...], todo: str) -> None:
     found = place(fit(1.0, 3.0, 1.0), *blocked).todo
     away = np.linalg.norm([0.03, 0.04, 0.03]) / 2 + FREE_M
     sides = {todo.format(0.05 + away, "-"), todo.format(0.05 - away, "")}

@@ -70,7 +70,7 @@ def test_foreign_light_is_found_at_its_size() -> None:
     assert effect.uniform_m == pytest.approx(1.5e-3, rel=0.1)
 
 
-def test_a_constant_number_of_electrons_may_be_light_or_the_read_out_and_both_are_said() -> None:
+def test_a_constant_number_of_electrons_is_reported_as_light_or_read_out() -> None:
     found = Ambient.detect(session(light(0.0, 1.5e-3)))
     assert found is not None
     assert found.effect.rivals == ("noise",)

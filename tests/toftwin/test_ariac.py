@@ -51,7 +51,7 @@ def later(scene: Path) -> Path:
     return scene.parent / "later"
 
 
-def test_the_hand_comes_back_and_the_missing_battery_is_told(
+def test_the_hand_is_corrected_and_the_missing_battery_is_reported(
     scene: Path, first: Path, later: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     kept = str(scene.parent / "ref")

@@ -123,7 +123,7 @@ def test_no_tf_at_all(capsys: pytest.CaptureFixture[str], scene: Path, tmp_path:
     assert "TF does not have the cell frame 'cell'; pass --initial-pose" in refused(capsys, bag, scene, tmp_path / "out")
 
 
-def test_a_gap_in_tf_is_counted_and_said(capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path) -> None:
+def test_a_gap_in_tf_is_counted_and_reported(capsys: pytest.CaptureFixture[str], scene: Path, tmp_path: Path) -> None:
     with open_bag(GOLDEN) as reader:
         middle = [c.stamp_ns for c in reader.captures()][4]
 

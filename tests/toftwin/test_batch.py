@@ -45,7 +45,7 @@ def label(bags: Path, out: Path, *flags: str) -> int:
     return cli.main(["label", str(bags / "*.mcap"), "--scene", "body_section", "--mode", "robot", "--out", str(out), *flags])
 
 
-def test_a_bag_that_fails_is_said_and_the_others_go_on(bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failing_bag_is_reported_and_the_others_continue(bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Then the same call again, where one bag has become younger than its labels: that one alone is labelled."""
     out = tmp_path / "out"
     assert label(bags, out, "--workers", "1") == 1
@@ -142,7 +142,7 @@ def test_patterns_and_names(bags: Path, tmp_path: Path) -> None:
         find_bags([str(bags / "a.mcap"), str(tmp_path / "a.mcap")])
 
 
-def test_what_is_a_batch(tmp_path: Path) -> None:
+def test_a_pattern_or_an_engine_makes_a_batch(tmp_path: Path) -> None:
     (tmp_path / "odd[1].mcap").touch()
     for bag, engine, batch in (("x", None, False), ("x*", None, True), ("x", "local", True), (str(tmp_path / "odd[1].mcap"), None, False)):
         assert is_batch([bag], engine) is batch

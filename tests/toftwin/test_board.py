@@ -153,7 +153,7 @@ def test_scene_and_board_exclude_each_other(folder: Path, tmp_path: Path, capsys
     assert main(["gap", str(folder), "--board", "5x7", "--out", str(tmp_path)]) == 2
 
 
-def test_labels_owe_nothing_to_the_range_error_and_a_method_is_judged_by_them(
+def test_labels_are_independent_of_the_range_error_and_rate_a_method(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Dark squares are 12 mm too far: the label keeps the board's plane, where a solution that uses depth would follow them."""
@@ -189,7 +189,7 @@ def test_boards_are_labelled_one_bag_at_a_time(folder: Path, tmp_path: Path, cap
     assert "a batch is of one scene" in capsys.readouterr().err
 
 
-def test_a_calibrated_lens_is_left_with_its_deviations_and_stated_for_later_sessions(tmp_path: Path) -> None:
+def test_a_calibrated_lens_is_written_with_standard_deviations_for_later_sessions(tmp_path: Path) -> None:
     session = board_session(captures(10), BOARD, calibrate=True)
     save_lens(session, tmp_path)
     assert read_camera(tmp_path / "camera.yaml") == replace(session.camera, frame_id="camera")

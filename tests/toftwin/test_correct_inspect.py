@@ -99,7 +99,7 @@ def test_a_reference_of_another_camera_is_refused(
     assert "160x120" in one_line(capsys)
 
 
-def test_a_reference_that_is_none_is_said(
+def test_an_invalid_reference_is_refused(
     bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for command in ("correct", "inspect"):
@@ -122,14 +122,14 @@ def test_only_a_region_may_matter(bags: dict[str, tuple[Path, np.ndarray]], tmp_
     assert "pixels of the region have a depth" in one_line(capsys)
 
 
-def test_a_view_that_the_bag_does_not_have_is_said(
+def test_a_view_that_the_bag_lacks_is_refused(
     bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["correct", str(bags["first"][0]), "--save", str(tmp_path / "ref"), "--view", "7"]) == 2
     assert "there is no view 7; the bag has 1" in one_line(capsys)
 
 
-def test_a_scene_without_parts_to_inspect_is_said(
+def test_a_scene_without_parts_to_inspect_is_refused(
     bags: dict[str, tuple[Path, np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scene = write_builtin("body_section", tmp_path)

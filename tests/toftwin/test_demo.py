@@ -27,7 +27,7 @@ def demo(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_everything_is_left_and_nothing_half_done(demo: Path) -> None:
+def test_all_files_of_the_demonstration_exist_and_no_partial_one(demo: Path) -> None:
     names = {p.name for p in demo.iterdir()}
     assert {"gap", "inspection", "first.json", "later", "fitted"} <= names
     assert (demo / "gap/sensor.yaml").exists()

@@ -104,7 +104,7 @@ def worst(said: list[Finding], level: Level = Level.FIX) -> list[str]:
     return [f"{f.check}: {f.what}" for f in said if f.level is level]
 
 
-def test_a_good_bag_needs_no_mending_and_its_reading_is_told(tmp_path: Path) -> None:
+def test_a_good_bag_has_no_fault_and_its_meaning_of_depth_is_reported(tmp_path: Path) -> None:
     said = findings(tmp_path, Robot())
     assert worst(said) == []
     text = "\n".join(f.line() for f in said)
@@ -148,7 +148,7 @@ def test_radial_depth_that_is_declared_is_healthy(tmp_path: Path) -> None:
     assert worst(findings(tmp_path, Robot(radial=True), depth="radial")) == []
 
 
-def test_what_is_lost_without_amplitude_is_a_note(tmp_path: Path) -> None:
+def test_missing_amplitude_is_a_note(tmp_path: Path) -> None:
     said = findings(tmp_path, Robot(amplitude=False))
     assert healthy(said)
     assert any("no amplitude" in line for line in worst(said, Level.NOTE))
@@ -168,7 +168,7 @@ def test_real_cameras_are_told_apart_by_what_their_depth_is(bag: str, level: Lev
     assert told.level is level
 
 
-def test_a_root_that_is_no_cell_is_said(tmp_path: Path) -> None:
+def test_a_tf_root_other_than_the_cell_is_reported(tmp_path: Path) -> None:
     assert any("root 'odom' is not a cell" in line for line in worst(findings(tmp_path, Robot(root="odom")), Level.NOTE))
 
 
@@ -177,7 +177,7 @@ def test_a_frame_that_tf_lacks_is_named_with_those_it_has(tmp_path: Path) -> Non
     assert any("'plant'" in line for line in worst(said))
 
 
-def test_a_cut_bag_is_said_and_its_whole_part_examined(tmp_path: Path) -> None:
+def test_a_truncated_bag_is_reported_and_its_intact_part_examined(tmp_path: Path) -> None:
     bag = record(tmp_path / "bag", Robot())
     file = next(bag.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[: int(file.stat().st_size * 0.8)])
@@ -196,7 +196,7 @@ def test_a_message_that_is_none_is_a_finding(tmp_path: Path) -> None:
     assert any(f.check == "bag" and f.level is Level.FIX and NAMES["info"] in f.what and f.todo for f in said), worst(said)
 
 
-def test_the_command_exits_1_and_speaks_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_exits_1_and_prints_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = record(tmp_path / "bag", Robot(tf=False))
     assert cli.main(["doctor", str(bag), "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
@@ -233,13 +233,13 @@ def test_a_missing_library_names_its_package(monkeypatch: pytest.MonkeyPatch) ->
     assert (found.level, found.todo) == (Level.FIX, "apt-get install libno9")
 
 
-def test_a_quiet_ros_domain_is_said(tmp_path: Path, ros_domain: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_ros_domain_without_topics_is_reported(tmp_path: Path, ros_domain: int, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["doctor", "--live", "--seconds", "0.2"]) == 1
     assert "no publisher of images" in capsys.readouterr().out
 
 
 @pytest.mark.dds
-def test_publishers_that_say_nothing_are_to_be_mended(ros_domain: int) -> None:
+def test_publishers_without_messages_are_faults(ros_domain: int) -> None:
     import rclpy
     from sensor_msgs.msg import Image
 
@@ -324,7 +324,7 @@ EXECUTORS = {
 
 
 @pytest.mark.parametrize("what", EXECUTORS)
-def test_the_executor_that_runs_the_nodes_is_told(what: str) -> None:
+def test_the_executor_that_runs_the_nodes_is_reported(what: str) -> None:
     failures, level, said = EXECUTORS[what]
     finding = host.executor(failures)
     assert finding.level is level

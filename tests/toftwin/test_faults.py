@@ -64,7 +64,7 @@ def running(context: Any) -> Iterator[tuple[Graph, FaultyRobot]]:
         yield graph, robot
 
 
-def test_lost_messages_cost_themselves_alone(running: tuple[Graph, FaultyRobot]) -> None:
+def test_lost_messages_lose_only_their_own_frames(running: tuple[Graph, FaultyRobot]) -> None:
     graph, robot = running
     n = graph.begin()
     robot.tf(n, n + 12)
@@ -113,7 +113,7 @@ def test_frames_delayed_by_two_seconds_are_kept(running: tuple[Graph, FaultyRobo
     assert robot.fates(sent, "label") == {"kept": 4}
 
 
-def test_a_frame_stamped_in_the_future_is_said_and_the_graph_finds_back(running: tuple[Graph, FaultyRobot]) -> None:
+def test_a_frame_stamped_in_the_future_is_reported_and_the_graph_recovers(running: tuple[Graph, FaultyRobot]) -> None:
     graph, robot = running
     n = graph.begin()
     robot.frames(range(n, n + 3))
@@ -159,7 +159,7 @@ def test_a_clock_set_back_begins_afresh_in_every_node(running: tuple[Graph, Faul
     graph.begin(HOUR_NS // 60 // 66_000_000)  # on from here
 
 
-def test_tf_that_stops_costs_its_frames_is_said_and_comes_back(running: tuple[Graph, FaultyRobot]) -> None:
+def test_frames_without_tf_are_skipped_and_reported_until_tf_returns(running: tuple[Graph, FaultyRobot]) -> None:
     graph, robot = running
     n = graph.begin()
     assert robot.fates(robot.frames(range(n, n + 3))) == {"kept": 3}
@@ -194,7 +194,7 @@ def test_an_image_of_another_size_than_its_camera_info_is_a_bad_frame(running: t
     assert robot.fates(robot.frames(range(n + 4, n + 6))) == {"kept": 2}
 
 
-def test_a_subscriber_that_never_takes_anything_holds_nobody_up(context: Any, running: tuple[Graph, FaultyRobot]) -> None:
+def test_a_subscriber_that_never_reads_delays_no_other(context: Any, running: tuple[Graph, FaultyRobot]) -> None:
     import rclpy
     from sensor_msgs.msg import Image
 

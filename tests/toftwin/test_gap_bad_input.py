@@ -45,7 +45,7 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
     return recorded(tmp_path_factory.mktemp("bare"), **{"plan.views": 5, "output.amplitude": False, "output.temperature": False})
 
 
-def test_what_a_bare_session_cannot_test_is_said(bare: tuple[str, str], tmp_path: Path) -> None:
+def test_effects_that_a_minimal_session_cannot_test_are_listed(bare: tuple[str, str], tmp_path: Path) -> None:
     bag, scene = bare
     assert main(["gap", bag, "--scene", scene, "--out", str(tmp_path)]) == 0
     report = json.loads((tmp_path / "gap.json").read_text())
@@ -76,7 +76,7 @@ def test_a_bag_of_another_scene_is_refused(bare: tuple[str, str], tmp_path: Path
     assert "fits this scene nowhere" in capsys.readouterr().err
 
 
-def test_an_effect_that_there_is_not_cannot_be_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_effect_cannot_be_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Said before the bag is opened, let alone diagnosed for minutes as if nothing were forbidden."""
     call = ["gap", str(tmp_path), "--scene", "body_section", "--out", str(tmp_path / "gap")]
     assert main([*call, "--leave-out", "wiggling", "--leave-out", "wigling"]) == 2

@@ -46,7 +46,7 @@ class Node:
         return self._name
 
 
-def test_running_is_said_of_active_nodes_alone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_running_is_reported_once_all_nodes_are_active(capsys: pytest.CaptureFixture[str]) -> None:
     from toftwin.graph import SOON_S, _say_running
 
     preproc, label = Node("preproc"), Node("sim_label", active=False)

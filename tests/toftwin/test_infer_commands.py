@@ -60,7 +60,7 @@ def test_infer_writes_a_bag_that_holds_both(session: Path, tmp_path: Path, capsy
     assert 0 < np.abs(repaired[0].depth - raw[0].depth)[both].mean() < 0.05
 
 
-def test_infer_writes_over_nothing(session: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_infer_overwrites_no_file(session: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["infer", str(session), "--out", str(session)]) == 2
     assert "exists already" in capsys.readouterr().err
 
@@ -121,7 +121,7 @@ def test_a_truth_of_another_session_is_no_reference(session: Path, tmp_path: Pat
     assert "is no truth file" in capsys.readouterr().err
 
 
-def test_train_says_what_is_wrong_with_the_call(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_train_refuses_wrong_arguments_with_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["train", str(tmp_path / "none.zarr"), "--out", str(tmp_path / "m.onnx")]) == 2
     assert "none.zarr" in capsys.readouterr().err
     assert cli.main(["train", str(tmp_path), "--out", str(tmp_path / "m.pt")]) == 2

@@ -90,7 +90,7 @@ def camera_errors(views: Sequence[View], truth: Sequence[Truth]) -> Float:
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_what_is_left_is_what_the_camera_would_have_measured_without_it(name: str) -> None:
+def test_removing_an_effect_gives_the_depth_of_a_camera_without_it(name: str) -> None:
     model, effect = KNOWN[name]
     views, truth = session(section(), views=4, effect=effect)
     less = known_removed(views, section(), KnownBias(model), CONFIG)
@@ -161,7 +161,7 @@ def test_an_empty_model_changes_nothing() -> None:
     assert not left_mm(known_removed(views, section(), KnownBias(SensorModel()), CONFIG), views).any()
 
 
-def test_what_one_diagnosis_fitted_the_next_knows_and_finds_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_diagnosis_with_the_fitted_sensor_as_known_finds_no_effect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene, first, second = write_builtin("body_section", tmp_path / "scene"), tmp_path / "first", tmp_path / "second"
     small = {"seed": 5, "camera.width": 112, "camera.height": 86, "plan.views": 6}
     record(bodies_of(load_scene(scene)), tmp_path / "bag", from_mapping(VirtualConfig, small), effects={"wiggling": 1.0})

@@ -112,7 +112,7 @@ def test_a_bias_common_to_all_depth_beyond_what_sigma_holds_is_a_warning(bias_mm
         pytest.param(4.3, ("accurate to 4.3 mm only", "label again with --joint"), id="multipath, labels 3.9 mm off"),
     ],
 )
-def test_labels_that_the_session_leaves_open_are_said_to_be_unsure(sigma_mm: float, words: tuple[str, ...]) -> None:
+def test_labels_that_the_session_does_not_determine_are_reported_with_their_accuracy(sigma_mm: float, words: tuple[str, ...]) -> None:
     line = unsure(sigma_mm, LabelConfig(), joint=False)
     assert bool(line) == bool(words)
     assert all(w in line for w in words)
@@ -124,13 +124,13 @@ def test_an_offset_that_a_calibration_excludes_leaves_the_limit_where_it_is() ->
     assert unsure(3.9, known, joint=False) != ""
 
 
-def test_a_joint_solution_that_leaves_labels_unsure_does_not_ask_for_itself() -> None:
+def test_after_a_joint_solution_the_advice_is_not_joint_again() -> None:
     line = unsure(4.3, LabelConfig(), joint=True)
     assert "--joint" not in line
     assert "views from other sides" in line
 
 
-def test_a_lens_off_camera_info_is_said() -> None:
+def test_a_lens_that_contradicts_camera_info_is_reported() -> None:
     stated = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
     pose = Posed(np.eye(4), np.eye(6))
     assert _lens_note(stated, [pose, pose]) == ""

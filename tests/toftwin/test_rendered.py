@@ -67,7 +67,7 @@ def test_views_are_those_of_the_modelled_camera(folder: Path) -> None:
         np.testing.assert_allclose(amplitude[seen], (GAIN * ALBEDO * cosine / (z * CAMERA.ray_length()) ** 2)[seen], rtol=1e-4)
 
 
-def test_what_is_rendered_is_kept_unless_it_is_to_be_made_afresh(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rendered_views_are_kept_unless_fresh_is_set(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made(folder)
     drawn = list[int]()
     view = rendered._view

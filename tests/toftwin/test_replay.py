@@ -65,7 +65,7 @@ def test_replay_over_dds_gives_the_numbers_of_the_offline_graph(ros_domain: int,
 
 
 @pytest.mark.slow
-def test_a_gap_in_tf_costs_the_frames_in_it_and_is_said(ros_domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_frames_in_a_gap_of_tf_are_skipped_and_reported(ros_domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     stamps = frame_stamps(Path(BAG))
     gap = (stamps[5] - 150_000_000, stamps[5] + 150_000_000)
     inside = [s for s in stamps if gap[0] < s < gap[1]]
@@ -91,7 +91,7 @@ def copy(source: Path, target: Path, keep: Callable[[RawMessage], bool]) -> None
                 writer.raw(message.topic, message.type, message.cdr, message.log_ns)
 
 
-def test_a_running_graph_that_lacks_an_output_is_told_and_not_waited_for_without_end(
+def test_a_missing_output_of_a_running_graph_is_reported_after_a_limited_wait(
     ros_domain: int, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It hears all and answers frames, and publishes nothing else."""
@@ -115,7 +115,7 @@ def test_a_running_graph_that_lacks_an_output_is_told_and_not_waited_for_without
 
 
 @pytest.mark.parametrize(("flags", "told"), [(["--running"], True), (["--running", "--realtime"], False), ([], False)])
-def test_who_plays_faster_than_a_running_graph_can_take_is_told_what_to_do(
+def test_a_replay_faster_than_a_running_graph_gets_advice(
     flags: list[str], *, told: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from tof_ros.player import PlayReport

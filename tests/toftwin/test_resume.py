@@ -79,7 +79,7 @@ def same(a: Path, b: Path) -> None:
 @pytest.mark.parametrize(
     ("method", "count", "kept"), [("append_capture", 5, (5, 0)), ("append_view", 0, (12, 0)), ("append_view", 3, (12, 3))]
 )
-def test_what_is_kept_is_not_made_again(
+def test_stored_results_are_not_computed_again(
     monkeypatch: pytest.MonkeyPatch, scene: Scene, whole: Path, tmp_path: Path, method: str, count: int, kept: tuple[int, int]
 ) -> None:
     stop_at(monkeypatch, method, count)

@@ -111,7 +111,7 @@ def test_colours_say_sign_and_size() -> None:
     assert red[0] > red[1]
 
 
-def test_without_the_extra_it_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_the_extra_the_error_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert cli.main(["view", str(GOLDEN)]) == 2
     error = capsys.readouterr().err

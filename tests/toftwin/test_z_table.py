@@ -90,7 +90,7 @@ def test_codes_of_a_millimetre_stay_known_through_the_conversion() -> None:
     assert all(len(np.unique(np.round(1e3 * v.depth, 3) % 1.0)) > 100 for v in views), "depth itself shows them no longer"
 
 
-def test_what_depth_is_without_a_reading_stays_as_it_is() -> None:
+def test_without_a_reading_depth_is_unchanged() -> None:
     views, findings = converted(session().views, Reading(), LevelLimits())
     assert findings == []
     assert all(a is b for a, b in zip(views, session().views, strict=True))

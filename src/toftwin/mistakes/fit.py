@@ -15,9 +15,11 @@ from tof_core import se3
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from numpy.typing import NDArray
+
     from tof_align.config import AlignConfig
     from tof_align.pixels import Pixels
-    from tof_core.arrays import Float, Ints
+    from tof_core.arrays import Float
     from tof_core.capture import View
     from tof_scene.raycast import Raycaster
     from toftwin.mistakes.hypotheses import Mistake
@@ -55,7 +57,7 @@ class Taken:
             fits, count = fits + int((miss < limit).sum()), count + len(miss)
         return fits / max(count, 1)
 
-    def misses(self, caster: Raycaster, poses: Float) -> Iterator[tuple[Float, Ints]]:
+    def misses(self, caster: Raycaster, poses: Float) -> Iterator[tuple[Float, NDArray[np.int16]]]:
         """Of each view's measured pixels the distance to the CAD along the ray in metres, and the part that the ray hits (-1: none)."""
         for p, T in zip(self.pixels, poses, strict=True):
             known = np.isfinite(p.depth.ravel())

@@ -36,7 +36,7 @@ def test_a_board_is_read_from_its_text(text: str, kind: str, size: float, second
 @pytest.mark.parametrize(
     "text", ["", "5x7", "5x7x30", "1x7x0.03", "charuco:6x8x0.03", "charuco:6x8x0.03x0.04", "dots:5x7x0.03", "5x7x0.03x0.02"]
 )
-def test_what_is_no_board_is_refused_with_the_forms_that_are(text: str) -> None:
+def test_an_invalid_board_is_refused_with_the_valid_forms(text: str) -> None:
     with pytest.raises(UsageError, match=r"5x7x0\.030"):
         Board.parse(text)
 

@@ -39,7 +39,7 @@ def ball(radius: float, distance: float) -> Image:
     return noisy(np.where(root > 0, (b - np.sqrt(np.maximum(root, 0))) / a, np.nan))
 
 
-def test_a_table_in_two_pieces_decides_both_ways() -> None:
+def test_a_table_in_two_pieces_is_evidence_for_z_and_for_radial() -> None:
     z, radial = wide_bend(table(), CAMERA), wide_bend(z_to_radial(CAMERA, table()), CAMERA)
     assert z is not None
     assert radial is not None
