@@ -263,7 +263,7 @@ def test_a_mixed_pixel_beside_a_dark_surface_lies_on_the_bright_one_and_says_not
         depth[:, 54:57] = v.rendering.second[:, 53:54]
         light[:, 54:57] = light[:, 53:54] * second_light
         mixed = np.where(np.arange(SHAPE[1]) == 50, 0.0, v.rendering.mixed).astype(np.float32)  # Too far from the second surface.
-        frame = replace(v.frame, rendering=replace(v.rendering, depth=depth, mixed=mixed), depth=depth, amplitude=light)
+        frame = replace(v.frame, rendering=replace(v.rendering, depth=depth, mixed=mixed), depth=depth.astype(float), amplitude=light)
         measured = np.where(dark, v.view.depth, bright.view.depth)
         out.append(replace(v, frame=frame, view=replace(v.view, depth=measured)))
     found = mixing(out, MISSING)
