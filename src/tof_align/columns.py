@@ -176,6 +176,20 @@ class ColumnSystem:
         """(V, 6, 6) covariance of each camera's right perturbation."""
         return np.stack([camera_cov(self.chain, solution.answer, v) for v in range(len(self.pixels))])
 
+    def with_free_distances(self) -> ColumnSystem:
+        """The same system with every view free along its optical axis, for chains whose poses have a covariance each."""
+        root, n, s = self.chain.root, self.normal, self.normal.shared
+        assert root is not None
+        along = np.zeros((6, 6))
+        along[2, 2] = DISTANCE_FREE_M**2
+        wider = np.linalg.cholesky(root @ np.swapaxes(root, 1, 2) + along)
+        ratio = np.linalg.solve(root, wider)
+        gram, own = n.gram.copy(), slice(s, s + 6)
+        gram[:, own] = np.swapaxes(ratio, 1, 2) @ gram[:, own]
+        gram[:, :, own] = gram[:, :, own] @ ratio
+        error = np.linalg.solve(ratio, n.own_error[..., None])[..., 0]
+        return replace(self, chain=replace(self.chain, root=wider), normal=replace(n, gram=gram, own_error=error))
+
     def left_of(self, target: Ints, coefficients: Float, others: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> float:
         """Chi-square of the map C[target] @ coefficients that poses and the columns `others` cannot explain.
 
@@ -191,5 +205,7 @@ class ColumnSystem:
         return solve(at_zero, {}).energy * inflate
 
 
+DISTANCE_FREE_M = 0.1
+"""Prior deviation of a view's distance that is free: no camera's error is larger."""
 BASE_HELD_M = 1e-7
 """Prior deviation (m, rad) of a base that is held: a millionth of what any camera resolves."""

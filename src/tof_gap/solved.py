@@ -21,7 +21,7 @@ class Named:
     """One named effect.
 
     effects: its instances (one per part where parts differ); std: deviations of their parameters, in the same order; ties: effects
-    that could stand in for it; confidence: 0 to 1.
+    that could stand in for it; confidence: 0 to 1; suspected: whether too few views show it for an assertion.
     """
 
     name: str
@@ -29,6 +29,7 @@ class Named:
     std: tuple[dict[str, float], ...]
     ties: tuple[str, ...]
     confidence: float
+    suspected: bool = False
 
     @property
     def verdict(self) -> str:

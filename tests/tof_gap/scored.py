@@ -38,6 +38,7 @@ class Judge:
         self.scores, self.free, self.hand, self.lens, self.implausible = scores, free, hand, lens, set(implausible)
         self.config = SelectLimits(**limits)  # type: ignore[arg-type]
         self.scored: list[str] = []
+        self.apart = None
         called = names or self.letters
         candidates = [
             SimpleNamespace(name=name, effect=(effects or {}).get(letter), free=None)

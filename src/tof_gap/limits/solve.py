@@ -174,6 +174,13 @@ class SelectLimits:
     )
     named_freely: int = param(2, "number of effects up to which small ones are named", low=1, high=12, why="two causes are usual")
     neighbours: float = param(30.0, "drawn pixels that share one unmodelled error", low=1.0, why="such errors are some 15 pixels wide")
+    chance: float = param(
+        1e-3,
+        "probability, times the number of an effect's forms, that views before a board differ by chance as the effect makes them differ",
+        low=1e-9,
+        high=0.5,
+        why="1 session in 1000",
+    )
     folds: int = param(6, "parts into which the views are dealt for held-out scores", low=2, high=50, why="two of twelve views each")
     rounds: int = param(300, "resamples of the views behind a confidence", low=20, high=100_000, why="confidence is known to 3 points")
 

@@ -47,7 +47,7 @@ def named(joint: Joint, fit_views: Sequence[int], judge: Selector, rng: np.rando
             continue
         effect, std = _in_units(joint, member, solution, columns, fit_views)
         ties = tuple(design.candidates[i].name for i in selection.ties[place])
-        one = Named(effect.NAME, (effect,), (std,), ties, confidence(joint, judge, place, rng))
+        one = Named(effect.NAME, (effect,), (std,), ties, confidence(joint, judge, place, rng), member in selection.suspected)
         if one.name in out:
             both = out[one.name]
             one = replace(

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,7 @@ from tof_sensor.effects.time_sync import TimeSync
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from tof_align.columns import ColumnFit
+    from tof_align.columns import ColumnFit, ColumnSystem
     from tof_core.arrays import Float, Ints
     from tof_gap.limits.solve import SelectLimits
     from tof_gap.solve.columns import Design
@@ -133,6 +134,16 @@ class Selector:
             self._empty[inflate] = self.score((), inflate).score
         explained = self._empty[inflate] - float(held_out.sum())
         return forms + free * (self.config.unknown + self.config.unknown_share * max(explained, 0.0))
+
+    def forms(self, member: int) -> int:
+        """How many forms of the candidate's effect the session tries."""
+        return self._forms[self.design.candidates[member].name]
+
+    @cached_property
+    def apart(self) -> ColumnSystem | None:
+        """The system with every view's distance free, where poses are known apart from depth, as before a board; else None."""
+        system = self.design.system
+        return None if system.chain.root is None else system.with_free_distances()
 
     def _without_formula(self, member: int) -> bool:
         effect = self.design.candidates[member].effect

@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_gap.solve.between import shown, with_suspect
 from tof_gap.solve.judge import Hypothesis, Selector
 from tof_gap.solve.small import without_small
 from tof_gap.solve.ties import stand_ins
@@ -28,7 +29,8 @@ class Selection:
     """The chosen hypothesis.
 
     fit: of the chosen hypothesis; ties: for each member, candidates that could stand in for it; unknown: observables of chosen free
-    functions, most first; small_together: effects that each explain little, and much together.
+    functions, most first; small_together: effects that each explain little, and much together; suspected: members that predict held-out
+    views better, and that too few views show to be asserted.
     """
 
     chosen: Hypothesis
@@ -36,6 +38,7 @@ class Selection:
     ties: tuple[tuple[int, ...], ...]
     unknown: tuple[str, ...]
     small_together: tuple[str, ...]
+    suspected: tuple[int, ...] = ()
 
 
 def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> Selection:
@@ -48,7 +51,8 @@ def select(design: Design, config: SelectLimits, begun: Sequence[int] = ()) -> S
     ends = [_grown(judge, members) for members in dict.fromkeys([(), tuple(begun)])]
     best = min(ends, key=lambda end: judge.score(end.members, ends[0].inflate).score)
     current, small = without_small(judge, best)
-    return _described(judge, _prune(judge, current), small)
+    current, suspected = with_suspect(judge, _prune(judge, current))
+    return replace(_described(judge, current, small), suspected=suspected)
 
 
 def _grown(judge: Selector, members: Sequence[int]) -> Hypothesis:
@@ -65,7 +69,8 @@ def _grown(judge: Selector, members: Sequence[int]) -> Hypothesis:
 def narrowed(design: Design, config: SelectLimits, selection: Selection, members: Sequence[int]) -> Selection:
     """The selection with these of its members alone, fitted anew."""
     judge = Selector(design, config)
-    return _described(judge, rescored(judge, members), selection.small_together)
+    left = _described(judge, rescored(judge, members), selection.small_together)
+    return replace(left, suspected=tuple(m for m in selection.suspected if m in members))
 
 
 def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
@@ -140,6 +145,7 @@ def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
             or gain < judge.config.absorbed * _absorbable(judge, current, i)
             or gain < _lacking(judge, current, i)
             or gain < _rough(judge, current, i, lost)
+            or not shown(judge, current, i)
         ]
         if not weak:
             break
@@ -164,7 +170,10 @@ def _plain(judge: Selector, current: Hypothesis) -> Hypothesis:
         rest = names.index(effect.rest)
         trial = judge.score([*current.members[:place], rest, *current.members[place + 1 :]], current.inflate)
         own = float(visible_m(judge, current, trial.score - current.score))
-        total = float((worth(judge, current)[1] ** 2).sum())
+        visible = worth(judge, current)[1]
+        total = float((visible**2).sum())
+        if judge.apart is not None:  # No pose absorbs an offset: whole, it would hide millimetres of the effect's own.
+            total -= float(visible[place]) ** 2 - own**2
         least2 = max(judge.share(member) * total, (judge.config.own_mm * 1e-3) ** 2)
         if not judge.repeats(rest, current.members) and own**2 < least2 and judge.plausible(trial):
             current = rescored(judge, trial.members)

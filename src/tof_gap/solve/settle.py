@@ -42,5 +42,6 @@ def settled(joint: Joint, config: GapConfig) -> Joint:
         tuple(tuple(kept.index(other) for other in of_one) for of_one in ties),
         joint.selection.unknown,
         joint.selection.small_together,
+        tuple(kept.index(m) for m in joint.selection.suspected),
     )
     return replace(joint, views=views, design=design, selection=selection)

@@ -66,7 +66,10 @@ class Account:
 
     def names(self, *, causes: bool) -> set[str]:
         """Names for the verdict: causes and findings; without `causes`, only the findings that were not read off structure."""
-        return {*(c.named.verdict for c in self.causes if causes), *(f.name for f in self.findings if causes or not f.structure)}
+        return {
+            *(c.named.verdict for c in self.causes if causes and not c.named.suspected),
+            *(f.name for f in self.findings if causes or not f.structure),
+        }
 
     @property
     def worsens(self) -> str | None:

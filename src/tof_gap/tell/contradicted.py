@@ -35,15 +35,17 @@ class TakenOut(NamedTuple):
 def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
     """The next cause that is not believed: an unfounded one, else a contradicted one, else an uneven one; None where all are believed.
 
-    Beside another camera's light, an uneven cause is the smooth part of that light, and no mechanism without a name acts there.
+    Beside another camera's light, an uneven cause is the smooth part of that light, and no mechanism without a name acts there. Nor does
+    one where a cause was only suspected.
     """
     limit = config.report.unexplained
     if (name := unfounded(found, config.noise.foreign_light)) is not None:
         return TakenOut(name, contradicted=False)
+    suspected = {n.name for n in found.solved.named if n.suspected}
     if (name := contradicted(found, limit)) is not None:
-        return TakenOut(name, contradicted=True)
+        return TakenOut(name, contradicted=name not in suspected)
     foreign = any(isinstance(f.effect, Interference) for f in found.findings)
-    return None if (name := uneven(found, limit)) is None else TakenOut(name, contradicted=not foreign)
+    return None if (name := uneven(found, limit)) is None else TakenOut(name, contradicted=not foreign and name not in suspected)
 
 
 def contradicted(found: Account, limit: UnexplainedLimits) -> str | None:

@@ -61,10 +61,14 @@ class Diagnosis:
         """Whether so much of the gap is unexplained that the effects of the solution are only suspected."""
         return doubted(self.unexplained, self.config.report)
 
+    def suspected(self, cause: Cause) -> bool:
+        """Whether a cause is not asserted: much is unexplained beside it, or too few views show it."""
+        return self.doubted or cause.named.suspected
+
     def confidence(self, cause: Cause) -> float:
         """Of a cause, 0 to 1: share of the resampled sets of views that choose it, times the share of such names that proved right."""
         right = self.config.report.confidence
-        return cause.named.confidence * (right.suspected if self.doubted else right.asserted * (1.0 - self.unexplained.share))
+        return cause.named.confidence * (right.suspected if self.suspected(cause) else right.asserted * (1.0 - self.unexplained.share))
 
     @property
     def findings(self) -> tuple[Finding, ...]:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_gap.seen.finding import Finding
+    from tof_gap.tell.account import Cause
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.scene import Scene
     from tof_sensor.effect import Effect
@@ -46,7 +47,7 @@ NO_DEPTH = "these pixels have no depth, and the others are not affected"
 class Words:
     """One effect: its name; what it is; where; how large; what to do; what happens otherwise. Empty where nothing is known.
 
-    rivals: effects that the session cannot separate from it; suspected: whether too much is unexplained to assert it.
+    rivals: effects that the session cannot separate from it; suspected: whether it is not asserted; unsure: the reason.
     """
 
     effect: str
@@ -57,13 +58,14 @@ class Words:
     cost: str
     rivals: tuple[str, ...] = ()
     suspected: bool = False
+    unsure: str = ""
 
     def sentence(self) -> str:
         """All fields in a few sentences."""
         head = f"{'perhaps ' * self.suspected}{spaced(self.effect)}: {self.what}"
         details = "; ".join(x for x in (self.size, self.where) if x)
         tied = f" Or {listed([spaced(r) for r in self.rivals], 'or')}, which this session cannot separate from it." if self.rivals else ""
-        sure = "Too much stays unexplained to be sure of it. If it is confirmed" if self.suspected else "To do"
+        sure = f"{self.unsure} to be sure of it. If it is confirmed" if self.suspected else "To do"
         todo = f" {sure}: {self.remedy}." if self.remedy else ""
         cost = f" If nothing is done, {self.cost}." if self.cost and not self.suspected else ""
         return f"{head[0].upper()}{head[1:]}{f' ({details})' if details else ''}.{tied}{todo}{cost}"
@@ -76,7 +78,8 @@ def plant_words(d: Diagnosis, scene: Scene) -> list[Words]:
         replace(
             _words(c.named.name, c.named.effects, acts(c.size_m, maps[c.named.name]), maps[c.named.name], d, scene),
             rivals=tuple(c.named.ties),
-            suspected=d.doubted,
+            suspected=d.suspected(c),
+            unsure=_unsure(c, d),
         )
         for c in d.causes
     ]
@@ -85,6 +88,12 @@ def plant_words(d: Diagnosis, scene: Scene) -> list[Words]:
         for f in d.findings
     ]
     return [*causes, *findings]
+
+
+def _unsure(cause: Cause, d: Diagnosis) -> str:
+    """Why a cause is not asserted; empty where it is."""
+    few = f"{len(d.evidence)} views before a board are too few" if cause.named.suspected else ""
+    return "Too much stays unexplained" if d.doubted else few
 
 
 def to_dicts(words: Sequence[Words]) -> list[dict[str, Any]]:

@@ -92,7 +92,7 @@ def _cause(c: Cause, d: Diagnosis) -> dict[str, Any]:
     return {
         "effect": c.named.name,
         "tied_with": list(c.named.ties),
-        "asserted": not d.doubted,
+        "asserted": not d.suspected(c),
         "confidence": d.confidence(c),
         "size_mm": 1e3 * c.size_m,
         "params": params[0] if len(params) == 1 else {str(i): p for i, p in enumerate(params)},
@@ -187,7 +187,7 @@ def _finite(value: Any) -> Any:
 
 
 def sensor_model(d: Diagnosis) -> SensorModel:
-    """The fitted sensor: every asserted effect, the photon law of the unnamed noise, unit of amplitude, camera and promised shrink."""
+    """The fitted sensor: every effect that is asserted or that predicts held-out views, photon law of the unnamed noise, unit of amplitude, camera, promise."""
     causes = [] if d.doubted else d.causes
     effects = [e for c in causes for e in c.named.effects] + [f.effect for f in d.findings]
     return SensorModel((*effects, *([] if d.law is None else [d.law])), amplitude_unit(d.evidence), d.camera, _promise(d))

@@ -34,9 +34,11 @@ def sentence(content: dict[str, Any]) -> str:
     names = [spaced(v).replace("|", " or ") for v in content["verdict"] if v not in ("none", "unknown")]
     gap = content["gap"]
     if content["verdict"] == ["none"]:
+        if suspects := _suspects(content):
+            return f"Camera and simulation differ perhaps by {listed(suspects)}: the views are too few to be sure."
         return "Camera and simulation agree to within the noise: nothing needs to be added."
     if not names:
-        suspects = [spaced(c["effect"]) for c in content["causes"] if not c["asserted"]]
+        suspects = _suspects(content)
         also = f" Part of it looks like {listed(suspects)}, but too much is left to be sure." if suspects else ""
         return f"Camera and simulation differ, and no effect known here explains the difference.{_clues(content['unexplained'])}{also}"
     verb = "explain" if len(names) > 1 else "explains"
@@ -47,6 +49,11 @@ def sentence(content: dict[str, Any]) -> str:
         more = f" Something else is left that no effect known here explains.{_clues(content['unexplained'])}"
     which = f"{', which together' if len(names) > 1 else ', which'}{how[4:]}" if how else ""
     return f"Camera and simulation differ by {listed(names)}{which}.{away}{more}"
+
+
+def _suspects(content: dict[str, Any]) -> list[str]:
+    """Effects of the solution that are not asserted, as words."""
+    return [spaced(c["effect"]) for c in content["causes"] if not c["asserted"]]
 
 
 def todo(content: dict[str, Any]) -> list[str]:

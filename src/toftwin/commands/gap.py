@@ -226,4 +226,4 @@ def cause_line(c: Cause, d: Diagnosis) -> str:
     shrink, of_what = (c.alone.shrink, "the gap") if away is None else (away, "the gap away from edges")
     alone = "" if shrink is None else f"; alone it explains {percent(shrink) if shrink > 0 else 'none'} of {of_what}"
     of = " that it is one of these" if "|" in c.named.verdict else ""
-    return f"  {c.named.verdict}{' (suspected)' if d.doubted else ''}: confidence {d.confidence(c):.2f}{of}{alone}"
+    return f"  {c.named.verdict}{' (suspected)' if d.suspected(c) else ''}: confidence {d.confidence(c):.2f}{of}{alone}"

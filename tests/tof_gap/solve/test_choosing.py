@@ -177,6 +177,22 @@ def test_terms_that_explain_too_little_give_way_to_the_effect_that_is_left_witho
     assert named(judge, _plain(judge, hypothesis(judge, "ab"))) == kept
 
 
+@pytest.mark.parametrize(("own", "kept"), [(2.0, "bc"), (4.0, "ab")])
+def test_before_a_board_own_terms_are_compared_with_what_shows_beyond_the_rest(own: float, kept: str) -> None:
+    """Of the 700 that a shows, c shows all but `own`: 1.5 % of the 200 of b is 3."""
+    of = {"a": effect(rest="c"), "b": effect()}
+    scores = {"ab": 200.0, "b": 900.0, "a": 400.0, "bc": 200.0 + own, "c": 500.0}
+    judge: Any = Judge(scores, effects=of, own_mm=0.0)
+    judge.apart = object()
+    assert named(judge, _plain(judge, hypothesis(judge, "ab"))) == kept
+
+
+def test_what_the_views_do_not_determine_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    judge: Any = Judge({"ab": 100.0, "a": 600.0, "b": 900.0})
+    monkeypatch.setattr(room, "shown", lambda judge, current, i: judge.letters[current.members[i]] == "a")
+    assert named(judge, _prune(judge, hypothesis(judge, "ab"))) == "a"
+
+
 def test_of_an_effect_without_such_a_rest_nothing_gives_way() -> None:
     judge: Any = Judge({"a": 500.0}, effects={"a": effect(rest="missing")})
     before = hypothesis(judge, "a")

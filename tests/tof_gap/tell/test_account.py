@@ -65,6 +65,13 @@ def test_a_drift_that_foreign_light_would_show_by_chance_is_taken_out(posed_m: f
     assert unfounded(found, ForeignLightLimits()) == taken
 
 
+def test_a_cause_that_too_few_views_show_is_no_name() -> None:
+    found = account(0.9, amplitude_bias=0.1, wiggling=0.7)
+    few = replace(found.causes[1], named=replace(found.causes[1].named, suspected=True))
+    assert found.names(causes=True) == {"amplitude_bias", "wiggling"}
+    assert replace(found, causes=(found.causes[0], few)).names(causes=True) == {"amplitude_bias"}
+
+
 def test_causes_that_are_only_suspected_shrink_nothing() -> None:
     """A wiggle of the solution and wrapped pixels: only the latter are asserted."""
     shrinks = {("phase_wrap",): 0.7, (): 0.0}

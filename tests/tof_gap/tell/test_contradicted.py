@@ -39,7 +39,8 @@ def account(left: np.ndarray, **maps: np.ndarray) -> Any:
         edge=[v.edge for v in seen],
         unsure2=np.zeros(SHAPE),
     )
-    solved = SimpleNamespace(evidence=seen, bare=seen, maps=figures.maps, split=SimpleNamespace(held_out=HELD))
+    named = [SimpleNamespace(name=name, suspected=False) for name in maps]
+    solved = SimpleNamespace(evidence=seen, bare=seen, maps=figures.maps, named=named, split=SimpleNamespace(held_out=HELD))
     return SimpleNamespace(solved=solved, figures=figures, findings=())
 
 
@@ -96,3 +97,14 @@ def test_an_uneven_cause_is_contradicted_unless_foreign_light_is_there(monkeypat
     assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=True)
     found.findings = (SimpleNamespace(effect=Interference(burst_m=0.002)),)
     assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=False)
+
+
+@pytest.mark.parametrize("test", ["contradicted", "uneven"])
+def test_a_cause_that_was_only_suspected_leaves_no_mechanism_without_a_name(monkeypatch: pytest.MonkeyPatch, test: str) -> None:
+    found = account(np.zeros(SHAPE), wiggling=ramp(0.003, 0))
+    monkeypatch.setattr(room, "unfounded", lambda *_: None)
+    monkeypatch.setattr(room, "contradicted", lambda *_: "wiggling" if test == "contradicted" else None)
+    monkeypatch.setattr(room, "uneven", lambda *_: "wiggling")
+    assert taken_out(found, GapConfig()) == TakenOut("wiggling", contradicted=True)
+    found.solved.named[0].suspected = True
+    assert taken_out(found, GapConfig()) == TakenOut("wiggling", contradicted=False)

@@ -26,14 +26,17 @@ MAP = np.broadcast_to(np.linspace(0.0, 0.010, SHAPE[0] * SHAPE[1]).reshape(SHAPE
 
 
 def diagnosis(
-    *, ties: tuple[str, ...] = (), doubted: bool = False, size: str = "", remedy: str = "", parts: tuple[int, ...] = ()
+    *, ties: tuple[str, ...] = (), doubted: bool = False, few: bool = False, size: str = "", remedy: str = "", parts: tuple[int, ...] = ()
 ) -> Diagnosis:
     evidence = views(np.random.default_rng(1))
     wave = Wiggling(sine_m=0.003, cosine_m=0.004, modulation_mhz=100.0)
-    cause = SimpleNamespace(named=SimpleNamespace(name="wiggling", effects=(wave,), ties=ties), size_m=0.004)
+    cause = SimpleNamespace(named=SimpleNamespace(name="wiggling", effects=(wave,), ties=ties, suspected=few), size_m=0.004)
     finding = Finding(Dropout(threshold=120.0, random=0.02), 0.9, size=size, remedy=remedy, parts=parts)
     made = {"evidence": evidence, "residual": [v.residual for v in evidence], "shares": {"wiggling": MAP}}
-    return cast("Diagnosis", SimpleNamespace(causes=(cause,), findings=(finding,), doubted=doubted, **made))
+    return cast(
+        "Diagnosis",
+        SimpleNamespace(causes=(cause,), findings=(finding,), doubted=doubted, suspected=lambda c: doubted or c.named.suspected, **made),
+    )
 
 
 def test_each_effect_is_said_with_its_size_place_remedy_and_cost() -> None:
@@ -108,6 +111,12 @@ def test_a_suspected_effect_asks_for_nothing_before_it_is_confirmed() -> None:
     assert words.sentence().startswith("Perhaps wiggling: ")
     assert words.sentence().endswith(f"Too much stays unexplained to be sure of it. If it is confirmed: {Wiggling.REMEDY}.")
     assert not dropout.suspected, "what noise or loss shows needs no fit"
+
+
+def test_an_effect_that_too_few_views_show_says_so() -> None:
+    words, _ = plant_words(diagnosis(few=True), SCENE)
+    assert words.suspected
+    assert words.sentence().endswith(f"{VIEWS} views before a board are too few to be sure of it. If it is confirmed: {Wiggling.REMEDY}.")
 
 
 def test_what_is_not_known_is_not_said() -> None:

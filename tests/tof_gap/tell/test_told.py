@@ -218,10 +218,17 @@ def test_much_that_is_structured_and_unexplained_is_doubt(structured: bool, shar
 @pytest.mark.parametrize("suspected", [False, True])
 def test_a_confidence_is_the_share_of_wins_times_that_of_such_names_that_were_right(*, suspected: bool) -> None:
     limits = ReportLimits()
-    told: Any = SimpleNamespace(config=CONFIG, doubted=suspected, unexplained=SimpleNamespace(share=0.2))
+    told: Any = SimpleNamespace(config=CONFIG, suspected=lambda _: suspected, unexplained=SimpleNamespace(share=0.2))
     cause: Any = SimpleNamespace(named=SimpleNamespace(confidence=0.9))
     right = limits.confidence.suspected if suspected else limits.confidence.asserted * 0.8
     assert Diagnosis.confidence(told, cause) == pytest.approx(0.9 * right)
+
+
+@pytest.mark.parametrize(("doubted", "few", "suspected"), [(False, False, False), (True, False, True), (False, True, True)])
+def test_a_cause_is_suspected_where_much_is_unexplained_or_its_views_are_too_few(*, doubted: bool, few: bool, suspected: bool) -> None:
+    told: Any = SimpleNamespace(doubted=doubted)
+    cause: Any = SimpleNamespace(named=SimpleNamespace(suspected=few))
+    assert Diagnosis.suspected(told, cause) is suspected
 
 
 def test_the_noise_of_a_pixel_is_what_others_in_other_rows_and_columns_do_not_share() -> None:

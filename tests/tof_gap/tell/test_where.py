@@ -79,7 +79,11 @@ def test_small_p_values_are_found_among_many() -> None:
 
 def test_the_verdict_reads_as_a_sentence() -> None:
     shrunk = {"shrink": 0.97}
-    assert sentence({"verdict": ["none"], "gap": shrunk}).startswith("Camera and simulation agree")
+    assert sentence({"verdict": ["none"], "gap": shrunk, "causes": []}).startswith("Camera and simulation agree")
+    few = [{"effect": "wiggling", "asserted": False}]
+    assert sentence({"verdict": ["none"], "gap": shrunk, "causes": few}) == (
+        "Camera and simulation differ perhaps by wiggling: the views are too few to be sure."
+    )
     one = sentence({"verdict": ["multipath"], "gap": shrunk})
     assert one == "Camera and simulation differ by multipath, which explains 97 % of the gap."
     two = sentence({"verdict": ["amplitude_bias|wiggling", "multipath"], "gap": shrunk})
