@@ -58,10 +58,7 @@ def with_suspect(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tupl
 
 
 def _unknowns(judge: Selector, member: int) -> int:
-    """Coefficients of a member that do something, and one for its shape if it has several forms."""
-    live = np.count_nonzero(judge.design.scale[judge.design.groups[member]] > LEAST_SCALE)
-    return int(live) + (judge.forms(member) > 1)
-
-
-LEAST_SCALE = 1e-12
-"""RMS of a column below which it is 0 everywhere."""
+    """Coefficients of a member whose columns are not 0 everywhere, and one for its shape if it has several forms."""
+    normal, group = judge.design.system.normal, judge.design.groups[member]
+    at = normal.shared - judge.design.system.columns + group
+    return int(np.count_nonzero(normal.gram[:, at, at].any(axis=0))) + (judge.forms(member) > 1)

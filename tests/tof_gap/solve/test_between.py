@@ -14,7 +14,7 @@ from tof_align.columns import ColumnSystem
 from tof_align.columns import Priors as Known
 from tof_align.config import Priors
 from tof_gap.limits.solve import SelectLimits
-from tof_gap.solve.between import shown, with_suspect
+from tof_gap.solve.between import _unknowns, shown, with_suspect
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import Design
 from tof_gap.solve.judge import Hypothesis, Selector
@@ -132,3 +132,12 @@ def test_a_free_distance_takes_all_of_a_view_s_error_and_a_known_one_by_its_devi
     np.testing.assert_allclose(np.abs(free), 0.010, atol=0.006)  # an offset of 10 mm, and three standard deviations of the scatter
     assert np.abs(free).mean() == pytest.approx(0.010, abs=0.001)
     np.testing.assert_allclose(held / free, POSE_M**2 / (POSE_M**2 + NOISE_M**2 / PIXELS), rtol=0.03)
+
+
+def test_a_column_that_is_naught_everywhere_is_no_unknown() -> None:
+    judge = judge_of(0.004, 0.002)
+    assert [_unknowns(judge, m) for m in range(3)] == [1, 3, 3], "sine, cosine and period; an offset has one form"
+    gram = judge.design.system.normal.gram
+    first = judge.design.system.normal.shared - judge.design.system.columns
+    gram[:, first + 2], gram[:, :, first + 2] = 0.0, 0.0
+    assert _unknowns(judge, 1) == 2
