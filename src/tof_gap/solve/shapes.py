@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 
 def refined(store: ColumnStore, design: Design, selection: Selection, chain: Chain, config: GapConfig) -> list[Candidate]:
-    """Finer shapes around those of the chosen effects."""
+    """Finer shapes around those of the chosen effects; none of a suspected one, whose shape the views do not determine."""
     chosen = [design.candidates[m] for m in selection.chosen.members]
     out: list[Candidate] = []
     for place, candidate in enumerate(chosen):
-        if candidate.effect is None or not candidate.effect.FINER:
+        if candidate.effect is None or not candidate.effect.FINER or selection.chosen.members[place] in selection.suspected:
             continue
         others = [c for i, c in enumerate(chosen) if i != place]
         best = candidate.effect

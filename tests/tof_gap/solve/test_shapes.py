@@ -21,13 +21,13 @@ from tof_sensor.effects.wiggling import Wiggling
 TRUE_MHZ = 66.0
 
 
-def finer(*candidates: Candidate, across_m: float = 0.0) -> list[Candidate]:
+def finer(*candidates: Candidate, across_m: float = 0.0, suspected: tuple[int, ...] = ()) -> list[Candidate]:
     """The refined forms of chosen candidates, in a session with a wiggle of `TRUE_MHZ` whose phase runs ahead over the columns."""
     true = Wiggling(modulation_mhz=TRUE_MHZ, sine_m=0.006, cosine_m=0.003, across_m=across_m)
     extra = np.stack([true.bias(v.frame) * v.frame.length for v in views(np.random.default_rng(1))])
     seen = views(np.random.default_rng(1), extra)
     store = ColumnStore(seen, deal([0] * VIEWS, 6))
-    selection = SimpleNamespace(chosen=SimpleNamespace(members=tuple(range(len(candidates))), inflate=1.0))
+    selection = SimpleNamespace(chosen=SimpleNamespace(members=tuple(range(len(candidates))), inflate=1.0), suspected=suspected)
     return refined(store, cast("Any", SimpleNamespace(candidates=candidates)), cast("Any", selection), chain(), GapConfig())
 
 
@@ -53,3 +53,8 @@ def test_a_skew_that_wins_no_more_than_noise_stays_out(across_m: float) -> None:
 
 def test_an_effect_of_one_form_has_no_finer_one() -> None:
     assert finer(Candidate("range_offset", RangeOffset()), Candidate("hand_eye", None)) == []
+
+
+def test_a_suspected_effect_keeps_its_form() -> None:
+    wave, offset = Candidate("wiggling", Wiggling(modulation_mhz=60.0)), Candidate("range_offset", RangeOffset())
+    assert finer(wave, offset, suspected=(0,)) == []
