@@ -20,7 +20,7 @@ def shown(judge: Selector, current: Hypothesis, place: int) -> bool:
 
     One board spans little range, and light of its surroundings shifts a view as a whole: then all of its pixels are one sample. With
     every view's distance free, what an effect still explains shows within views, and must be what every effect must win. The rest shows
-    between views. It is compared with the scatter of views that all members leave (F-test), for each form of the effect that was tried.
+    between views. It is compared with the spread of views that all members leave (F-test), for each form of the effect that was tried.
     """
     member, system, apart = current.members[place], judge.design.system, judge.apart
     if apart is None or judge.is_free(member) or judge.frees_hand([member]):
