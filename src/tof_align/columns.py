@@ -182,12 +182,12 @@ class ColumnSystem:
         assert root is not None
         along = np.zeros((6, 6))
         along[2, 2] = DISTANCE_FREE_M**2
-        wider = np.linalg.cholesky(root @ np.swapaxes(root, 1, 2) + along)
+        wider: Float = np.linalg.cholesky(root @ np.swapaxes(root, 1, 2) + along).astype(np.float64)
         ratio = np.linalg.solve(root, wider)
         gram, own = n.gram.copy(), slice(s, s + 6)
         gram[:, own] = np.swapaxes(ratio, 1, 2) @ gram[:, own]
         gram[:, :, own] = gram[:, :, own] @ ratio
-        error = np.linalg.solve(ratio, n.own_error[..., None])[..., 0]
+        error: Float = np.linalg.solve(ratio, n.own_error[..., None])[..., 0].astype(np.float64)
         return replace(self, chain=replace(self.chain, root=wider), normal=replace(n, gram=gram, own_error=error))
 
     def left_of(self, target: Ints, coefficients: Float, others: Ints, *, inflate: float = 1.0, free_hand: bool = False) -> float:

@@ -123,7 +123,7 @@ def distances(judge: Selector, system: ColumnSystem | None) -> Float:
     assert system is not None
     own = system.fit(np.zeros(0, np.int64)).arm
     assert system.chain.root is not None
-    return np.einsum("vij,vj->vi", system.chain.root, own)[:, 2]
+    return np.asarray(np.einsum("vij,vj->vi", system.chain.root, own)[:, 2])
 
 
 def test_a_free_distance_takes_all_of_a_view_s_error_and_a_known_one_by_its_deviation() -> None:
