@@ -22,7 +22,7 @@ from tof_gap.solve.radial import gate
 from tof_gap.solve.stray import solve_agreeing
 from tof_gap.solved import Split
 from tof_gap.tell.account import account, without_causes
-from tof_gap.tell.contradicted import taken_out
+from tof_gap.tell.contradicted import TakenOut, taken_out
 from tof_gap.tell.diagnosis import Diagnosis, doubted
 from tof_gap.tell.explainable import explainable
 from tof_gap.tell.unexplained import look
@@ -111,12 +111,19 @@ def diagnose(
 def believed(joint: Joint, read: Callable[[Joint], Account], config: GapConfig) -> tuple[Account, list[str]]:
     """The account of the solution without causes that are not believed, and the names of causes that the views contradict."""
     found, resembled = read(joint), list[str]()
-    while (taken := taken_out(found, config)) is not None:
+    while (taken := unconfirmed(joint, found) or taken_out(found, config)) is not None:
         resembled += [taken.name] if taken.contradicted else []
         joint = without(joint, taken.name, config)
         del found  # Images of all views are most of a session's memory.
         found = read(joint)
     return found, resembled
+
+
+def unconfirmed(joint: Joint, found: Account) -> TakenOut | None:
+    """A suspected effect that the held-out views do not confirm: the others were fitted beside it and are fitted again without it."""
+    suspected = {joint.design.candidates[m].name for m in joint.selection.suspected}
+    name = next((n for n in found.solved.small if n in suspected), None)
+    return None if name is None else TakenOut(name, contradicted=False)
 
 
 def verdict(found: Account, unexplained: Unexplained, limits: ReportLimits) -> tuple[str, ...]:

@@ -4,14 +4,17 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
 
 from tof_core.config import from_mapping
 from tof_core.errors import RefusedError
-from tof_gap.diagnose import check
+from tof_gap import diagnose as room
+from tof_gap.diagnose import believed, check, unconfirmed
+from tof_gap.tell.contradicted import TakenOut
 from toftwin.cli import main
 
 if TYPE_CHECKING:
@@ -77,3 +80,25 @@ def test_motion_is_not_absent_but_untestable(session: tuple[str, Path, dict[str,
 def test_too_few_views_are_refused() -> None:
     with pytest.raises(RefusedError, match="too few to diagnose"):
         check([], 4)
+
+
+def test_a_suspected_effect_that_held_out_views_do_not_confirm_is_taken_out_and_the_rest_is_fitted_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its map is no error of a healthy camera: an offset that was fitted beside it would be wrong without it."""
+    candidates = [SimpleNamespace(name=name) for name in ("amplitude_bias", "wiggling")]
+
+    def joint(*suspected: int) -> Any:
+        return SimpleNamespace(design=SimpleNamespace(candidates=candidates), selection=SimpleNamespace(suspected=suspected))
+
+    def found(*small: str) -> Any:
+        return SimpleNamespace(solved=SimpleNamespace(small=small))
+
+    assert unconfirmed(joint(1), found("wiggling")) == TakenOut("wiggling", contradicted=False)
+    assert unconfirmed(joint(1), found("amplitude_bias")) is None
+    assert unconfirmed(joint(), found("wiggling")) is None
+    refitted, config = joint(), cast("Any", None)
+    monkeypatch.setattr(room, "taken_out", lambda *_: None)
+    monkeypatch.setattr(room, "without", lambda *_: refitted)
+    accounts = {False: found("wiggling"), True: found()}
+    assert believed(joint(1), lambda chosen: accounts[chosen is refitted], config) == (accounts[True], [])
