@@ -19,7 +19,7 @@ from tof_gap.solve.candidates import candidates
 from tof_gap.solve.columns import ColumnStore, build
 from tof_gap.solve.free import curves
 from tof_gap.solve.select import narrowed, select
-from tof_gap.solve.settle import settled
+from tof_gap.solve.settle import followed, settled
 from tof_gap.solve.shapes import refined
 from tof_gap.solve.solution import Joint, lens_of, solution
 from tof_gap.solve.start import check_fit, farthest, observe
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozenset[str] = frozenset()) -> Joint:
     """Poses and effects at once, from the poses of `start`; relinearised while the cameras move.
 
-    The first round brings the cameras near, with only those effects whose bias depends on the pixel alone. In a moving session it takes
-    all effects, since one that stands in for motion would move the cameras away.
+    The first round brings the cameras near, with only those effects whose bias depends on the pixel alone; if they moved far, those
+    chosen are fitted once more. In a moving session it takes all effects, since one that stands in for motion would move the cameras away.
     """
     give_back()
     views, chain, evidence, wider_px = begun.views, begun.chain, begun.hand_over(), 0
@@ -53,11 +53,18 @@ def solve(begun: Start, caster: Raycaster, config: GapConfig, left_out: frozense
         wider_px = limits.mixed_px
         del evidence  # Images of all views are most of a session's memory: those of one round go before the next.
         evidence = observe(views, caster, chain, config, footprints=False, wider_px=wider_px)
-    joint, store = _linearised(evidence, caster, chain, config, left_out, quick=not moving(evidence))
+    quick = not moving(evidence)
+    joint, store = _linearised(evidence, caster, chain, config, left_out, quick=quick)
     del evidence
-    for _ in range(limits.rounds - 1):
+    for number in range(limits.rounds - 1):
         (after, late_s), lens = solution(joint), lens_of(joint)
+        first, members = joint.chain, [candidate for candidate, _ in joint.members()]
         del joint, store
+        if quick and number == 0 and farthest(first, after, limits) > 1.0:
+            # One more step of the chosen effects, so that all hypotheses are computed near the solution, once and not twice.
+            near = _as_recorded(observe(views, caster, after, config, footprints=False, wider_px=wider_px, lens=lens), late_s, lens)
+            after = followed(members, near, after, config)
+            del near
         seen = observe(views, caster, after, config, footprints=False, concavity=True, wider_px=wider_px, lens=lens)
         joint, store = _linearised(_as_recorded(seen, late_s, lens), caster, after, config, left_out)
         joint = replace(joint, late_s=late_s)
