@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -84,7 +85,12 @@ class Frame:
         """(H, W) radial distance per metre of z."""
         if self.rays is self.camera.rays():
             return self.camera.ray_length()
-        return np.asarray(np.sqrt(np.einsum("...i,...i->...", self.rays, self.rays)))
+        known = _lengths.get(self)
+        if known is None:
+            known = np.sqrt(np.einsum("...i,...i->...", self.rays, self.rays))
+            known.setflags(write=False)
+            _lengths[self] = known
+        return known
 
     def take(self, pixels: Ints) -> Frame:
         """The same view on chosen pixels (flat indices (n,)), as a raster of one row (1, n).
@@ -137,6 +143,10 @@ class Frame:
     def points(self) -> Float:
         """(H, W, 3) surface points in the camera frame, metres."""
         return self.rays * self.depth[..., None]
+
+
+_lengths: WeakKeyDictionary[Frame, Float] = WeakKeyDictionary()
+"""Of frames on chosen pixels, which hundreds of hypotheses ask for."""
 
 
 def ideal_frame(rendering: Rendering, context: Context | None = None, amplitude: Float | None = None, gain: float = 1.0) -> Frame:
