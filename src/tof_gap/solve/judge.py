@@ -190,7 +190,8 @@ class Selector:
     @property
     def arms_sd(self) -> Float:
         """(V, 6) standard deviations of arm errors by the robot's prior."""
-        return np.asarray(1.0 / np.sqrt(self.design.system.normal.own_info))
+        normal = self.design.system.normal
+        return np.broadcast_to(1.0 / np.sqrt(normal.own_info), normal.own_error.shape)
 
     def arms_alike(self, hypothesis: Hypothesis) -> float:
         """Chi-square (6 degrees of freedom) of the mean arm error under the robot's prior: large where the camera's mount is off."""

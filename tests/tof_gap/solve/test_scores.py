@@ -113,7 +113,8 @@ def test_arm_errors_add_what_the_solution_moves_and_speak_together_for_a_mount()
     made.fit = lambda _: SimpleNamespace(arm=arm)  # type: ignore[method-assign, assignment, return-value]
     anything = Hypothesis((0,), np.zeros(4), 1.0)
     np.testing.assert_allclose(made.arms(anything), np.tile([2e-3, 0, 1e-3, 1e-3, 1e-3, 1e-3], (4, 1)))
-    np.testing.assert_allclose(made.arms_sd, np.full(6, 2e-3))
+    assert made.arms_sd.shape == (4, 6)
+    np.testing.assert_allclose(made.arms_sd, 2e-3)
     assert made.arms_alike(anything) == pytest.approx(4 * (1.0 + 4 * 0.25))
 
 
