@@ -92,25 +92,26 @@ def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: No
     """Noise of some views above that of the quiet ones."""
     quiet = quiet_law(b, step, len(views), limits)
     ratio = view_ratio(b, quiet, len(views), limits)
-    hit = _stand_out(np.log(ratio), limits)
+    # A filter that stops at edges averages fewer pixels in some views than in others.
+    hit = _stand_out(np.log(ratio), limits, limits.burst_filtered if views[0].correlation.correlated else limits.burst)
     several = hit.sum() > 1 or (hit.any() and ratio.max() > limits.alone)
     if not several or hit.sum() > (1 - limits.quiet_share) * len(views):
         return None
     return _burst(views, b, quiet, hit, limits)
 
 
-def _stand_out(ln_variance: Float, limits: NoiseLimits) -> Mask:
-    """(V,) views whose noise exceeds that of the quiet views by `burst`, and by more than quiet views differ from each other.
+def _stand_out(ln_variance: Float, limits: NoiseLimits, burst: float) -> Mask:
+    """(V,) views whose noise exceeds that of the quiet views by the factor `burst`, and by more than quiet views differ from each other.
 
     Quiet views differ by scene, range and albedo, since the photon law is not exact.
     """
     quiet = np.sort(ln_variance)[: max(len(ln_variance) // 2, 2)]
-    hit = ln_variance > np.median(quiet) + 2.0 * np.log(limits.burst)
+    hit = ln_variance > np.median(quiet) + 2.0 * np.log(burst)
     for _ in range(BURST_ROUNDS):
         quiet = ln_variance[~hit]
         if len(quiet) < 2:
             break
-        apart = max(2.0 * float(np.log(limits.burst)), limits.burst_sigma * float(np.std(quiet, ddof=1)))
+        apart = max(2.0 * float(np.log(burst)), limits.burst_sigma * float(np.std(quiet, ddof=1)))
         hit &= ln_variance > float(quiet.mean()) + apart
     return np.asarray(hit)
 

@@ -15,6 +15,7 @@ from tof_gap.config import GapConfig
 from tof_gap.limits.seen import CorrelationLimits, EvidenceLimits
 from tof_gap.seen.correlation import INDEPENDENT, NoiseCorrelation, noise_correlation
 from tof_gap.seen.line_noise import line_noise
+from tof_gap.seen.noise import noise_effects
 from tof_gap.seen.photons import binned, constant_part, fit_law, own_law
 from tof_gap.seen.residual import gather
 
@@ -134,3 +135,15 @@ def test_noise_of_rows_through_a_filter_over_five_rows_has_its_size() -> None:
     rows, columns = (line_noise(seen, axis, GapConfig().noise.lines) for axis in (1, 0))
     assert rows.size_m == pytest.approx(0.004 / np.sqrt(5), rel=0.15)
     assert rows.sigma > GapConfig().noise.lines.sigma > columns.sigma
+
+
+@pytest.mark.parametrize(("factor", "found"), [(1.25, []), (2.0, ["interference"])])
+def test_a_filter_that_averages_fewer_pixels_in_some_views_makes_no_burst(factor: float, found: list[str]) -> None:
+    """Three of twelve views have this many times the noise of the others; independent noise of 1.25 times would be a burst."""
+    quiet = views(np.random.default_rng(3))
+    of_view = np.where(np.isin(np.arange(12), (1, 5, 9)), factor, 1.0)[:, None, None]
+    noise = of_view * np.stack([(v.view.depth - v.frame.depth) * v.frame.length for v in quiet])
+    limits = GapConfig().noise
+    filtered = views(np.random.default_rng(3), np.stack([averaged(3)(n) for n in noise]), photons=False)
+    assert [f.name for f in noise_effects(filtered, limits)] == found
+    assert [f.name for f in noise_effects(views(np.random.default_rng(3), noise, photons=False), limits)] == ["interference"]

@@ -155,7 +155,7 @@ def test_noise_that_grows_towards_the_end_of_a_pulse_s_gates_is_no_burst() -> No
         variance = 0.001**2 * 2000.0 / amplitude * gated * (1 + extra * burst[view])
         b = NoiseBins(view.astype(float), amplitude, range_m**2, range_m**2, variance, np.full(144, 2000.0))
         ratio = view_ratio(b, quiet_law(b, 0.0, 12, LIMITS), 12, LIMITS)
-        assert _stand_out(np.log(ratio), LIMITS).tolist() == (burst & (extra > 0)).tolist()
+        assert _stand_out(np.log(ratio), LIMITS, LIMITS.burst).tolist() == (burst & (extra > 0)).tolist()
 
 
 @pytest.mark.parametrize("captures", [(9,) * VIEWS, (1, 9) * (VIEWS // 2)], ids=["dwells", "dwells and captures between them"])
@@ -181,7 +181,7 @@ def test_noise_of_a_dwells_mean_is_stated_as_that_of_one_capture() -> None:
 )
 def test_a_burst_stands_out_from_what_quiet_views_differ_by(quiet_spread: float, hit: list[bool]) -> None:
     ln_variance = np.concatenate([quiet_spread * np.linspace(-1, 1, 9), [0.4, 0.42, 0.45]])
-    assert _stand_out(ln_variance, LIMITS).tolist() == hit
+    assert _stand_out(ln_variance, LIMITS, LIMITS.burst).tolist() == hit
 
 
 def test_noise_within_the_stated_photon_law_is_no_effect() -> None:
