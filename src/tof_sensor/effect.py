@@ -295,10 +295,6 @@ class FieldEffect(Effect):
 
 def stack(columns: Sequence[Float], frame: Frame) -> Float:
     """Join (H, W) columns into (H, W, k), 0 where a value is not finite."""
-    if not columns:
-        return np.zeros((*frame.depth.shape, 0))
-    out = np.stack(columns, axis=-1)
-    finite = np.isfinite(out)
-    if not finite.all():  # Most columns are finite, and `nan_to_num` takes several times as long.
-        out[~finite] = 0.0
+    out = np.stack(columns, axis=-1) if columns else np.zeros((*frame.depth.shape, 0))
+    np.copyto(out, 0.0, where=~np.isfinite(out))  # `nan_to_num` takes several times as long.
     return out

@@ -259,13 +259,7 @@ class NoiseLimits:
     burst: float = param(
         1.12, "noise of a view over that of the quiet views", low=1.02, high=10.0, why="views of one camera differ by some per cent"
     )
-    burst_filtered: float = param(
-        1.4,
-        "the same, of a camera that averages over neighbours",
-        low=1.02,
-        high=10.0,
-        why="it averages fewer at edges: 1.21 in one session",
-    )
+    burst_filtered: float = param(1.4, "the same, of a camera that averages over neighbours", low=1.02, high=10.0, why="healthy: 1.21")
     burst_knots: int = param(
         5,
         "knots of the noise's dependence on range",
