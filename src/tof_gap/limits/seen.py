@@ -255,6 +255,9 @@ class NoiseLimits:
         why="by offsets of pixels and errors of maps, healthy sessions exceed single captures of a target by 0.1 to 0.3",
     )
     extra_mm: float = param(0.4, "constant noise", unit="mm", low=0.0, why="the floor of a usual camera is 0.3 mm")
+    extra_filtered_mm: float = param(
+        0.8, "the same, of a camera that averages over neighbours", unit="mm", low=0.0, why="it rounds creases by up to 0.5 mm"
+    )
     extra_sigma: float = param(4.0, "constant noise, in its own standard errors", low=0.0, why="chance: 1 in 30,000")
     burst: float = param(
         1.12, "noise of a view over that of the quiet views", low=1.02, high=10.0, why="views of one camera differ by some per cent"

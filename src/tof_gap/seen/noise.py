@@ -100,6 +100,11 @@ def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: No
     return _burst(views, b, quiet, hit, limits)
 
 
+def _least_m(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float:
+    """Metres: least noise of one capture that is named. A filter in the camera rounds creases, which differences of pixels take for noise."""
+    return 1e-3 * (limits.extra_filtered_mm if views[0].correlation.correlated else limits.extra_mm)
+
+
 def _stand_out(ln_variance: Float, limits: NoiseLimits, burst: float) -> Mask:
     """(V,) views whose noise exceeds that of the quiet views by the factor `burst`, and by more than quiet views differ from each other.
 
@@ -121,7 +126,7 @@ def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, s
     # Ratio of the noise of one capture to that of a dwell's mean, from which noise of rows and pixels is estimated.
     over_mean = float(np.sqrt(np.median([v.view.captures for v in views])))
     typical = float(np.sqrt(np.median(b.variance)))
-    least = max(limits.extra_mm * 1e-3, limits.extra_share * typical)
+    least = max(_least_m(views, limits), limits.extra_share * typical)
     excess = 0.0 if fitted is None else constant_part(fitted, step)
     # Constant offsets of single pixels are a fixed pattern, but second differences contain them as noise (`without_offsets`).
     pattern_m = float(np.sqrt(min(v.view.captures for v in views))) * pixel_pattern(views)
@@ -190,7 +195,7 @@ def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mas
     constant, foreign = (float(np.median(np.abs(x - np.median(x)))) for x in relative)
     duty, steady = float(hit.mean()), constant < foreign
     size = float(np.sqrt(np.exp(np.median(relative[0 if steady else 1]))))
-    if size < limits.extra_mm * 1e-3:
+    if size < _least_m(views, limits):
         return None
     share = _of_means(views, size) * hit[:, None, None]
     if steady:
