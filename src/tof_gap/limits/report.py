@@ -95,6 +95,13 @@ class UnexplainedLimits:
         high=1.0,
         why="true effects of 32 sessions leave 0.25 at most (a pattern of columns), most of them 0.02; a ghost taken for lens_scatter 0.54",
     )
+    contradicted_mm: float = param(
+        0.15,
+        "error left above which an effect that was taken out stands for an unknown mechanism",
+        unit="mm",
+        low=0.0,
+        why="a healthy camera of low noise leaves 0.1 mm, a weak ghost 0.25 mm",
+    )
     sure: float = param(2.0, "standard deviations by which it must be exceeded", low=0.0, why="chance: 1 in 40")
     contradicted_px: int = param(8, "side of the blocks of that share", unit="px", low=2, high=64, why="an effect may act on few pixels")
     contradicted_pixels: int = param(38, "pixels of such a block that count", low=1, why="six in ten")

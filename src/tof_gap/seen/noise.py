@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.shares import in_percent
+from tof_gap.seen.correlation import INDEPENDENT
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.line_noise import line_map, line_noise
 from tof_gap.seen.pattern import beside_pixels, single_pixels
@@ -54,7 +55,10 @@ def noise_effects(
     if step > limits.step_mm * 1e-3:  # Coarse steps make contours and uneven noise.
         found = Finding(Quantization(step_m=step), 1.0, share=_constant(views, step / np.sqrt(12)))
         return [] if Quantization.NAME in left_out else [found]
-    b = binned(views, limits.bins, limits)
+    # Structure, such as edges of texture and rounded creases, grows with distance as noise does that neighbours share. Only beside a
+    # stated law is the variance itself asked for; else views and amplitudes are compared with each other, by next neighbours alone.
+    near = views if law is not None else [replace(v, correlation=INDEPENDENT) for v in views]
+    b = binned(near, limits.bins, limits)
     if len(b.view) < limits.least_bins or step > np.sqrt(np.median(b.variance)):
         return []  # Steps wider than the noise hide it.
     # Without amplitude there is no photon law to compare with: only noise of rows, columns and single pixels is found.
@@ -63,14 +67,14 @@ def noise_effects(
         wave = beat(views, limits.beat)
         if wave is not None and wave.size_m > limits.extra_mm * 1e-3:
             return [_stripes(views, wave, float(np.median(b.amplitude)), limits)]
-    b = of_one_capture(without_offsets(b, views), np.array([v.view.captures for v in views], float), step, limits)
+    b = of_one_capture(without_offsets(b, near), np.array([v.view.captures for v in views], float), step, limits)
     hit = None if dark or unmerged or {Interference.NAME, Noise.NAME} <= left_out else _bursts(views, b, step, limits)
     if hit is not None:
         return [] if hit.name in left_out else [hit]
     if Noise.NAME in left_out:
         return []
     usual = law is not None and np.median(b.variance / law.variance(b.amplitude, b.surroundings2)) < 1.0 + limits.law_excess
-    own = _noise(views, b, None if dark or usual or unmerged else fit_law(b, step, limits), step, limits)
+    own = _noise(views, near, b, None if dark or usual or unmerged else fit_law(b, step, limits), limits)
     return [] if own is None else [own]
 
 
@@ -121,15 +125,17 @@ def _stand_out(ln_variance: Float, limits: NoiseLimits, burst: float) -> Mask:
     return np.asarray(hit)
 
 
-def _noise(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, step: float, limits: NoiseLimits) -> Finding | None:
+def _noise(
+    views: Sequence[ViewEvidence], near: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, limits: NoiseLimits
+) -> Finding | None:
     """Noise of one capture that is not in the photon law: a constant part, noise of whole rows or columns, noise of single pixels."""
     # Ratio of the noise of one capture to that of a dwell's mean, from which noise of rows and pixels is estimated.
     over_mean = float(np.sqrt(np.median([v.view.captures for v in views])))
     typical = float(np.sqrt(np.median(b.variance)))
-    least = max(_least_m(views, limits), limits.extra_share * typical)
-    excess = 0.0 if fitted is None else constant_part(fitted, step)
+    least = max(_least_m(near, limits), limits.extra_share * typical)
+    excess = 0.0 if fitted is None else constant_part(fitted, code_step(views))
     # Constant offsets of single pixels are a fixed pattern, but second differences contain them as noise (`without_offsets`).
-    pattern_m = float(np.sqrt(min(v.view.captures for v in views))) * pixel_pattern(views)
+    pattern_m = float(np.sqrt(min(v.view.captures for v in views))) * pixel_pattern(near)
     excess = float(np.sqrt(max(excess**2 - pattern_m**2, 0.0)))
     floor_std = 0.0 if fitted is None else fitted.floor_std
     parts = {"at every amplitude": excess if excess > max(least, limits.extra_sigma * floor_std) else 0.0}
