@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     from tof_gap.limits.seen import CorrelationLimits
 
 WIDTHS_PX = np.arange(1, 8)
-"""Pixels: widths of averaging windows; 1 is independent noise. Cameras average over 3 to 7."""
+"""Pixels: widths of averaging windows; 1 is independent noise."""
 DEVIATIONS_PX = np.array([0.6, 0.8, 1.0, 1.25, 1.5, 2.0])
 """Pixels: standard deviations of Gaussian windows."""
+WIDEST, WIDE_SHARE = 6.5, 0.5
+"""Cameras average over 3 to 6 pixels. If wider windows hold this share of the variance, it is structure, such as that of a printed board."""
 STEPS = np.arange(1, 10)
 """Pixels between the samples of second differences: beyond the widest window by two, so that noise and smooth errors separate."""
 VIEWS = 6
@@ -37,11 +39,13 @@ class NoiseCorrelation:
     neighbours to pixels two apart; 0 for independent pixels. A part of the noise that is independent, such as that of rounding, shows no
     growth: so the lever holds at every amplitude, whatever the share of that part.
     line, area: variance of the mean of many pixels of a line, or of an area, over that of as many independent pixels; 1 for these.
+    growth: variance that second differences show of pixels two apart, over that of next neighbours.
     """
 
     lever: float = 0.0
     line: float = 1.0
     area: float = 1.0
+    growth: float = 1.0
 
     @property
     def correlated(self) -> bool:
@@ -72,25 +76,26 @@ def noise_correlation(residuals: Sequence[Float | Image], masks: Sequence[Mask],
     The autocorrelation of noise that was averaged over an even window is triangular, over a Gaussian window Gaussian: the variance of
     second differences rises with the distance of the samples until it exceeds the window. The measured variances are a non-negative sum
     of those of windows of all sizes, and of the fourth power of the distance for errors that are smooth over the image. Windows are
-    taken as alike along rows and columns. `INDEPENDENT` unless differences of next neighbours understate the variance by the factor
-    `limits.variance`.
+    taken as alike along rows and columns. Independent unless differences of next neighbours understate the variance by the factor
+    `limits.variance`, and where windows wider than those of cameras are needed.
     """
     views = np.unique(np.linspace(0, len(masks) - 1, min(len(masks), VIEWS)).astype(int))
     seen = [np.where(masks[v], residuals[v], np.nan) for v in views]
     near, next_but_one = _variance(seen, 1), _variance(seen, 2)
     if not (near > 0.0 and next_but_one > limits.growth * near):
         return INDEPENDENT
+    growth = next_but_one / near
     shown = np.array([near, next_but_one, *(_variance(seen, int(k)) for k in STEPS[2:])])
     if not (shown > 0.0).all():
-        return INDEPENDENT
+        return NoiseCorrelation(growth=growth)
     windows = _windows(STEPS)
     columns = np.stack([*windows, (STEPS / STEPS[-1]) ** 4.0], axis=1)
     part = nnls(columns / shown[:, None], np.ones(len(STEPS)))[0][: len(LINE)]
     whole = float(part.sum())
-    if whole < limits.variance * near:
-        return INDEPENDENT
-    beyond, growth = (float(part @ column) for column in (1.0 - windows[:, 0], windows[:, 1] - windows[:, 0]))
-    return NoiseCorrelation(beyond / growth, float(part @ LINE) / whole, float(part @ LINE**2) / whole)
+    if whole < limits.variance * near or part[LINE > WIDEST].sum() > WIDE_SHARE * whole:
+        return NoiseCorrelation(growth=growth)
+    beyond, grown = (float(part @ column) for column in (1.0 - windows[:, 0], windows[:, 1] - windows[:, 0]))
+    return NoiseCorrelation(beyond / grown, float(part @ LINE) / whole, float(part @ LINE**2) / whole, growth)
 
 
 def _variance(images: Sequence[Float], step: int) -> float:

@@ -119,7 +119,7 @@ def gather(
     if correlation.correlated:
         found = in_threads(lambda v: _of_view(v.view, v.frame, limits, v.concavity, wider_px, v.step_m, correlation), found)
     rng = np.random.default_rng(limits.seed)  # Drawn one after the other: the same pixels whichever view is ready first.
-    return tuple(replace(v, pixels=drawn(v.smooth, limits.pixels, rng)) for v in found)
+    return tuple(replace(v, pixels=drawn(v.smooth, limits.pixels, rng), correlation=correlation) for v in found)
 
 
 def correlation_of(views: Sequence[ViewEvidence]) -> NoiseCorrelation:

@@ -26,7 +26,8 @@ def smeared(views: Sequence[ViewEvidence], limits: MissingLimits) -> bool:
     noise of pixels stays independent. A filter mixes depths within its whole window, and neighbours share the remaining noise. Both signs
     are needed: a lens out of focus reaches as far, and a filter that stops at edges smooths noise too.
     """
-    return any(v.correlation.correlated for v in views) and mixed_afar(views, limits) > limits.smear.afar
+    shared = any(v.correlation.growth > v.limits.correlation.growth for v in views)
+    return shared and mixed_afar(views, limits) > limits.smear.afar
 
 
 def mixed_afar(views: Sequence[ViewEvidence], limits: MissingLimits) -> float:
