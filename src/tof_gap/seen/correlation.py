@@ -76,8 +76,8 @@ def noise_correlation(residuals: Sequence[Float | Image], masks: Sequence[Mask],
     The autocorrelation of noise that was averaged over an even window is triangular, over a Gaussian window Gaussian: the variance of
     second differences rises with the distance of the samples until it exceeds the window. The measured variances are a non-negative sum
     of those of windows of all sizes, and of the fourth power of the distance for errors that are smooth over the image. Windows are
-    taken as alike along rows and columns. Independent unless differences of next neighbours understate the variance by the factor
-    `limits.variance`, and where windows wider than those of cameras are needed.
+    taken as alike along rows and columns. Pixels are independent where differences of next neighbours understate the variance by less
+    than the factor `limits.variance`, or where windows wider than those of cameras would be needed.
     """
     views = np.unique(np.linspace(0, len(masks) - 1, min(len(masks), VIEWS)).astype(int))
     seen = [np.where(masks[v], residuals[v], np.nan) for v in views]

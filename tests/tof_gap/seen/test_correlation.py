@@ -157,9 +157,11 @@ def test_a_filter_that_averages_fewer_pixels_in_some_views_makes_no_burst(factor
 
 @pytest.mark.parametrize(("noise_m", "named"), [(0.0018, []), (0.0036, ["noise"])])
 def test_constant_noise_of_a_filtered_camera_is_named_beyond_what_rounded_creases_leave(noise_m: float, named: list[str]) -> None:
-    """Noise of one pixel before the filter; 3 x 3 pixels leave a third of it, 0.6 and 1.2 mm."""
+    """Noise of one pixel before the filter; 3 x 3 pixels leave a third of it, 0.6 and 1.2 mm. The law is that of the photons alone."""
     quiet = views(np.random.default_rng(3))
-    photons = np.stack([(v.view.depth - v.frame.depth) * v.frame.length for v in quiet]) * 0.5
+    photons = np.stack([(v.view.depth - v.frame.depth) * v.frame.length for v in quiet]) * 0.3
     noise = photons + np.random.default_rng(6).normal(0, noise_m, photons.shape)
-    filtered = views(np.random.default_rng(3), np.stack([averaged(3)(n) for n in noise]), photons=False)
-    assert [f.name for f in noise_effects(filtered, GapConfig().noise)] == named
+    alone, both = (views(np.random.default_rng(3), np.stack([averaged(3)(n) for n in made]), photons=False) for made in (photons, noise))
+    law = own_law(alone, [], GapConfig().noise)
+    assert [f.name for f in noise_effects(both, GapConfig().noise, law=law)] == named
+    assert noise_effects(alone, GapConfig().noise, law=law) == []
