@@ -15,7 +15,7 @@ from tof_align.lens import lens_columns
 from tof_align.linearise import linearise
 from tof_align.mixed import estimate
 from tof_align.parts import PART, counts
-from tof_align.robust import first_look, halfway, misfit, weigh
+from tof_align.robust import first_look, weigh
 from tof_align.system import R, SessionSystem, assemble, unmodelled
 from tof_align.view_columns import columns_of
 from tof_core.arrays import Float
@@ -36,18 +36,13 @@ if TYPE_CHECKING:
 
 STILL = 2e-6
 """Step of a camera (metres, radians) below which the iteration ends."""
-NEAR = 1.0
-"""The same in standard deviations of the camera. A step is a third of the one before, and the last linearisation takes one more: a tenth remains."""
 Columns = Callable[[int, "Linearised"], Float]
 """Extra columns (n, k) of view v at its linearisation, metres of z per unit."""
 
 
 @dataclass(slots=True, eq=False)
 class Fitter:
-    """Views to fit, and what is kept between linearisations: the discrepancy's basis and sizes, and what the last weights allowed for.
-
-    _misfits: metres per view; _allowed: metres per kind of the discrepancy.
-    """
+    """Views to fit, and the discrepancy's basis and sizes, which are kept between linearisations."""
 
     pixels: Sequence[Pixels]
     caster: Raycaster
@@ -58,11 +53,9 @@ class Fitter:
     sizes: dict[str, float] | None = None
     last: Sequence[Pixels] | None = None
     _light: dict[int, Light] = field(default_factory=dict)
-    _misfits: dict[int, float] = field(default_factory=dict)
-    _allowed: dict[str, float] = field(default_factory=dict)
 
     def fit(self, rig: R, iterations: int) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
-        """Step at most `iterations` times, until the cameras are near, then linearise and fit once more.
+        """Step `iterations` times, then linearise and fit once more.
 
         The last time with the pixels of `last`, if given and if unmodelled errors are below `weights.last_mm`; more pixels would only
         repeat larger ones.
@@ -73,7 +66,7 @@ class Fitter:
         for _ in progress(range(iterations), "poses", iterations + 1):
             system, answer, _ = self.once(rig, answer)
             rig = rig.moved(answer.x, answer.own)
-            if _near(system, answer):
+            if float(np.abs(system.camera_steps(answer)).max()) < STILL:
                 break
         smooth = [size for kind, size in (self.sizes or {}).items() if kind != "lens" and not kind.startswith(PART)]
         if self.last and max(smooth, default=0.0) < self.config.weights.last_mm * 1e-3:
@@ -89,7 +82,6 @@ class Fitter:
         self.basis = self.basis or basis_of(views, self.config.discrepancy)
         columns = None if self.columns is None else [self.columns(v, view) for v, view in enumerate(views)]
         system = SessionSystem(rig, views, tuple(np.zeros(0) for _ in views), self.basis, {}, self.theta_std)
-        self._allowed = {} if before is None else {k: halfway(size, self._allowed.get(k)) for k, size in before.sizes.items()}
         weighed = in_threads(lambda v: self._weighed(system, before, columns, v), range(len(views)))
         theta_info = system.theta_info(0 if columns is None else columns[0].shape[1])
         answer = self._solve(assemble([gram for _, gram in weighed], rig, self.basis, theta_info), self.basis)
@@ -113,8 +105,7 @@ class Fitter:
         else:
             smooth = unmodelled(of, system.rig, system.basis, before, v)
             left = view.residual - smooth.sum(axis=1) - of.of_extra(before.x[system.rig.globals_ + sum(system.basis.shared) :])
-            self._misfits[v] = halfway(misfit(smooth, limits), self._misfits.get(v))
-            weight = weigh(view, left, self.config.weights, self._misfits[v], of.beyond(self._allowed, limits))
+            weight = weigh(view, left, self.config.weights, smooth, of.beyond(before.sizes, limits))
         weight = weight * counts(system.basis.parts, view)
         return weight, of.gram(weight)
 
@@ -126,11 +117,3 @@ class Fitter:
         answer = estimate(normal, sizes, rounds=d.rounds, low=least_sizes(begin, basis, d), high=d.ceiling_mm * 1e-3)
         self.sizes = dict(answer.sizes)
         return answer
-
-
-def _near(system: SessionSystem[R], answer: Mixed) -> bool:
-    """Whether the steps of all cameras are below `STILL`, or below `NEAR` of their standard deviations."""
-    steps = np.abs(system.camera_steps(answer))
-    if float(steps.max()) < STILL:
-        return True
-    return all(bool((step <= NEAR * np.sqrt(np.diag(system.camera_cov(answer, v)))).all()) for v, step in enumerate(steps))
