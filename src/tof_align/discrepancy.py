@@ -16,7 +16,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from tof_align.bounced import Emitters, emitters_of, no_emitters
 from tof_align.lens import lens_scale
@@ -162,7 +161,7 @@ def spline_entries(knots: Float, x: Float) -> tuple[NDArray[np.int32], Float]:
 
 def surface_columns(basis: Basis, view: Linearised) -> Float:
     """(n, m) covariance of the error at each pixel with that at each centre of the surface."""
-    return np.asarray(_surface_covariance(_surface(view, basis.object_m), basis.centres))
+    return _surface_covariance(_surface(view, basis.object_m), basis.centres)
 
 
 def _surface(view: Linearised, length: float) -> Float:
@@ -170,20 +169,32 @@ def _surface(view: Linearised, length: float) -> Float:
     return np.concatenate([view.point / length, view.normal / CHORD_45], axis=1)
 
 
-@njit(cache=True, nogil=True)
 def _surface_covariance(x: Float, y: Float) -> Float:
     """(n, m) covariance between places on the part: half of it decays within a correlation length, half within five.
 
-    The second half is an error that a whole face shares. A pose can imitate it, so it must be allowed for. Distances of all pixels and
-    centres are never stored: as matrices they take four times as long.
+    The second half is an error that a whole face shares. A pose can imitate it, so it must be allowed for.
     """
-    out = np.empty((len(x), len(y)))
-    for i in range(len(x)):
-        for j in range(len(y)):
-            place = (x[i, 0] - y[j, 0]) ** 2 + (x[i, 1] - y[j, 1]) ** 2 + (x[i, 2] - y[j, 2]) ** 2
-            facing = (x[i, 3] - y[j, 3]) ** 2 + (x[i, 4] - y[j, 4]) ** 2 + (x[i, 5] - y[j, 5]) ** 2
-            out[i, j] = 0.5 * (np.exp(-np.sqrt(place + facing)) + np.exp(-np.sqrt(place / FACE_LENGTHS**2 + facing)))
-    return out
+    place, facing = _square_distance(x[:, :3], y[:, :3]), _square_distance(x[:, 3:], y[:, 3:])
+    near = _half_exp(place + facing)
+    place /= FACE_LENGTHS**2
+    place += facing
+    near += _half_exp(place)
+    return near
+
+
+def _half_exp(square: Float) -> Float:
+    """exp(-distance) / 2, in the place of the squared distances: matrices of all pixels and centres are slow to allocate."""
+    np.sqrt(square, out=square)
+    np.negative(square, out=square)
+    np.exp(square, out=square)
+    square *= 0.5
+    return square
+
+
+def _square_distance(x: Float, y: Float) -> Float:
+    out: Float = (x * x).sum(1)[:, None] + (y * y).sum(1)[None]
+    out -= 2.0 * x @ y.T
+    return np.maximum(out, 0.0, out=out)
 
 
 def _inverse_root(K: Float) -> Float:
