@@ -98,7 +98,8 @@ def test_an_effect_grafted_onto_a_real_frame_is_named(shared_data: Path) -> None
     by_itself = diagnosed(null, caster, np.zeros_like)
     assert explained_by(by_itself, "wiggling") < 0.5
     grafted = diagnosed(null, caster, lambda r: 0.01 * np.sin(2 * np.pi * r / 0.4))
-    assert grafted.gap.before.rmse > 4 * grafted.gap.floor_mm
+    # Neighbours share this camera's noise; the floor holds that part, too.
+    assert grafted.gap.before.rmse > 3 * grafted.gap.floor_mm
     assert above_floor(by_itself) < 0.25 * above_floor(grafted)
     assert explained_by(grafted, "wiggling") > 0.9
 
