@@ -178,8 +178,8 @@ def grafted(views: Sequence[View], caster: Raycaster, kind: str, rng: np.random.
     return [replace(v, depth=depth) for v, depth in zip(views, wrong, strict=True)], abs(size)
 
 
-def answer(bag: Path, kind: str, seed: int) -> tuple[list[str], float]:
-    """Verdict on a healthy session with a grafted error, and the error's spread in metres."""
+def verdict_of(bag: Path, changed: Callable[[Sequence[View], Raycaster], Sequence[View]]) -> list[str]:
+    """Verdict on a recorded session whose views are changed before the diagnosis."""
     from tof_gap.session import diagnose_session
     from tof_scene.raycast import Raycaster
     from tof_sensor.model import load_model
@@ -190,11 +190,22 @@ def answer(bag: Path, kind: str, seed: int) -> tuple[list[str], float]:
     config = GapPipelineConfig()
     with opened(bag / "bag", bag / "scene" / "scene.yaml", config) as (reader, scene):
         assert scene is not None
-        views = raw_views(reader, config, config.moving_views)
         caster = Raycaster(scene)
+        views = changed(raw_views(reader, config, config.moving_views), caster)
+        found = diagnose_session(views, caster, config.gap, config.align, known=load_model(bag / "scene" / DATA_SHEET))
+    return list(found.verdict)
+
+
+def answer(bag: Path, kind: str, seed: int) -> tuple[list[str], float]:
+    """Verdict on a healthy session with a grafted error, and the error's spread in metres."""
+    sizes_m: list[float] = []
+
+    def with_error(views: Sequence[View], caster: Raycaster) -> Sequence[View]:
         wrong, size_m = grafted(views, caster, kind, np.random.default_rng(seed))
-        found = diagnose_session(wrong, caster, config.gap, config.align, known=load_model(bag / "scene" / DATA_SHEET))
-    return list(found.verdict), size_m
+        sizes_m.append(size_m)
+        return wrong
+
+    return verdict_of(bag, with_error), sizes_m[0]
 
 
 def main() -> int:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.gap_check.examine import DATA_SHEET
+from benchmarks.curved import verdict_of
 from benchmarks.gap_check.record import BAGS, SEALED
 from tof_core.cores import one_thread
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float, Image
     from tof_core.capture import View
+    from tof_scene.raycast import Raycaster
 
 SURFACE_M = 0.03
 """Depth difference to a pixel beyond which a neighbour lies on another surface: ten times the noise of such cameras."""
@@ -79,24 +80,9 @@ def _weighted(depth: Image, window: Float) -> Float:
     return np.where(weight > 0, total / np.maximum(weight, 1e-12), np.nan)
 
 
-def verdict_of(bag: Path, firmware: Callable[[Image], Float] | None) -> list[str]:
-    """Verdict on a recorded session whose depth images go through a filter."""
-    from tof_gap.session import diagnose_session
-    from tof_scene.raycast import Raycaster
-    from tof_sensor.model import load_model
-    from toftwin.diagnosis import GapPipelineConfig
-    from toftwin.inputs import opened
-    from toftwin.pipeline import raw_views
-
-    def through(view: View) -> View:
-        return view if firmware is None else replace(view, depth=firmware(view.depth).astype(np.float32))
-
-    config = GapPipelineConfig()
-    with opened(bag / "bag", bag / "scene" / "scene.yaml", config) as (reader, scene):
-        assert scene is not None
-        views = [through(v) for v in raw_views(reader, config, config.moving_views)]
-        found = diagnose_session(views, Raycaster(scene), config.gap, config.align, known=load_model(bag / "scene" / DATA_SHEET))
-    return list(found.verdict)
+def through(firmware: Callable[[Image], Float]) -> Callable[[Sequence[View], Raycaster], list[View]]:
+    """What sends the depth images of views through a filter."""
+    return lambda views, _: [replace(v, depth=firmware(v.depth).astype(np.float32)) for v in views]
 
 
 def main() -> int:
@@ -114,7 +100,7 @@ def main() -> int:
         if asked and number not in asked:
             continue
         kind, bag = kinds[number % len(kinds)], args.folder / BAGS / sealed.parent.name
-        plain, filtered = verdict_of(bag, None), verdict_of(bag, FILTERS[kind])
+        plain, filtered = verdict_of(bag, lambda views, _: views), verdict_of(bag, through(FILTERS[kind]))
         truth, total = json.loads(sealed.read_text()), total + 1
         alike += filtered == plain
         mark = "same" if filtered == plain else "OTHER"

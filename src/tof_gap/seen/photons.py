@@ -46,12 +46,13 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
             continue
         edges = np.quantile(a, np.linspace(0, 1, bins + 1))[1:-1]
         which = np.searchsorted(edges, a, side="right")
-        far, light = _by_rows(v, along, 2)[:2] if v.correlation.correlated else (x, a)
-        which_far = np.searchsorted(edges, light, side="right")
+        far = _by_rows(v, along[:2], 2) if v.correlation.correlated else None
+        which_far = None if far is None else np.searchsorted(edges, far[1], side="right")
         for b in range(bins):
             of = which == b
             if of.sum() >= limits.bin_samples:
-                near2, far2 = trimmed_std(x[of]) ** 2, trimmed_std(far[which_far == b]) ** 2
+                near2 = trimmed_std(x[of]) ** 2
+                far2 = near2 if far is None else trimmed_std(far[0][which_far == b]) ** 2
                 variance = v.view.captures * v.correlation.variance(near2, far2)
                 rows.append((i, a[of].mean(), r2[of].mean(), around2[of].mean(), variance, of.sum()))
     table = np.array(rows, float).reshape(-1, 6)
