@@ -180,9 +180,9 @@ def _look_around(matcher: Matcher, answers: Float, *, far: bool = False) -> Regi
     """
     T = answers[np.argmin(matcher.misfits(answers))]
     starts = T @ spread_starts(256, 0.04, np.radians(2.0))
-    best = starts[1:][np.argsort(matcher.misfits(starts[1:], coarse=True))[:4]]
+    best = starts[1:][np.argsort(matcher.misfits(starts[1:], coarse=True), kind="stable")[:4]]
     slid = _slides(matcher, T)
-    slid = slid[np.argsort(matcher.misfits(slid))[:3]]
+    slid = slid[np.argsort(matcher.misfits(slid), kind="stable")[:3]]
     found = np.array([T, *answers, *(matcher.refine(s, 0.02, stride=4, rounds=10) for s in (*best, *slid))])
     scores = matcher.misfits(found)
     winner = int(np.argmin(scores))
@@ -208,7 +208,7 @@ def _search(matcher: Matcher, guesses: Sequence[Float], near: Float) -> Registra
     """Score many starts around the first guess, refine the best and the other guesses, and compare the results with `near` (k, 4, 4)."""
     c = matcher.config.register
     starts = guesses[0] @ spread_starts(c.tried, c.reach_mm * 1e-3, np.radians(c.reach_deg))
-    best = starts[np.argsort(matcher.misfits(starts, coarse=True))[: c.kept]]
+    best = starts[np.argsort(matcher.misfits(starts, coarse=True), kind="stable")[: c.kept]]
     found = np.array([matcher.refine(T, c.far_kernel_mm * 1e-3, stride=12, rounds=12) for T in [*best, *guesses[1:]]])
     found = found[[any(_within(T, guess, matcher.config) for guess in guesses) for T in found]]
     leading = _distinct(found, matcher.misfits(found)) if len(found) else []
@@ -225,7 +225,7 @@ def _within(T: Float, guess: Float, config: CorrectConfig) -> bool:
 def _distinct(motions: Float, scores: Float, most: int = 8) -> list[int]:
     """The best solutions without duplicates."""
     out: list[int] = []
-    for i in np.argsort(scores):
+    for i in np.argsort(scores, kind="stable"):
         apart = [se3.distance(motions[i], motions[j]) for j in out]
         if all(metres > 0.01 or degrees > 1.0 for metres, degrees in apart):
             out.append(int(i))

@@ -233,7 +233,7 @@ def _starts(
     scores = [
         _mean_by_view(few, np.minimum(few.errors(frame @ se3.exp(x) @ local[: limits.start_views], caster), most), most) for x in twists
     ]
-    return [se3.exp(twists[i]) for i in np.argsort(scores)[: limits.kept]]
+    return [se3.exp(twists[i]) for i in np.argsort(scores, kind="stable")[: limits.kept]]
 
 
 def _mean_by_view(looks: _Looks, errors: Float, most: float) -> float:

@@ -150,5 +150,5 @@ def disagreeing(apart: Float, std: Float, config: VerdictConfig) -> Float:
 
 def apart_in_words(names: Sequence[str], apart: Float) -> str:
     """The parts that disagree with their CAD, largest first; "" without any. names (P,); apart (P,) metres, 0 where a part agrees."""
-    found = [f"{names[p]} by {1e3 * apart[p]:.0f} mm" for p in np.argsort(-apart) if apart[p] > 0]
+    found = [f"{names[p]} by {1e3 * apart[p]:.0f} mm" for p in np.argsort(-apart, kind="stable") if apart[p] > 0]
     return "parts disagree with the CAD: " + ", ".join(found) if found else ""

@@ -37,7 +37,7 @@ def calibrate(error: Float, log_scale: Float, own: Float | None = None) -> Calib
     Errors have longer tails than a normal distribution, so no factor meets both shares; this factor misses both by little. Only
     pixels whose scale from their surroundings (`own`, default `log_scale`) is small enough to be used count.
     """
-    order = np.argsort(log_scale)
+    order = np.argsort(log_scale, kind="stable")
     bins = [b for b in np.array_split(order, BINS)[1:-1] if len(b) >= 20]  # the outermost bins are too wide
     if not bins:
         return Calibration()
@@ -46,7 +46,7 @@ def calibrate(error: Float, log_scale: Float, own: Float | None = None) -> Calib
     at = np.array([np.median(log_scale[b]) for b in bins])
     slope = float(np.clip(np.polyfit(at, wanted, 1)[0], 0.5, 1.5)) if np.ptp(at) > 0.1 else 1.0
     offset = float(np.mean(wanted - slope * at))
-    small = (order if own is None else np.argsort(own))[: int(LEAST_CORRECTED * len(order))]
+    small = (order if own is None else np.argsort(own, kind="stable"))[: int(LEAST_CORRECTED * len(order))]
     ratio = e[small] / Calibration(offset, slope).sigma(log_scale[small])
     return Calibration(offset + _best_shift(ratio), slope)
 
@@ -64,7 +64,7 @@ def sigma_limit(error: Float, raw_error: Float, sigma: Float) -> float:
     It is the largest value at which, of the pixels whose raw error exceeds 20 mm (flying pixels), at most the share
     `LEFT_WRONG` is corrected and still more than 10 mm off. At least the share `LEAST_CORRECTED` of all pixels is corrected.
     """
-    order = np.argsort(sigma)
+    order = np.argsort(sigma, kind="stable")
     flying = np.abs(raw_error[order]) > 0.02
     left = np.cumsum(flying & (np.abs(error[order]) > 0.01)) / max(int(flying.sum()), 1)
     enough = int(np.searchsorted(left, LEFT_WRONG, side="right"))

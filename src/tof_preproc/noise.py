@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -150,26 +149,37 @@ def _sum(values: Float, total: Float) -> None:
 
 
 def _fit(noise2: Float, brightness: Float, dof: int, quantum: float, *, by_range: bool) -> NoiseLaw:
-    """Bins of equal count by brightness, a robust variance in each, and the law through them, none of its terms negative."""
+    """Bins by brightness, a robust variance in each, and the law through them, none of its terms negative."""
     floor = max(quantum**2 / 12, TINY)
     usable = np.isfinite(brightness) & (brightness > 0)
     order = np.argsort(brightness[usable])
-    bins = [b for b in np.array_split(order, BINS) if b.size >= FEWEST]
-    if not bins:
+    ascending = brightness[usable][order]
+    bins = _bins(ascending)
+    if not bins.size:
         everything = noise2[usable] if usable.any() else noise2
         spread = robust_variance(everything, dof, floor) if everything.size else floor
         return NoiseLaw((spread, 0.0, 0.0), 1.0, 1.0, by_range)
-    brightness, noise2 = brightness[usable], noise2[usable]
-    ascending = brightness[order]
-    ends = np.cumsum([0, *(b.size for b in bins)])
-    variance = _variances(noise2[order], ends, dof, floor, *_chi2(dof))
-    centre = np.array([_middle(ascending[a:b]) for a, b in pairwise(ends)])
+    variance = _variances(noise2[usable][order], bins, dof, floor, *_chi2(dof))
+    centre = np.array([_middle(ascending[a:b]) for a, b in bins])
     unit = float(np.median(centre))
     powers = (centre[:, None] / unit) ** -np.arange(3.0)
     coefficients = _least_squares(powers / variance[:, None], np.ones(len(bins)))
     a0, a1, a2 = (float(c * unit**p) for p, c in enumerate(coefficients))
     low, high = (_quantile(ascending, q) for q in (0.001, 0.999))
     return NoiseLaw((max(a0, floor) if a1 == a2 == 0 else a0, a1, a2), low, high, by_range)
+
+
+def _bins(ascending: Float) -> Ints:
+    """(n, 2) first index of each bin of ascending values and the one behind its last; the bins are nearly equal in count.
+
+    Equal values share a bin: which of them a sort puts first depends on the processor.
+    """
+    if not ascending.size:
+        return np.empty((0, 2), int)
+    cuts = ascending[np.arange(1, BINS) * ascending.size // BINS]
+    ends = np.array([0, *np.searchsorted(ascending, cuts), ascending.size])
+    bins = np.stack([ends[:-1], ends[1:]], axis=1)
+    return bins[bins[:, 1] - bins[:, 0] >= FEWEST]
 
 
 @njit(cache=True)
@@ -239,15 +249,15 @@ def robust_variance(noise2: Float, dof: int, floor: float) -> float:
     The median gives the scale. The result is the mean of the values within three sigma, corrected for the cut:
     a median alone cannot measure noise below the quantisation step.
     """
-    return float(_variances(noise2, np.array([0, noise2.size]), dof, floor, *_chi2(dof))[0])
+    return float(_variances(noise2, np.array([[0, noise2.size]]), dof, floor, *_chi2(dof))[0])
 
 
 @njit(cache=True)
-def _variances(noise2: Float, ends: Ints, dof: int, floor: float, middle: float, share: float) -> Float:
-    """`robust_variance` of each bin, from `ends[i]` to `ends[i + 1]`; compiled, since a dozen bins cost NumPy more in calls than in work."""
-    out = np.empty(ends.size - 1)
+def _variances(noise2: Float, bins: Ints, dof: int, floor: float, middle: float, share: float) -> Float:
+    """`robust_variance` of each bin; compiled, since a dozen bins cost NumPy more in calls than in work."""
+    out = np.empty(len(bins))
     for i in range(out.size):
-        values = noise2[ends[i] : ends[i + 1]]
+        values = noise2[bins[i, 0] : bins[i, 1]]
         scale = np.median(values) * dof / middle
         cut = CUT * max(scale, floor)
         total, kept = 0.0, 0

@@ -94,7 +94,7 @@ def _widest(pixels: _Pixels, z: Float, tolerance: float) -> _Widest:
     planes = np.linalg.solve(three, np.ones((len(three), 3, 1)))[..., 0]
     support = (np.abs(few @ planes.T - 1.0) < tolerance).sum(axis=0)
     best = _Widest()
-    for plane in planes[np.argsort(-support)[:KEPT]]:
+    for plane in planes[np.argsort(-support, kind="stable")[:KEPT]]:
         inlier = _refined(A, plane, tolerance)
         if inlier.sum() >= FEWEST:
             best = max(best, _bend(pixels, z, inlier), key=lambda w: w.total)

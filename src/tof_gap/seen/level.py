@@ -61,7 +61,7 @@ def _differences(residual: Float, amplitude: Float, step: int) -> tuple[Float, F
         samples.append(d2[seen])
         light.append(np.log(middle[seen]))
     d2_all, log = np.concatenate(samples), np.concatenate(light)
-    order = np.argsort(log)
+    order = np.argsort(log, kind="stable")
     return d2_all[order], log[order]
 
 

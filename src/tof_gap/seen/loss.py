@@ -166,6 +166,6 @@ STEEPNESSES = (3.0, 4.0, 6.0, 9.0, 13.0, 20.0, 30.0, 50.0)
 def _carrying(gone: Float, part: Ints, carried: float) -> tuple[int, ...]:
     """The parts that together carry the share `carried` of all loss, most first."""
     lost = np.bincount(part, gone)
-    order = np.argsort(-lost)
+    order = np.argsort(-lost, kind="stable")
     count = int(np.searchsorted(np.cumsum(lost[order]), carried * lost.sum())) + 1
     return tuple(int(p) for p in order[:count])

@@ -68,7 +68,7 @@ def _fitted(
     x, y = np.concatenate(model), np.concatenate(seen)
     usable = np.abs(x) > limits.fitted_mm * 1e-3
     ratio, weight = y[usable] / x[usable], np.abs(x[usable])
-    order = np.argsort(ratio)
+    order = np.argsort(ratio, kind="stable")
     middle = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
     low, high = (float(bound[0]) for bound in effect.bounds)
     share = float(np.clip(ratio[order][min(middle, len(order) - 1)], low, high)) if len(order) else 0.0

@@ -86,7 +86,7 @@ def fit_law(b: NoiseBins, step_m: float, limits: NoiseLimits) -> LawFit:
     ratio = reference / b.amplitude
     own = step_m**2 / 12
     # Weighted by the variance of bins of like amplitude: a bin whose depth code hardly ever changes would outweigh all others.
-    order = np.argsort(b.amplitude)
+    order = np.argsort(b.amplitude, kind="stable")
     usual = np.empty_like(b.variance)
     usual[order] = median_filter(b.variance[order], size=limits.smoothed_bins, mode="mirror")
     target = np.maximum(b.variance - own, 0.0)

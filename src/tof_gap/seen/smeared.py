@@ -51,7 +51,7 @@ def _lying_afar(view: ViewEvidence, limits: MissingLimits) -> Float:
         return np.zeros(0)
     away, (row, column) = distance_transform_edt(~mixed, return_indices=True)
     surfaces = np.stack([own[row, column], rendering.second[row, column].astype(np.float64)]) - own
-    order = np.argsort(np.abs(surfaces), axis=0)
+    order = np.argsort(np.abs(surfaces), axis=0, kind="stable")
     nearer, step = (np.take_along_axis(surfaces, order[k : k + 1], axis=0)[0] for k in (0, 1))
     clear = np.abs(step) > np.maximum(limits.step_mm * 1e-3, limits.step_sigma * view.sigma)
     clear &= (np.abs(nearer) < limits.smear.own * np.abs(step)) & np.isfinite(view.residual)

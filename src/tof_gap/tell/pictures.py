@@ -57,7 +57,7 @@ def _name_parts(ax: Any, xy: Float, part: Ints, names: Sequence[str]) -> None:
     counts = np.bincount(part[part >= 0], minlength=len(names))
     taken: list[Float] = []
     apart = np.ptp(xy, axis=0) * (0.16, 0.06)
-    for index in np.argsort(-counts):
+    for index in np.argsort(-counts, kind="stable"):
         if len(taken) == NAMED or not counts[index] or index >= len(names):
             break
         middle = np.median(xy[part == index], axis=0)
@@ -86,7 +86,7 @@ def _projected(d: Diagnosis, maps: Sequence[Float]) -> tuple[Float, Float, Ints]
     part = np.concatenate([v.rendering.part.ravel()[at] for v, at in zip(d.evidence, shown, strict=True)])[first]
     T = d.evidence[len(d.evidence) // 2].rendering.T_cell_camera
     local = ((key + 0.5) * cell_m - T[:3, 3]) @ T[:3, :3]
-    order = np.argsort(-local[:, 2])
+    order = np.argsort(-local[:, 2], kind="stable")
     return np.stack([local[order, 0], -local[order, 1]], axis=1), mean[order], part[order]
 
 

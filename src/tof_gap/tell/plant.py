@@ -140,7 +140,7 @@ def duration_s(d: Diagnosis) -> float:
 def where(d: Diagnosis, maps: Sequence[Float], scene: Scene) -> str:
     """The parts that carry most of maps (H, W) of metres, one per view."""
     energy = by_part(d.evidence, [np.nan_to_num(m) ** 2 for m in maps], len(scene.parts))
-    order = np.argsort(-energy)
+    order = np.argsort(-energy, kind="stable")
     carried = np.cumsum(energy[order]) / max(float(energy.sum()), 1e-18)
     count = int(np.searchsorted(carried, CARRIED)) + 1
     return on_parts([scene.parts[i].name for i in order[:count]])

@@ -109,7 +109,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
         return Unexplained(size, structured=False, depends_on=(), where=())
     spread = np.bincount(means.part, np.maximum(means.excess2, 0) / means.white2, len(scene.parts))
     energy = gone if gone.any() else spread * off if off.any() else spread
-    order = [int(i) for i in np.argsort(-energy) if energy[i] > limit.part_share * energy.sum()]
+    order = [int(i) for i in np.argsort(-energy, kind="stable") if energy[i] > limit.part_share * energy.sum()]
     return Unexplained(
         size,
         structured=True,

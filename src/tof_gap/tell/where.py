@@ -105,7 +105,7 @@ def _region_sums(
 
 def _discoveries(p: Float, rate: float) -> Float:
     """(n,) bool: hypotheses that are rejected at a false discovery rate (Benjamini and Hochberg 1995)."""
-    order = np.argsort(p)
+    order = np.argsort(p, kind="stable")
     below = p[order] <= rate * np.arange(1, len(p) + 1) / max(len(p), 1)
     last = np.flatnonzero(below).max() + 1 if below.any() else 0
     out = np.zeros(len(p), bool)

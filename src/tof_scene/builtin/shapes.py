@@ -210,7 +210,7 @@ def _pierced(uv: Float, tri: NDArray[np.int32], hole: tuple[float, float, float]
     keep[near] = (np.abs(middle - [u, v]) > radius + 0.75 * cell).any(axis=1)
     frame = np.flatnonzero(np.bincount(_rim(tri[~keep])[:, 0])).astype(np.int32)
     angle_of = np.arctan2(uv[frame, 1] - v, uv[frame, 0] - u)
-    outer = frame[np.argsort(angle_of)]
+    outer = frame[np.argsort(angle_of, kind="stable")]
     angle = 2 * np.pi * (np.arange(SEGMENTS) + 0.5) / SEGMENTS - np.pi
     inner = np.arange(SEGMENTS, dtype=np.int32) + len(uv)
     points = np.concatenate([uv, np.stack([u + radius * np.cos(angle), v + radius * np.sin(angle)], 1)])
