@@ -179,7 +179,7 @@ def _bins(ascending: Float) -> Ints:
     cuts = ascending[np.arange(1, BINS) * ascending.size // BINS]
     ends = np.array([0, *np.searchsorted(ascending, cuts), ascending.size])
     bins = np.stack([ends[:-1], ends[1:]], axis=1)
-    return bins[bins[:, 1] - bins[:, 0] >= FEWEST]
+    return np.asarray(bins[bins[:, 1] - bins[:, 0] >= FEWEST])
 
 
 @njit(cache=True)
