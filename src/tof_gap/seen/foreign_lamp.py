@@ -12,7 +12,7 @@ from tof_core.cores import in_threads
 from tof_core.stats import blocks, hats
 from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.seen.foreign_light import field, interference
-from tof_gap.seen.lamp_light import RIDGE, gains_at, lag_of, waves_from
+from tof_gap.seen.lamp_light import RIDGE, STRONGEST, gains_at, lag_of, waves_from
 from tof_sensor.frame import waves_per_m
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class ForeignLamp:
 class Cells:
     """Means over squares of pixels of a view.
 
-    points, normals (n, 3) in the cell; range_m, cosine (n,); sigma (n,): standard deviation of the mean error along the ray, metres;
+    points, normals (n, 3) in the cell; range_m, cosine, amplitude (n,); sigma (n,): standard deviation of the mean error along the ray, metres;
     smooth (n, k): orthonormal fields, divided by sigma, that errors of pose and lens make; error (n,): divided by sigma, without these
     fields; T (4, 4): the camera's pose.
     """
@@ -84,6 +84,7 @@ class Cells:
     normals: Float
     range_m: Float
     cosine: Float
+    amplitude: Float
     sigma: Float
     smooth: Float
     error: Float
@@ -139,11 +140,12 @@ def cells_of(view: ViewEvidence, limits: ForeignLampLimits) -> Cells | None:
     row, column = np.nonzero(seen)
     point = np.stack([groups.mean(x) for x in view.frame.points[seen].T], axis=1) @ T[:3, :3].T + T[:3, 3]
     normal = np.stack([groups.mean(x) for x in np.nan_to_num(view.rendering.normal[seen]).T], axis=1) @ T[:3, :3].T
-    range_m, cosine, along, white, y, x = (
+    range_m, cosine, amplitude, along, white, y, x = (
         groups.mean(q)
         for q in (
             view.frame.radial[seen],
             np.cos(view.rendering.incidence[seen]),
+            view.frame.amplitude[seen],
             (view.residual * view.frame.length)[seen],
             ((view.mean_sigma * view.frame.length)[seen]) ** 2,
             row / h - 0.5,
@@ -156,24 +158,26 @@ def cells_of(view: ViewEvidence, limits: ForeignLampLimits) -> Cells | None:
     error = along / sigma
     error = error - smooth @ (smooth.T @ error)
     facing = np.maximum(cosine, STEEPEST)
-    return Cells(*(np.ascontiguousarray(a, np.float64) for a in (point, normal, range_m, facing, sigma, smooth, error, T)))
+    return Cells(*(np.ascontiguousarray(a, np.float64) for a in (point, normal, range_m, facing, amplitude, sigma, smooth, error, T)))
 
 
 def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
-    """The cells less the error that all views share: a function of range, and one of range times r^2 / cos(i).
+    """The cells less the error that all views share: a function of range, one of range times r^2 / cos(i), and one of range over amplitude.
 
     An error of the camera itself, such as light that its own glass reflects, is the same in every view, even if its fringes look like
-    those of a lamp.
+    those of a lamp. Light within the camera acts on dark surfaces most, another lamp's light on surfaces of any albedo alike.
     """
     there = [c for c in cells if c is not None]
     if not there:
         return list(cells)
     low, high = (f([f(c.range_m) for c in there]) for f in (min, max))
     knots = np.linspace(low, high, max(2, round((high - low) / COMMON_STEP_M) + 1))
+    usual = float(np.median(np.concatenate([c.amplitude for c in there])))
 
     def columns(c: Cells) -> Float:
         of_range = hats(c.range_m, knots)
-        B = np.concatenate([of_range, of_range * (c.range_m**2 / c.cosine)[:, None]], axis=1) / c.sigma[:, None]
+        weak = c.range_m**2 / c.cosine, usual / np.maximum(c.amplitude, usual / STRONGEST)
+        B = np.concatenate([of_range, *(of_range * w[:, None] for w in weak)], axis=1) / c.sigma[:, None]
         return np.asarray(B - c.smooth @ (c.smooth.T @ B))
 
     all_columns = [columns(c) for c in there]

@@ -111,14 +111,22 @@ def patches() -> Float:
     return out
 
 
-def own_light() -> Float:
-    """(V, H, W) metres along the ray: lamp light that the camera's own cover glass throws onto the sensor, the same in every view."""
+def own_light(*, albedo: bool = False) -> Float:
+    """(V, H, W) metres along the ray: lamp light that the camera's own cover glass throws onto the sensor, the same in every view.
+
+    `albedo`: relative to the light of surfaces of different albedo.
+    """
     frames = [v.frame for v in noisy(np.zeros((VIEWS, *SHAPE)))]
     wave = 4e6 * np.pi * MHZ / LIGHT_M_PER_S
-    return np.stack([0.01 * f.radial**2 / np.cos(f.rendering.incidence) * np.sin(wave * f.radial) for f in frames])
+    weak = [2000.0 / f.amplitude if albedo else f.radial**2 / np.cos(f.rendering.incidence) for f in frames]
+    return np.stack([0.01 * w * np.sin(wave * f.radial) for w, f in zip(weak, frames, strict=True)])
 
 
-@pytest.mark.parametrize("errors", [np.zeros((VIEWS, *SHAPE)), patches(), own_light()], ids=["none", "patches", "own light"])
+@pytest.mark.parametrize(
+    "errors",
+    [np.zeros((VIEWS, *SHAPE)), patches(), own_light(), own_light(albedo=True)],
+    ids=["none", "patches", "own light", "own light, albedo"],
+)
 def test_errors_that_no_lamp_makes_show_none(errors: Float) -> None:
     assert foreign_lamp(noisy(errors), LIMITS) is None
 
@@ -127,9 +135,13 @@ def test_two_views_alone_may_be_another_kind_of_scene() -> None:
     assert foreign_lamp(lit(np.where(np.arange(VIEWS) < LIMITS.views - 1, 0.01, 0.0)), LIMITS) is None
 
 
-@pytest.mark.parametrize(("own", "left"), [(True, 0.0), (False, 1.0)], ids=["own light", "another lamp"])
-def test_what_all_views_have_in_common_is_the_camera_s_own(*, own: bool, left: float) -> None:
-    before = [cells_of(v, LIMITS) for v in (noisy(own_light()) if own else lit(np.full(VIEWS, 0.01)))]
+@pytest.mark.parametrize(
+    ("seen", "left"),
+    [(noisy(own_light()), 0.0), (noisy(own_light(albedo=True)), 0.0), (lit(np.full(VIEWS, 0.01)), 1.0)],
+    ids=["own light", "own light, albedo", "another lamp"],
+)
+def test_what_all_views_have_in_common_is_the_camera_s_own(seen: list[ViewEvidence], left: float) -> None:
+    before = [cells_of(v, LIMITS) for v in seen]
     after = beside_common(before)
     chi2 = [sum(float(c.error @ c.error) for c in cells if c is not None) for cells in (before, after)]
     assert chi2[1] / chi2[0] == pytest.approx(left, abs=0.05)
