@@ -32,6 +32,9 @@ class FilterLimits:
         high=1.0,
         why="outliers of single pixels occur at any amplitude: 0.5",
     )
+    quiet_lines: float = param(
+        0.3, "loss of the quietest quarter of lines, over that of all", low=0.0, high=1.0, why="lost at random: 0.8; by a filter: 0.1"
+    )
     noise_sigma: float = param(
         3.0, "standard deviations of noise that nine pixels span", low=1.0, why="expected range of nine normal values"
     )

@@ -91,9 +91,8 @@ class EvidenceLimits:
         60.0, "residual that no bias reaches", unit="mm", low=5.0, high=1e4, why="bias of a ToF camera is millimetres to a few centimetres"
     )
     gross_sigma: float = param(5.0, "noise standard deviations within which no residual is gross", low=1.0, why="chance: 1 in 1.7 million")
-    gross_most_mm: float = param(
-        300.0, "residual that is gross under any noise", unit="mm", low=5.0, high=1e5, why="another surface, or a wrapped phase"
-    )
+    gross_most_mm: float = param(300.0, "residual gross under any noise", unit="mm", low=5.0, high=1e5, why="another surface, or a wrap")
+    survivors: float = param(0.25, "share of the pixels around that are measured rightly", low=0.0, high=1.0, why="fewer: a filter chose")
     edge_px: int = param(2, "distance from a depth edge up to which pixels are counted apart", unit="px", low=0, high=10, why="footprints")
     edge_slope: float = param(
         2.0, "depth edge: step between neighbours, over the tilted plane's own", low=1.0, why="curved surfaces stay below"

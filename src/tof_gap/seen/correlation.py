@@ -27,6 +27,8 @@ STEPS = np.arange(1, 10)
 """Pixels between the samples of second differences: beyond the widest window by two, so that noise and smooth errors separate."""
 VIEWS = 6
 """Views from which the window is estimated: the filter is the same in all."""
+MOST_ROUNDING = 0.7
+"""Most of the variance of next neighbours that is counted as rounding: of the rest the growth is known to a tenth."""
 LEAST_SAMPLES = 1000
 """Differences of which the variance is known to 5 %."""
 
@@ -70,7 +72,9 @@ INDEPENDENT = NoiseCorrelation()
 """The noise of pixels that share none of it."""
 
 
-def noise_correlation(residuals: Sequence[Float | Image], masks: Sequence[Mask], limits: CorrelationLimits) -> NoiseCorrelation:
+def noise_correlation(
+    residuals: Sequence[Float | Image], masks: Sequence[Mask], limits: CorrelationLimits, rounding2: float = 0.0
+) -> NoiseCorrelation:
     """The correlation of the noise of a camera, from residuals over their standard deviation (H, W) per view at the pixels of masks (H, W).
 
     The autocorrelation of noise that was averaged over an even window is triangular, over a Gaussian window Gaussian: the variance of
@@ -82,7 +86,8 @@ def noise_correlation(residuals: Sequence[Float | Image], masks: Sequence[Mask],
     views = np.unique(np.linspace(0, len(masks) - 1, min(len(masks), VIEWS)).astype(int))
     seen = [np.where(masks[v], residuals[v], np.nan) for v in views]
     near, next_but_one = _variance(seen, 1), _variance(seen, 2)
-    if not (near > 0.0 and next_but_one > limits.growth * near):
+    rounding2 = min(rounding2, MOST_ROUNDING * near)
+    if not (near > 0.0 and next_but_one - rounding2 > limits.growth * (near - rounding2)):
         return INDEPENDENT
     growth = next_but_one / near
     shown = np.array([near, next_but_one, *(_variance(seen, int(k)) for k in STEPS[2:])])

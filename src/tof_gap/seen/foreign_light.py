@@ -24,7 +24,7 @@ ALONG, ACROSS = 2, (0, 1)
 
 
 def foreign_light(
-    views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, limits: ForeignLightLimits, named_m: float = 0.0
+    views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, limits: ForeignLightLimits, named_m: float = 0.0, lines_m: float = 0.0
 ) -> Finding | None:
     """`interference` where arm errors along the optical axis exceed those across it, and a smooth field is left in nearly every view.
 
@@ -39,12 +39,14 @@ def foreign_light(
         arms_sd: (V, 6) their standard deviations by the robot's prior.
         limits: largest probability by chance at which the effect is believed.
         named_m: metres, sizes of the named effects together (root of the sum of squares).
+        lines_m: metres RMS of the smooth field that the noise of whole rows and columns makes in each view.
     """
     beyond = along_the_view(arms, arms_sd, limits)
     if not beyond and _by_arm(arms, arms_sd) > limits.chance_across_fields:
         return None
     fields = [field(v, limits) for v in views]
-    if _with_field(views, fields, 0.0 if beyond else named_m, limits) < limits.field_views:
+    least_m = max(limits.field_mm * 1e-3, lines_m, 0.0 if beyond else limits.field_share * named_m)
+    if _with_field(views, fields, least_m, limits) < limits.field_views:
         return None
     size = float(np.sqrt(np.mean(arms[:, ALONG] ** 2)))
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
@@ -132,9 +134,8 @@ def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
     return np.asarray(columns @ (c / scale))
 
 
-def _with_field(views: Sequence[ViewEvidence], fields: Sequence[Float], named_m: float, limits: ForeignLightLimits) -> float:
-    """Share of the views whose field explains more chi-square than chance, a healthy camera's tolerance or errors of maps would."""
-    least_m = max(limits.field_mm * 1e-3, limits.field_share * named_m)
+def _with_field(views: Sequence[ViewEvidence], fields: Sequence[Float], least_m: float, limits: ForeignLightLimits) -> float:
+    """Share of the views whose field explains more chi-square than chance or an error of `least_m` metres would."""
     large = []
     for v, f in zip(views, fields, strict=True):
         weight = 1.0 / v.mean_sigma[v.smooth] ** 2

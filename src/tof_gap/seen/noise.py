@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +21,7 @@ from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from collections.abc import Set as AbstractSet
 
     from tof_core.arrays import Float, Mask
@@ -35,6 +35,10 @@ if TYPE_CHECKING:
 
 BURST_ROUNDS = 3
 """Rounds in which views that do not stand out from the quiet ones join them."""
+
+
+FIELD_TERMS = 3
+"""Terms of a smooth field along one axis (constant, slope, curvature), each of which takes one line's share of the noise of lines."""
 
 
 def noise_effects(
@@ -59,8 +63,11 @@ def noise_effects(
     # stated law is the variance itself asked for; else views and amplitudes are compared with each other, by next neighbours alone.
     near = views if law is not None else [replace(v, correlation=INDEPENDENT) for v in views]
     b = binned(near, limits.bins, limits)
-    if len(b.view) < limits.least_bins or step > np.sqrt(np.median(b.variance)):
-        return []  # Steps wider than the noise hide it.
+    if len(b.view) < limits.least_bins:
+        return []
+    if step > np.sqrt(np.median(b.variance)):  # Steps wider than the noise hide it, but not the noise of whole lines.
+        lines = None if Noise.NAME in left_out else _named([*_lines(views, _typical(b), step / np.sqrt(12), limits)], views)
+        return [] if lines is None else [lines]
     # Without amplitude there is no photon law to compare with: only noise of rows, columns and single pixels is found.
     dark = all(v.view.amplitude is None for v in views)
     if Interference.NAME not in left_out:
@@ -129,42 +136,76 @@ def _noise(
     views: Sequence[ViewEvidence], near: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, limits: NoiseLimits
 ) -> Finding | None:
     """Noise of one capture that is not in the photon law: a constant part, noise of whole rows or columns, noise of single pixels."""
-    # Ratio of the noise of one capture to that of a dwell's mean, from which noise of rows and pixels is estimated.
-    over_mean = float(np.sqrt(np.median([v.view.captures for v in views])))
-    typical = float(np.sqrt(np.median(b.variance)))
-    least = max(_least_m(near, limits), limits.extra_share * typical)
+    least = max(_least_m(near, limits), limits.extra_share * _typical(b))
     excess = 0.0 if fitted is None else constant_part(fitted, code_step(views))
     # Constant offsets of single pixels are a fixed pattern, but second differences contain them as noise (`without_offsets`).
     pattern_m = float(np.sqrt(min(v.view.captures for v in views))) * pixel_pattern(near)
     excess = float(np.sqrt(max(excess**2 - pattern_m**2, 0.0)))
     floor_std = 0.0 if fitted is None else fitted.floor_std
-    parts = {"at every amplitude": excess if excess > max(least, limits.extra_sigma * floor_std) else 0.0}
-    common = None
-    for axis, name in ((1, "by rows"), (0, "by columns")):
-        of_lines = line_noise(views, axis, limits.lines)
-        size_m = over_mean * of_lines.size_m
-        if of_lines.sigma > limits.lines.sigma and size_m > max(limits.line_mm * 1e-3, limits.line_share * typical):
-            parts[name] = size_m
-            common = np.stack([line_map(v, axis, limits.lines) for v in views]) + (0.0 if common is None else common)
+    parts = [*_lines(views, _typical(b), 0.0, limits)]
+    if excess > max(least, limits.extra_sigma * floor_std):
+        parts.insert(0, Part("at every amplitude", excess))
     # Constant offsets of pixels raise the estimated noise: single noisy pixels are not found beside them.
     pixels = _noisy(views, limits)
-    of_pixels = 0.0 if pixels is None else over_mean * float(pixels.size_m * np.sqrt(pixels.share))
-    few = pixels is not None and of_pixels > limits.extra_mm * 1e-3
-    if pixels is not None and few:
-        parts[f"of {in_percent(pixels.share)} of the pixels"] = of_pixels
-    size = float(np.sqrt(sum(p * p for p in parts.values())))
+    of_pixels = 0.0 if pixels is None else _over_mean(views) * float(pixels.size_m * np.sqrt(pixels.share))
+    if pixels is not None and of_pixels > limits.extra_mm * 1e-3:
+        parts.append(Part(f"of {in_percent(pixels.share)} of the pixels", of_pixels, where=pixels.where))
+    return _named(parts, views, floor_std)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """A part of the noise of one capture: what it is noise of, metres, and its (V, H, W) metres of z or (H, W) pixels where known."""
+
+    of: str
+    size_m: float
+    common: Float | None = None
+    where: Mask | None = None
+
+
+def _lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float, limits: NoiseLimits) -> Iterator[Part]:
+    """Noise of whole rows and of whole columns, where it exceeds `least_m` and a share of the `typical_m` noise of pixels, both in metres."""
+    least = max(limits.line_mm * 1e-3, limits.line_share * typical_m, least_m)
+    for axis, name in ((1, "by rows"), (0, "by columns")):
+        of_lines = line_noise(views, axis, limits.lines)
+        size_m = _over_mean(views) * of_lines.size_m
+        if of_lines.sigma > limits.lines.sigma and size_m > least:
+            yield Part(name, size_m, common=np.stack([line_map(v, axis, limits.lines) for v in views]))
+
+
+def smooth_by_lines(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float:
+    """Metres RMS along the ray: the smooth field, new in each view, that the noise of whole rows and columns makes; 0 without such noise."""
+    typical = _over_mean(views) * float(np.median(np.concatenate([(v.sigma * v.frame.length)[v.smooth] for v in views])))
+    lines = _lines(views, typical, code_step(views) / np.sqrt(12), limits)
+    of_mean = [part.size_m / _over_mean(views) for part in lines]
+    number = min(views[0].residual.shape) / views[0].correlation.line
+    return float(np.sqrt(sum(size**2 for size in of_mean) * FIELD_TERMS / number))
+
+
+def _typical(b: NoiseBins) -> float:
+    """Metres: usual noise of one capture."""
+    return float(np.sqrt(np.median(b.variance)))
+
+
+def _over_mean(views: Sequence[ViewEvidence]) -> float:
+    """Noise of one capture over that of a dwell's mean, from which noise of rows and pixels is estimated."""
+    return float(np.sqrt(np.median([v.view.captures for v in views])))
+
+
+def _named(parts: Sequence[Part], views: Sequence[ViewEvidence], floor_std: float = 0.0) -> Finding | None:
+    """The finding `noise` of these parts; `floor_std`: standard deviation of its size in metres."""
+    size = float(np.sqrt(sum(part.size_m**2 for part in parts)))
     if size <= 0:
         return None
-    how = ", ".join(f"{1e3 * p:.1f} mm {name}" for name, p in parts.items() if p > 0)
-    std = {"extra_m": floor_std}
+    maps = [part.common for part in parts if part.common is not None]
     return Finding(
         Noise(extra_m=min(size, most(Noise, "extra_m"))),
         CONFIDENT,
-        std,
+        {"extra_m": floor_std},
         _of_means(views, size),
-        common=common,
-        note=how,
-        own_noise=None if pixels is None or not few else pixels.where,
+        common=sum(maps[1:], maps[0]) if maps else None,
+        note=", ".join(f"{1e3 * part.size_m:.1f} mm {part.of}" for part in parts),
+        own_noise=next((part.where for part in parts if part.where is not None), None),
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from scipy.ndimage import uniform_filter
 
 from tof_core.cores import in_threads
 from tof_gap.seen.correlation import INDEPENDENT, noise_correlation
@@ -26,6 +27,10 @@ if TYPE_CHECKING:
     from tof_scene.raycast import Raycaster
     from tof_scene.render import Rendering
     from tof_sensor.frame import Frame
+
+
+AROUND_PX = 9
+"""Width of the window around a pixel in which right ones are counted: a filter in the camera acts over three pixels or five."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,7 +129,9 @@ def gather(
 
 def correlation_of(views: Sequence[ViewEvidence]) -> NoiseCorrelation:
     """The correlation of the noise in the views' residuals."""
-    return noise_correlation([v.residual / v.sigma for v in views], [v.smooth for v in views], views[0].limits.correlation)
+    rounding2 = [v.step_m**2 / 12 / v.view.captures / np.median(v.sigma[v.smooth]) ** 2 for v in views if v.smooth.any()]
+    of_code = float(np.median(rounding2)) if rounding2 else 0.0
+    return noise_correlation([v.residual / v.sigma for v in views], [v.smooth for v in views], views[0].limits.correlation, of_code)
 
 
 def noise_again(views: Sequence[ViewEvidence]) -> tuple[ViewEvidence, ...]:
@@ -167,7 +174,7 @@ def _of_view(
     gross = np.abs(residual) > gross_bound(sigma, limits)
     if blur_px:
         edge |= streaks(residual, sigma, ~edge & ~gross, limits.blur)
-    smooth = np.isfinite(residual) & ~edge & ~gross & ~grazing
+    smooth = np.isfinite(residual) & ~edge & ~gross & ~grazing & ~survivors(gross, residual, frame.depth, limits)
     return ViewEvidence(
         view,
         compact(frame),
@@ -187,6 +194,19 @@ def _of_view(
 def gross_bound(sigma: Float, limits: EvidenceLimits) -> Float:
     """(H, W) metres beyond which an error is gross: no bias of the camera, but another surface or a wrapped phase."""
     return np.asarray(np.maximum(limits.gross_mm * 1e-3, np.minimum(limits.gross_sigma * sigma, limits.gross_most_mm * 1e-3)))
+
+
+def survivors(gross: Mask, residual: Float, cad: Float, limits: EvidenceLimits) -> Mask:
+    """(H, W) pixels around which most of what the CAD (H, W, metres) has is lost or gross: survivors of a failure, such as of unwrapping.
+
+    What is left there is what a filter in the camera let pass, up to centimetres off.
+    """
+    there = np.isfinite(cad)
+    right = np.isfinite(residual) & ~gross
+    if right.sum() == there.sum():
+        return gross
+    around, of = (uniform_filter(mask.astype(np.float32), AROUND_PX) for mask in (right, there))
+    return np.asarray(around < limits.survivors * of)
 
 
 def compact(frame: Frame) -> Frame:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels beside the steps of a fixed pattern, which a filter in the camera mistakes for edges."""
+"""Pixels beside the steps of a fixed pattern, which a filter in the camera takes for edges."""
 
 from __future__ import annotations
 
@@ -9,14 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from tof_gap.seen.lost import NEIGHBOURS, expected
+from tof_gap.seen.lost import NEIGHBOURS, brightest, expected, lost
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
+
+BAND = 12
+"""Lines of a band, of which the quietest quarter is compared with all: light and parts change little over them."""
+LEAST_LOST = 100.0
+"""Lost pixels from which the quarter's loss is known to a tenth."""
 
 
 def beside_steps(views: Sequence[ViewEvidence], pattern: Sequence[Float], limits: MissingLimits) -> tuple[ViewEvidence, ...]:
@@ -24,14 +29,43 @@ def beside_steps(views: Sequence[ViewEvidence], pattern: Sequence[Float], limits
 
     A filter in the camera compares the depths of neighbours, and reacts to the pattern at the same pixels in every view, at any amplitude
     and on any part. Loss by a threshold, a part or chance does not follow the pattern, and so shows where the pattern is smoothest.
-    A filter that passes the noise also passes steps within it.
+    A filter that passes the noise also passes steps within it. A camera that averages over neighbours after the filter shows steps lower
+    than they were: there, whole lines are beside steps if lines around them lose far less.
 
     pattern: (H, W) metres of z of each view.
     """
     spans = [_span(p) for p in pattern]
     counted = np.concatenate([s[expected(v, limits)] for s, v in zip(spans, views, strict=True)])
     half = float(np.median(counted)) if len(counted) else 0.0
-    return tuple(replace(v, stepped=(s > half) & (s > _passed(v, limits))) for v, s in zip(views, spans, strict=True))
+    out = tuple(replace(v, stepped=(s > half) & (s > _passed(v, limits))) for v, s in zip(views, spans, strict=True))
+    if not views[0].correlation.correlated:
+        return out
+    lines = _lossy_lines(out, limits)
+    # The average takes in neighbours beyond a step or not, from capture to capture: such pixels have a noise of their own.
+    stepped = [lines if v.stepped is None else v.stepped | lines for v in out]
+    return tuple(replace(v, stepped=s, smooth=v.smooth & ~s) for v, s in zip(out, stepped, strict=True))
+
+
+def _lossy_lines(views: Sequence[ViewEvidence], limits: MissingLimits) -> Mask:
+    """(H, W) pixels of columns, or of rows, of which the quietest quarter of each band of lines loses hardly any pixels; false elsewhere.
+
+    Loss by light, by a part or by chance is alike in next lines. The quarter that loses least remains to be judged.
+    """
+    too_bright = brightest(views, limits)
+    gone, inside = (
+        sum(images) for images in ((lost(v, limits, too_bright) for v in views), (expected(v, limits).astype(float) for v in views))
+    )
+    shape = views[0].residual.shape
+    for axis in (0, 1):
+        of_line, seen = np.sum(gone, axis=axis), np.sum(inside, axis=axis)
+        quiet = np.zeros(len(seen), bool)
+        for band in np.array_split(np.flatnonzero(seen > 0), max(1, int((seen > 0).sum()) // BAND)):
+            rate = of_line[band] / seen[band]
+            quiet[band[np.argsort(rate, kind="stable")[: max(1, len(band) // 4)]]] = True
+        usual = of_line.sum() / max(seen.sum(), 1.0) * seen[quiet].sum()
+        if usual > LEAST_LOST and of_line[quiet].sum() < limits.filter.quiet_lines * usual:
+            return np.broadcast_to(np.expand_dims(~quiet, axis), shape)
+    return np.zeros(shape, bool)
 
 
 def _span(pattern: Float) -> Float:

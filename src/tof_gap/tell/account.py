@@ -18,6 +18,7 @@ from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.motion import Motion
+from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.temperature_drift import TemperatureDrift
 
@@ -153,7 +154,8 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     beside = detected.explained(left, light)
     blurred = solved.names(Motion.NAME)
     silent = _arms_silent(solved, left_out) or Interference.NAME in left_out
-    foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light, _named_m(solved))
+    of_lines = 0.0 if silent or Noise.NAME in left_out else noise.smooth_by_lines(left, config.noise)
+    foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light, _named_m(solved), of_lines)
     if foreign is not None and foreign.posed_m < _rough_m(solved):
         foreign = None
     lamp = None if Interference.NAME in left_out else foreign_lamp(left, config.noise.foreign_lamp)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, uniform_filter
 
-from tests.tof_gap.quiet_views import rendering, views
+from tests.tof_gap.quiet_views import CAMERA, rendering, views
+from tof_core.capture import Capture, View
 from tof_gap.config import GapConfig
 from tof_gap.limits.seen import CorrelationLimits, EvidenceLimits
 from tof_gap.seen.correlation import INDEPENDENT, NoiseCorrelation, noise_correlation
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tof_core.arrays import Float
+    from tof_gap.seen.residual import ViewEvidence
 
 LIMITS = CorrelationLimits()
 SHAPE = 120, 160
@@ -125,6 +127,34 @@ def test_rounding_to_millimetres_after_a_filter_is_no_noise_at_every_amplitude()
     limits = GapConfig().noise
     fitted = fit_law(binned(seen, limits.bins, limits), 0.001, limits)
     assert constant_part(fitted, 0.001) < 2.5e-4
+
+
+def rounded(noise_m: float, width: int, step_m: float, rows_m: float = 0.0) -> tuple[ViewEvidence, ...]:
+    """Views whose noise, of pixels and of whole rows, the camera averages over a window and rounds to its depth code."""
+    rng, made = np.random.default_rng(7), []
+    for k in range(12):
+        r = rendering(0.05 * k)
+        noise = rng.normal(0, noise_m, r.depth.shape) + rng.normal(0, rows_m, (len(r.depth), 1))
+        depth = np.rint((r.depth + averaged(width)(noise)) / step_m) * step_m
+        light = np.full(r.depth.shape, 1000.0 * (1 + k), np.float32)
+        capture = Capture(k, CAMERA, depth.astype(np.float32), np.zeros(r.depth.shape, np.uint8), amplitude=light)
+        made.append(replace(View.of_capture(capture), station=0, captures=1))
+    return gather(made, [rendering(0.05 * k) for k in range(12)], None, EvidenceLimits(edge_px=0))  # type: ignore[arg-type]
+
+
+def test_rounding_does_not_hide_a_filter() -> None:
+    """1.5 mm of noise averaged over 5 x 5 pixels is 0.3 mm, and so is the rounding to millimetres: half of the variance is shared by 25 pixels."""
+    seen = rounded(0.0015, 5, 0.001)
+    assert seen[0].correlation.area == pytest.approx(13, rel=0.1)
+
+
+def test_noise_of_rows_shows_through_steps_that_hide_the_noise_of_pixels() -> None:
+    limits = GapConfig().noise
+    (noise,) = noise_effects(rounded(0.0015, 5, 0.001, rows_m=0.004), limits)
+    assert noise.name == "noise"
+    assert noise.note.endswith("mm by rows")
+    assert float(noise.note.split()[0]) == pytest.approx(4.0 / np.sqrt(5), rel=0.2)
+    assert noise_effects(rounded(0.0015, 5, 0.001), limits) == []
 
 
 def test_a_filter_is_no_noise_of_rows() -> None:

@@ -96,6 +96,21 @@ def test_where_every_other_pixel_lost_a_turn_that_is_no_scatter() -> None:
     assert max(float(v.sigma.max()) for v in seen) < 0.02
 
 
+@pytest.mark.parametrize(
+    ("measured", "counted"),
+    [(0.1, 0.0), (0.5, 1.0)],
+    ids=["a tenth is left", "half is left"],
+)
+def test_survivors_of_a_failure_do_not_count_and_what_is_lost_by_half_does(measured: float, counted: float) -> None:
+    rng = np.random.default_rng(4)
+    lost = np.zeros((VIEWS, *SHAPE), bool)
+    lost[:, 40:, :] = rng.random((VIEWS, SHAPE[0] - 40, SHAPE[1])) > measured
+    seen = views(rng, np.where(lost, np.nan, 0.0))
+    inner = np.stack([v.smooth for v in seen])[:, 46:-6, 6:-6]
+    assert inner[~lost[:, 46:-6, 6:-6]].mean() == pytest.approx(counted, abs=0.02)
+    assert np.stack([v.smooth for v in seen])[:, 6:34, 6:-6].all()
+
+
 def test_a_coarse_step_is_seen_through_another_lens_and_bounds_the_noise() -> None:
     """A lens turns codes of 8 mm into continuous z; neighbours that were rounded alike still know their depth to a code only."""
     step, ratio = 0.008, (1.0 + 1e-3 * np.arange(SHAPE[1]) / SHAPE[1]).astype(np.float32)

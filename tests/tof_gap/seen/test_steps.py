@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from tests.tof_gap.quiet_views import SHAPE, SIGMA_M, views
+from tests.tof_gap.quiet_views import SHAPE, SIGMA_M, VIEWS, views
 from tof_core.reasons import Reason
 from tof_gap.limits.missing import MissingLimits
+from tof_gap.seen.correlation import NoiseCorrelation
 from tof_gap.seen.missing import missing_effects
 from tof_gap.seen.steps import beside_steps
 from tof_sensor.effects.dropout import Dropout
@@ -79,3 +80,27 @@ def test_at_most_half_of_the_pixels_are_beside_steps() -> None:
 )
 def test_a_pattern_that_stays_within_the_noise_has_no_steps(pattern: Float) -> None:
     assert beside(views(np.random.default_rng(5)), pattern) == 0.0
+
+
+AVERAGING = NoiseCorrelation(lever=1.7, line=2.6, area=7.9, growth=2.3)
+"""A camera that averages over 3 x 3 pixels."""
+
+
+def in_lines(lossy: float, quiet: float) -> list[ViewEvidence]:
+    """Views of an averaging camera in which three columns of four lose a share of their pixels, and the fourth another."""
+    share = np.where(np.arange(SHAPE[1]) % 4 == 0, quiet, lossy)
+    return [replace(v, correlation=AVERAGING) for v in session(lambda _, rng: rng.random(SHAPE) < share)]
+
+
+def test_where_the_camera_averages_loss_by_lines_is_the_filter_s() -> None:
+    faint = 0.1 * COLUMNS
+    filtered = beside_steps(in_lines(0.08, 0.0), [faint] * VIEWS, LIMITS)
+    assert missing_effects(filtered, LIMITS) == []
+    assert np.mean([v.smooth for v in filtered]) == pytest.approx(0.25, abs=0.02), "noise is read off the quiet lines alone"
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2])
+def test_where_the_camera_averages_loss_that_quiet_lines_share_is_dropout(share: float) -> None:
+    (found,) = missing_effects(beside_steps(in_lines(share, 0.6 * share), [0.1 * COLUMNS] * VIEWS, LIMITS), LIMITS)
+    assert isinstance(found.effect, Dropout)
+    assert found.effect.random == pytest.approx(0.9 * share, rel=0.05)
