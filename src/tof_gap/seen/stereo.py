@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen.photons import binned
+from tof_gap.seen.photons import binned, code_step
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,6 +20,7 @@ def like_stereo(views: Sequence[ViewEvidence], noise: NoiseLimits) -> bool:
     """Whether noise grows with the square of range and not with falling amplitude, as that of a camera that triangulates does.
 
     Fitted over the bins: ln variance = c + p ln amplitude + q ln range^2. Photon noise gives p from -1 to -2; disparity p = 0 and q = 2.
+    A bin whose depth code hardly ever changes has the variance of the code's step: that of its differences, near 0, would outweigh all others.
     """
     limits = noise.stereo
     if all(v.view.amplitude is None for v in views):
@@ -31,5 +32,6 @@ def like_stereo(views: Sequence[ViewEvidence], noise: NoiseLimits) -> bool:
     own = X[:, 1] - X[:, [0, 2]] @ np.linalg.lstsq(X[:, [0, 2]], X[:, 1], rcond=None)[0]
     if own.std() < limits.own_span:
         return False  # Amplitude follows range alone: the two powers cannot be separated.
-    _, p, q = np.linalg.lstsq(X, np.log(np.maximum(b.variance, 1e-14)), rcond=None)[0]
+    least = max(code_step(views) ** 2 / 12, 1e-14)
+    _, p, q = np.linalg.lstsq(X, np.log(np.maximum(b.variance, least)), rcond=None)[0]
     return bool(p > limits.amplitude_power and q > limits.range_power)

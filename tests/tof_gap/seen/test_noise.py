@@ -315,5 +315,17 @@ def test_a_stereo_camera_is_told_by_its_scatter() -> None:
     assert "cad_deviation" not in why
 
 
+def test_surfaces_whose_depth_code_never_changes_make_no_stereo_camera() -> None:
+    """Head-on in the near views, dim pixels keep their code of 1 mm: no noise shows there, though the code's step is known."""
+    rng = np.random.default_rng(5)
+    dim = 2000.0 * np.exp(0.8 * np.sin(np.arange(SHAPE[1]) / 9.0)) < 1400.0
+    steady = dim[None, None, :] & (np.arange(VIEWS) < 4)[:, None, None]
+    light = np.stack([v.frame.amplitude for v in views(rng)])
+    noise = np.where(steady, 0.0, 0.0004 * np.sqrt(2000.0 / light) * rng.standard_normal(light.shape))
+    seen = views(rng, noise, photons=False)
+    assert like_stereo(seen, LIMITS)
+    assert not like_stereo([replace(v, step_m=0.001) for v in seen], LIMITS)
+
+
 def test_pixels_that_err_alike_in_every_view_are_no_noise() -> None:
     assert said(np.tile(rng().normal(0, 0.004, (1, *SHAPE)), (VIEWS, 1, 1))) == []
