@@ -70,7 +70,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     - Only a free function of an observable describes the error, or small effects explain much only together.
     - The joint fit leaves a share of the chi-square that it was to explain.
     - Arm errors are alike in every view, or lie along the optical axis and exceed the robot's prior.
-    - An effect that explained some of the gap was taken out as `contradicted`, and more than a healthy camera's error is left.
+    - An effect that explained some of the gap was taken out as `contradicted`, and more than errors of a healthy camera and of maps is left.
     - A filter in the camera smears edges.
     """
     solved, figures, gap, limit = found.solved, found.figures, found.gap, limits.unexplained
@@ -97,11 +97,12 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     if not figures.alike_m:
         before = block_means(views, residual, noise2, limits.block_px, limit.block_pixels)
         off = off_parts(means, before, len(scene.parts), len(views), limit, least_mm * 1e-3)
+    beyond_maps = size**2 > limit.share * before2
     structured = (
-        (size > np.hypot(least_mm, 1e3 * figures.alike_m) and size**2 > limit.share * before2)
+        (size > np.hypot(least_mm, 1e3 * figures.alike_m) and beyond_maps)
         or bool(off.any())
         or gross > limit.gross_share
-        or (bool(contradicted) and size > limit.contradicted_mm)
+        or (bool(contradicted) and size > limit.contradicted_mm and beyond_maps)
         or bool(depends_on or (a_gap and solved.small_together) or gone.any())
         or (a_gap and misfit(residual, left, noise2, limits.shrink.noise_known) > limit.misfit)
     )
