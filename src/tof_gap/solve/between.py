@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from tof_gap.solve.worth import rescored
 from tof_sensor.effects.wiggling import Wiggling
@@ -37,7 +37,7 @@ def shown(judge: Selector, current: Hypothesis, place: int) -> bool:
         return False
     between0, between1 = held0 - free0, max(held1 - free1, 1e-12)
     ratio = max(between0 - between1, 0.0) / own / (between1 / views)
-    return bool(fisher.sf(ratio, own, views) * judge.forms(member) < judge.config.chance)
+    return bool(fdtrc(own, views, ratio) * judge.forms(member) < judge.config.chance)
 
 
 def with_suspect(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tuple[int, ...]]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from tof_sensor.registry import EFFECTS
 
@@ -55,7 +55,7 @@ def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: Unexplain
     weight = information / whole
     mean = float(weight @ size)
     variance = float(weight @ (size - mean) ** 2) * views / (views - 1.0)
-    least = variance * (views - 1.0) / float(chi2.ppf(1.0 - limit.uneven_chance, views - 1.0))
+    least = variance * (views - 1.0) / float(chdtri(views - 1.0, limit.uneven_chance))
     return float(np.sqrt(max(least - float(noise.sum()) / whole, 0.0)) / max(abs(mean), 1e-12))
 
 
