@@ -110,8 +110,10 @@ def figure_uri(figure: Figure) -> str:
 
     stream = io.BytesIO()
     figure.set_dpi(PLOT_DPI)
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # the layout is done; it would be repeated with each drawing
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)  # With an engine, also one that does nothing, `savefig` draws the figure twice.
     box = figure.get_tightbbox().padded(PAD_IN)
     numbers = numbers_of(figure, box)
     figure.savefig(stream, format="png", dpi=PLOT_DPI, facecolor=PALETTE["paper"], bbox_inches=box, pil_kwargs={"compress_level": 0})
