@@ -61,20 +61,25 @@ class CadDeviation(FieldEffect):
 
     def columns(self, frame: Frame) -> Float:
         """Change of z per unit of each of the nine values, on the pixels of the part."""
-        here = frame.rendering.part == self.part
-        arm = np.where(here[..., None], np.nan_to_num(cell_points(frame)) - self.centre, 0.0)
+        at = np.flatnonzero(frame.rendering.part == self.part)
+        out = np.zeros((*frame.depth.shape, RIGID + BOW))
+        out.reshape(-1, RIGID + BOW)[at] = self._on_part(frame.take(at))[0]
+        return out
+
+    def _on_part(self, frame: Frame) -> Float:
+        """(1, n, 9) columns on pixels of the part (1, n)."""
+        arm = np.nan_to_num(cell_points(frame)) - self.centre
         n = np.asarray(self.normal, float) / np.linalg.norm(self.normal)
         u_axis = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
         u_axis /= np.linalg.norm(u_axis)
         u, v = arm @ u_axis / self.half_size_m, arm @ np.cross(n, u_axis) / self.half_size_m
-        shape = (*frame.depth.shape, 3, RIGID + BOW)
-        motion = np.zeros(shape)
+        motion = np.zeros((*arm.shape, RIGID + BOW))
         motion[..., :3] = np.eye(3)
         for k, axis in enumerate(np.eye(3)):
             motion[..., 3 + k] = np.cross(axis, arm)
         for k, field in enumerate((u * u, v * v, u * v)):
             motion[..., RIGID + k] = field[..., None] * n
-        return np.where(here[..., None], object_columns(frame, motion), 0.0)
+        return object_columns(frame, motion)
 
     def prior_sd(self, scale: Float) -> Float:
         """(9,) prior standard deviations: the smaller of `REACH_M` and `COEFFICIENT_SD`."""
