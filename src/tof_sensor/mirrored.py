@@ -7,14 +7,16 @@ R(theta) (rho_q cos(i_q) / r_q^2) / (rho_p cos(theta) / r_p^2). Its path from la
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tof_core.arrays import Float, Mask
+    from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
 
 NORMAL_REFLECTANCE = 0.04
@@ -38,13 +40,34 @@ def mirrored_phasor(frame: Frame, part: int, waves_per_m: float) -> NDArray[np.c
     Needs `frame.context.caster`; zero off the part, and without a lit surface in the reflection.
     """
     out = np.zeros(frame.depth.shape, complex)
-    here = frame.valid & (frame.rendering.part == part)
-    if frame.context.caster is not None and here.any():
-        out[here] = _phasor(frame, here, waves_per_m)
+    if frame.context.caster is not None and part >= 0:
+        traced = _traced.setdefault(frame, {})
+        if part not in traced:
+            traced[part] = _reflected(frame, part)
+        found = traced[part]
+        out.reshape(-1)[found.pixels] = found.share * np.exp(1j * waves_per_m * found.longer_m)
     return out
 
 
-def _phasor(frame: Frame, here: Mask, waves_per_m: float) -> NDArray[np.complex128]:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reflected:
+    """Pixels (n,) of a part that reflect light (flat indices), the light of each relative to its matt light, and by how much its path is longer."""
+
+    pixels: Ints
+    share: Float
+    longer_m: Float
+
+
+_traced: WeakKeyDictionary[Frame, dict[int, _Reflected]] = WeakKeyDictionary()
+"""Of frames and parts: the same at every frequency."""
+
+
+def _reflected(frame: Frame, part: int) -> _Reflected:
+    """What a part of the scene reflects in a view."""
+    here = frame.valid & (frame.rendering.part == part)
+    pixels = np.flatnonzero(here)
+    if not len(pixels):
+        return _Reflected(pixels, np.zeros(0), np.zeros(0))
     caster, T = frame.context.caster, frame.rendering.T_cell_camera
     assert caster is not None
     R, t = T[:3, :3], T[:3, 3]
@@ -65,4 +88,5 @@ def _phasor(frame: Frame, here: Mask, waves_per_m: float) -> NDArray[np.complex1
     albedo = np.array([p.material.albedo for p in caster.scene.parts])
     matt = np.maximum(np.nan_to_num(frame.rendering.albedo[here].astype(np.float64)) * cosine / range_m**2, LEAST_LIGHT)
     share = np.where(seen, schlick(cosine) * albedo[hits.part] * np.abs(lit) / far**2 / matt, 0.0)
-    return np.asarray(share * np.exp(1j * waves_per_m * (far + distance - range_m)))
+    some = np.flatnonzero(share)
+    return _Reflected(pixels[some], share[some], (far + distance - range_m)[some])
