@@ -77,10 +77,13 @@ def _slid(
     """
     limits = config.approach
     few = _Looks.of([p.thinned(max(limits.slide_pixels, p.depth.size // 2)) for p in pixels])
-    every = _Looks.of(pixels)
+    every, known = _Looks.of(pixels), dict[bytes, float]()
 
     def cost(there: Float) -> float:
-        return _score(few, frame @ there @ local, caster, limits)
+        place = there.tobytes()  # Every series of trials contains the best of the previous one.
+        if place not in known:
+            known[place] = _score(few, frame @ there @ local, caster, limits)
+        return known[place]
 
     for _ in range(limits.slide_rounds):
         before = score

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tof_align.linearise import Linearised
     from tof_align.pixels import Pixels
     from tof_core.arrays import Float, Ints
+    from tof_core.camera import Camera
     from tof_scene.raycast import Raycaster
 
 RAYS = 48
@@ -52,25 +53,38 @@ def no_emitters() -> Emitters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Light:
-    """Light of other parts in a view: row, column, part (k,) of the pixels where it is computed, metres (k, P) along their rays."""
+    """Light of other parts in a view: row, column, part (k,) of the pixels where it is computed, metres (k, P) along their rays.
+
+    nearest, of_part (h*w,): for pixels of the view's raster, the nearest of these pixels that sees the part `of_part`, which is -1 where
+    none was looked for: most pixels see the same part in every step of an alignment.
+    """
 
     row: Ints
     column: Ints
     part: Ints
     metres: Float
+    nearest: Ints
+    of_part: Ints
 
     def over(self, view: Linearised, pixels: Pixels) -> Float:
         """(n, P) metres of z at the pixels of a view: those of the nearest pixel that sees the same part."""
         if not len(self.part):
             return np.zeros((len(view.index), self.metres.shape[1]))
+        new = np.flatnonzero(self.of_part[view.cell] != view.part)
+        if len(new):
+            self.nearest[view.cell[new]] = self._found(view.index[new], view.part[new], pixels.camera)
+            self.of_part[view.cell[new]] = view.part[new]
+        return np.asarray(self.metres[self.nearest[view.cell]] / view.ray_length[:, None])
+
+    def _found(self, index: Ints, part: Ints, camera: Camera) -> Ints:
+        """(n,) the nearest of the computed pixels to pixels (flat indices) that see these parts."""
         from scipy.spatial import cKDTree
 
-        height, width = pixels.camera.shape
+        height, width = camera.shape
         apart = 2.0 * (height + width)  # Another part counts as farther than the whole image.
-        row, column = np.divmod(view.index, width)
+        row, column = np.divmod(index, width)
         tree = cKDTree(np.column_stack([self.row, self.column, self.part * apart]))
-        nearest = tree.query(np.column_stack([row, column, view.part * apart]))[1]
-        return np.asarray(self.metres[nearest] / view.ray_length[:, None])
+        return np.asarray(tree.query(np.column_stack([row, column, part * apart]))[1])
 
 
 def light_in(view: Linearised, pixels: Pixels, caster: Raycaster) -> Light:
@@ -78,7 +92,9 @@ def light_in(view: Linearised, pixels: Pixels, caster: Raycaster) -> Light:
     row, column = np.divmod(view.cell, view.raster[1])
     chosen = np.flatnonzero((row % SPACING == SPACING // 2) & (column % SPACING == SPACING // 2))
     metres = one_bounce(caster, view.T_cell_camera[:3, 3], view.point[chosen], view.normal[chosen], RAYS)
-    return Light(*np.divmod(view.index[chosen], pixels.camera.width), view.part[chosen], metres)
+    every = view.raster[0] * view.raster[1]
+    none = np.zeros(every, np.int64), np.full(every, -1, np.int64)
+    return Light(*np.divmod(view.index[chosen], pixels.camera.width), view.part[chosen], metres, *none)
 
 
 def emitters_of(views: Sequence[Linearised]) -> Emitters:
