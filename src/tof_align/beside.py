@@ -59,7 +59,7 @@ def held_out_beside(
         reduced[:, :, diagonal, diagonal] += own_info[at]
         theta[:, at] = np.linalg.solve(reduced, left[:, at][..., None])[..., 0]
         mine = theta[:, at][fold]
-        square[:, which] = np.einsum("vgi,vgij,vgj->vg", mine, of_view, mine, optimize=True)
+        square[:, which] = (mine * (of_view @ mine[..., None])[..., 0]).sum(axis=2)
     starts = np.cumsum([0, *(len(g) for g in groups[:-1])])
     x = (alone[:, :, None] - np.add.reduceat(moved * theta[:, None], starts, axis=2))[fold[:, None], views.where]
     mine = theta[fold]

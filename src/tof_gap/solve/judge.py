@@ -126,14 +126,24 @@ class Selector:
         The more forms are tried, the likelier one fits by chance. A free function, also as the form of an effect (`Effect.free_form`),
         fits any error exactly, a formula never does: therefore it pays a share of the chi-square besides.
         """
-        forms = sum(2.0 * float(np.log(self._forms[self.design.candidates[m].name])) for m in members if not self.is_free(m))
-        free = sum(self._without_formula(m) for m in members)
+        forms = sum(self._of_forms[m] for m in members)
+        free = sum(self._without_formula[m] for m in members)
         if not free:
             return forms
         if inflate not in self._empty:
             self._empty[inflate] = self.score((), inflate).score
         explained = self._empty[inflate] - float(held_out.sum())
         return forms + free * (self.config.unknown + self.config.unknown_share * max(explained, 0.0))
+
+    @cached_property
+    def _of_forms(self) -> list[float]:
+        """For each candidate, what it pays for the number of its forms; nothing for a free function."""
+        return [0.0 if c.free is not None else 2.0 * float(np.log(self._forms[c.name])) for c in self.design.candidates]
+
+    @cached_property
+    def _without_formula(self) -> list[bool]:
+        """For each candidate, whether it is a free function, or such a form of an effect."""
+        return [c.free is not None or (c.effect is not None and c.effect.free_form) for c in self.design.candidates]
 
     def forms(self, member: int) -> int:
         """How many forms of the candidate's effect the session tries."""
@@ -144,10 +154,6 @@ class Selector:
         """The system with every view's distance free, where poses are known apart from depth, as before a board; else None."""
         system = self.design.system
         return None if system.chain.root is None else system.with_free_distances()
-
-    def _without_formula(self, member: int) -> bool:
-        effect = self.design.candidates[member].effect
-        return self.is_free(member) or (effect is not None and effect.free_form)
 
     def is_free(self, member: int) -> bool:
         """Whether a candidate is a free function of an observable and no effect."""
