@@ -21,9 +21,6 @@ from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.frame import Context, ideal_frame
 from tof_sensor.model import simulate
-from tof_sim_label.dataset import DatasetWriter, open_dataset
-from tof_sim_label.label import label_view
-from tof_sim_label.schema import Attributes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,6 +70,8 @@ def near_dataset(path: Path, caster: Raycaster, gain: float) -> list[Near]:
     Raises:
         RefusedError: no pose was accepted.
     """
+    from tof_sim_label.dataset import open_dataset  # loads slowly, and every diagnosis loads the settings of this module
+
     data = open_dataset(path)
     of_view, warmth = data.column("captures/view"), data.column("captures/temperature")
     stamps, poses = data.column("views/stamp_ns"), data.column("views/T_cell_camera")
@@ -99,6 +98,9 @@ def rendered_dataset(
 
     Poses and noise follow from the number of the view alone, so that they are the same with any model.
     """
+    from tof_sim_label.dataset import DatasetWriter
+    from tof_sim_label.schema import Attributes
+
     path.parent.mkdir(parents=True, exist_ok=True)
     digest = digest_config({"rendered": to_mapping(config), "effects": [repr(e) for e in model.effects]})
     attributes = Attributes("simulated", digest, "simulated", tuple(p.name for p in caster.scene.parts))
@@ -119,6 +121,8 @@ def as_capture(view: View) -> Capture:
 def _view(
     near: Sequence[Near], camera: Camera, model: SensorModel, caster: Raycaster, number: int, config: RenderedConfig
 ) -> tuple[View, Label]:
+    from tof_sim_label.label import label_view
+
     rng = np.random.default_rng([config.seed, number])
     one = near[int(rng.integers(len(near)))]
     spread = np.repeat([config.spread_m, np.radians(config.spread_deg)], 3)

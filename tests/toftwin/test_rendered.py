@@ -101,7 +101,7 @@ def test_poses_that_were_not_accepted_are_not_used(folder: Path, monkeypatch: py
     assert len(near_dataset(folder / "dataset.zarr", caster, GAIN)) == 3
     data = open_dataset(folder / "dataset.zarr")
     data.verdicts = ("too few pixels",) * 3
-    monkeypatch.setattr(rendered, "open_dataset", lambda _: data)
+    monkeypatch.setattr("tof_sim_label.dataset.open_dataset", lambda _: data)
     with pytest.raises(RefusedError, match="no view has an accepted pose"):
         near_dataset(folder / "dataset.zarr", caster, GAIN)
 
