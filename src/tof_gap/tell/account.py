@@ -150,9 +150,11 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     Pixels that a filter in the camera removed are no `dropout`.
     """
     left = solved.bare
-    light = detected.detected_effects(noise.without_noisy_pixels(left, config.noise), config.noise, law, left_out)
+    gone = missing.missing_effects(left, config.missing, left_out, blurred=solved.names(Motion.NAME))
+    unmerged = any(map(_fails_to_merge, gone))
+    # Wrongly merged frequencies scatter in weak light: beside them no noise tells of foreign light.
+    light = [] if unmerged else detected.detected_effects(noise.without_noisy_pixels(left, config.noise), config.noise, law, left_out)
     beside = detected.explained(left, light)
-    blurred = solved.names(Motion.NAME)
     silent = _arms_silent(solved, left_out) or Interference.NAME in left_out
     of_lines = 0.0 if silent or Noise.NAME in left_out else noise.smooth_by_lines(left, config.noise)
     foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light, _named_m(solved), of_lines)
@@ -162,8 +164,6 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     if lamp is not None:
         foreign = replace(lamp.finding(left, config.noise.foreign_light), posed_m=0.0 if foreign is None else foreign.posed_m)
     taken = left_out if foreign is None else left_out | {Interference.NAME}
-    gone = missing.missing_effects(left, config.missing, left_out, blurred=blurred)
-    unmerged = any(map(_fails_to_merge, gone))
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
     return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone])))
 

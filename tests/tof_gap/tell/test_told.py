@@ -120,6 +120,9 @@ def test_sizes_of_named_effects_add_in_squares() -> None:
     assert _rough_m(SOLVED) == pytest.approx(np.sqrt(0.04 * 9e-6 + 0.09 * 16e-6))
 
 
+LINES_M = 1e-4
+
+
 def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
     """Each detector says what is given; what they were told is kept."""
     told: dict[str, Any] = {}
@@ -138,6 +141,7 @@ def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
     monkeypatch.setattr(room, "foreign_lamp", says("lamp", None))
     monkeypatch.setattr(missing, "missing_effects", says("gone", []))
     monkeypatch.setattr(noise, "noise_effects", says("noise", []))
+    monkeypatch.setattr(noise, "smooth_by_lines", lambda _views, _limits: LINES_M)
     return told
 
 
@@ -155,7 +159,7 @@ LIGHT = Finding(Interference(burst_m=0.001), 0.9, posed_m=2e-3)
 def test_foreign_light_is_a_finding_that_noise_does_not_name_again(monkeypatch: pytest.MonkeyPatch) -> None:
     told = detectors(monkeypatch, foreign=LIGHT, noise=[FOUND])
     assert findings_of() == (LIGHT, FOUND)
-    assert told["foreign"] == ("bare", "arms", "sd", "fl", pytest.approx(5e-3))
+    assert told["foreign"] == ("bare", "arms", "sd", "fl", pytest.approx(5e-3), LINES_M)
     assert told["noise"][2] == {"interference"}
     told = detectors(monkeypatch, noise=[FOUND])
     assert findings_of() == (FOUND,)
@@ -195,6 +199,7 @@ def test_a_lamp_whose_place_is_known_is_the_foreign_light(monkeypatch: pytest.Mo
 
 
 def test_what_a_filter_removed_is_no_loss_and_failed_merging_is_told_to_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Foreign light beside frequencies that are merged wrongly cannot be told from their noise."""
     own = Finding(Noise(extra_m=0.002), 0.9, own_noise=np.ones((2, 2), bool))
     removed, kept = Finding(PhaseWrap(), 0.6), Finding(PhaseWrap(), 0.9, corrects=True)
     for gone, scatter, unmerged, expected in (
@@ -206,6 +211,7 @@ def test_what_a_filter_removed_is_no_loss_and_failed_merging_is_told_to_noise(mo
         told = detectors(monkeypatch, gone=gone, noise=scatter, light=[])
         assert findings_of() == expected
         assert told["noise"][-1] is unmerged
+        assert ("light" in told) is not unmerged
 
 
 @pytest.mark.parametrize(("structured", "share", "is_doubted"), [(True, 0.01, True), (True, -0.01, False), (False, 0.5, False)])
