@@ -93,7 +93,7 @@ def cases() -> list[Figure]:
         with open_bag(DATA / "cases" / name / "bag", cell_frame=scene.frame) as reader:
             for capture in reader.captures():
                 base: Float = np.eye(4) if capture.robot is None else capture.robot.T_cell_body
-                views.append(View.of_capture(capture, tracker.push(capture.stamp_ns, base)))
+                views.append(View.of_capture(capture, tracker.push(base)))
         solution, labels = label_session(views, Raycaster(scene))
         errors = [(v.depth - label.depth)[(label.mask == 1) & np.isfinite(v.depth)] for v, label in labels]
         pooled = 1e3 * np.concatenate(errors)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rclpy.serialization import deserialize_message
 
+from tof_core import decode
 from tof_preproc.stream import ACCUMULATED, KEPT
 from tof_ros import messages, qos
 from tof_ros.interfaces import message_class
@@ -91,7 +92,7 @@ class LoopedCamera:
             node.create_subscription(PoseWithCovarianceStamped, f"{space}/label/pose", self._labelled, qos.RECORD)
 
     def _answered(self, room: str, message: Any) -> None:
-        stamp = messages.to_ns(message.header.stamp)
+        stamp = decode.stamp_ns(message)
         self.fates[room][stamp] = message.source
         if message.source == ACCUMULATED:  # its label is that of a later view
             self.fates[room.removesuffix("preproc") + "label"][stamp] = ACCUMULATED
@@ -100,7 +101,7 @@ class LoopedCamera:
         self.labels += 1
 
     def _inferred(self, message: Any) -> None:
-        if (sent := self.sent.get(messages.to_ns(message.header.stamp))) is not None:
+        if (sent := self.sent.get(decode.stamp_ns(message))) is not None:
             self.latencies.append(time.monotonic() - sent)
 
     @property

@@ -38,7 +38,7 @@ class Recorded:
         """One view per capture, unfiltered, with its station."""
         tracker = StationTracker()
         with open_bag(self.bag, cell_frame=self.scene.frame) as reader:
-            return [View.of_capture(c, tracker.push(c.stamp_ns, c.robot.T_cell_body)) for c in reader.captures() if c.robot is not None]
+            return [View.of_capture(c, tracker.push(c.robot.T_cell_body)) for c in reader.captures() if c.robot is not None]
 
 
 def recorded(name: str, config: Mapping[str, Any], effects: Mapping[str, float] | None = None, *, astray: bool = False) -> Recorded:

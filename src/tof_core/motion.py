@@ -37,8 +37,8 @@ class StationTracker:
         self._first: Float | None = None
         self._station = -1
 
-    def push(self, stamp_ns: int, T_cell_body: Float) -> int:  # noqa: ARG002 (a tracker that smooths would need it)
-        """The station (0, 1, ...) of a capture at `stamp_ns` with the body at `T_cell_body`."""
+    def push(self, T_cell_body: Float) -> int:
+        """The station (0, 1, ...) of the next capture, with the body at `T_cell_body`."""
         if self._first is None or self._moved(self._first, T_cell_body):
             self._first = T_cell_body
             self._station += 1

@@ -109,7 +109,7 @@ def accumulate_views(
     stations = stations or StationTracker()
     current: Dwell | None = None
     for capture in captures:
-        station = stations.push(capture.stamp_ns, capture.robot.T_cell_body) if capture.robot else 0
+        station = stations.push(capture.robot.T_cell_body) if capture.robot else 0
         dwell = keeper.add(capture, still=still is None or still(capture), station=station)
         if dwell is None or dwell is current:
             continue

@@ -218,4 +218,4 @@ class PreprocStream:
         else:
             cell, _ = self.chain.resolve(capture.camera.frame_id)
             still = is_still(self.transforms, cell, capture.camera.frame_id, capture.stamp_ns, gate)
-        return still, self._stations.push(capture.stamp_ns, capture.robot.T_cell_body)
+        return still, self._stations.push(capture.robot.T_cell_body)

@@ -17,6 +17,7 @@ from sensor_msgs.msg import TimeReference
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
+from tof_core import decode
 from tof_core.errors import ToftwinError
 from tof_ros import messages, qos
 from tof_ros.interfaces import message_class
@@ -100,7 +101,7 @@ class Player(Node):
         ]
 
     def _answered(self, topic: str, message: TimeReference) -> None:
-        stamp = messages.to_ns(message.header.stamp)
+        stamp = decode.stamp_ns(message)
         with self._changed:
             self._heard = time.monotonic()
             if topic == self._first:

@@ -14,7 +14,7 @@ from tests.arm_correction.made import FIRST, seen, twist
 from tests.tof_align.made import section
 from tests.tof_ros.peers import Observer, wait_for
 from tests.tof_ros.view_source import T_HAND_CAMERA, ViewSource
-from tof_core import se3
+from tof_core import decode, se3
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 
@@ -97,7 +97,7 @@ def test_a_proposal_leads_to_the_reference_view_and_moves_nothing(bench: Bench, 
     assert done, message
     pose = wait_for(lambda: bench.heard["pose"])[-1]
     delta = messages.matrix(wait_for(lambda: bench.heard["delta"])[-1].pose)
-    assert (pose.header.frame_id, messages.to_ns(pose.header.stamp)) == ("spot/body", view.stamp_ns)
+    assert (pose.header.frame_id, decode.stamp_ns(pose)) == ("spot/body", view.stamp_ns)
     metres, degrees = se3.distance(FIRST @ MOTION @ se3.inverse(T_HAND_CAMERA) @ delta @ T_HAND_CAMERA, FIRST)
     assert (1e3 * metres < 1.0, degrees < 0.15) == (True, True)
     hand = se3.inverse(se3.from_quat((0.2, 0, 0), (0, 0, 0, 1))) @ FIRST @ se3.inverse(T_HAND_CAMERA)
@@ -130,7 +130,7 @@ def test_the_action_gives_the_proposal_and_of_a_refused_one_the_reason(bench: Be
         "reference",
         "spot/body",
     )
-    assert messages.to_ns(proposal.header.stamp) == view.stamp_ns
+    assert decode.stamp_ns(proposal) == view.stamp_ns
     metres, degrees = se3.distance(FIRST @ MOTION @ se3.inverse(T_HAND_CAMERA) @ messages.matrix(proposal.delta) @ T_HAND_CAMERA, FIRST)
     assert (1e3 * metres < 1.0, degrees < 0.15) == (True, True)
     assert proposal.distance == pytest.approx(se3.distance(np.eye(4), messages.matrix(proposal.delta))[0])

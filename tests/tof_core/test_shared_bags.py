@@ -56,7 +56,7 @@ def test_cases_of_a_foreign_camera(shared_data: Path, name: str) -> None:
     assert 38 < temperatures[-1] < 39
     assert min(np.isfinite(c.depth).mean() for c in captures) > 0.74
     tracker = StationTracker()
-    stations = [tracker.push(c.stamp_ns, c.robot.T_cell_body) for c in captures if c.robot is not None]
+    stations = [tracker.push(c.robot.T_cell_body) for c in captures if c.robot is not None]
     assert stations == [0] * 6 + [1] * 6
 
 

@@ -100,7 +100,7 @@ def test_both_foreign_cases_are_labelled(shared_data: Path, case: str, median_mm
     with open_bag(shared_data / "cases" / case / "bag", cell_frame=scene.frame) as reader:
         for capture in reader.captures():
             assert capture.robot is not None
-            views.append(View.of_capture(capture, tracker.push(capture.stamp_ns, capture.robot.T_cell_body)))
+            views.append(View.of_capture(capture, tracker.push(capture.robot.T_cell_body)))
     assert len(views) == 12
     solution, labels = label_session(views, Raycaster(scene))
     assert solution.stations == (0, 1)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tests.tof_ros.peers import Observer, wait_for
+from tof_core import decode
 from tof_core.camera import Camera
 
 if TYPE_CHECKING:
@@ -55,9 +56,7 @@ class FaultyRobot:
             node.create_subscription(TimeReference, f"/{namespace}/{room}/done", lambda m, room=room: self._note(room, m), qos.RECORD)
 
     def _note(self, room: str, message: Any) -> None:
-        from tof_ros import messages
-
-        self.done[room].append((messages.to_ns(message.header.stamp), message.source))
+        self.done[room].append((decode.stamp_ns(message), message.source))
 
     def connect(self) -> None:
         """Wait until preproc hears images and TF, then say where the camera sits on the body."""
