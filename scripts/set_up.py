@@ -118,7 +118,7 @@ def set_up(wanted: dict[str, str], ros_source: str) -> None:
     with steps.step("packages (1 GB)" if level == "run" else "packages (3 GB)"):
         install_packages(steps, level, ros_source)
     with steps.step("compiled kernels"):
-        steps.run([str(PYTHON), "scripts/compile_kernels.py"])
+        steps.run([str(PYTHON), "scripts/compile_kernels.py", level])
     if level == "dev":
         with steps.step("PyTorch for training, CPU build"):
             torch_cpu.ensure(steps, PYTHON, pip_install)
