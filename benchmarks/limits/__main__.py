@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from benchmarks.gap_check.record import BAGS
 from benchmarks.limits import results
 from benchmarks.limits.names import FACTORS, SECTIONS, numbers, value_at
-from benchmarks.limits.sessions import PLAN, load, record
+from benchmarks.limits.sessions import PLAN, SIZE, VIEWS, load, record
 from benchmarks.limits.trial import Trials
 
 if TYPE_CHECKING:
@@ -31,6 +31,9 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("out/limits"), help="folder of sessions and results; what is done is kept")
     parser.add_argument("--bags", type=Path, help="folder of a gap check (its bags/), instead of sessions of its own")
     parser.add_argument("--sessions", type=int, default=len(PLAN), help="how many sessions, the most telling first")
+    parser.add_argument("--size", default=f"{SIZE[0]}x{SIZE[1]}", help="pixels of the sessions that are recorded; a folder has one size")
+    parser.add_argument("--views", type=int, default=VIEWS, help="views of each of them")
+    parser.add_argument("--missing", action="store_true", help="only numbers without a row in benchmarks/limits.json")
     parser.add_argument("--session", action="append", default=[], metavar="NAME", help="this session; may be repeated")
     parser.add_argument(
         "--only", action="append", default=[], metavar="NAME", help="numbers whose name begins so, such as gap.noise; may be repeated"
@@ -44,11 +47,12 @@ def main() -> int:
     if not args.table:
         args.out.mkdir(parents=True, exist_ok=True)
         if args.bags is None:
-            record(args.out, args.sessions)
-        folder = args.bags or args.out
+            width, height = (int(x) for x in args.size.split("x"))
+            record(args.out, args.sessions, (width, height), args.views)
+        folder, wanted = args.bags or args.out, _wanted(args.only, missing=args.missing)
         names = args.session or sorted(p.name for p in (folder / BAGS).iterdir())[: args.sessions]
         for name in names:
-            _try(folder, name, args.only, log)
+            _try(folder, name, wanted, log)
     rows = results.rows(results.read(log))
     print("\n".join(results.text(row) for row in rows))
     if args.write:
@@ -57,26 +61,34 @@ def main() -> int:
     return 0
 
 
-def _try(folder: Path, session: str, only: list[str], log: Path) -> None:
-    """Every number on one session."""
+def _wanted(only: list[str], *, missing: bool) -> set[str]:
+    """Names of the numbers to try: all, those whose names begin as asked, or those that the page lacks."""
+    done = {row["name"] for row in json.loads(PAGE.read_text())["rows"]} if missing else set()
+    names = {f"{of}.{info.name}" for of in SECTIONS for info in numbers(of)} - done
+    return {name for name in names if not only or name.startswith(tuple(only))}
+
+
+def _try(folder: Path, session: str, wanted: set[str], log: Path) -> None:
+    """The wanted numbers on one session."""
     code, done = _code(), {results.key(line) for line in results.read(log)}
     todo = [
         (of, info, factor)
         for of in SECTIONS
         for info in numbers(of)
         for factor in FACTORS
-        if (not only or any(f"{of}.{info.name}".startswith(o) for o in only)) and (code, session, f"{of}.{info.name}", factor) not in done
+        if f"{of}.{info.name}" in wanted and (code, session, f"{of}.{info.name}", factor) not in done
     ]
     if not todo:
         return
     loaded: Session = load(folder, session)
     trials = Trials(loaded)
     trials.run_default()
+    of_what = {"code": code, "session": session, "size": loaded.size}
     # Numbers that act late first: the earlier stages are not computed again.
     todo.sort(key=lambda t: -trials.reused(t[0], t[1].name))
     with log.open("a") as out:
         for of, info, factor in todo:
-            line = {"code": code, "session": session, "name": f"{of}.{info.name}", "factor": factor} | _line(trials, of, info, factor)
+            line = of_what | {"name": f"{of}.{info.name}", "factor": factor} | _line(trials, of, info, factor)
             out.write(json.dumps(line) + "\n")
             out.flush()
             if line["read"]:

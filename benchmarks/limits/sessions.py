@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
     from tof_core.capture import View
 
-SIZE = (160, 122)
+SIZE, VIEWS = (160, 122), 12
+"""Pixels and views of a session, unless asked otherwise."""
 PLAN: tuple[tuple[str, str, dict[str, float], str], ...] = (
     ("null", "body_section", {}, ""),
     ("single", "housing", {"wiggling": 1.0}, ""),
@@ -47,14 +48,20 @@ class Session:
     caster: Raycaster
     left_out: frozenset[str]
 
+    @property
+    def size(self) -> str:
+        """Views and pixels, as the page states them."""
+        height, width = self.views[0].depth.shape
+        return f"{len(self.views)} views of {width}x{height} pixels"
 
-def record(folder: Path, count: int) -> None:
+
+def record(folder: Path, count: int, size: tuple[int, int] = SIZE, views: int = VIEWS) -> None:
     """Record the first `count` sessions of the plan into `folder`; those that are there are kept."""
     cases = [
-        Case(f"case{i:04d}", kind, scene, effects, left_out, 1000 + i, 100.0)
+        Case(f"case{i:04d}", kind, scene, effects, left_out, 1000 + i, 100.0, {"plan.views": views})
         for i, (kind, scene, effects, left_out) in enumerate(PLAN[:count])
     ]
-    record_all(cases, folder, SIZE)
+    record_all(cases, folder, size)
 
 
 def load(folder: Path, name: str) -> Session:
