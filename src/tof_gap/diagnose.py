@@ -147,7 +147,7 @@ def untested(found: Account, config: GapConfig, law: PhotonLaw | None) -> dict[s
 
 
 def law_beside(found: Account, config: GapConfig) -> PhotonLaw | None:
-    """The photon law beside the named noise and pattern: the stated one where noise was compared with it, else that of the session."""
+    """The photon law that stands beside the named effects in sensor.yaml: the stated law where noise was compared with it, else one fitted to the session."""
     stated = next((f.beside for f in found.findings if f.beside is not None), None)
     if stated is not None:
         return stated

@@ -234,7 +234,7 @@ class RoomNode(Node, Generic[C]):
         self.reset()
 
     def _clock_jumped(self) -> None:
-        """`/clock` was set back; where stamps have just shown the same jump, the state is that of the new time already."""
+        """`/clock` was set back: discard the state, unless stamps have shown the same jump within the last `ONE_JUMP_S`."""
         if time.monotonic() - self._last_jump > ONE_JUMP_S:
             self.jumped()
 

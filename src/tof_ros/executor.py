@@ -143,7 +143,7 @@ class DirectExecutor(Executor):
                 return
 
     def _take(self, kind: str, entity: Any) -> bool:
-        """Take what is ready and run its callback; whether it was a message, so that there may be another."""
+        """Run the callback of an entity that is ready; True where it was a message: another may be queued."""
         if self._ended:
             return False
         if self._suspended and not _may_run(entity):  # its group was taken in this very turn

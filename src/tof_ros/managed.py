@@ -37,7 +37,7 @@ M = TypeVar("M", bound=Managed)
 
 
 class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
-    """Loads what is heavy when it is configured, and hears its topics while it is active.
+    """Loads scenes and models when it is configured, and subscribes to its topics while it is active.
 
     A node writes `load` (files to memory), its inverse `unload`, and `start`. Subscriptions and timers that `start` makes end by
     themselves; what else it begins it puts on `at_stop`, which is run, last first, where the node ends or where `start` fails half-way.
@@ -165,13 +165,13 @@ class ManagedNode(LifecycleNodeMixin, RoomNode[M]):
         return {"state": self.state, **(self.figures() if self.loaded else {})}
 
     def complaints(self) -> list[str]:
-        """What is wrong; a node that is not active says that alone."""
+        """Faults for the diagnostics; of a node that is not active, its state alone."""
         if self.active:
             return super().complaints()
         return [] if self._starting else [f"{self.state}: nothing is heard until the node is activated"]
 
     def destroy_node(self) -> None:
-        """End what is active, then go."""
+        """Release files and subscriptions, then destroy the node."""
         self._gone = True
         self._let_go()
         super().destroy_node()

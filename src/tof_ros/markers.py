@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The CAD as RViz and Foxglove draw it: one marker a part, coloured by what is known of it."""
+"""The CAD as RViz and Foxglove draw it: one marker a part, coloured by its state."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def shade(share: float) -> Colour:
 
 
 def same_shade(before: float | None, now: float, red: float) -> bool:
-    """Whether two values have one colour, where `red` is that of red."""
+    """Whether two values are drawn in the same colour; `red`: the value that is drawn red."""
     return before is not None and _step(before / red) == _step(now / red)
 
 

@@ -28,7 +28,7 @@ class RosCall(GraphSpec):
 
 
 def called(nodes: tuple[str, ...], argv: list[str]) -> RosCall:
-    """Arguments as of `ros2 run`, without `--ros-args`, which `ros_context` adds; discovery reaches as far as that of any node."""
+    """The call of an executable that `ros2 run` starts: `--ros-args` comes off, since `ros_context` adds it; the discovery range is ROS's default."""
     return RosCall(nodes, safe=False, arguments=tuple(a for a in argv if a != "--ros-args"))
 
 

@@ -74,7 +74,7 @@ class _Fit:
 
     @property
     def is_plane(self) -> bool:
-        """Whether the exponent is near that of z or of radial; otherwise the surface is curved."""
+        """Whether the exponent is within 1 of the exponent of z depth or of radial depth; on a curved surface it is neither."""
         return min(abs(self.exponent - Z), abs(self.exponent - RADIAL)) < 1.0
 
     @property

@@ -10,7 +10,7 @@ from tof_core.config import param, section
 
 @dataclass(frozen=True, slots=True)
 class FilterLimits:
-    """When a hole is that of a filter in the camera around outliers."""
+    """When a hole in the depth image is the work of the camera's own outlier filter."""
 
     shaped: float = param(
         0.9,

@@ -60,7 +60,7 @@ def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: Unexplain
 
 
 def _size(view: ViewEvidence, effect: Float) -> tuple[float, float, float]:
-    """Of one view: the size of an effect over that of the solution, its inverse variance for unit noise, and the noise's variance."""
+    """One view's size of an effect, relative to the solution's; the inverse variance of this size for unit noise; the variance of the noise."""
     seen = view.smooth & np.isfinite(effect)
     column, left = effect[seen] / view.sigma[seen], view.residual[seen] / view.sigma[seen]
     information = float(column @ column)

@@ -143,7 +143,7 @@ def _share(left2: float, free2: float, before2: float) -> float:
 
 
 def misfit(before: Sequence[Float], left: Sequence[Float], floor2: Sequence[Float], noise_known: float) -> float:
-    """Chi-square per pixel above the floor of the errors `left`, over that of the errors `before` ((H, W) metres per view; floor2: m^2).
+    """Chi-square per pixel in excess of the floor: ratio of the errors `left` to the errors `before` ((H, W) metres per view; floor2: m^2).
 
     0 where `left` exceeds the floor by less than the relative error of the noise variance, `noise_known`.
     """
