@@ -14,7 +14,7 @@ from collections import deque
 from typing import IO, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
 NO_NETWORK = re.compile(
@@ -97,6 +97,27 @@ class Steps:
         if quiet_failure:
             return False
         raise SetUpError(explain("\n".join(self.tail), self.name, self.log))
+
+    @contextlib.contextmanager
+    def beside(self, command: Sequence[str]) -> Iterator[Callable[[], None]]:
+        """Run a command while the steps inside go on; what is yielded waits for it, and its failure is a SetUpError."""
+        log = self.log.with_name(f"{self.log.stem}-beside.log")
+        with (
+            log.open("w", encoding="utf-8") as out,
+            subprocess.Popen(
+                command, cwd=self.cwd, stdout=out, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, env=child_environment(),
+            ) as process,
+        ):  # fmt: skip
+
+            def wait() -> None:
+                if process.wait() != 0:
+                    raise SetUpError(explain(log.read_text(encoding="utf-8", errors="replace"), self.name, log))
+
+            try:
+                yield wait
+            except BaseException:
+                process.terminate()
+                raise
 
     def _follow(self, lines: IO[str] | None, log: IO[str]) -> None:
         collected = 0

@@ -117,15 +117,18 @@ def set_up(wanted: dict[str, str], ros_source: str) -> None:
         make_venv(steps, ros_source)
     with steps.step("packages (1 GB)" if level == "run" else "packages (3 GB)"):
         install_packages(steps, level, ros_source)
-    with steps.step("compiled kernels"):
-        steps.run([str(PYTHON), "scripts/compile_kernels.py", level])
-    if level == "dev":
-        with steps.step("PyTorch for training, CPU build"):
-            torch_cpu.ensure(steps, PYTHON, pip_install)
-        with steps.step("browser for the report test"):
-            system.ensure_browser(steps)
-    with steps.step("tf2_msgs, toftwin_msgs and a message over DDS"):
-        ros.ensure_interfaces(steps, PYTHON, ros_source)
+    with steps.beside(
+        [str(PYTHON), "scripts/compile_kernels.py", level]
+    ) as compiled:  # The steps inside wait for downloads and one compiler.
+        if level == "dev":
+            with steps.step("PyTorch for training, CPU build"):
+                torch_cpu.ensure(steps, PYTHON, pip_install)
+            with steps.step("browser for the report test"):
+                system.ensure_browser(steps)
+        with steps.step("tf2_msgs, toftwin_msgs and a message over DDS"):
+            ros.ensure_interfaces(steps, PYTHON, ros_source)
+        with steps.step("compiled kernels"):
+            compiled()
     STATE.write_text(json.dumps(wanted), encoding="utf-8")
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import time
 import tomllib
 from pathlib import Path
 
@@ -116,6 +117,29 @@ def test_a_failing_command_stops_its_step(tmp_path: Path, capsys: pytest.Capture
         steps.run(["sh", "-c", "echo some error; exit 3"])
     assert (tmp_path / "out" / "log").read_text() == "some error\n"
     assert re.search(r"\[1/1\] packages: 0 s  stopped\n$", capsys.readouterr().out)
+
+
+def test_a_command_beside_other_steps_is_waited_for_and_its_failure_is_raised(tmp_path: Path) -> None:
+    steps = Steps(total=2, log=tmp_path / "out" / "log", cwd=tmp_path)
+    with steps.beside(["sh", "-c", "while [ ! -e begun ]; do sleep 0.01; done; echo done > done"]) as finished:
+        with steps.step("another step"):
+            (tmp_path / "begun").touch()
+        finished()
+        assert (tmp_path / "done").read_text() == "done\n"
+    with (
+        steps.beside(["sh", "-c", "echo some error; exit 3"]) as finished,
+        pytest.raises(SetUpError, match="kernels: some error; see"),
+        steps.step("kernels"),
+    ):
+        finished()
+
+
+def test_a_command_beside_a_step_that_fails_is_ended(tmp_path: Path) -> None:
+    steps = Steps(total=1, log=tmp_path / "out" / "log", cwd=tmp_path)
+    began = time.monotonic()
+    with pytest.raises(SetUpError, match="packages"), steps.beside(["sleep", "60"]), steps.step("packages"):
+        steps.run(["false"])
+    assert time.monotonic() - began < 30.0
 
 
 def test_another_ros_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
