@@ -23,7 +23,7 @@ demo: setup  ## set up, then a virtual session: label, diagnose, correct, inspec
 	@.venv/bin/toftwin demo $(ARGS)
 
 test: setup-dev  ## set up, run the tests (ARGS="-k preproc"), then lint
-	@$(PY) -m pytest -n 2 --dist loadfile --durations=25 $(ARGS)
+	@$(PY) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=25 $(ARGS)
 	@$(MAKE) --no-print-directory lint
 
 bench: setup-dev  ## print the figures and their bars, at most 20 minutes (ARGS="--only NAME --write")

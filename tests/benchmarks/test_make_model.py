@@ -26,6 +26,7 @@ def made(work: Path) -> bytes:
     return out.read_bytes() + out.with_suffix(".json").read_bytes()
 
 
+@pytest.mark.slow
 def test_made_twice_it_is_the_same_to_the_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(EXACT_ROBOT, "camera.width", 48)
     monkeypatch.setitem(EXACT_ROBOT, "camera.height", 36)

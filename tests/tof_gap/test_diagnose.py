@@ -45,6 +45,7 @@ def session(request: pytest.FixtureRequest, scene: Path, tmp_path_factory: pytes
     return request.param, folder / "gap", json.loads((folder / "gap" / "gap.json").read_text())
 
 
+@pytest.mark.slow
 def test_it_names_what_was_added_and_nothing_else(session: tuple[str, Path, dict[str, Any]]) -> None:
     name, _, report = session
     assert report["verdict"] == (sorted(EFFECTS[name]) or ["none"])

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.slow]
 BASELINE = 12
 
 

@@ -89,6 +89,7 @@ def above_floor(d: Diagnosis) -> float:
     return float(np.sqrt(max(d.gap.before.rmse**2 - d.gap.floor_mm**2, 0.0)))
 
 
+@pytest.mark.slow
 def test_an_effect_grafted_onto_a_real_frame_is_named(shared_data: Path) -> None:
     frame = frame_of(shared_data / "real/azure_kinect_nfov/bag")
     config = PrimitiveConfig(stride=4, candidates=150)

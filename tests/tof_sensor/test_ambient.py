@@ -126,6 +126,7 @@ def test_without_a_law_or_an_amplitude_image_the_reason_is_given() -> None:
     assert Ambient.not_testable(replace(session(0.0), has_amplitude=False)) == "no amplitude image"
 
 
+@pytest.mark.slow
 def test_a_session_under_foreign_light_is_named_by_the_law_of_one_without_it(tmp_path: Path) -> None:
     """Three times the noise; and a second session without that light has none."""
     scene = write_builtin("body_section", tmp_path / "scene")

@@ -161,6 +161,7 @@ def test_an_empty_model_changes_nothing() -> None:
     assert not left_mm(known_removed(views, section(), KnownBias(SensorModel()), CONFIG), views).any()
 
 
+@pytest.mark.slow
 def test_a_diagnosis_with_the_fitted_sensor_as_known_finds_no_effect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene, first, second = write_builtin("body_section", tmp_path / "scene"), tmp_path / "first", tmp_path / "second"
     small = {"seed": 5, "camera.width": 112, "camera.height": 86, "plan.views": 6}

@@ -58,6 +58,7 @@ def pose_errors(folder: Path, out: Path) -> np.ndarray:
     return np.array([1e3 * se3.distance(np.array(p["T_cell_camera"]), T)[0] for p, T in zip(poses, true, strict=True)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["final", "causal"])
 def test_the_stated_offset_is_removed_before_poses_are_solved(folder: Path, tmp_path: Path, mode: str) -> None:
     call = ["label", str(folder / "bag"), "--scene", str(folder / "scene"), "--mode", mode, "--out"]
