@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,88 +48,15 @@ def approach(
     """
     limits = config.approach
     seen = _spread_out(pixels, limits.views)
-    local = se3.inverse(frame) @ poses
-    descend = _descent([pixels[v] for v in seen], local[seen], frame, prior_std, caster, config)
-    best, score = descend(np.eye(4), config.weights.kernel_far_mm * 1e-3)
+    cameras = _Cameras([pixels[v] for v in seen], (se3.inverse(frame) @ poses)[seen], frame, prior_std, caster, config)
+    best, score = cameras.descend(np.eye(4), config.weights.kernel_far_mm * 1e-3)
     wide = np.repeat([limits.wide_mm * 1e-3, np.radians(limits.wide_deg)], 3)
     if score > limits.fits * limits.residual_mm * 1e-3 or np.max(prior_std / wide) > 1.0:
-        for start in _starts([pixels[v] for v in seen], local[seen], frame, prior_std, caster, limits):
-            motion, found = descend(start, limits.start_kernel_mm * 1e-3)
+        for start in cameras.starts():
+            motion, found = cameras.descend(start, limits.start_kernel_mm * 1e-3)
             if found < limits.better * score:
                 best, score = motion, found
-    return _slid(best, score, descend, [pixels[v] for v in seen], local[seen], frame, prior_std, caster, config)
-
-
-def _slid(
-    motion: Float,
-    score: float,
-    descend: Callable[[Float, float], tuple[Float, float]],
-    pixels: Sequence[Pixels],
-    local: Float,
-    frame: Float,
-    prior_std: Float,
-    caster: Raycaster,
-    config: AlignConfig,
-) -> Float:
-    """Score poses along the directions that the surfaces determine least, as far as the prior reaches, and descend again.
-
-    On a part that is nearly uniform along a direction, the descent stays where it arrived, and the part's few features count as
-    outliers there. The score includes them.
-    """
-    limits = config.approach
-    few = _Looks.of([p.thinned(max(limits.slide_pixels, p.depth.size // 2)) for p in pixels])
-    every, known = _Looks.of(pixels), dict[bytes, float]()
-
-    def cost(there: Float) -> float:
-        place = there.tobytes()  # Every series of trials contains the best of the previous one.
-        if place not in known:
-            known[place] = _score(few, frame @ there @ local, caster, limits)
-        return known[place]
-
-    for _ in range(limits.slide_rounds):
-        before = score
-        for direction in _least_known(pixels, motion, local, frame, prior_std, caster, config):
-            slid = _along(direction * prior_std, motion, cost, limits)
-            if cost(slid) > limits.slide_better * cost(motion):
-                continue
-            candidates = [(_score(every, frame @ slid @ local, caster, limits), slid), descend(slid, limits.slide_kernel_mm * 1e-3)[::-1]]
-            found, moved = min(candidates, key=lambda c: c[0])
-            if found < limits.slide_better * score:
-                motion, score = moved, found
-        if score == before:
-            break
-    return motion
-
-
-def _along(twist: Float, motion: Float, cost: Callable[[Float], float], limits: ApproachLimits) -> Float:
-    """The best motion along a direction (6,), within `slide_reach` to either side: evenly spaced trials, then closer ones."""
-    looks, best = limits.slide_looks, motion
-    step = limits.slide_reach / looks
-    for offsets in (np.arange(-looks, looks + 1) * step, CLOSER * step):
-        places = [best @ se3.exp(t * twist) for t in offsets]
-        best = places[int(np.argmin([cost(p) for p in places]))]
-    return best
-
-
-def _least_known(
-    pixels: Sequence[Pixels],
-    motion: Float,
-    local: Float,
-    frame: Float,
-    prior_std: Float,
-    caster: Raycaster,
-    config: AlignConfig,
-) -> Float:
-    """(slides, 6) unit directions, in prior standard deviations, that the agreeing surfaces determine least.
-
-    Surfaces that disagree are left out: a feature rendered in the wrong place would prevent the very slide that is needed.
-    """
-    H = np.zeros((6, 6))
-    for p, T in zip(pixels, local, strict=True):
-        view = linearise(p, frame @ motion @ T, caster, config.weights)
-        J = view.jacobian @ se3.adjoint(se3.inverse(T)) * prior_std
-        H += (J * tukey(view.residual, config.verdict.support_mm * 1e-3)[:, None]).T @ J
-    return np.asarray(np.linalg.eigh(H)[1][:, : config.approach.slides].T)
+    return cameras.slid(best, score)
 
 
 CLOSER = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])
@@ -142,32 +70,114 @@ def _spread_out(pixels: Sequence[Pixels], most: int) -> list[int]:
     return sorted({int(i) for i in np.linspace(0, len(pixels) - 1, min(most, len(pixels)))})
 
 
-def _descent(
-    pixels: Sequence[Pixels],
-    local: Float,
-    frame: Float,
-    prior_std: Float,
-    caster: Raycaster,
-    config: AlignConfig,
-) -> Callable[[Float, float], tuple[Float, float]]:
-    limits, looks = config.approach, _Looks.of(pixels)
+@dataclass(frozen=True, eq=False)
+class _Cameras:
+    """Cameras held rigidly together: rasters (V) and poses (V, 4, 4) in the frame (4, 4), whose motion has the prior deviation (6,)."""
 
-    def descend(motion: Float, kernel: float) -> tuple[Float, float]:
+    pixels: Sequence[Pixels]
+    local: Float
+    frame: Float
+    prior_std: Float
+    caster: Raycaster
+    config: AlignConfig
+
+    @cached_property
+    def every(self) -> _Looks:
+        """All pixels of all views."""
+        return _Looks.of(self.pixels)
+
+    def score(self, looks: _Looks, motion: Float) -> float:
+        """Mean of min(|residual|, `residual_mm`) in metres over all pixels with a depth; `residual_mm` where the ray misses the CAD."""
+        if not len(looks.depth):
+            return 0.0
+        errors = looks.errors(self.frame @ motion @ self.local, self.caster)
+        return float(np.minimum(errors, self.config.approach.residual_mm * 1e-3).mean())
+
+    def linearised(self, motion: Float) -> list[Linearised]:
+        """Residuals and Jacobians of the views after a motion of the frame."""
+        return [
+            linearise(p, self.frame @ motion @ T, self.caster, self.config.weights) for p, T in zip(self.pixels, self.local, strict=True)
+        ]
+
+    def descend(self, motion: Float, kernel: float) -> tuple[Float, float]:
+        """Gauss-Newton steps from a motion, with a kernel in metres that narrows; the motion, and its score."""
+        limits = self.config.approach
         for _ in range(limits.steps):
-            views = [linearise(p, frame @ motion @ T, caster, config.weights) for p, T in zip(pixels, local, strict=True)]
+            views = self.linearised(motion)
             errors = np.concatenate([v.residual for v in views])
             if len(errors) < limits.residuals:
                 break
-            step = _step(views, local, motion, prior_std, kernel, limits.independent)
+            step = _step(views, self.local, motion, self.prior_std, kernel, limits.independent)
             motion = motion @ se3.exp(step)
             spread = limits.kernel_sigma * robust_std(errors[np.abs(errors) < kernel])
-            kernel = max(limits.shrink * kernel, min(kernel, spread), config.weights.kernel_floor_mm * 1e-3)
+            kernel = max(limits.shrink * kernel, min(kernel, spread), self.config.weights.kernel_floor_mm * 1e-3)
             still = max(np.linalg.norm(step[:3]), np.linalg.norm(step[3:])) < limits.still_mm * 1e-3
             if still and kernel < limits.near_kernel_mm * 1e-3:
                 break
-        return motion, _score(looks, frame @ motion @ local, caster, limits)
+        return motion, self.score(self.every, motion)
 
-    return descend
+    def slid(self, motion: Float, score: float) -> Float:
+        """Score poses along the directions that the surfaces determine least, as far as the prior reaches, and descend again.
+
+        On a part that is nearly uniform along a direction, the descent stays where it arrived, and the part's few features count as
+        outliers there. The score includes them.
+        """
+        limits = self.config.approach
+        few = _Looks.of([p.thinned(max(limits.slide_pixels, p.depth.size // 2)) for p in self.pixels])
+        known = dict[bytes, float]()
+
+        def cost(there: Float) -> float:
+            place = there.tobytes()  # Every series of trials contains the best of the previous one.
+            if place not in known:
+                known[place] = self.score(few, there)
+            return known[place]
+
+        for _ in range(limits.slide_rounds):
+            before = score
+            for direction in self.least_known(motion):
+                slid = _along(direction * self.prior_std, motion, cost, limits)
+                if cost(slid) > limits.slide_better * cost(motion):
+                    continue
+                candidates = [(self.score(self.every, slid), slid), self.descend(slid, limits.slide_kernel_mm * 1e-3)[::-1]]
+                found, moved = min(candidates, key=lambda c: c[0])
+                if found < limits.slide_better * score:
+                    motion, score = moved, found
+            if score == before:
+                break
+        return motion
+
+    def least_known(self, motion: Float) -> Float:
+        """(slides, 6) unit directions, in prior standard deviations, that the agreeing surfaces determine least.
+
+        Surfaces that disagree are left out: a feature rendered in the wrong place would prevent the very slide that is needed.
+        """
+        H = np.zeros((6, 6))
+        for view, T in zip(self.linearised(motion), self.local, strict=True):
+            J = view.jacobian @ se3.adjoint(se3.inverse(T)) * self.prior_std
+            H += (J * tukey(view.residual, self.config.verdict.support_mm * 1e-3)[:, None]).T @ J
+        return np.asarray(np.linalg.eigh(H)[1][:, : self.config.approach.slides].T)
+
+    def starts(self) -> list[Float]:
+        """The most promising of many motions inside the prior (a fixed low-discrepancy set), on few rays."""
+        from scipy.stats import qmc  # Takes a second to import, and is rarely needed.
+
+        limits = self.config.approach
+        reach, most, local = limits.reach, limits.start_residual_mm * 1e-3, self.local[: limits.start_views]
+        sobol = qmc.Sobol(6, scramble=True, seed=STARTS_SEED).random(limits.starts)
+        twists = np.clip(qmc.scale(sobol, -reach * np.ones(6), reach * np.ones(6)), -reach, reach) * self.prior_std
+        few = _Looks.of(self.pixels[: limits.start_views], limits.start_stride)
+        scores = [_mean_by_view(few, np.minimum(few.errors(self.frame @ se3.exp(x) @ local, self.caster), most), most) for x in twists]
+        return [se3.exp(twists[i]) for i in np.argsort(scores, kind="stable")[: limits.kept]]
+
+
+def _along(twist: Float, motion: Float, cost: Callable[[Float], float], limits: ApproachLimits) -> Float:
+    """The best motion along a direction (6,), within `slide_reach` to either side: evenly spaced trials, then closer ones."""
+    looks, best = limits.slide_looks, motion
+    step = limits.slide_reach / looks
+    for offsets in (np.arange(-looks, looks + 1) * step, CLOSER * step):
+        places = [best @ se3.exp(t * twist) for t in offsets]
+        best = places[int(np.argmin([cost(p) for p in places]))]
+    return best
 
 
 def _step(views: Sequence[Linearised], local: Float, motion: Float, prior_std: Float, kernel: float, independent: float) -> Float:
@@ -209,34 +219,6 @@ class _Looks:
             directions[a:b] = self.rays[a:b] @ T[:3, :3].T
         hits = caster.cast(np.repeat(poses[:, :3, 3], np.diff(self.ends), axis=0), directions)
         return np.nan_to_num(np.abs(self.depth - hits.t), nan=1.0, posinf=1.0)
-
-
-def _score(looks: _Looks, poses: Float, caster: Raycaster, limits: ApproachLimits) -> float:
-    """Mean of min(|residual|, `residual_mm`) in metres over all pixels with a depth; `residual_mm` where the ray misses the CAD."""
-    if not len(looks.depth):
-        return 0.0
-    return float(np.minimum(looks.errors(poses, caster), limits.residual_mm * 1e-3).mean())
-
-
-def _starts(
-    pixels: Sequence[Pixels],
-    local: Float,
-    frame: Float,
-    prior_std: Float,
-    caster: Raycaster,
-    limits: ApproachLimits,
-) -> list[Float]:
-    """The most promising of many motions inside the prior (a fixed low-discrepancy set), on few rays."""
-    from scipy.stats import qmc  # Takes a second to import, and is rarely needed.
-
-    reach, stride, most = limits.reach, limits.start_stride, limits.start_residual_mm * 1e-3
-    sobol = qmc.Sobol(6, scramble=True, seed=STARTS_SEED).random(limits.starts)
-    twists = np.clip(qmc.scale(sobol, -reach * np.ones(6), reach * np.ones(6)), -reach, reach) * prior_std
-    few = _Looks.of(pixels[: limits.start_views], stride)
-    scores = [
-        _mean_by_view(few, np.minimum(few.errors(frame @ se3.exp(x) @ local[: limits.start_views], caster), most), most) for x in twists
-    ]
-    return [se3.exp(twists[i]) for i in np.argsort(scores, kind="stable")[: limits.kept]]
 
 
 def _mean_by_view(looks: _Looks, errors: Float, most: float) -> float:

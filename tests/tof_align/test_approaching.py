@@ -13,7 +13,7 @@ import pytest
 from tests.tof_align.made import CONFIG
 from tests.tof_align.pixel_rows import view_of
 from tof_align import approach as room
-from tof_align.approach import _along, _least_known, _Looks, _mean_by_view, _score, _slid, _spread_out, _starts, _step, approach
+from tof_align.approach import _along, _Cameras, _Looks, _mean_by_view, _spread_out, _step, approach
 from tof_align.robust import tukey
 from tof_core import se3
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from tof_align.config import AlignConfig
     from tof_core.arrays import Float
 
 LIMITS = CONFIG.approach
@@ -47,6 +48,11 @@ def pixels(depth: ArrayLike) -> Any:
     x = 0.1 * (np.arange(len(z)) - len(z) // 2)
     rays = np.stack([x, np.zeros(len(z)), np.ones(len(z))], axis=1)
     return SimpleNamespace(depth=z[None], rays=rays[None])
+
+
+def cameras(row: Any, config: AlignConfig = CONFIG) -> _Cameras:
+    """One camera at the origin of its frame, and of the cell, before a wall."""
+    return _Cameras([row], EYE[None], EYE, STD, Wall(), config)  # type: ignore[arg-type]
 
 
 def test_views_are_spread_over_the_station() -> None:
@@ -75,9 +81,9 @@ def test_an_error_is_the_distance_to_the_wall_and_a_metre_where_the_ray_misses()
 
 
 def test_a_score_is_the_mean_error_up_to_30_mm() -> None:
-    looks = _Looks.of([pixels([1.0, 1.01, 0.98, 1.2])])
-    assert _score(looks, EYE[None], Wall(), LIMITS) == pytest.approx((0.01 + 0.02 + 0.03) / 4)  # type: ignore[arg-type]
-    assert _score(_Looks.of([pixels([np.nan])]), EYE[None], Wall(), LIMITS) == 0.0  # type: ignore[arg-type]
+    camera, empty = cameras(pixels([1.0, 1.01, 0.98, 1.2])), cameras(pixels([np.nan]))
+    assert camera.score(camera.every, EYE) == pytest.approx((0.01 + 0.02 + 0.03) / 4)
+    assert empty.score(empty.every, EYE) == 0.0
 
 
 def test_views_count_alike_however_many_pixels_they_have() -> None:
@@ -118,7 +124,7 @@ def test_the_directions_that_surfaces_determine_least_come_first(monkeypatch: py
     residual[10:40], J[10:40, 1] = 0.05, 5.0
     monkeypatch.setattr(room, "linearise", lambda *_: view_of(residual, jacobian=J))
     three = replace(CONFIG, approach=replace(LIMITS, slides=3))
-    found = _least_known([None], EYE, EYE[None], EYE, STD, None, three)  # type: ignore[list-item, arg-type]
+    found = cameras(None, three).least_known(EYE)
     assert found.shape == (3, 6)
     assert abs(found[0, 1]) == pytest.approx(1.0, abs=1e-6)
     assert np.abs(found[1, 0]) > 0.9
@@ -129,7 +135,8 @@ def test_the_directions_that_surfaces_determine_least_come_first(monkeypatch: py
 def test_starts_are_the_most_promising_inside_the_prior() -> None:
     """One view that measures the wall 0.08 m nearer than it is believed to be: good starts are moved towards it."""
     given = replace(LIMITS, kept=6)
-    starts = _starts([pixels(np.full(9, 0.92))], EYE[None], EYE, STD, Wall(), given)  # type: ignore[arg-type]
+    camera = cameras(pixels(np.full(9, 0.92)), replace(CONFIG, approach=given))
+    starts = camera.starts()
     twists = np.array([se3.log(T) for T in starts])
     assert len(starts) == 6
     assert np.abs(twists / STD).max() <= given.reach + 1e-9
@@ -137,8 +144,7 @@ def test_starts_are_the_most_promising_inside_the_prior() -> None:
     scores = [np.minimum(few.errors(T[None], Wall()), 0.15).mean() for T in starts]  # type: ignore[arg-type]
     assert scores == sorted(scores)
     assert scores[-1] < 0.03
-    again = _starts([pixels(np.full(9, 0.92))], EYE[None], EYE, STD, Wall(), given)  # type: ignore[arg-type]
-    np.testing.assert_array_equal(again, starts)
+    np.testing.assert_array_equal(camera.starts(), starts)
 
 
 def moved(x: float) -> Float:
@@ -153,13 +159,13 @@ def searched(
     """Where a search ends whose descent stays where it begins with the score of that place; and from where, with which kernel, it descended."""
     began: list[tuple[float, float]] = []
 
-    def descend(motion: Float, kernel: float) -> tuple[Float, float]:
+    def descend(_: _Cameras, motion: Float, kernel: float) -> tuple[Float, float]:
         began.append((float(motion[0, 3]), kernel))
         return motion, scores[float(motion[0, 3])]
 
-    monkeypatch.setattr(room, "_descent", lambda *_: descend)
-    monkeypatch.setattr(room, "_starts", lambda *_: [moved(x) for x in starts])
-    monkeypatch.setattr(room, "_slid", lambda motion, *_: motion)
+    monkeypatch.setattr(_Cameras, "descend", descend)
+    monkeypatch.setattr(_Cameras, "starts", lambda _: [moved(x) for x in starts])
+    monkeypatch.setattr(_Cameras, "slid", lambda _cameras, motion, _score: motion)
     found = approach([pixels(np.ones(3))], EYE[None], EYE, std, Wall(), CONFIG)  # type: ignore[arg-type]
     return float(found[0, 3]), began
 
@@ -190,18 +196,19 @@ def slides(monkeypatch: pytest.MonkeyPatch, scores: Callable[[float], float], *,
         asked[0] += 1
         return np.eye(6)[:1]
 
-    monkeypatch.setattr(room, "_least_known", least_known)
+    monkeypatch.setattr(_Cameras, "least_known", least_known)
     monkeypatch.setattr(room, "_along", lambda _twist, motion, *_: moved(round(motion[0, 3] + 0.1, 6)))
-    monkeypatch.setattr(room, "_score", lambda _looks, poses, *_: scores(round(float(poses[0, 0, 3]), 6)))
+    monkeypatch.setattr(_Cameras, "score", lambda _cameras, _looks, motion: scores(round(float(motion[0, 3]), 6)))
     row = SimpleNamespace(**vars(pixels(np.ones(3))), thinned=lambda _: pixels(np.ones(3)))
     config = replace(CONFIG, approach=replace(LIMITS, slide_rounds=rounds))
 
-    def descend(motion: Float, kernel: float) -> tuple[Float, float]:
+    def descend(_: _Cameras, motion: Float, kernel: float) -> tuple[Float, float]:
         assert kernel == 0.02
         place = round(float(motion[0, 3]) + 0.001, 6)
         return moved(place), scores(place)
 
-    found = _slid(moved(0.0), scores(0.0), descend, [row], EYE[None], EYE, STD, Wall(), config)  # type: ignore[list-item, arg-type]
+    monkeypatch.setattr(_Cameras, "descend", descend)
+    found = cameras(row, config).slid(moved(0.0), scores(0.0))
     return float(found[0, 3]), asked[0]
 
 
@@ -229,9 +236,8 @@ def descent(monkeypatch: pytest.MonkeyPatch, errors: Float, step_m: float, kerne
 
     monkeypatch.setattr(room, "linearise", lambda *_: view_of(errors))
     monkeypatch.setattr(room, "_step", step)
-    monkeypatch.setattr(room, "_score", lambda _looks, poses, *_: float(poses[0, 0, 3]))
-    descend = room._descent([pixels(np.ones(3))], EYE[None], EYE, STD, Wall(), CONFIG)  # type: ignore[arg-type]
-    motion, score = descend(EYE, kernel)
+    monkeypatch.setattr(_Cameras, "score", lambda _cameras, _looks, motion: float(motion[0, 3]))
+    motion, score = cameras(pixels(np.ones(3))).descend(EYE, kernel)
     assert score == pytest.approx(motion[0, 3])
     return kernels, score
 
