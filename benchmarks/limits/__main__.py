@@ -11,10 +11,11 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from benchmarks.filtered import FILTERS
 from benchmarks.gap_check.record import BAGS
 from benchmarks.limits import results
 from benchmarks.limits.names import FACTORS, SECTIONS, numbers, value_at
-from benchmarks.limits.sessions import PLAN, SIZE, VIEWS, load, record
+from benchmarks.limits.sessions import PLAN, SIZE, VIEWS, load, record, record_surprise
 from benchmarks.limits.trial import Trials
 
 if TYPE_CHECKING:
@@ -33,6 +34,10 @@ def main() -> int:
     parser.add_argument("--sessions", type=int, default=len(PLAN), help="how many sessions, the most telling first")
     parser.add_argument("--size", default=f"{SIZE[0]}x{SIZE[1]}", help="pixels of the sessions that are recorded; a folder has one size")
     parser.add_argument("--views", type=int, default=VIEWS, help="views of each of them")
+    parser.add_argument(
+        "--surprise", type=int, action="append", default=[], metavar="N", help="only this session of benchmarks.surprises, such as 7"
+    )
+    parser.add_argument("--filter", default="", choices=("", *FILTERS), help="denoising filter that the depth images pass first")
     parser.add_argument("--missing", action="store_true", help="only numbers without a row in benchmarks/limits.json")
     parser.add_argument("--session", action="append", default=[], metavar="NAME", help="this session; may be repeated")
     parser.add_argument(
@@ -46,13 +51,14 @@ def main() -> int:
     log = args.out / "trials.jsonl"
     if not args.table:
         args.out.mkdir(parents=True, exist_ok=True)
-        if args.bags is None:
-            width, height = (int(x) for x in args.size.split("x"))
+        width, height = (int(x) for x in args.size.split("x"))
+        args.session += [record_surprise(args.out, number, (width, height), args.views) for number in args.surprise]
+        if args.bags is None and not args.surprise:
             record(args.out, args.sessions, (width, height), args.views)
         folder, wanted = args.bags or args.out, _wanted(args.only, missing=args.missing)
         names = args.session or sorted(p.name for p in (folder / BAGS).iterdir())[: args.sessions]
         for name in names:
-            _try(folder, name, wanted, log)
+            _try(folder, name, args.filter, wanted, log)
     rows = results.rows(results.read(log))
     print("\n".join(results.text(row) for row in rows))
     if args.write:
@@ -68,8 +74,9 @@ def _wanted(only: list[str], *, missing: bool) -> set[str]:
     return {name for name in names if not only or name.startswith(tuple(only))}
 
 
-def _try(folder: Path, session: str, wanted: set[str], log: Path) -> None:
+def _try(folder: Path, recorded: str, firmware: str, wanted: set[str], log: Path) -> None:
     """The wanted numbers on one session."""
+    session = f"{recorded}, {firmware}" if firmware else recorded
     code, done = _code(), {results.key(line) for line in results.read(log)}
     todo = [
         (of, info, factor)
@@ -80,7 +87,7 @@ def _try(folder: Path, session: str, wanted: set[str], log: Path) -> None:
     ]
     if not todo:
         return
-    loaded: Session = load(folder, session)
+    loaded: Session = load(folder, recorded, firmware)
     trials = Trials(loaded)
     trials.run_default()
     of_what = {"code": code, "session": session, "size": loaded.size}

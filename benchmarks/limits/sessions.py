@@ -8,8 +8,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from benchmarks.filtered import FILTERS, through
 from benchmarks.gap_check.cases import Case
 from benchmarks.gap_check.record import BAGS, record_all
+from benchmarks.surprises import cases as surprises
 from tof_scene.raycast import Raycaster
 from toftwin.diagnosis import GapPipelineConfig
 from toftwin.inputs import opened
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
     from tof_core.capture import View
 
+SURPRISES = 9
+"""Seed of the sessions whose world is not as its CAD."""
 SIZE, VIEWS = (160, 122), 12
 """Pixels and views of a session, unless asked otherwise."""
 PLAN: tuple[tuple[str, str, dict[str, float], str], ...] = (
@@ -64,12 +68,22 @@ def record(folder: Path, count: int, size: tuple[int, int] = SIZE, views: int = 
     record_all(cases, folder, size)
 
 
-def load(folder: Path, name: str) -> Session:
-    """One session of a folder of the gap check's layout."""
+def record_surprise(folder: Path, number: int, size: tuple[int, int], views: int) -> str:
+    """Record a session of `benchmarks.surprises` into `folder`, without effects of the camera; returns its name."""
+    case = surprises.draw(number + 1, SURPRISES, views, effects=False)[number]
+    name = f"surprise{number:04d}"
+    surprises.record_case(case, folder / BAGS / name, size)
+    (folder / BAGS / name / "list.json").write_text(json.dumps({"left_out": []}))
+    return name
+
+
+def load(folder: Path, name: str, firmware: str = "") -> Session:
+    """One session of a folder of the gap check's layout, its depth images through a denoising filter of `benchmarks.filtered` if one is named."""
     case = folder / BAGS / name
     config = GapPipelineConfig()
     with ExitStack() as stack:
         reader, scene = stack.enter_context(opened(case / "bag", case / "scene" / "scene.yaml", config))
         assert scene is not None
         left_out = frozenset(json.loads((case / "list.json").read_text())["left_out"])
-        return Session(name, raw_views(reader, config), Raycaster(scene), left_out)
+        caster, views = Raycaster(scene), raw_views(reader, config)
+        return Session(name, list(through(FILTERS[firmware])(views, caster)) if firmware else views, caster, left_out)

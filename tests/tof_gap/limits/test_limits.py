@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import ast
+import json
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from benchmarks.limits.names import FACTORS, STATED, numbers, value_at
+from benchmarks.limits.names import FACTORS, SECTIONS, STATED, numbers, value_at
 from tof_align.config import AlignConfig
 from tof_core.config import from_mapping, table, updated
 from tof_gap.config import GapConfig
@@ -94,6 +95,15 @@ def test_a_setting_reaches_the_object_that_decides() -> None:
     assert config.align.approach.starts == 64
     assert config.gap.evidence.pattern.window_px == 11
     assert GapPipelineConfig().gap.noise.beat.chi2 == 25.0
+
+
+def test_every_number_was_measured_halved_and_doubled(repository: Path) -> None:
+    """The remedy: .venv/bin/python -m benchmarks.limits --missing --write, then scripts/make_docs.py."""
+    rows = [row["name"] for row in json.loads((repository / "benchmarks" / "limits.json").read_text(encoding="utf-8"))["rows"]]
+    every = [f"{of}.{info.name}" for of in SECTIONS for info in numbers(of)]
+    assert sorted(set(every) - set(rows)) == [], "numbers without a row"
+    assert sorted(set(rows) - set(every)) == [], "rows of numbers that no longer exist"
+    assert len(rows) == len(set(rows))
 
 
 def test_something_depends_on_every_number(repository: Path) -> None:
