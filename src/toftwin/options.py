@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tof_core import config
@@ -49,12 +50,12 @@ class _ShowSettings(argparse.Action):
     """Print every setting of the command and stop, as --help does."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        print(settings_text(self.const()))
+        print(settings_text(resolve_name(self.const)))
         parser.exit()
 
 
-def add_config_arguments(parser: argparse.ArgumentParser, settings: Callable[[], type[Any]] | None = None) -> None:
-    """`--config FILE.yaml`, `--set key=value` and `--settings`, which shows the class that `settings` loads."""
+def add_config_arguments(parser: argparse.ArgumentParser, settings: str = "") -> None:
+    """`--config FILE.yaml`, `--set key=value` and `--settings`, which shows the class `settings` (`module:class`, loaded only then)."""
     group = parser.add_argument_group("configuration")
     group.add_argument("--config", type=Path, metavar="FILE", help="YAML file with settings; --set overrides it")
     group.add_argument(
@@ -65,7 +66,7 @@ def add_config_arguments(parser: argparse.ArgumentParser, settings: Callable[[],
         help="change one setting, for instance preproc.iqr.enable=false; may be repeated",
     )
     shown = "print each setting with its default, unit and bounds, and stop"
-    if settings is None:
+    if not settings:
         group.add_argument("--settings", action="store_true", help=shown)
     else:
         group.add_argument("--settings", action=_ShowSettings, nargs=0, const=settings, help=shown)

@@ -43,13 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for correction.json and correction.html (default: print only)")
     parser.add_argument("--json", action="store_true", help="print the corrections as JSON")
     add_bag_arguments(parser)
-    add_config_arguments(parser, _settings)
-
-
-def _settings() -> type[Any]:
-    from toftwin.correcting import CorrectionConfig
-
-    return CorrectionConfig
+    add_config_arguments(parser, "toftwin.correcting:CorrectionConfig")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import argparse
@@ -32,13 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="folder of the results; an earlier demo in it is replaced (default: out/demo)",
     )
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
-    add_config_arguments(parser, _settings)
-
-
-def _settings() -> type[Any]:
-    from toftwin.demo.config import DemoConfig
-
-    return DemoConfig
+    add_config_arguments(parser, "toftwin.demo.config:DemoConfig")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import argparse
@@ -70,13 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     add_bag_arguments(parser)
-    add_config_arguments(parser, _settings)
-
-
-def _settings() -> type[Any]:
-    from toftwin.diagnosis import GapPipelineConfig
-
-    return GapPipelineConfig
+    add_config_arguments(parser, "toftwin.diagnosis:GapPipelineConfig")
 
 
 @dataclass(slots=True)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import argparse
@@ -52,13 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for inspection.json and inspection.html (default: print only)")
     parser.add_argument("--json", action="store_true", help="print the verdicts as JSON")
     add_bag_arguments(parser)
-    add_config_arguments(parser, _settings)
-
-
-def _settings() -> type[Any]:
-    from toftwin.inspection import InspectionConfig
-
-    return InspectionConfig
+    add_config_arguments(parser, "toftwin.inspection:InspectionConfig")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tof_core.errors import UsageError
 from tof_core.shares import in_percent
@@ -74,13 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_bag_arguments(parser)
-    add_config_arguments(parser, _settings)
-
-
-def _settings() -> type[Any]:
-    from toftwin.pipeline import PipelineConfig
-
-    return PipelineConfig
+    add_config_arguments(parser, "toftwin.pipeline:PipelineConfig")
 
 
 def run(args: argparse.Namespace) -> int:

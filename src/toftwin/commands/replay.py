@@ -44,13 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--exact", action="store_true", help="with --against: compare without tolerances")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     add_bag_arguments(parser)
-    add_config_arguments(parser, _settings)
-
-
-def _settings() -> type[Any]:
-    from toftwin.pipeline import PipelineConfig
-
-    return PipelineConfig
+    add_config_arguments(parser, "toftwin.pipeline:PipelineConfig")
 
 
 def run(args: argparse.Namespace) -> int:

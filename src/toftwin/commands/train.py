@@ -90,13 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             parser.add_argument(
                 f"--{info.name}", type=info.kind, choices=info.choices or None, help=f"{info.text} (default: {info.default})"
             )
-    add_config_arguments(parser, _settings)
-
-
-def _settings() -> type[Any]:
-    from tof_infer.config import TrainConfig
-
-    return TrainConfig
+    add_config_arguments(parser, "tof_infer.config:TrainConfig")
 
 
 def run(args: argparse.Namespace) -> int:

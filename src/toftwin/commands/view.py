@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import argparse
@@ -33,13 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--every", type=at_least(1), default=1, metavar="N", help="show every Nth capture or view (default: all)")
     parser.add_argument("--save", type=Path, metavar="FILE.rrd", help="write a file for the rerun viewer instead of opening it")
     add_bag_arguments(parser)
-    add_config_arguments(parser, _settings)
-
-
-def _settings() -> type[Any]:
-    from toftwin.pipeline import PipelineConfig
-
-    return PipelineConfig
+    add_config_arguments(parser, "toftwin.pipeline:PipelineConfig")
 
 
 def run(args: argparse.Namespace) -> int:
