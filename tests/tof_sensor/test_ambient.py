@@ -131,7 +131,7 @@ def test_a_session_under_foreign_light_is_named_by_the_law_of_one_without_it(tmp
     """Three times the noise; and a second session without that light has none."""
     scene = write_builtin("body_section", tmp_path / "scene")
     bodies = bodies_of(load_scene(scene))
-    small = {"camera.width": 112, "camera.height": 86, "plan.views": 10, "camera.full_well_ke": 5000.0, "camera.adc_bits": 14}
+    small = {"camera.width": 112, "camera.height": 86, "plan.views": 7, "camera.full_well_ke": 5000.0, "camera.adc_bits": 14}
     for name, seed, ambient_ke in (("law", 21, 5.0), ("healthy", 22, 5.0), ("sunny", 23, 800.0)):
         record(bodies, tmp_path / name, from_mapping(VirtualConfig, small | {"seed": seed, "camera.ambient_ke": ambient_ke}))
 
