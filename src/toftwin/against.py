@@ -16,13 +16,23 @@ if TYPE_CHECKING:
 
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_scene.raycast import Raycaster
+    from tof_sensor.model import SensorModel
     from toftwin.diagnosis import GapPipelineConfig
 
 
 def diagnose_simulated(
-    bag: str, caster: Raycaster, config: GapPipelineConfig, *, left_out: frozenset[str] = frozenset(), progress: Callable[[str], None]
+    bag: str,
+    caster: Raycaster,
+    config: GapPipelineConfig,
+    *,
+    known: SensorModel | None = None,
+    left_out: frozenset[str] = frozenset(),
+    progress: Callable[[str], None],
 ) -> Diagnosis:
     """The diagnosis of a simulator's session at its own poses; its topics are found by type and name, independent of the real bag's.
+
+    `known`: the sensor with which the real session is diagnosed. The simulator's is diagnosed with the same one, so that an effect of
+    this sensor that the simulator has too is no difference.
 
     Raises:
         UsageError: the scene is a calibration board.
@@ -34,4 +44,4 @@ def diagnose_simulated(
             "a simulator's bag cannot be compared before a board", where="--against", todo="compare sessions of a CAD scene (--scene)"
         )
     with open_bag(bag, BagOptions(), cell_frame=scene.frame, placed=scene.placed_in) as reader:
-        return diagnose_bag(reader, scene, config, left_out=left_out, progress=progress)[0]
+        return diagnose_bag(reader, scene, config, known=known, left_out=left_out, progress=progress)[0]

@@ -12,7 +12,7 @@ from tof_core.config import param, section
 from tof_gap.config import GapConfig
 from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.session import diagnose_session
-from tof_gap.tell.against import AgainstLimits
+from tof_gap.tell.difference import AgainstLimits
 from tof_scene.raycast import Raycaster
 from tof_sensor.effects.intrinsics import Intrinsics
 from tof_sensor.effects.radial_depth import RadialDepth

@@ -12,9 +12,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tof_gap.tell.account import Cause
-    from tof_gap.tell.against import Against
     from tof_gap.tell.diagnosis import Diagnosis
+    from tof_gap.tell.difference import Against
     from tof_scene.raycast import Raycaster
+    from tof_sensor.model import SensorModel
     from toftwin.diagnosis import GapPipelineConfig
     from toftwin.retraining import Retrained
 
@@ -114,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
         diagnosis, caster = diagnose_bag(reader, scene, config, known=known, left_out=forbidden, progress=say)
     if args.calibrate and isinstance(reader, BoardSource):
         save_lens(reader.session, args.out)
-    compared = _compared(args, config, diagnosis, caster, forbidden, say) if args.against else None
+    compared = _compared(args, config, diagnosis, caster, known, forbidden, say) if args.against else None
     say("advice and report")
     again = kept(diagnosis, known)
     content = write(diagnosis, caster, args.out, advise(diagnosis, caster), again)
@@ -139,6 +140,7 @@ def _compared(
     config: GapPipelineConfig,
     real: Diagnosis,
     caster: Raycaster,
+    known: SensorModel | None,
     left_out: frozenset[str],
     say: Callable[[str], None],
 ) -> Against:
@@ -149,8 +151,8 @@ def _compared(
     from toftwin.against import diagnose_simulated
 
     say("the simulator's bag")
-    simulated = diagnose_simulated(args.against, caster, config, left_out=left_out, progress=say)
-    compared = against(real, simulated, caster.scene.names, config.against)
+    simulated = diagnose_simulated(args.against, caster, config, known=known, left_out=left_out, progress=say)
+    compared = against(real, simulated, caster.scene.names, config.against, known)
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "against.json").write_text(json.dumps(compared.to_dict(), indent=1, allow_nan=False))
     return compared

@@ -13,15 +13,20 @@ import pytest
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, views
 from tof_gap.config import GapConfig
 from tof_gap.limits.report import ReportLimits
-from tof_gap.tell.against import LACKS, OTHER, STRONG, SUPERFLUOUS, WEAK, Against, against
+from tof_gap.tell.against import against
+from tof_gap.tell.difference import LACKS, OTHER, STRONG, SUPERFLUOUS, WEAK, Against
 from tof_gap.tell.figures import Figures, used
+from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
+from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.hand_eye import HandEye
+from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.wiggling import Wiggling
+from tof_sensor.model import SensorModel
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
@@ -31,6 +36,7 @@ if TYPE_CHECKING:
 WIGGLE = Wiggling(sine_m=0.006, modulation_mhz=90.0)
 WALK = AmplitudeBias(per_ln_m=0.004, reference=2000.0)
 HELD = tuple(range(0, VIEWS, 3))
+LEVELS = (Ambient, Dropout, FlyingPixels, PhaseWrap)
 LAW = PhotonLaw(floor_m=0.0, shot_m=0.004, reference=2000.0)
 
 
@@ -42,7 +48,7 @@ def evidence() -> tuple[ViewEvidence, ...]:
 
 def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonLaw = LAW, ties: tuple[str, ...] = ()) -> Diagnosis:
     """A session in which these effects were found rightly."""
-    biases = [e for e in effects if not isinstance(e, Dropout)]
+    biases = [e for e in effects if not isinstance(e, LEVELS)]
     maps = {e.NAME: [e.bias(v.frame) for v in evidence] for e in biases}
     residual = [used(v, ()) + sum((m[i] for m in maps.values()), np.zeros(SHAPE)) for i, v in enumerate(evidence)]
     floors = [v.sigma**2 for v in evidence]
@@ -63,7 +69,7 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
         limits=ReportLimits(),
     )
     causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
-    findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, Dropout)]
+    findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, LEVELS)]
     gap = SimpleNamespace(shrink=None, ci95=None)
     account = SimpleNamespace(figures=figures, solved=SimpleNamespace(chain=None, maps=maps))
     made = {
@@ -127,7 +133,7 @@ def test_a_camera_off_its_mount_is_compared_as_it_is_rendered(evidence: tuple[Vi
     """The camera's own map is rendered; to first order the simulator's would differ from it by a fifth."""
     seen = tuple(replace(v, frame=replace(v.frame, context=replace(v.frame.context, caster=cast("Any", "the scene")))) for v in evidence)
     moved = HandEye(z_m=0.020)
-    monkeypatch.setattr("tof_gap.tell.against.rendered_bias", lambda effect, view, *_: 1.2 * effect.bias(view.frame))
+    monkeypatch.setattr("tof_gap.tell.maps_apart.rendered_bias", lambda effect, view, *_: 1.2 * effect.bias(view.frame))
     real = diagnosis(seen, HandEye(z_m=0.024))
     assert compared(real, diagnosis(seen, moved)).verdict == ("none",)
     assert compared(real, diagnosis(seen, HandEye(z_m=0.010))).verdict == ("hand_eye",)
@@ -157,12 +163,91 @@ def test_a_tie_is_the_effect_of_the_other_session(evidence: tuple[ViewEvidence, 
     assert only(found).simulator == OTHER
 
 
-def test_noise_and_loss_are_compared_at_the_cameras_light(evidence: tuple[ViewEvidence, ...]) -> None:
-    loud, quiet = PhotonLaw(shot_m=0.008, floor_m=0.0, reference=2000.0), PhotonLaw(shot_m=0.0042, floor_m=0.0, reference=2000.0)
-    found = compared(diagnosis(evidence), diagnosis(evidence, law=loud))
+def noisier(evidence: tuple[ViewEvidence, ...], times: float) -> tuple[ViewEvidence, ...]:
+    return tuple(replace(v, sigma=times * v.sigma) for v in evidence)
+
+
+def test_noise_is_compared_as_it_was_measured_in_either_session(evidence: tuple[ViewEvidence, ...]) -> None:
+    real = diagnosis(evidence)
+    found = compared(real, diagnosis(noisier(evidence, 2.0)))
     assert (found.verdict, only(found).simulator) == (("noise",), STRONG)
-    assert compared(diagnosis(evidence), diagnosis(evidence, law=quiet)).verdict == ("none",)
+    assert only(found).simulated_mm == pytest.approx(2.0 * only(found).real_mm)
+    assert compared(real, diagnosis(noisier(evidence, 1.15))).verdict == ("none",)
+    assert compared(diagnosis(noisier(evidence, 2.0)), real).differences[0].simulator == WEAK
+
+
+def test_two_laws_of_one_noise_are_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:
+    """Laws fitted at other amplitudes differ where they are extrapolated."""
+    other = PhotonLaw(shot_m=0.008, floor_m=0.0, reference=2000.0)
+    assert compared(diagnosis(evidence), diagnosis(evidence, law=other)).verdict == ("none",)
+
+
+def test_more_noise_has_the_name_of_the_noise_that_was_found(evidence: tuple[ViewEvidence, ...]) -> None:
+    light = Ambient(uniform_m=0.006, reference=2000.0)
+    found = compared(diagnosis(noisier(evidence, 2.0), light), diagnosis(evidence))
+    assert (found.verdict, only(found).simulator) == (("ambient",), LACKS)
+    assert compared(diagnosis(evidence, light), diagnosis(evidence)).verdict == ("none",)
+
+
+def test_lost_pixels_are_compared_at_the_cameras_light(evidence: tuple[ViewEvidence, ...]) -> None:
     lossy = compared(diagnosis(evidence, Dropout(random=0.05)), diagnosis(evidence))
     assert (lossy.verdict, only(lossy).simulator) == (("dropout",), LACKS)
     assert "5 % of the pixels real, 0 % simulated" in only(lossy).line()
     assert lossy.to_dict()["differences"][0]["real_mm"] is None
+    assert compared(diagnosis(evidence, Dropout(random=0.06)), diagnosis(evidence, Dropout(random=0.05))).verdict == ("none",)
+
+
+@pytest.mark.parametrize(("share", "verdict", "manner"), [(0.0, "phase_wrap", LACKS), (0.05, "none", ""), (0.10, "phase_wrap", STRONG)])
+def test_wrapped_pixels_are_compared_by_their_share(evidence: tuple[ViewEvidence, ...], share: float, verdict: str, manner: str) -> None:
+    """No map says which pixels wrap in another session."""
+    wraps = [PhaseWrap(start_m=0.1, share=s) for s in (0.05, share)]
+    found = compared(diagnosis(evidence, wraps[0]), diagnosis(evidence, *(w for w in wraps[1:] if w.share)))
+    assert found.verdict == (verdict,)
+    assert [d.simulator for d in found.differences] == ([manner] if manner else [])
+
+
+def test_mixed_pixels_are_compared_at_the_edges_of_the_cad(evidence: tuple[ViewEvidence, ...]) -> None:
+    edge = np.zeros(SHAPE, np.float32)
+    edge[:, 50] = 0.5
+    seen = tuple(
+        replace(v, frame=replace(v.frame, rendering=replace(v.frame.rendering, mixed=edge, second=v.frame.rendering.depth + 0.1)))
+        for v in evidence
+    )
+    whole, half = FlyingPixels(share=1.0), FlyingPixels(share=0.5)
+    assert compared(diagnosis(seen, whole), diagnosis(seen, whole)).verdict == ("none",)
+    assert [only(compared(diagnosis(seen, whole), diagnosis(seen, *e))).simulator for e in ((), (half,))] == [LACKS, WEAK]
+    assert only(compared(diagnosis(seen), diagnosis(seen, whole))).simulator == SUPERFLUOUS
+
+
+def test_units_of_amplitude_are_told_apart_only_beyond_the_error_of_albedos(evidence: tuple[ViewEvidence, ...]) -> None:
+    """A unit that seems to be 1.4 times the camera's may be an error of the stated albedo; ten times is another unit."""
+    for times, verdict in ((1.4, ("amplitude_bias",)), (10.0, ("none",))):
+        brighter = tuple(
+            replace(
+                v,
+                view=replace(v.view, amplitude=times * cast("Any", v.view.amplitude)),
+                frame=replace(v.frame, amplitude=times * v.frame.amplitude),
+            )
+            for v in evidence
+        )
+        walk = replace(WALK, reference=times * WALK.reference)
+        assert compared(diagnosis(evidence, WALK), diagnosis(brighter, walk)).verdict == verdict
+
+
+def test_what_was_removed_from_both_sessions_is_in_both(evidence: tuple[ViewEvidence, ...]) -> None:
+    """With --sensor a simulator without a known effect shows the negative of this effect."""
+    known = SensorModel((DepthScale(0.01),))
+    plain, less = diagnosis(evidence), diagnosis(evidence, DepthScale(-0.01))
+    same, lacking = (against(plain, d, ("panel",), None, known) for d in (plain, less))
+    assert same.verdict == ("none",)
+    assert (lacking.verdict, only(lacking).simulator) == (("depth_scale",), LACKS)
+    assert only(lacking).real_mm > 5.0 > only(lacking).simulated_mm
+
+
+def test_each_difference_says_what_to_do(evidence: tuple[ViewEvidence, ...]) -> None:
+    real = diagnosis(evidence, WIGGLE)
+    twice = only(compared(real, diagnosis(evidence, replace(WIGGLE, sine_m=0.012))))
+    assert (twice.sentence, twice.todo) == ("the simulator exaggerates wiggling", "give wiggling 0.5 times its size in the simulator")
+    lacking, more = only(compared(real, diagnosis(evidence))), only(compared(diagnosis(evidence), real))
+    assert lacking.todo == "give the simulator the wiggling of sensor.yaml"
+    assert more.todo == "take wiggling out of the simulator"

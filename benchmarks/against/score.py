@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Third process: open what differs in each pair, and score the command's answers."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.against.pairs import MISSING, SUPERFLUOUS, TWICE
+from benchmarks.gap_check.examine import REPORTS
+from benchmarks.gap_check.record import SEAL, SEALED, digest
+from tof_core.errors import DatasetError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MANNERS = {MISSING: "lacks", TWICE: "exaggerates", SUPERFLUOUS: "reality has not"}
+"""What against.json must say that the simulator does."""
+LEAST_REACHED = 0.5
+"""Share of the asked strength that a cause must reach on both sides: where physics allows less, the pair does not count."""
+ANSWER = "against.json"
+
+
+@dataclass(frozen=True, slots=True)
+class PairRow:
+    """How the comparison of one pair went.
+
+    found: effects named, and what the simulator does with each; hit: the changed effect in the right manner, and nothing else;
+    seen: the changed effect, in whatever manner and beside whatever else; counts: whether the cause reached its size on both sides.
+    """
+
+    name: str
+    kind: str
+    scene: str
+    causes: dict[str, float]
+    effect: str
+    found: dict[str, str]
+    hit: bool
+    seen: bool
+    counts: bool
+
+    @property
+    def line(self) -> str:
+        """The pair and the answer in words."""
+        answer = ", ".join(f"{name} ({manner})" for name, manner in self.found.items()) or "none"
+        return f"{self.name} {self.kind} {self.effect}".rstrip() + f": {answer}"
+
+
+def score_pairs(folder: Path) -> list[PairRow]:
+    """A row for every pair whose seal holds.
+
+    Raises:
+        DatasetError: an answer was changed after it was sealed.
+    """
+    seals = json.loads((folder / SEAL).read_text())
+    out = []
+    for name in sorted(seals):
+        sealed, report = folder / SEALED / name, folder / REPORTS / name
+        if digest(sealed) != seals[name]:
+            msg = f"sealed answer of {name} was changed"
+            raise DatasetError(msg, where=sealed)
+        if report.exists():
+            out.append(scored(json.loads((sealed / "pair.json").read_text()), _answer(report / ANSWER)))
+    return out
+
+
+def scored(pair: dict[str, Any], found: dict[str, str] | None) -> PairRow:
+    """The row of a pair; `found` is None where the command refused."""
+    effect, answer = pair["effect"], {"refused": ""} if found is None else found
+    expected = {effect: MANNERS[pair["kind"]]} if effect else {}
+    causes = pair["camera"] | pair["simulator"]
+    return PairRow(pair["name"], pair["kind"], pair["scene"], causes, effect, answer, answer == expected, effect in answer, _counts(pair))
+
+
+def _counts(pair: dict[str, Any]) -> bool:
+    """Whether the changed cause reached its size; a cause that is measured by its size alone (NaN) always does."""
+    sides = zip((pair["camera"], pair["simulator"]), pair["reached"], strict=True)
+    return all(_shares(pair["changed"], asked, reached) for asked, reached in sides)
+
+
+def _shares(changed: str, asked: dict[str, float], reached: dict[str, float]) -> bool:
+    from benchmarks.emerging.causes import CAUSES
+    from benchmarks.emerging.strength import GOALS
+
+    if changed not in asked or CAUSES[changed].metric == "size":
+        return True
+    return reached[changed] >= LEAST_REACHED * asked[changed] * GOALS[CAUSES[changed].metric]
+
+
+def _answer(path: Path) -> dict[str, str] | None:
+    if not path.exists():
+        return None
+    rows = json.loads(path.read_text())["differences"]
+    return {row["effect"]: row["simulator"] for row in rows}

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""In what a simulator and a camera differ: the effects, what the simulator does with each, and how far their distance shrinks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tof_core.config import param
+from tof_core.shares import in_percent
+
+if TYPE_CHECKING:
+    from tof_gap.tell.shrink import Shrink
+
+LACKS, SUPERFLUOUS, WEAK, STRONG, OTHER = "lacks", "reality has not", "understates", "exaggerates", "has it in another form"
+"""What a simulator does with an effect."""
+SENTENCES = {
+    LACKS: "the simulator lacks {}",
+    SUPERFLUOUS: "the simulator has {}, and the camera has not",
+    WEAK: "the simulator understates {}",
+    STRONG: "the simulator exaggerates {}",
+    OTHER: "the simulator has {} in another form",
+}
+MOST_PARTS = 3
+"""Parts of a difference that are listed: those with most of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class AgainstLimits:
+    """From which size a difference of simulator and camera is stated."""
+
+    shrink: float = param(
+        0.05,
+        "share of the squared distance that a corrected effect must remove",
+        low=0.0,
+        high=1.0,
+        why="two fits of one camera differ by less",
+    )
+    apart: float = param(
+        0.3,
+        "RMS of the difference of an effect's two maps, over that of the larger, from which they differ",
+        low=0.0,
+        high=1.0,
+        why="the middle between one size and twice the size; two fits of one camera differ by a tenth to a fifth",
+    )
+    shown: float = param(
+        0.5,
+        "share of a difference that the views of both sessions must show, whatever their poses are",
+        low=0.0,
+        high=1.0,
+        why="1 if it is there, 0 if one diagnosis missed the effect and its poses took it up",
+    )
+    alike: float = param(
+        0.9, "correlation of two maps of one effect from which only their sizes differ", low=0.0, high=1.0, why="forms are never exact"
+    )
+    absent: float = param(
+        0.1,
+        "size of an effect in one session, over its size in the other, below which the first has not got it",
+        low=0.0,
+        high=1.0,
+        why="what is left of a known effect that is removed from a session without it: poses are known to a few per cent of it",
+    )
+    pattern: float = param(
+        2.0,
+        "squared difference of two fixed patterns, over the variance of both fits",
+        low=1.0,
+        why="two fits of one camera differ by just that variance",
+    )
+    unit: float = param(
+        1.5,
+        "ratio of the amplitudes of one albedo in both sessions up to which both have one unit",
+        low=1.0,
+        why="albedos of a scene are stated to 40 %; units differ by a power of two or ten",
+    )
+    noise: float = param(1.25, "ratio of the two noises from which they differ", low=1.0, why="noise is known to 10 % in each session")
+    loss: float = param(
+        0.01,
+        "difference of the two shares of lost pixels from which they differ",
+        low=0.0,
+        high=1.0,
+        why="edges lose some tenths of a per cent",
+    )
+    wraps: float = param(
+        0.005,
+        "difference of the two shares of pixels off by whole periods from which they differ",
+        low=0.0,
+        high=1.0,
+        why="wrapped pixels are named from 0.2 % on, and one camera's share varies with the light",
+    )
+    shares: float = param(
+        1.4,
+        "ratio of lost, wrapped or mixed pixels of both from which they differ",
+        low=1.0,
+        why="the middle between one size and twice the size",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One effect in which simulator and camera differ.
+
+    real_mm, simulated_mm: RMS of the effect over the real session's pixels (noise: median of one capture; loss: NaN); parts: RMS in mm of their
+    difference by part; shrink: share of the squared distance that disappears once this effect is corrected, None where it changes no mean depth;
+    note: the size in words, where it is no bias.
+    """
+
+    effect: str
+    simulator: str
+    real_mm: float
+    simulated_mm: float
+    parts: dict[str, float]
+    shrink: float | None
+    ci95: tuple[float, float] | None
+    note: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """What the simulator does with the effect."""
+        return SENTENCES[self.simulator].format(self.effect)
+
+    @property
+    def todo(self) -> str:
+        """How the simulator is put right."""
+        if self.simulator == SUPERFLUOUS:
+            return f"take {self.effect} out of the simulator"
+        if self.simulator in (WEAK, STRONG) and self.ratio is not None:
+            return f"give {self.effect} {self.ratio:.2g} times its size in the simulator"
+        return f"give the simulator the {self.effect} of sensor.yaml"
+
+    @property
+    def ratio(self) -> float | None:
+        """Size in the real session over the size in the simulator's; None where either is not in millimetres."""
+        known = np.isfinite([self.real_mm, self.simulated_mm]).all() and self.simulated_mm > 0
+        return self.real_mm / self.simulated_mm if known else None
+
+    @property
+    def where(self) -> str:
+        """The parts with most of the difference, with RMS in mm."""
+        most = sorted(self.parts, key=self.parts.__getitem__, reverse=True)[:MOST_PARTS]
+        return ", ".join(f"{part} {self.parts[part]:.1f} mm" for part in most)
+
+    def line(self) -> str:
+        """The difference in words."""
+        if self.note:
+            return f"{self.sentence} ({self.note})"
+        gone = "" if self.shrink is None else f"; once corrected, {in_percent(self.shrink)} of the squared distance disappears"
+        return f"{self.sentence} ({self.real_mm:.2f} mm real, {self.simulated_mm:.2f} mm simulated; {self.where}){gone}"
+
+
+@dataclass(frozen=True, slots=True)
+class Against:
+    """Real against simulated: the distance before and after every effect is corrected, and the effects in which they differ.
+
+    alike: effects that one diagnosis named and the views of both sessions show alike.
+    """
+
+    distance: Shrink
+    differences: tuple[Difference, ...]
+    alike: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> tuple[str, ...]:
+        """Names of the effects in which they differ; `none` without any."""
+        return tuple(sorted({d.effect for d in self.differences})) or ("none",)
+
+    def lines(self) -> list[str]:
+        """The comparison in words: the distance before and after the corrections, then each difference."""
+        d = self.distance
+        before = (
+            f"simulator against camera: their depth differs by {d.above_mm(d.before):.2f} mm RMS, above the noise of {d.floor_mm:.2f} mm, "
+            "on views that took no part in the fit"
+        )
+        both = [f"{name} was found in one session, and the views of both show it alike: no difference" for name in self.alike]
+        if not self.differences:
+            return [before, "the simulator has the camera's effects", *both]
+        after = f"once all effects below are put right in the simulator, {d.above_mm(d.after):.2f} mm remain"
+        return [before, after, *(x.line() for x in self.differences), *both]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; NaN becomes null."""
+        d = self.distance
+        rows = [
+            {
+                "effect": x.effect,
+                "simulator": x.simulator,
+                "real_mm": _number(x.real_mm),
+                "simulated_mm": _number(x.simulated_mm),
+                "parts_mm": x.parts,
+                "shrink": x.shrink,
+                "shrink_ci95": None if x.ci95 is None else list(x.ci95),
+                "note": x.note,
+                "sentence": x.sentence,
+                "where": x.where,
+                "todo": x.todo,
+            }
+            for x in self.differences
+        ]
+        distance = {"before_mm": d.above_mm(d.before), "after_mm": d.above_mm(d.after), "floor_mm": d.floor_mm, "shrink": d.shrink}
+        return {"verdict": list(self.verdict), "distance": distance, "differences": rows, "alike": list(self.alike)}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
