@@ -26,6 +26,7 @@ from tof_sensor.effects.hand_eye import HandEye
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.wiggling import Wiggling
+from tof_sensor.geometry import pose_columns
 from tof_sensor.model import SensorModel
 
 if TYPE_CHECKING:
@@ -161,6 +162,27 @@ def test_a_tie_is_the_effect_of_the_other_session(evidence: tuple[ViewEvidence, 
     found = compared(real, diagnosis(evidence, WIGGLE))
     assert found.verdict == ("depth_scale",)
     assert only(found).simulator == OTHER
+
+
+def test_an_effect_that_the_poses_of_one_session_took_up_is_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:
+    """The camera's diagnosis missed the wiggling and moved its poses instead; the simulator's found it."""
+    waves = replace(WIGGLE, modulation_mhz=150.0)
+    missed, found = diagnosis(evidence), diagnosis(evidence, waves)
+    moved = []
+    for v, r in zip(evidence, found.account.figures.residual, strict=True):
+        seen, P = np.isfinite(r), pose_columns(v.frame)
+        moved.append(r - P @ np.linalg.lstsq(P[seen], r[seen], rcond=None)[0])
+    object.__setattr__(missed.account.figures, "residual", moved)
+    assert compared(missed, found).verdict == ("none",)
+    result = compared(found, missed)
+    assert (result.verdict, result.alike) == (("none",), ("wiggling",))
+    assert "the views of both show it alike" in result.lines()[-1]
+
+
+def test_two_fits_of_one_effect_are_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:
+    """They differ by a fifth, and by half of the distance that is left."""
+    fits = [diagnosis(evidence, replace(WIGGLE, sine_m=size)) for size in (0.0120, 0.0096)]
+    assert compared(*fits).verdict == ("none",)
 
 
 def noisier(evidence: tuple[ViewEvidence, ...], times: float) -> tuple[ViewEvidence, ...]:
