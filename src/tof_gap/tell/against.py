@@ -16,6 +16,7 @@ from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, A
 from tof_gap.tell.levels_apart import Level, Noisy, Seen, loss_apart, mixing_apart, noise_apart, wraps_apart
 from tof_gap.tell.maps_apart import Pair
 from tof_gap.tell.report import sensor_model
+from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,9 +38,9 @@ def against(
         known: the sensor whose bias was removed from both sessions before they were diagnosed.
     """
     limits, removed = limits or AgainstLimits(), () if known is None else known.effects
-    models = sensor_model(real), sensor_model(simulated)
-    pair = Pair(real, *models, tuple(parts), limits, simulated.account.figures.unsure2, removed)
-    mirrored = Pair(simulated, *reversed(models), tuple(parts), limits, real.account.figures.unsure2, removed)
+    camera, simulator = sensor_model(real), sensor_model(simulated)
+    pair = Pair(real, camera, simulator, tuple(parts), limits, simulated.account.figures.unsure2, removed)
+    mirrored = Pair(simulated, simulator, camera, tuple(parts), limits, real.account.figures.unsure2, removed)
     mirrored.renamed(pair.same_names(real.causes))
     found = [d for name in pair.names if (d := pair.difference(name)) is not None]
     shares = [p.shown([d.effect for d in found]) for p in (pair, mirrored)]
@@ -59,12 +60,15 @@ def _levels(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: Sens
             Noisy(pair.real.evidence, pair.camera, 1.0), Noisy(simulated.evidence, pair.simulator, 1.0 / pair.unit), law, seen
         )
     out = []
-    if noise is not None and not 1 / limits.noise < noise.ratio < limits.noise and _excess_mm(noise) > _least_mm(pair.real, simulated):
-        out.append(_difference(noise, f"{noise.real:.2f} mm real, {noise.simulated:.2f} mm simulated in one capture", in_mm=True))
     for level, least, what in ((loss, limits.loss, ""), (wraps, limits.wraps, " off by whole periods")):
         if level is not None and abs(level.real - level.simulated) > least and not 1 / limits.shares < level.ratio < limits.shares:
             note = f"{in_percent(level.real)} of the pixels{what} real, {in_percent(level.simulated)} simulated"
             out.append(_difference(level, note))
+    # A camera that merges its frequencies badly is noisier, too: that noise is no effect of its own, in a diagnosis as here.
+    merges = all(d.effect != PhaseWrap.NAME for d in out)
+    differs = noise is not None and not 1 / limits.noise < noise.ratio < limits.noise
+    if noise is not None and differs and merges and _excess_mm(noise) > _least_mm(pair.real, simulated):
+        out.append(_difference(noise, f"{noise.real:.2f} mm real, {noise.simulated:.2f} mm simulated in one capture", in_mm=True))
     if mixing is not None and not 1 / limits.shares < mixing.ratio < limits.shares:
         out.append(_difference(mixing, f"{mixing.real:.0f} mm real, {mixing.simulated:.0f} mm simulated at edges", in_mm=True))
     return out

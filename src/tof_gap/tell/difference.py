@@ -83,11 +83,11 @@ class AgainstLimits:
         why="edges lose some tenths of a per cent",
     )
     wraps: float = param(
-        0.005,
+        0.001,
         "difference of the two shares of pixels off by whole periods from which they differ",
         low=0.0,
         high=1.0,
-        why="wrapped pixels are named from 0.2 % on, and one camera's share varies with the light",
+        why="half of the share from which a diagnosis names them",
     )
     shares: float = param(
         1.4,
@@ -118,7 +118,7 @@ class Difference:
     @property
     def sentence(self) -> str:
         """What the simulator does with the effect."""
-        return SENTENCES[self.simulator].format(self.effect)
+        return SENTENCES[self.simulator].format(self.effect.replace("_", " "))
 
     @property
     def todo(self) -> str:
@@ -175,7 +175,9 @@ class Against:
         both = [f"{name} was found in one session, and the views of both show it alike: no difference" for name in self.alike]
         if not self.differences:
             return [before, "the simulator has the camera's effects", *both]
+        in_depth = any(x.shrink is not None for x in self.differences)
         after = f"once all effects below are put right in the simulator, {d.above_mm(d.after):.2f} mm remain"
+        after = after if in_depth else "no effect in mean depth differs; noise or shares of pixels do"
         return [before, after, *(x.line() for x in self.differences), *both]
 
     def to_dict(self) -> dict[str, Any]:
