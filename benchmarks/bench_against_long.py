@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from benchmarks.against.score import PairRow
 
 LONG = True
-PAIRS, SEED, SIZE = 24, 46, (160, 122)
-"""Pairs of seed 45 showed what had to be corrected: the next unseen ones are those of 46."""
+PAIRS, SEED, SIZE = 24, 47, (160, 122)
+"""Pairs of seed 45 showed what had to be corrected, and five of 46 were judged once: the next unseen ones are those of 47."""
 OUT = Path(f"out/bench/against-{SEED}")
 NAMED_BAR, RIGHT_BAR = 85.0, 97.0
 
@@ -50,4 +50,4 @@ def _share(kind: str, rows: Sequence[PairRow], bar: float) -> Figure:
         "twice": "an effect that the simulator has at twice its size is named, and nothing else",
         "superfluous": "an effect that reality has not is named, and nothing else",
     }[kind]
-    return at_least(f"simulator against camera: {what}", 100 * hits / max(len(rows), 1), bar, "%", remark=remark)
+    return at_least(f"simulator against camera: {what}", 100 * hits / len(rows) if rows else float("nan"), bar, "%", remark=remark)

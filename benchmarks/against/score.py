@@ -7,6 +7,7 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from benchmarks.against.compare import CODE
 from benchmarks.against.pairs import MISSING, SUPERFLUOUS, TWICE
 from benchmarks.gap_check.examine import REPORTS
 from benchmarks.gap_check.record import SEAL, SEALED, digest
@@ -60,7 +61,7 @@ def score_pairs(folder: Path) -> list[PairRow]:
         if digest(sealed) != seals[name]:
             msg = f"sealed answer of {name} was changed"
             raise DatasetError(msg, where=sealed)
-        if report.exists():
+        if (report / CODE).exists():
             out.append(scored(json.loads((sealed / "pair.json").read_text()), _answer(report / ANSWER)))
     return out
 
