@@ -152,7 +152,7 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     left = solved.bare
     gone = missing.missing_effects(left, config.missing, left_out, blurred=solved.names(Motion.NAME))
     unmerged = any(map(_fails_to_merge, gone))
-    # Wrongly merged frequencies scatter in weak light: beside them no noise tells of foreign light.
+    # The noise of wrongly merged frequencies grows in weak light, as that of foreign light does.
     light = [] if unmerged else detected.detected_effects(noise.without_noisy_pixels(left, config.noise), config.noise, law, left_out)
     beside = detected.explained(left, light)
     silent = _arms_silent(solved, left_out) or Interference.NAME in left_out
