@@ -189,11 +189,13 @@ def _lacking(judge: Selector, current: Hypothesis, place: int) -> float:
 
 
 def _absorbable(judge: Selector, current: Hypothesis, place: int) -> float:
-    """Chi-square of the maps of all other members that the member at `place` could absorb.
+    """Chi-square of the maps of all other effects that the member at `place` could absorb.
 
-    Maps are never exact: a member that gains only a small part of it corrects the other maps and is no effect of its own.
+    Maps are never exact: a member that gains only a small part of it corrects the other maps and is no effect of its own. Members of its
+    own effect, such as waves of almost one length, add no name: what they gain on held-out views is all that is asked.
     """
-    others = [i for i in range(len(current.members)) if i != place]
+    names = [judge.design.candidates[m].name for m in current.members]
+    others = [i for i, name in enumerate(names) if name != names[place]]
     return 0.0 if judge.is_free(current.members[place]) else _along(judge, current, place, others)
 
 

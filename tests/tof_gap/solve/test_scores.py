@@ -132,6 +132,7 @@ def test_what_columns_could_take_from_the_maps_of_others(monkeypatch: pytest.Mon
         candidate("c"),
         candidate(HAND_EYE),
         candidate("unknown", free="f"),
+        candidate("b"),
         system=SimpleNamespace(left_of=left_of),
     )
     made.design.own = list
@@ -145,6 +146,7 @@ def test_what_columns_could_take_from_the_maps_of_others(monkeypatch: pytest.Mon
     assert _absorbable(made, Hypothesis((1,), np.zeros(2), 4.0), 0) == 0.0
     assert _along(made, Hypothesis((3, 1), np.zeros(2), 4.0), 0, [1]) == 0.0, "hand-eye has no map and no columns"
     assert _absorbable(made, Hypothesis((4, 1), np.zeros(2), 4.0), 0) == 0.0, "a free function may absorb what it likes"
+    assert _absorbable(made, Hypothesis((1, 5), np.zeros(2), 4.0), 0) == 0.0, "another form of the same effect adds no name"
 
 
 def test_a_selection_tells_ties_of_effects_and_observables_by_what_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
