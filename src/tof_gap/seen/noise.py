@@ -175,8 +175,10 @@ def _lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float, limi
 
 def smooth_by_lines(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float:
     """Metres RMS along the ray: the smooth field, new in each view, that the noise of whole rows and columns makes; 0 without such noise."""
-    typical = _over_mean(views) * float(np.median(np.concatenate([(v.sigma * v.frame.length)[v.smooth] for v in views])))
-    lines = _lines(views, typical, code_step(views) / np.sqrt(12), limits)
+    sigma = np.concatenate([(v.sigma * v.frame.length)[v.smooth] for v in views])
+    if not len(sigma):
+        return 0.0
+    lines = _lines(views, _over_mean(views) * float(np.median(sigma)), code_step(views) / np.sqrt(12), limits)
     of_mean = [part.size_m / _over_mean(views) for part in lines]
     number = min(views[0].residual.shape) / views[0].correlation.line
     return float(np.sqrt(sum(size**2 for size in of_mean) * FIELD_TERMS / number))

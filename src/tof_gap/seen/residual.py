@@ -204,7 +204,7 @@ def survivors(gross: Mask, residual: Float, cad: Float, limits: EvidenceLimits) 
     there = np.isfinite(cad)
     right = np.isfinite(residual) & ~gross
     if right.sum() == there.sum():
-        return gross
+        return np.zeros(gross.shape, bool)
     around, of = (uniform_filter(mask.astype(np.float32), AROUND_PX) for mask in (right, there))
     return np.asarray(around < limits.survivors * of)
 
