@@ -81,8 +81,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     if len(means.pixels) == 0:
         return Unexplained(0.0, structured=False, depends_on=(), where=())
     size = 1e3 * float(np.sqrt(means.size2))
-    before_mm = gap.shown_mm[0]
-    before2 = max(before_mm**2, 1e-9)
+    before2 = max(gap.shown_mm[0] ** 2, 1e-9)
     gross_named = any(f.name == PhaseWrap.NAME for f in found.findings)
     # No model of motion describes surfaces that appear and vanish beside edges while the hand moves.
     reach = missing.edge_reach_px if Motion.NAME in solved.maps else 0
@@ -91,7 +90,7 @@ def look(found: Account, scene: Scene, limits: ReportLimits, missing: MissingLim
     depends_on = (*solved.depends_on, *(name for name, seen in signs.items() if seen))
     gone = _lost_pixels(found, len(scene.parts), missing)
     least_mm = limit.alone_mm if all(EFFECTS[name].EXACT for name in solved.maps) else limit.mm
-    a_gap = before_mm > limit.mm
+    a_gap = before2 > limit.mm**2
     # The noise of rows and stripes is uneven over parts: beside it no part is judged by itself.
     off = np.zeros(len(scene.parts), bool)
     if not figures.alike_m:
