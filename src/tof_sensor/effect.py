@@ -247,8 +247,8 @@ class Effect(ABC):
         return replace(law, floor_m=float(np.sqrt(law.floor_m**2 + self.constant_variance))) if self.constant_variance else law
 
     def noise(self, frame: Frame) -> Float:
-        """(H, W) standard deviation of the noise that a detected effect adds to a capture, metres of z."""
-        return np.zeros(frame.depth.shape)
+        """(H, W) standard deviation of the noise that the effect adds to a capture, RMS over captures, metres of z."""
+        return np.asarray(np.sqrt(self.constant_variance) / frame.length)
 
     # what a diagnosis tries ---------------------------------------------------------------------
     @classmethod

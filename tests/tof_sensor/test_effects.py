@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -33,6 +34,9 @@ from tof_sensor.effects.time_sync import TimeSync
 from tof_sensor.effects.wiggling import Wiggling
 from tof_sensor.frame import Context, ideal_frame
 from tof_sensor.geometry import image_flow
+
+if TYPE_CHECKING:
+    from tof_sensor.effect import Effect
 
 RNG = np.random.default_rng(5)
 
@@ -320,3 +324,28 @@ def test_interference_comes_in_bursts() -> None:
     frame = plane_frame()
     hits = sum(Interference(burst_m=0.01, duty=0.3).apply(frame, RNG) is not frame for _ in range(300))
     assert 60 < hits < 120
+
+
+@pytest.mark.parametrize(
+    ("effect", "metres"),
+    [
+        (Noise(extra_m=0.004), 0.004),
+        (Noise(extra_m=0.004, duty=0.25), 0.002),
+        (Interference(burst_m=0.003, duty=1.0, reference=200.0), 0.006),
+        (Interference(burst_m=0.003, duty=0.25, reference=200.0), 0.003),
+        (Quantization(step_m=0.012), 0.012 / np.sqrt(12)),
+        (RangeOffset(offset_m=0.01), 0.0),
+    ],
+)
+def test_noise_of_an_effect_is_its_rms_over_captures(effect: Effect, metres: float) -> None:
+    """At half of the reference amplitude, interference is twice as large."""
+    frame = plane_frame(amplitude=np.full(CAMERA.shape, 100.0))
+    np.testing.assert_allclose(effect.noise(frame) * frame.length, metres)
+
+
+@pytest.mark.parametrize(("start_m", "far"), [(1.0, True), (-1.0, False)])
+def test_phase_wraps_beyond_a_range_or_up_to_one(start_m: float, *, far: bool) -> None:
+    frame = plane_frame()
+    wraps = PhaseWrap(start_m=start_m).beyond(frame)
+    np.testing.assert_array_equal(wraps, frame.valid & ((frame.radial > 1.0) == far))
+    assert 0.0 < wraps.mean() < 1.0

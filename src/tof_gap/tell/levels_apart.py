@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_sensor.effect import Evidence
-from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.flying_pixels import FlyingPixels
-from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.photon_law import PhotonLaw
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_gap.seen.residual import ViewEvidence
-    from tof_sensor.effect import Effect
     from tof_sensor.frame import Frame
     from tof_sensor.model import SensorModel
 
@@ -132,20 +129,9 @@ def _noise_shares(model: SensorModel, frames: Sequence[Frame]) -> dict[str, floa
     out: dict[str, float] = {}
     for effect in model.effects:
         if effect.EVIDENCE is Evidence.NOISE and not isinstance(effect, PhotonLaw):
-            values = np.concatenate([_variance(effect, f)[f.valid] for f in frames])
+            values = np.concatenate([((effect.noise(f) * f.length) ** 2)[f.valid] for f in frames])
             out[effect.NAME] = out.get(effect.NAME, 0.0) + float(np.median(values))
     return out
-
-
-def _variance(effect: Effect, frame: Frame) -> Float:
-    """(H, W) m^2 along the ray that a noise effect adds to a capture, as a mean over captures."""
-    if isinstance(effect, Ambient):
-        return effect.variance(frame.amplitude, frame.surroundings_m2)
-    if isinstance(effect, Interference):
-        return effect.duty * (effect.burst_m * effect.reference / np.maximum(frame.amplitude, 1e-12)) ** 2
-    if isinstance(effect, Noise):
-        return np.full(frame.depth.shape, effect.duty * effect.extra_m**2)
-    return np.full(frame.depth.shape, effect.constant_variance)
 
 
 def loss_apart(real: SensorModel, simulated: SensorModel, seen: Seen) -> Level | None:
@@ -194,8 +180,7 @@ def _wrapped(model: SensorModel, frame: Frame) -> Float:
     out = np.zeros(frame.depth.shape)
     for effect in model.effects:
         if isinstance(effect, PhaseWrap):
-            beyond = frame.radial > effect.start_m if effect.start_m > 0 else frame.radial < -effect.start_m
-            out = np.where(beyond & frame.valid, effect.share, out)
+            out = np.where(effect.beyond(frame), effect.share, out)
     return out
 
 

@@ -14,6 +14,7 @@ from tof_sensor.effect import Effect, Evidence
 from tof_sensor.frame import with_noise
 
 if TYPE_CHECKING:
+    from tof_core.arrays import Float
     from tof_sensor.frame import Frame
 
 
@@ -48,6 +49,11 @@ class Interference(Effect):
         size = np.minimum(size, 20 * self.burst_m)
         beat = replace(frame, depth=frame.depth + size * np.sin(rng.uniform(0, 2 * np.pi)))
         return with_noise(beat, size, rng)
+
+    def noise(self, frame: Frame) -> Float:
+        """(H, W) metres of z."""
+        size = self.burst_m * self.reference / np.maximum(frame.amplitude, 1e-12)
+        return np.asarray(np.sqrt(self.duty) * size / frame.length)
 
     @property
     def in_bursts(self) -> bool:

@@ -13,6 +13,7 @@ from tof_sensor.effect import Effect, Evidence
 from tof_sensor.frame import with_noise
 
 if TYPE_CHECKING:
+    from tof_core.arrays import Float
     from tof_sensor.frame import Frame
     from tof_sensor.session import Session
 
@@ -48,6 +49,10 @@ class Noise(Effect):
     def constant_variance(self) -> float:
         """Variance of the noise in every capture."""
         return self.extra_m**2 if self.duty == 1.0 else 0.0
+
+    def noise(self, frame: Frame) -> Float:
+        """(H, W) metres of z, beside the law times `factor`."""
+        return np.asarray(np.sqrt(self.duty) * self.extra_m / frame.length)
 
     @property
     def in_bursts(self) -> bool:

@@ -14,7 +14,7 @@ from tof_sensor.effect import Effect
 from tof_sensor.frame import LIGHT_M_PER_S
 
 if TYPE_CHECKING:
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_sensor.frame import Frame
 
 SINGLE_PIXELS = 0.5
@@ -66,9 +66,12 @@ class PhaseWrap(Effect):
         """Shift of the median pixel: one period where most pixels wrap, otherwise none."""
         if self.share < SINGLE_PIXELS:
             return np.zeros(frame.depth.shape)
-        beyond = frame.radial > self.start_m if self.start_m > 0 else frame.radial < -self.start_m
         sign = -1.0 if self.start_m > 0 else 1.0
-        return np.where(beyond & frame.valid, sign * self.turn_m / frame.length, 0.0)
+        return np.where(self.beyond(frame), sign * self.turn_m / frame.length, 0.0)
+
+    def beyond(self, frame: Frame) -> Mask:
+        """(H, W) pixels of the CAD at the ranges at which a `share` wraps."""
+        return frame.valid & (frame.radial > self.start_m if self.start_m > 0 else frame.radial < -self.start_m)
 
     def apply(self, frame: Frame, rng: np.random.Generator) -> Frame:
         """Shift randomly chosen pixels by one of the jumps."""
