@@ -21,11 +21,12 @@ from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
     from collections.abc import Set as AbstractSet
 
     from tof_core.arrays import Float, Mask
     from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.seen.line_noise import LineNoise
     from tof_gap.seen.photons import LawFit
     from tof_gap.seen.pixel_noise import NoisyPixels
     from tof_gap.seen.residual import ViewEvidence
@@ -35,10 +36,20 @@ if TYPE_CHECKING:
 
 BURST_ROUNDS = 3
 """Rounds in which views that do not stand out from the quiet ones join them."""
-
-
+BY = "by columns", "by rows"
+"""Lines whose pixels are along axis 0, and along axis 1."""
 FIELD_TERMS = 3
 """Terms of a smooth field along one axis (constant, slope, curvature), each of which takes one line's share of the noise of lines."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """A part of the noise of one capture: what it is noise of, metres, and its (V, H, W) metres of z or (H, W) pixels where known."""
+
+    of: str
+    size_m: float
+    common: Float | None = None
+    where: Mask | None = None
 
 
 def noise_effects(
@@ -66,7 +77,7 @@ def noise_effects(
     if len(b.view) < limits.least_bins:
         return []
     if step > np.sqrt(np.median(b.variance)):  # Steps wider than the noise hide it, but not the noise of whole lines.
-        lines = None if Noise.NAME in left_out else _named([*_lines(views, _typical(b), step / np.sqrt(12), limits)], views)
+        lines = None if Noise.NAME in left_out else _named(_lines(views, _typical(b), step / np.sqrt(12), limits), views)
         return [] if lines is None else [lines]
     # Without amplitude there is no photon law to compare with: only noise of rows, columns and single pixels is found.
     dark = all(v.view.amplitude is None for v in views)
@@ -111,9 +122,9 @@ def _bursts(views: Sequence[ViewEvidence], b: NoiseBins, step: float, limits: No
     return _burst(views, b, quiet, hit, limits)
 
 
-def _least_m(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float:
-    """Metres: least noise of one capture that is named. A filter in the camera rounds creases, which differences of pixels take for noise."""
-    return 1e-3 * (limits.extra_filtered_mm if views[0].correlation.correlated else limits.extra_mm)
+def least_mm(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float:
+    """Least noise of one capture that is named. A filter in the camera rounds creases, which differences of pixels take for noise."""
+    return limits.extra_filtered_mm if any(v.correlation.correlated for v in views) else limits.extra_mm
 
 
 def _stand_out(ln_variance: Float, limits: NoiseLimits, burst: float) -> Mask:
@@ -136,13 +147,13 @@ def _noise(
     views: Sequence[ViewEvidence], near: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit | None, limits: NoiseLimits
 ) -> Finding | None:
     """Noise of one capture that is not in the photon law: a constant part, noise of whole rows or columns, noise of single pixels."""
-    least = max(_least_m(near, limits), limits.extra_share * _typical(b))
+    least = max(1e-3 * least_mm(near, limits), limits.extra_share * _typical(b))
     excess = 0.0 if fitted is None else constant_part(fitted, code_step(views))
     # Constant offsets of single pixels are a fixed pattern, but second differences contain them as noise (`without_offsets`).
     pattern_m = float(np.sqrt(min(v.view.captures for v in views))) * pixel_pattern(near)
     excess = float(np.sqrt(max(excess**2 - pattern_m**2, 0.0)))
     floor_std = 0.0 if fitted is None else fitted.floor_std
-    parts = [*_lines(views, _typical(b), 0.0, limits)]
+    parts = _lines(views, _typical(b), 0.0, limits)
     if excess > max(least, limits.extra_sigma * floor_std):
         parts.insert(0, Part("at every amplitude", excess))
     # Constant offsets of pixels raise the estimated noise: single noisy pixels are not found beside them.
@@ -153,24 +164,18 @@ def _noise(
     return _named(parts, views, floor_std)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Part:
-    """A part of the noise of one capture: what it is noise of, metres, and its (V, H, W) metres of z or (H, W) pixels where known."""
-
-    of: str
-    size_m: float
-    common: Float | None = None
-    where: Mask | None = None
+def _lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float, limits: NoiseLimits) -> list[Part]:
+    """Noise of whole rows and of whole columns (`_noisy_lines`)."""
+    found = _noisy_lines(views, typical_m, least_m, limits)
+    maps = (np.stack([line_map(v, of.axis, limits.lines) for v in views]) for of in found)
+    return [Part(BY[of.axis], _over_mean(views) * of.size_m, m) for of, m in zip(found, maps, strict=True)]
 
 
-def _lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float, limits: NoiseLimits) -> Iterator[Part]:
-    """Noise of whole rows and of whole columns, where it exceeds `least_m` and a share of the `typical_m` noise of pixels, both in metres."""
+def _noisy_lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float, limits: NoiseLimits) -> list[LineNoise]:
+    """Noise of rows and of columns where that of one capture exceeds `least_m` and a share of the `typical_m` noise of pixels, both in metres."""
     least = max(limits.line_mm * 1e-3, limits.line_share * typical_m, least_m)
-    for axis, name in ((1, "by rows"), (0, "by columns")):
-        of_lines = line_noise(views, axis, limits.lines)
-        size_m = _over_mean(views) * of_lines.size_m
-        if of_lines.sigma > limits.lines.sigma and size_m > least:
-            yield Part(name, size_m, common=np.stack([line_map(v, axis, limits.lines) for v in views]))
+    found = (line_noise(views, axis, limits.lines) for axis in (1, 0))
+    return [of for of in found if of.sigma > limits.lines.sigma and _over_mean(views) * of.size_m > least]
 
 
 def smooth_by_lines(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float:
@@ -178,10 +183,9 @@ def smooth_by_lines(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float
     sigma = np.concatenate([(v.sigma * v.frame.length)[v.smooth] for v in views])
     if not len(sigma):
         return 0.0
-    lines = _lines(views, _over_mean(views) * float(np.median(sigma)), code_step(views) / np.sqrt(12), limits)
-    of_mean = [part.size_m / _over_mean(views) for part in lines]
+    lines = _noisy_lines(views, _over_mean(views) * float(np.median(sigma)), code_step(views) / np.sqrt(12), limits)
     number = min(views[0].residual.shape) / views[0].correlation.line
-    return float(np.sqrt(sum(size**2 for size in of_mean) * FIELD_TERMS / number))
+    return float(np.sqrt(sum(of.size_m**2 for of in lines) * FIELD_TERMS / number))
 
 
 def _typical(b: NoiseBins) -> float:
@@ -244,7 +248,7 @@ def _burst(views: Sequence[ViewEvidence], b: NoiseBins, fitted: LawFit, hit: Mas
     constant, foreign = (float(np.median(np.abs(x - np.median(x)))) for x in relative)
     duty, steady = float(hit.mean()), constant < foreign
     size = float(np.sqrt(np.exp(np.median(relative[0 if steady else 1]))))
-    if size < _least_m(views, limits):
+    if size < 1e-3 * least_mm(views, limits):
         return None
     share = _of_means(views, size) * hit[:, None, None]
     if steady:

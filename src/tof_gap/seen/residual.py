@@ -129,9 +129,16 @@ def gather(
 
 def correlation_of(views: Sequence[ViewEvidence]) -> NoiseCorrelation:
     """The correlation of the noise in the views' residuals."""
-    rounding2 = [v.step_m**2 / 12 / v.view.captures / np.median(v.sigma[v.smooth]) ** 2 for v in views if v.smooth.any()]
+    rounding2 = [_rounding2(v) for v in views if v.smooth.any()]
     of_code = float(np.median(rounding2)) if rounding2 else 0.0
     return noise_correlation([v.residual / v.sigma for v in views], [v.smooth for v in views], views[0].limits.correlation, of_code)
+
+
+def _rounding2(view: ViewEvidence) -> float:
+    """Variance of a view's depth by the steps of its code, over that of its noise."""
+    if view.step_m == 0.0:
+        return 0.0
+    return view.step_m**2 / 12 / view.view.captures / float(np.median(view.sigma[view.smooth])) ** 2
 
 
 def noise_again(views: Sequence[ViewEvidence]) -> tuple[ViewEvidence, ...]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from tof_gap.seen.lost import NEIGHBOURS, brightest, expected, lost
+from tof_gap.seen.lost import NEIGHBOURS, expected, losses_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,13 +37,13 @@ def beside_steps(views: Sequence[ViewEvidence], pattern: Sequence[Float], limits
     spans = [_span(p) for p in pattern]
     counted = np.concatenate([s[expected(v, limits)] for s, v in zip(spans, views, strict=True)])
     half = float(np.median(counted)) if len(counted) else 0.0
-    out = tuple(replace(v, stepped=(s > half) & (s > _passed(v, limits))) for v, s in zip(views, spans, strict=True))
+    stepped = [(s > half) & (s > _passed(v, limits)) for v, s in zip(views, spans, strict=True)]
+    out = tuple(replace(v, stepped=s) for v, s in zip(views, stepped, strict=True))
     if not views[0].correlation.correlated:
         return out
     lines = _lossy_lines(out, limits)
     # The average takes in neighbours beyond a step or not, from capture to capture: such pixels have a noise of their own.
-    stepped = [lines if v.stepped is None else v.stepped | lines for v in out]
-    return tuple(replace(v, stepped=s, smooth=v.smooth & ~s) for v, s in zip(out, stepped, strict=True))
+    return tuple(replace(v, stepped=s | lines, smooth=v.smooth & ~(s | lines)) for v, s in zip(out, stepped, strict=True))
 
 
 def _lossy_lines(views: Sequence[ViewEvidence], limits: MissingLimits) -> Mask:
@@ -51,11 +51,9 @@ def _lossy_lines(views: Sequence[ViewEvidence], limits: MissingLimits) -> Mask:
 
     Loss by light, by a part or by chance is alike in next lines. The quarter that loses least remains to be judged.
     """
-    too_bright = brightest(views, limits)
-    gone, inside = (
-        sum(images) for images in ((lost(v, limits, too_bright) for v in views), (expected(v, limits).astype(float) for v in views))
-    )
     shape = views[0].residual.shape
+    losses = losses_of(views, limits, [np.zeros(shape, bool)] * len(views))
+    gone, inside = sum(losses.share), sum(losses.inside)
     for axis in (0, 1):
         of_line, seen = np.sum(gone, axis=axis), np.sum(inside, axis=axis)
         quiet = np.zeros(len(seen), bool)

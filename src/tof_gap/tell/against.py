@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.shares import in_percent
+from tof_gap.seen.noise import least_mm
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, AgainstLimits, Difference
 from tof_gap.tell.levels_apart import Level, Noisy, Seen, loss_apart, mixing_apart, noise_apart, wraps_apart
 from tof_gap.tell.maps_apart import Pair
@@ -67,7 +68,8 @@ def _levels(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: Sens
     # A camera that merges its frequencies badly is noisier, too: that noise is no effect of its own, in a diagnosis as here.
     merges = all(d.effect != PhaseWrap.NAME for d in out)
     differs = noise is not None and not 1 / limits.noise < noise.ratio < limits.noise
-    if noise is not None and differs and merges and _excess_mm(noise) > _least_mm(pair.real, simulated):
+    least = least_mm([*pair.real.evidence, *simulated.evidence], pair.real.config.noise)
+    if noise is not None and differs and merges and _excess_mm(noise) > least:
         out.append(_difference(noise, f"{noise.real:.2f} mm real, {noise.simulated:.2f} mm simulated in one capture", in_mm=True))
     if mixing is not None and not 1 / limits.shares < mixing.ratio < limits.shares:
         out.append(_difference(mixing, f"{mixing.real:.0f} mm real, {mixing.simulated:.0f} mm simulated at edges", in_mm=True))
@@ -77,13 +79,6 @@ def _levels(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: Sens
 def _excess_mm(noise: Level) -> float:
     """Noise that the noisier session has beyond the other's."""
     return float(np.sqrt(abs(noise.real**2 - noise.simulated**2)))
-
-
-def _least_mm(*sessions: Diagnosis) -> float:
-    """Least noise of one capture that a diagnosis names: more where the camera averages over neighbours, in one of the sessions at least."""
-    filtered = any(v.correlation.correlated for d in sessions for v in d.evidence[:1])
-    limits = sessions[0].config.noise
-    return limits.extra_filtered_mm if filtered else limits.extra_mm
 
 
 def _difference(level: Level, note: str, *, in_mm: bool = False) -> Difference:
