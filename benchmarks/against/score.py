@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from benchmarks.against.compare import CODE
 from benchmarks.against.pairs import MISSING, SUPERFLUOUS, TWICE
 from benchmarks.gap_check.examine import REPORTS
-from benchmarks.gap_check.record import SEAL, SEALED, digest
-from tof_core.errors import DatasetError
+from benchmarks.gap_check.record import opened, sealed_names
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -54,13 +53,9 @@ def score_pairs(folder: Path) -> list[PairRow]:
     Raises:
         DatasetError: an answer was changed after it was sealed.
     """
-    seals = json.loads((folder / SEAL).read_text())
     out = []
-    for name in sorted(seals):
-        sealed, report = folder / SEALED / name, folder / REPORTS / name
-        if digest(sealed) != seals[name]:
-            msg = f"sealed answer of {name} was changed"
-            raise DatasetError(msg, where=sealed)
+    for name in sealed_names(folder):
+        sealed, report = opened(folder, name), folder / REPORTS / name
         if (report / CODE).exists():
             out.append(scored(json.loads((sealed / "pair.json").read_text()), _answer(report / ANSWER)))
     return out

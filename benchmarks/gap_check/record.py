@@ -6,14 +6,15 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from benchmarks.gap_check.cases import MOVING, Case
 from tof_core.config import from_mapping
+from tof_core.errors import DatasetError
 from tof_core.progress import progress
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from tof_virtual.config import VirtualConfig
@@ -21,17 +22,45 @@ if TYPE_CHECKING:
 BAGS, SEALED, SEAL = "bags", "sealed", "seal.json"
 
 
-def record_all(cases: Sequence[Case], folder: Path, size: tuple[int, int]) -> None:
-    """Bags and scenes under `bags/`, truth under `sealed/` with a digest of each in `seal.json`; done ones are kept."""
-    seals = _read(folder / SEAL)
-    for case in progress(cases, "recording cases", len(cases)):
-        bag = folder / BAGS / case.name
-        if case.name in seals and (bag / "bag").exists():
+class Named(Protocol):
+    """A case, which has a name."""
+
+    @property
+    def name(self) -> str:
+        """Its folder."""
+
+
+C = TypeVar("C", bound=Named)
+
+
+def record_sealed(
+    cases: Sequence[C], folder: Path, last: str, record: Callable[[C, Path, Path], None], what: str = "recording cases"
+) -> None:
+    """Record each case into a folder under `bags/` and one under `sealed/`, with a digest of the latter in `seal.json`; done ones are kept.
+
+    Args:
+        cases: what is recorded.
+        folder: of all cases.
+        last: what a recorded case has under its folder of bags.
+        record: records one case into the two folders, neither of which exists.
+        what: for the progress line.
+    """
+    path = folder / SEAL
+    seals = dict(json.loads(path.read_text())) if path.exists() else {}
+    for case in progress(cases, what, len(cases)):
+        bags, sealed = folder / BAGS / case.name, folder / SEALED / case.name
+        if case.name in seals and (bags / last).exists():
             continue
-        shutil.rmtree(bag, ignore_errors=True)
-        _record(case, bag, folder / SEALED / case.name, size)
-        seals[case.name] = digest(folder / SEALED / case.name)
-        (folder / SEAL).write_text(json.dumps(seals, indent=1))
+        for old in (bags, sealed):
+            shutil.rmtree(old, ignore_errors=True)
+        record(case, bags, sealed)
+        seals[case.name] = digest(sealed)
+        path.write_text(json.dumps(seals, indent=1))
+
+
+def record_all(cases: Sequence[Case], folder: Path, size: tuple[int, int]) -> None:
+    """Bags and scenes under `bags/`, truth under `sealed/`; done ones are kept."""
+    record_sealed(cases, folder, "bag", lambda case, bag, sealed: _record(case, bag, sealed, size))
 
 
 def config_of(case: Case, size: tuple[int, int]) -> VirtualConfig:
@@ -62,7 +91,7 @@ def _record(case: Case, bag: Path, sealed: Path, size: tuple[int, int]) -> None:
     from tof_virtual.record import record
     from toftwin.commands.simulate import bodies_of
 
-    sealed.mkdir(parents=True, exist_ok=True)
+    sealed.mkdir(parents=True)
     bag.mkdir(parents=True)
     scene = load_scene(
         write_builtin(case.scene, bag / "scene") if case.scene in builtin_names() else write_scene(case.scene, bag / "scene", case.seed)
@@ -73,6 +102,23 @@ def _record(case: Case, bag: Path, sealed: Path, size: tuple[int, int]) -> None:
     (bag / "list.json").write_text(json.dumps({"left_out": [case.left_out] if case.left_out else []}))
 
 
+def sealed_names(folder: Path) -> list[str]:
+    """Names of the sealed cases, sorted."""
+    return sorted(json.loads((folder / SEAL).read_text()))
+
+
+def opened(folder: Path, name: str) -> Path:
+    """The folder with the answer of a case.
+
+    Raises:
+        DatasetError: the answer was changed after it was sealed.
+    """
+    sealed = folder / SEALED / name
+    if digest(sealed) != json.loads((folder / SEAL).read_text())[name]:
+        raise DatasetError("was changed after it was sealed", where=sealed, todo="record the case again")
+    return sealed
+
+
 def digest(sealed: Path) -> str:
     """SHA-256 over the sealed files of a case."""
     h = hashlib.sha256()
@@ -80,7 +126,3 @@ def digest(sealed: Path) -> str:
         h.update(path.name.encode())
         h.update(path.read_bytes())
     return h.hexdigest()
-
-
-def _read(path: Path) -> dict[str, str]:
-    return dict(json.loads(path.read_text())) if path.exists() else {}

@@ -4,14 +4,12 @@
 from __future__ import annotations
 
 import json
-import shutil
 from typing import TYPE_CHECKING
 
 from benchmarks.gap_check.examine import DATA_SHEET
 from benchmarks.gap_check.foreign.cases import ROBOTS, ForeignCase
-from benchmarks.gap_check.record import BAGS, SEAL, SEALED, digest
+from benchmarks.gap_check.record import record_sealed
 from tof_core.config import from_mapping
-from tof_core.progress import progress
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,18 +19,8 @@ if TYPE_CHECKING:
 
 
 def record_foreign(cases: Sequence[ForeignCase], folder: Path, size: tuple[int, int]) -> None:
-    """Bags, scenes and priors under `bags/`, truth under `sealed/` with a digest of each in `seal.json`; done ones are kept."""
-    path = folder / SEAL
-    seals = dict(json.loads(path.read_text())) if path.exists() else {}
-    for case in progress(cases, "recording cases", len(cases)):
-        bag, sealed = folder / BAGS / case.name, folder / SEALED / case.name
-        if case.name in seals and (bag / "bag").exists():
-            continue
-        for old in (bag, sealed):
-            shutil.rmtree(old, ignore_errors=True)
-        record_one(case, bag, sealed, size)
-        seals[case.name] = digest(sealed)
-        path.write_text(json.dumps(seals, indent=1))
+    """Bags, scenes and priors under `bags/`, truth under `sealed/`; done ones are kept."""
+    record_sealed(cases, folder, "bag", lambda case, bag, sealed: record_one(case, bag, sealed, size))
 
 
 def record_one(case: ForeignCase, bag: Path, sealed: Path, size: tuple[int, int]) -> None:

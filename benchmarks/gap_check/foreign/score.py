@@ -12,10 +12,9 @@ import numpy as np
 
 from benchmarks.emerging.causes import OUTSIDE
 from benchmarks.gap_check.foreign.separable import SMOOTH_M, correlation, poses
-from benchmarks.gap_check.record import BAGS, SEAL, SEALED, digest
+from benchmarks.gap_check.record import BAGS, opened, sealed_names
 from benchmarks.gap_check.score import EVERYWHERE, LOCALISED, auroc
 from benchmarks.gap_check.separable import Truth, label_error
-from tof_core.errors import DatasetError
 from tof_core.progress import progress
 
 if TYPE_CHECKING:
@@ -60,14 +59,12 @@ class ForeignRow:
 
 def score_foreign(folder: Path) -> list[ForeignRow]:
     """A row per diagnosed session; the seals are checked first."""
-    seals = json.loads((folder / SEAL).read_text())
-    rows = []
-    for name in progress(sorted(seals), "scoring", len(seals)):
-        sealed, out = folder / SEALED / name, folder / "reports" / name
+    rows, names = [], sealed_names(folder)
+    for name in progress(names, "scoring", len(names)):
+        out = folder / "reports" / name
         if not (out / "seconds.json").exists():
             continue
-        if digest(sealed) != seals[name]:
-            raise DatasetError("was changed after it was sealed", where=sealed, todo="record the case again")
+        sealed = opened(folder, name)
         kept = out / "foreign.json"
         if not kept.exists():
             kept.write_text(json.dumps(asdict(score_one(sealed, folder / BAGS / name, out))))
