@@ -35,6 +35,12 @@ class FilterLimits:
     quiet_lines: float = param(
         0.3, "loss of the quietest quarter of lines, over that of all", low=0.0, high=1.0, why="lost at random: 0.8; by a filter: 0.1"
     )
+    noise_of_steps: float = param(
+        1.5,
+        "variance of noise where a fixed pattern is steepest, over that where it is smoothest, from which the pattern makes it",
+        low=1.0,
+        why="noise of the camera's own: 0.9 to 1.1; of two averages over steps of columns: 3 and 4",
+    )
     noise_sigma: float = param(
         3.0, "standard deviations of noise that nine pixels span", low=1.0, why="expected range of nine normal values"
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels beside the steps of a fixed pattern, which a filter in the camera takes for edges."""
+"""Pixels beside the steps of a fixed pattern, which a filter in the camera takes for edges, or averages over."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from tof_core.stats import second_differences
 from tof_gap.seen.lost import NEIGHBOURS, expected, losses_of
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ BAND = 12
 """Lines of a band, of which the quietest quarter is compared with all: light and parts change little over them."""
 LEAST_LOST = 100.0
 """Lost pixels from which the quarter's loss is known to a tenth."""
+AVERAGED = np.ones((5, 5), bool)
+"""Largest neighbourhood over which cameras of known firmware average."""
 
 
 def beside_steps(views: Sequence[ViewEvidence], pattern: Sequence[Float], limits: MissingLimits) -> tuple[ViewEvidence, ...]:
@@ -43,7 +46,34 @@ def beside_steps(views: Sequence[ViewEvidence], pattern: Sequence[Float], limits
         return out
     lines = _lossy_lines(out, limits)
     # The average takes in neighbours beyond a step or not, from capture to capture: such pixels have a noise of their own.
-    return tuple(replace(v, stepped=s | lines, smooth=v.smooth & ~(s | lines)) for v, s in zip(out, stepped, strict=True))
+    out = tuple(replace(v, stepped=s | lines, smooth=v.smooth & ~(s | lines)) for v, s in zip(out, stepped, strict=True))
+    noisy = _noise_of_steps(out, [_span(p, AVERAGED) for p in pattern], limits)
+    return tuple(replace(v, smooth=v.smooth & ~n) for v, n in zip(out, noisy, strict=True))
+
+
+def _noise_of_steps(views: Sequence[ViewEvidence], spans: Sequence[Float], limits: MissingLimits) -> list[Mask]:
+    """(H, W) of each view: pixels that are not in the quarter with the smoothest pattern, if noise grows with what the pattern spans.
+
+    A pixel that an average takes in or not, from capture to capture, changes that average by its share of the pattern's difference.
+    The camera's own noise does not follow the pattern, and is read off the quarter.
+
+    spans: (H, W) metres that the pattern spans around each pixel of each view.
+    """
+    squares = [_relative_square(v) for v in views]
+    known = [np.isfinite(s) for s in squares]
+    span, square = (np.concatenate([a[k] for a, k in zip(of, known, strict=True)]) for of in (spans, squares))
+    if not len(span):
+        return [~k for k in known]
+    low, high = np.quantile(span, [0.25, 0.75])
+    grown = np.median(square[span >= high]) > limits.filter.noise_of_steps * np.median(square[span <= low])
+    return [s > low if grown else np.zeros(s.shape, bool) for s in spans]
+
+
+def _relative_square(view: ViewEvidence) -> Float:
+    """(H, W) square of the noise of each pixel against its neighbours in the column, relative to the stated variance; NaN where unknown."""
+    out = np.full(view.residual.shape, np.nan)
+    out[1:-1] = second_differences(np.where(view.smooth, view.residual, np.nan), axis=0) / view.sigma[1:-1]
+    return np.asarray(out**2)
 
 
 def _lossy_lines(views: Sequence[ViewEvidence], limits: MissingLimits) -> Mask:
@@ -66,10 +96,10 @@ def _lossy_lines(views: Sequence[ViewEvidence], limits: MissingLimits) -> Mask:
     return np.zeros(shape, bool)
 
 
-def _span(pattern: Float) -> Float:
-    """(H, W) metres: largest minus least value of the pattern in each 3 x 3 neighbourhood, without NaN."""
-    most = maximum_filter(np.nan_to_num(pattern, nan=-np.inf), footprint=NEIGHBOURS)
-    least = minimum_filter(np.nan_to_num(pattern, nan=np.inf), footprint=NEIGHBOURS)
+def _span(pattern: Float, around: Mask = NEIGHBOURS) -> Float:
+    """(H, W) metres: largest minus least value of the pattern in the neighbourhood `around` each pixel, without NaN."""
+    most = maximum_filter(np.nan_to_num(pattern, nan=-np.inf), footprint=around)
+    least = minimum_filter(np.nan_to_num(pattern, nan=np.inf), footprint=around)
     return np.asarray(np.where(np.isfinite(most), most - least, 0.0))
 
 

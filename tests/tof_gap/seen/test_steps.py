@@ -104,3 +104,28 @@ def test_where_the_camera_averages_loss_that_quiet_lines_share_is_dropout(share:
     (found,) = missing_effects(beside_steps(in_lines(share, 0.6 * share), [0.1 * COLUMNS] * VIEWS, LIMITS), LIMITS)
     assert isinstance(found.effect, Dropout)
     assert found.effect.random == pytest.approx(0.9 * share, rel=0.05)
+
+
+def noisy_where(steep: Mask, factor: float) -> tuple[list[ViewEvidence], Float]:
+    """Views of an averaging camera whose noise is `factor` times as large where a pattern of columns is steep, and that pattern (H, W)."""
+    height = np.where(steep, 0.012, 0.001) * np.where(np.arange(SHAPE[1]) % 2, 1.0, -1.0)
+    noise = np.where(steep, factor, 1.0)
+    quiet = views(np.random.default_rng(5))
+    return [replace(v, residual=v.residual * noise, correlation=AVERAGING) for v in quiet], np.broadcast_to(height, SHAPE)
+
+
+STEEP = np.arange(SHAPE[1]) >= SHAPE[1] // 3
+"""Two thirds of the columns are steep."""
+
+
+def test_noise_that_grows_with_the_steps_of_a_pattern_is_read_off_where_the_pattern_is_smooth() -> None:
+    noisy, pattern = noisy_where(STEEP, 1.6)
+    judged = beside_steps(noisy, [pattern] * VIEWS, LIMITS)
+    assert not any(v.smooth[:, STEEP].any() for v in judged)
+    assert np.mean([v.smooth[:, ~STEEP].mean() for v in judged]) > 0.7
+
+
+def test_noise_that_does_not_follow_a_pattern_is_read_off_everywhere() -> None:
+    noisy, pattern = noisy_where(STEEP, 1.0)
+    judged = beside_steps(noisy, [pattern] * VIEWS, LIMITS)
+    assert [v.smooth.sum() for v in judged] == [v.smooth.sum() for v in noisy]
