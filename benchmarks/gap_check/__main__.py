@@ -85,9 +85,14 @@ def _second(args: argparse.Namespace) -> int:
 
 
 def _labels(args: argparse.Namespace) -> int:
-    from benchmarks.gap_check.foreign.labels import label_rows, table
+    from benchmarks.gap_check.foreign.labels import HEAD, label_rows, line, summary
 
-    print(table(list(label_rows(args.out))))
+    rows = []
+    print(HEAD)
+    for row in label_rows(args.out):
+        rows.append(row)
+        print(line(row), flush=True)
+    print(summary(rows))
     return 0
 
 

@@ -68,14 +68,18 @@ def _row(name: str, effects: tuple[str, ...], truth: Truth) -> LabelRow:
     return LabelRow(name, effects, believed.mae_mm, estimated.mae_mm, within, together.mae_mm, joint_within)
 
 
-def table(rows: Sequence[LabelRow]) -> str:
-    """Every session, then median and 90 % quantile over sessions."""
-    head = f"{'session':10} {'stated lens, mm':>16} {'lens estimated, mm':>19} {'within 2 sigma':>15}"
-    lines = [f"{head} {'--joint, mm':>12} {'within 2 sigma':>15}  causes"]
-    for r in rows:
-        figures = r.refused or f"{r.believed_mm:16.2f} {r.mae_mm:19.2f} {r.within:13.1f} % {r.joint_mm:12.2f} {r.joint_within:13.1f} %"
-        lines.append(f"{r.name:10} {figures}  {', '.join(r.effects) or 'healthy'}")
-    known = [r for r in rows if not r.refused]
+HEAD = f"{'session':10} {'stated lens, mm':>16} {'lens estimated, mm':>19} {'within 2 sigma':>15} {'--joint, mm':>12} {'within 2 sigma':>15}  causes"
+
+
+def line(r: LabelRow) -> str:
+    """A session under `HEAD`."""
+    figures = r.refused or f"{r.believed_mm:16.2f} {r.mae_mm:19.2f} {r.within:13.1f} % {r.joint_mm:12.2f} {r.joint_within:13.1f} %"
+    return f"{r.name:10} {figures}  {', '.join(r.effects) or 'healthy'}"
+
+
+def summary(rows: Sequence[LabelRow]) -> str:
+    """Median and 90 % quantile over the sessions that are not refused."""
+    known, lines = [r for r in rows if not r.refused], []
     for what, q in (("median", 0.5), ("90 % quantile", 0.9)):
         believed, mae, joint = (float(np.nanquantile([getattr(r, f) for r in known], q)) for f in ("believed_mm", "mae_mm", "joint_mm"))
         lines.append(f"{what:14} {believed:12.2f} {mae:19.2f} {joint:28.2f}")
