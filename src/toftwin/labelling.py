@@ -173,7 +173,7 @@ class _Job:
         try:
             posed = dataset.solved(views, "labels", partial(self._poses, views))
         except RefusedError as error:
-            from toftwin.mistakes.refusal import explained
+            from toftwin.mistakes.find import explained
 
             raise explained(error, views, self.caster, self.config.input, self.config.align) from error
         result.note = "; ".join(filter(None, [result.note, _lens_note(views[0].camera, posed)]))

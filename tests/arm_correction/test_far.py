@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_correction.corrector import Corrector
-from arm_correction.first import First
+from arm_correction.first import First, widened
 from arm_correction.match import make_matcher, reference_surface
 from arm_correction.register import judge
-from arm_correction.wide import widened
 from benchmarks.closed_loop import close_loop
 from tests.arm_correction.made import CAMERA, CONFIG, FIRST, reference, seen, twist
 from tests.tof_align.made import foreign, section

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_align.config import AlignConfig
-from toftwin.mistakes.fit import aligned, loose, moved, on_small, take
+from tof_core.errors import RefusedError
+from tof_core.shares import in_percent
+from toftwin.mistakes.fit import aligned, fitting, loose, moved, on_small, take
 from toftwin.mistakes.hypotheses import none, usual
 from toftwin.mistakes.parts import wrong_part
 
@@ -102,3 +104,13 @@ def _some(views: Sequence[View]) -> list[View]:
     stations = [v.station for v in usable]
     of_one = [v for v in usable if v.station == max(set(stations), key=stations.count)]
     return [of_one[int(k)] for k in np.unique(np.linspace(0, len(of_one) - 1, min(VIEWS, len(of_one))).round())]
+
+
+def explained(error: RefusedError, views: Sequence[View], caster: Raycaster, options: BagOptions, align: AlignConfig) -> RefusedError:
+    """The refusal with the line to change, if a common mistake explains it; else the unchanged refusal."""
+    found = find_mistake(views, caster, options, align)
+    if found.mistake is None:
+        return error
+    without = f"without that {in_percent(found.undone)} of the pixels are {fitting(found.mistake.metres)}"
+    why = f"{error.what}; {found.mistake.what}: {without}, with it {in_percent(found.share)} are {fitting()}"
+    return RefusedError(why, where=error.where, todo=found.mistake.todo)

@@ -21,10 +21,9 @@ from tof_scene.scene_file import load_scene
 from tof_virtual.plan import look_at
 from toftwin.doctor.finding import Level
 from toftwin.doctor.fit import examine_parts, in_words
-from toftwin.mistakes.find import FITS, NOWHERE, Found, find_mistake
+from toftwin.mistakes.find import FITS, NOWHERE, Found, explained, find_mistake
 from toftwin.mistakes.hypotheses import Mistake
 from toftwin.mistakes.parts import suspicious
-from toftwin.mistakes.refusal import explained
 
 if TYPE_CHECKING:
     from pathlib import Path
