@@ -118,8 +118,8 @@ class Scene:
         return np.concatenate([part.vertices for part in self.parts]), np.concatenate(faces), ids
 
     def surface_regions(self) -> NDArray[np.int32]:
-        """(m,) region of each face of `triangles()`: smooth patches of one part (see tof_scene.regions)."""
-        from tof_scene.regions import surface_regions
+        """(m,) region of each face of `triangles()`: smooth patches of one part (see tof_scene.topology)."""
+        from tof_scene.topology import surface_regions
 
         return surface_regions(self)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Edges and their faces, found by position, since STL files repeat their vertices."""
+"""Edges and their faces, found by position, since STL files repeat their vertices; smooth patches of faces."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tof_scene.planes import face_normals
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tof_core.arrays import Float
+    from tof_scene.scene import Scene
 
 WELD_M = 1e-6
 """Grid in metres to which vertices are rounded; vertices of one part at one grid point count as one."""
+SMOOTH_DEG = 20.0
+"""Largest angle between the normals of two neighbouring faces of one patch."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,3 +52,18 @@ def _welded(vertices: Float, faces: NDArray[np.int32], part: NDArray[np.int16]) 
     mixed = place * primes
     mixed ^= mixed >> np.uint64(29)
     return np.unique((mixed * primes[::-1]).sum(axis=1, dtype=np.uint64), return_inverse=True)[1]
+
+
+def surface_regions(scene: Scene) -> NDArray[np.int32]:
+    """(m,) region of each face of `Scene.triangles()`, from 0; a region never spans two parts."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    vertices, faces, part = scene.triangles()
+    pairs = edges_of(vertices, faces, part).faces
+    pairs = pairs[pairs[:, 1] >= 0]
+    normal = face_normals(vertices, faces)
+    smooth = np.abs(np.einsum("ij,ij->i", normal[pairs[:, 0]], normal[pairs[:, 1]])) > np.cos(np.radians(SMOOTH_DEG))
+    i, j = pairs[smooth].T
+    graph = coo_matrix((np.ones(len(i), bool), (i, j)), shape=(len(faces), len(faces)))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int32)

@@ -17,7 +17,7 @@ from tof_gap.seen.photons import variance_of_mean
 from tof_gap.seen.session import amplitude_unit
 from tof_gap.tell.plant import plant_words, to_dicts
 from tof_gap.tell.where import by_quantity, regions
-from tof_scene.regions import surface_regions
+from tof_scene.topology import surface_regions
 from tof_sensor.effect import Evidence
 from tof_sensor.model import SensorModel, save_model
 from tof_sensor.origin import Promise

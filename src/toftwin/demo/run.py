@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import time
@@ -23,7 +24,6 @@ from toftwin.demo.inspect import Inspected, inspect
 from toftwin.demo.repair import compare_methods
 from toftwin.demo.replace import Replaced, replace_sensor
 from toftwin.demo.sessions import TODAY, changed, later, today
-from toftwin.demo.spent import Spent, measured, processor_seconds
 from toftwin.inputs import opened
 from toftwin.labelling import LabelResult, label_bag
 from toftwin.pipeline import PipelineConfig
@@ -38,6 +38,27 @@ if TYPE_CHECKING:
     from toftwin.demo.config import DemoConfig
 
 MARK = "made-by-toftwin-demo"
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """Duration of a step, and processor time of all its processes, in seconds."""
+
+    seconds: float
+    processor: float
+
+
+def measured(work: Callable[..., Any], *args: Any) -> tuple[Any, Spent]:
+    """The result of a function, and the time that it took in this process."""
+    began, before = time.monotonic(), processor_seconds()
+    result = work(*args)
+    return result, Spent(time.monotonic() - began, processor_seconds() - before)
+
+
+def processor_seconds() -> float:
+    """Processor time of this process and of its children that have ended, in seconds."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
 
 
 @dataclass(frozen=True, slots=True, eq=False)
