@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 MEASURED = Path(__file__).resolve().parent.parent / "benchmarks" / "limits.json"
 SECTIONS: dict[str, type[Any]] = {"gap": GapConfig, "align": AlignConfig}
-USUAL_SIZE = "12 views of 160x122 pixels"
 TITLES = {"gap": "The diagnosis", "align": "The alignment"}
 INTRODUCTION = """# Every number that decides
 
@@ -58,13 +57,9 @@ def _state(measured: dict[str, Any]) -> str:
     """How many numbers are measured, at which commits, on what."""
     rows = measured["rows"]
     commits = ", ".join(sorted({row["code"] for row in rows}))
-    smaller = [row["size"] for row in rows if _is_smaller(row)]
+    smaller = [row["size"] for row in rows if "size" in row]
     stars = "; ".join(f"{smaller.count(size)} in sessions of {size}" for size in dict.fromkeys(smaller))
     return f"Measured: {len(rows)} numbers, at commits {commits} ({measured['measured']}), each in as many sessions as its cells state. With a star: {stars or 'none'}."
-
-
-def _is_smaller(row: dict[str, Any]) -> bool:
-    return bool(row.get("size", USUAL_SIZE) != USUAL_SIZE)
 
 
 def _group(info: ParamInfo) -> str:
@@ -85,9 +80,9 @@ def _change(row: dict[str, Any] | None, key: str, unit: str) -> str:
     if row is None:
         return "–"
     if row["read"] == 0:
-        return "not read" + (" *" if _is_smaller(row) else "")
+        return "not read" + (" *" if "size" in row else "")
     found = row[key]
     if found is None:
         return "at its bound"
     most = f", {found['most']:.2g} {unit}" if found["most"] >= 0.05 else ""
-    return f"{found['changed']} of {row['sessions']}{most}{' *' if _is_smaller(row) else ''}"
+    return f"{found['changed']} of {row['sessions']}{most}{' *' if 'size' in row else ''}"

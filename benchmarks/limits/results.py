@@ -33,7 +33,7 @@ def key(line: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def rows(lines: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One row per number: sessions tried, their size, sessions that read it; per factor, verdicts that change and the largest change of a figure.
+    """One row per number: sessions tried, their size where it is not the usual one, sessions that read it; per factor, verdicts that change and the largest change of a figure.
 
     Of a number that was measured at several commits, the last one counts.
     """
@@ -58,7 +58,8 @@ def _row(name: str, lines: list[dict[str, Any]]) -> dict[str, Any]:
     tried = {line["session"] for line in lines}
     row: dict[str, Any] = {"name": name, "sessions": len(tried), "read": len({line["session"] for line in lines if line["read"]})}
     row["code"] = max({line["code"] for line in lines})
-    row["size"] = lines[0].get("size", USUAL_SIZE)
+    if (size := lines[0].get("size", USUAL_SIZE)) != USUAL_SIZE:
+        row["size"] = size
     for factor in FACTORS:
         mine = [line for line in lines if line["factor"] == factor and line["value"] is not None]
         figures = [f for line in mine if (f := line.get("points", line.get("mm"))) is not None]

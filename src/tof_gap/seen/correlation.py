@@ -59,9 +59,14 @@ class NoiseCorrelation:
         """Width of the window over which noise was averaged: pixels farther apart share none."""
         return round(float(np.sqrt(self.area)))
 
-    def variance(self, near: float, next_but_one: float) -> float:
-        """Variance of one pixel, by the variances of second differences of next neighbours and of pixels two apart."""
-        return near + self.lever * max(next_but_one - near, 0.0)
+    @property
+    def steps(self) -> tuple[int, ...]:
+        """Pixels between the samples of the second differences whose variances `variance` takes."""
+        return (1, 2) if self.correlated else (1,)
+
+    def variance(self, shown: Sequence[float]) -> float:
+        """Variance of one pixel, by the variances of second differences of samples `steps` pixels apart."""
+        return shown[0] + self.lever * max(shown[-1] - shown[0], 0.0)
 
     def sampled(self, share: float) -> float:
         """Variance of the mean of a random `share` of an area's pixels, over that of as many independent pixels."""

@@ -29,26 +29,26 @@ def noise_level(residual: Float, keep: Mask, amplitude: Float, limits: LevelLimi
     it is read from how the differences grow with the distance of the pixels.
     """
     r = np.where(keep, residual, np.nan)
-    d2, log = _differences(r, amplitude, 1)
+    near = [_differences(r, amplitude, step) for step in correlation.steps]
+    d2, log = near[0]
     if len(d2) < limits.samples:
         return np.full(residual.shape, limits.unknown_mm * 1e-3)
     edges = np.unique(np.quantile(log, np.linspace(0, 1, limits.bins + 1)))
-    near = [[d2, log], *([_differences(r, amplitude, 2)] if correlation.correlated else [])]
     ends = [[0, *np.searchsorted(light, edges[1:-1]), len(light)] for _, light in near]
     centres, sizes = [], []
     for k in range(len(edges) - 1):
         bins = [(x[e[k] : e[k + 1]], light[e[k] : e[k + 1]]) for (x, light), e in zip(near, ends, strict=True)]
         if min(len(x) for x, _ in bins) >= limits.bin_samples:
             centres.append(float(bins[0][1].mean()))
-            sizes.append(_std([trimmed_std(x) for x, _ in bins], correlation))
+            sizes.append(_std(bins, correlation))
     if not centres:
-        return np.full(residual.shape, _std([trimmed_std(x) for x, _ in near], correlation))
+        return np.full(residual.shape, _std(near, correlation))
     return np.interp(np.log(np.maximum(amplitude, DARK)), centres, np.maximum(sizes, limits.least_mm * 1e-3))
 
 
-def _std(shown: Sequence[float], correlation: NoiseCorrelation) -> float:
-    """Standard deviation of one pixel's noise by those of differences: of next neighbours and, where they share noise, of pixels two apart."""
-    return shown[0] if len(shown) == 1 else float(np.sqrt(correlation.variance(shown[0] ** 2, shown[1] ** 2)))
+def _std(differences: Sequence[tuple[Float, Float]], correlation: NoiseCorrelation) -> float:
+    """Standard deviation of one pixel's noise by second differences (and ln amplitude) of pixels `correlation.steps` apart."""
+    return float(np.sqrt(correlation.variance([trimmed_std(d2) ** 2 for d2, _ in differences])))
 
 
 def _differences(residual: Float, amplitude: Float, step: int) -> tuple[Float, Float]:

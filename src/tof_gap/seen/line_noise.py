@@ -39,8 +39,8 @@ def line_noise(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> 
     it averages pixels: then lines two apart are compared as well (`NoiseCorrelation.variance`).
     """
     of = views[0].correlation
-    found = [_in_common(views, axis, limits, step) for step in ((1, 2) if of.correlated else (1,))]
-    size2 = of.variance(found[0][0], found[-1][0])
+    found = [_in_common(views, axis, limits, step) for step in of.steps]
+    size2 = of.variance([size2 for size2, _ in found])
     return LineNoise(axis, float(np.sqrt(max(size2, 0.0))), max(sigma for _, sigma in found))
 
 

@@ -41,20 +41,17 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
     rows = []
     for i, v in enumerate(views):
         along = (v.residual * v.frame.length, v.frame.amplitude, v.frame.radial**2, v.frame.surroundings_m2)
-        x, a, r2, around2 = _by_rows(v, along, 1)
+        shown = [_by_rows(v, along, step) for step in v.correlation.steps]
+        x, a, r2, around2 = shown[0]
         if len(x) < limits.view_samples:
             continue
         edges = np.quantile(a, np.linspace(0, 1, bins + 1))[1:-1]
-        which = np.searchsorted(edges, a, side="right")
-        far = _by_rows(v, along[:2], 2) if v.correlation.correlated else None
-        which_far = None if far is None else np.searchsorted(edges, far[1], side="right")
+        which = [np.searchsorted(edges, light, side="right") for _, light, *_ in shown]
         for b in range(bins):
-            of = which == b
+            of = which[0] == b
             if of.sum() >= limits.bin_samples:
-                near2 = trimmed_std(x[of]) ** 2
-                far2 = near2 if far is None else trimmed_std(far[0][which_far == b]) ** 2
-                variance = v.view.captures * v.correlation.variance(near2, far2)
-                rows.append((i, a[of].mean(), r2[of].mean(), around2[of].mean(), variance, of.sum()))
+                own2 = v.correlation.variance([trimmed_std(s[0][w == b]) ** 2 for s, w in zip(shown, which, strict=True)])
+                rows.append((i, a[of].mean(), r2[of].mean(), around2[of].mean(), v.view.captures * own2, of.sum()))
     table = np.array(rows, float).reshape(-1, 6)
     return NoiseBins(*table.T)
 

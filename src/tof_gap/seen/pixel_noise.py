@@ -74,8 +74,7 @@ def pixel_pattern(views: Sequence[ViewEvidence]) -> float:
     A filter in the camera averages offsets as it averages noise: neighbours share them alike.
     """
     of = views[0].correlation
-    near2 = _in_common(views, 1)
-    return float(np.sqrt(of.variance(near2, _in_common(views, 2)) if of.correlated else near2))
+    return float(np.sqrt(of.variance([_in_common(views, step) for step in of.steps])))
 
 
 def _in_common(views: Sequence[ViewEvidence], step: int) -> float:

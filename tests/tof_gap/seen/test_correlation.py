@@ -53,9 +53,9 @@ def test_means_over_a_window(width: int) -> None:
     assert of.line == pytest.approx(width, rel=0.1)
     # Autocorrelation 1 - k / m: next neighbours show 6 - 8 (1 - 1 / m) + 2 (1 - 2 / m) = 4 / m of 6, pixels two apart a different share.
     near, next_but_one = 4 / width / 6, (6 - 8 * (1 - 2 / width) + 2 * max(0.0, 1 - 4 / width)) / 6
-    assert of.variance(near, next_but_one) == pytest.approx(1.0, rel=0.1)
+    assert of.variance([near, next_but_one]) == pytest.approx(1.0, rel=0.1)
     # Independent noise beside it, such as that of rounding, adds its variance to both.
-    assert of.variance(near + 0.5, next_but_one + 0.5) == pytest.approx(1.5, rel=0.1)
+    assert of.variance([near + 0.5, next_but_one + 0.5]) == pytest.approx(1.5, rel=0.1)
     assert of.window_px == width
 
 
