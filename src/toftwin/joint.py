@@ -11,6 +11,7 @@ import numpy as np
 from tof_align.session import solve_session
 from tof_core.config import flatten, from_mapping
 from tof_sensor.effects.cad_deviation import CadDeviation
+from tof_sensor.effects.intrinsics import Intrinsics
 from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
 
 if TYPE_CHECKING:
@@ -42,8 +43,10 @@ def joint_poses(
     stamps = np.array([e.view.stamp_ns for e in solved.evidence])
     at = [int(np.argmin(np.abs(stamps - v.stamp_ns))) for v in views]
     bias = [_bias(solved, k) for k in at]
+    # A lens within its calibration is estimated again with the poses: beside it, the diagnosis weighs pixels for names and not for rays.
+    wrong_lens = any(c.name == Intrinsics.NAME for c in solved.named)
     clean = [
-        replace(v, camera=solved.bare[k].view.camera, depth=(v.depth - np.nan_to_num(b)).astype(np.float32))
+        replace(v, camera=solved.bare[k].view.camera if wrong_lens else v.camera, depth=(v.depth - np.nan_to_num(b)).astype(np.float32))
         for v, k, b in zip(views, at, bias, strict=True)
     ]
     posed = solve_session(clean, caster, config.align).posed
