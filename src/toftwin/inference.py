@@ -21,6 +21,7 @@ from tof_core.progress import progress
 from tof_infer.config import InferConfig
 from tof_infer.frames import Mark
 from tof_infer.session import Repaired, Session
+from toftwin.inputs import must_have_frames
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -94,20 +95,11 @@ def infer_bag(reader: BagReader, out: Path, config: InferConfig, *, copy: bool =
                 repaired = session.repair(capture)
                 tally.add(repaired, time.perf_counter() - started)
                 write_repaired(bag, capture, repaired)
-        _must_have_frames(tally, reader)
+        must_have_frames(tally.frames, reader, "infer")
     except RefusedError:
         shutil.rmtree(out, ignore_errors=True)
         raise
     return tally
-
-
-def _must_have_frames(tally: Tally, reader: BagReader) -> None:
-    if not tally.frames:
-        raise RefusedError(
-            f"no frame of {reader.frame_count} could be read ({reader.last_error or 'all empty'})",
-            where="infer",
-            todo="toftwin doctor lists what the bag lacks",
-        )
 
 
 def write_repaired(bag: BagWriter, capture: Capture, repaired: Repaired) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from tof_core.errors import RefusedError
 from toftwin.options import parse_placement
 
 if TYPE_CHECKING:
@@ -71,3 +72,10 @@ def source(
     with opened(bag, scene, config, initial_pose) as (reader, opened_scene):
         assert opened_scene is not None
         yield reader, opened_scene
+
+
+def must_have_frames(frames: int, reader: BagReader, where: str) -> None:
+    """Refuse a bag of which no frame could be read."""
+    if not frames:
+        what = f"no frame of {reader.frame_count} could be read ({reader.last_error or 'all empty'})"
+        raise RefusedError(what, where=where, todo="toftwin doctor lists what the bag lacks")

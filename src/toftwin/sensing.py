@@ -18,6 +18,7 @@ from tof_core.options import BagOptions
 from tof_core.progress import progress
 from tof_sensor.normals import NORMALS_KIND, Normals
 from tof_sensor.simulator import Simulator, SimulatorConfig
+from toftwin.inputs import must_have_frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -100,19 +101,11 @@ def sense_bag(reader: BagReader, out: Path, config: SimulatorConfig, caster: Ray
                 measured = camera.measured(capture, normal)
                 tally.add(capture, measured, time.process_time() - started)
                 write_measured(bag, measured)
-        _must_have_frames(tally, reader)
+        must_have_frames(tally.frames, reader, "sensor")
     except BaseException:
         shutil.rmtree(out, ignore_errors=True)
         raise
     return tally
-
-
-def _must_have_frames(tally: Tally, reader: BagReader) -> None:
-    if not tally.frames:
-        why = reader.last_error or "all empty"
-        raise RefusedError(
-            f"no frame of {reader.frame_count} could be read ({why})", where="sensor", todo="toftwin doctor lists what the bag lacks"
-        )
 
 
 def _with_normals(captures: Iterator[Capture], reader: BagReader, topic: str) -> Iterator[tuple[Capture, Image | None]]:

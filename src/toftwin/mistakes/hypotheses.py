@@ -171,12 +171,8 @@ def _scenes() -> Iterator[Mistake]:
 
 def _in_cell_of(factor: float) -> Callable[[View], View]:
     """The view with its lengths in the CAD's unit: a scene that is too large is tested by a camera and an arm that are larger."""
-
-    def undone(view: View) -> View:
-        grown = _times(1 / factor)(view)
-        return _posed(lambda T: _at(T, T[:3, 3] / factor))(grown)
-
-    return undone
+    placed = _posed(lambda T: _at(T, T[:3, 3] / factor))
+    return lambda view: placed(_times(1 / factor)(view))
 
 
 def _posed(change: Callable[[Float], Float]) -> Callable[[View], View]:
