@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -18,6 +19,7 @@ from tof_gap.tell.contradicted import TakenOut
 from toftwin.cli import main
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
 EFFECTS: dict[str, dict[str, float]] = {"null": {}, "wiggling": {"wiggling": 1.0}, "offset": {"temperature_drift": 1.0}}
@@ -30,19 +32,30 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_builtin("body_section", tmp_path_factory.mktemp("scene"))
 
 
-@pytest.fixture(scope="module", params=sorted(EFFECTS))
-def session(request: pytest.FixtureRequest, scene: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path, dict[str, Any]]:
-    """A session with one effect or none, its report, and the report's folder."""
+@pytest.fixture(scope="module")
+def sessions(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The folder of a session with one effect or none, by name: `bag`, and its report under `gap`; each is made once."""
     from tof_scene.scene_file import load_scene
     from tof_virtual.config import VirtualConfig
     from tof_virtual.record import record
     from toftwin.commands.simulate import bodies_of
 
-    folder = tmp_path_factory.mktemp(request.param)
-    config = from_mapping(VirtualConfig, {"seed": 5, "camera.width": 112, "camera.height": 86, "plan.views": 9, "plan.pause_s": 30.0})
-    record(bodies_of(load_scene(scene)), folder / "bag", config, effects=EFFECTS[request.param])
-    assert main(["gap", str(folder / "bag"), "--scene", str(scene), "--out", str(folder / "gap"), "--json"]) == 0
-    return request.param, folder / "gap", json.loads((folder / "gap" / "gap.json").read_text())
+    @cache
+    def made(name: str) -> Path:
+        folder = tmp_path_factory.mktemp(name)
+        config = from_mapping(VirtualConfig, {"seed": 5, "camera.width": 112, "camera.height": 86, "plan.views": 9, "plan.pause_s": 30.0})
+        record(bodies_of(load_scene(scene)), folder / "bag", config, effects=EFFECTS[name])
+        assert main(["gap", str(folder / "bag"), "--scene", str(scene), "--out", str(folder / "gap"), "--json"]) == 0
+        return folder
+
+    return made
+
+
+@pytest.fixture(scope="module", params=sorted(EFFECTS))
+def session(request: pytest.FixtureRequest, sessions: Callable[[str], Path]) -> tuple[str, Path, dict[str, Any]]:
+    """A session's effect, the folder of its report, and the report."""
+    out = sessions(request.param) / "gap"
+    return request.param, out, json.loads((out / "gap.json").read_text())
 
 
 @pytest.mark.slow
@@ -72,6 +85,30 @@ def test_the_files_hold_what_the_design_says(session: tuple[str, Path, dict[str,
     assert "Where it lies" in page
     assert ("gap once the named effects are simulated" in page) is bool(EFFECTS[name]), "without an effect there is no after"
     assert ("How far it shrinks" in page) is bool(EFFECTS[name])
+
+
+@pytest.mark.slow
+def test_with_the_fitted_sensor_as_known_no_effect_is_left(
+    sessions: Callable[[str], Path], scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second = sessions("wiggling") / "gap", tmp_path / "second"
+    call = ["gap", str(first.with_name("bag")), "--scene", str(scene), "--out", str(second), "--sensor"]
+    assert main([*call, str(first / "sensor.yaml")]) == 0
+    before, after = (json.loads((out / "gap.json").read_text()) for out in (first, second))
+    assert (before["verdict"], after["verdict"]) == (["wiggling"], ["none"])
+    assert after["gap"]["before_mm"]["rmse"] < 1.1 * after["gap"]["floor_mm"]
+    # On the session of its own fit a model keeps what it promised.
+    promise = after["promise"]
+    assert promise["promised"]["shrink"] == pytest.approx(before["gap"]["shrink"], abs=1e-9)
+    assert promise["kept"]["shrink"] == pytest.approx(promise["promised"]["shrink"], abs=0.1)
+    assert promise["without_mm"] == pytest.approx(
+        np.sqrt(before["gap"]["before_mm"]["rmse"] ** 2 - before["gap"]["floor_mm"] ** 2), rel=0.2
+    )
+    assert "promise" not in before
+    assert "shrink by --sensor: promised" in capsys.readouterr().out
+    (tmp_path / "other.yaml").write_text((first / "sensor.yaml").read_text().replace("width: 112", "width: 224"))
+    assert main([*call, str(tmp_path / "other.yaml")]) != 0
+    assert "fitted to another camera (width 224 against 112)" in capsys.readouterr().err
 
 
 def test_motion_is_not_absent_but_untestable(session: tuple[str, Path, dict[str, Any]]) -> None:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -17,12 +16,9 @@ from tof_align.causal import SessionAligner
 from tof_align.known import known_removed, known_removed_alone
 from tof_align.session import solve_session
 from tof_core import se3
-from tof_core.config import from_mapping
 from tof_inspect.judge import Inspector
-from tof_scene.builtin import write_builtin
 from tof_scene.raycast import Raycaster
 from tof_scene.render import render
-from tof_scene.scene_file import load_scene
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.range_offset import RangeOffset
 from tof_sensor.effects.wiggling import Wiggling
@@ -30,14 +26,9 @@ from tof_sensor.frame import LIGHT_M_PER_S
 from tof_sensor.known import KnownBias, ideal_frames
 from tof_sensor.model import SensorModel
 from tof_sim_label.labeller import LabellerConfig, label_session
-from tof_virtual.config import VirtualConfig
-from tof_virtual.record import record
-from toftwin.cli import main
-from toftwin.commands.simulate import bodies_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from pathlib import Path
 
     from tests.tof_align.made import Seen, Truth
     from tof_core.arrays import Float
@@ -159,30 +150,3 @@ def test_labels_parts_and_corrections_take_it() -> None:
 def test_an_empty_model_changes_nothing() -> None:
     views, _ = session(section(), views=2)
     assert not left_mm(known_removed(views, section(), KnownBias(SensorModel()), CONFIG), views).any()
-
-
-@pytest.mark.slow
-def test_a_diagnosis_with_the_fitted_sensor_as_known_finds_no_effect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    scene, first, second = write_builtin("body_section", tmp_path / "scene"), tmp_path / "first", tmp_path / "second"
-    small = {"seed": 5, "camera.width": 112, "camera.height": 86, "plan.views": 6}
-    record(bodies_of(load_scene(scene)), tmp_path / "bag", from_mapping(VirtualConfig, small), effects={"wiggling": 1.0})
-    call = ["gap", str(tmp_path / "bag"), "--scene", str(scene), "--out"]
-    assert main([*call, str(first)]) == 0
-    assert main([*call, str(second), "--sensor", str(first / "sensor.yaml")]) == 0
-    before, after = (json.loads((out / "gap.json").read_text()) for out in (first, second))
-    assert (before["verdict"], after["verdict"]) == (["wiggling"], ["none"])
-    assert after["gap"]["before_mm"]["rmse"] < 1.1 * after["gap"]["floor_mm"]
-    # On the session of its own fit a model keeps what it promised.
-    promise = after["promise"]
-    assert promise["promised"]["shrink"] == pytest.approx(before["gap"]["shrink"], abs=1e-9)
-    assert promise["kept"]["shrink"] == pytest.approx(promise["promised"]["shrink"], abs=0.1)
-    assert promise["without_mm"] == pytest.approx(
-        np.sqrt(before["gap"]["before_mm"]["rmse"] ** 2 - before["gap"]["floor_mm"] ** 2), rel=0.2
-    )
-    assert "promise" not in before
-    said = capsys.readouterr().out
-    assert "shrink by --sensor: promised" in said
-    other = (first / "sensor.yaml").read_text().replace("width: 112", "width: 224")
-    (tmp_path / "other.yaml").write_text(other)
-    assert main([*call, str(second), "--sensor", str(tmp_path / "other.yaml")]) != 0
-    assert "fitted to another camera (width 224 against 112)" in capsys.readouterr().err
