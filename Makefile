@@ -22,8 +22,9 @@ setup-dev:  ## make .venv for tests, benchmarks and training (once; test does it
 demo: setup  ## set up, then a virtual session: label, diagnose, correct, inspect, simulate: out/demo/
 	@.venv/bin/toftwin demo $(ARGS)
 
+# Tests start many processes: modules are compiled for the first of them alone, also where an image sets PYTHONDONTWRITEBYTECODE.
 test: setup-dev  ## set up, run the tests (ARGS="-k preproc"), then lint
-	@$(PY) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=25 $(ARGS)
+	@PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=25 $(ARGS)
 	@$(MAKE) --no-print-directory lint
 
 bench: setup-dev  ## print the figures and their bars, at most 20 minutes (ARGS="--only NAME --write")
