@@ -7,6 +7,7 @@ with the real camera's effects there, so the poses of both sessions need not agr
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,11 +18,13 @@ from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, A
 from tof_gap.tell.levels_apart import Level, Noisy, Seen, loss_apart, mixing_apart, noise_apart, wraps_apart
 from tof_gap.tell.maps_apart import Pair
 from tof_gap.tell.report import sensor_model
+from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_sensor.model import SensorModel
 
@@ -58,7 +61,7 @@ def _levels(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: Sens
     law, noise = (None if known is None else known.law) or pair.real.law, None
     if law is not None:
         noise = noise_apart(
-            Noisy(pair.real.evidence, pair.camera, 1.0), Noisy(simulated.evidence, pair.simulator, 1.0 / pair.unit), law, seen
+            Noisy(_quiet(pair.real), pair.camera, 1.0), Noisy(_quiet(simulated), pair.simulator, 1.0 / pair.unit), law, seen
         )
     out = []
     for level, least, what in ((loss, limits.loss, ""), (wraps, limits.wraps, " off by whole periods")):
@@ -74,6 +77,18 @@ def _levels(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: Sens
     if mixing is not None and not 1 / limits.shares < mixing.ratio < limits.shares:
         out.append(_difference(mixing, f"{mixing.real:.0f} mm real, {mixing.simulated:.0f} mm simulated at edges", in_mm=True))
     return out
+
+
+def _quiet(session: Diagnosis) -> Sequence[ViewEvidence]:
+    """A session's views with the noise of their pixels; beside a fixed pattern the held-out views alone, with the pattern taken off.
+
+    Constant offsets of pixels differ from neighbour to neighbour as noise does, and averaging of captures does not reduce them. In the
+    views that the pattern was estimated from, its map holds a part of the noise.
+    """
+    figures = session.account.figures
+    if FixedPattern.NAME not in figures.maps:
+        return session.evidence
+    return [replace(session.evidence[v], sigma=np.sqrt(figures.noise2[v])) for v in figures.held]
 
 
 def _excess_mm(noise: Level) -> float:

@@ -52,9 +52,6 @@ class AgainstLimits:
         high=1.0,
         why="1 if it is there, 0 if one diagnosis missed the effect and its poses took it up",
     )
-    alike: float = param(
-        0.9, "correlation of two maps of one effect from which only their sizes differ", low=0.0, high=1.0, why="forms are never exact"
-    )
     absent: float = param(
         0.1,
         "size of an effect in one session, over its size in the other, below which the first has not got it",

@@ -175,15 +175,17 @@ class Pair:
         return np.concatenate([m[s] for m, s in zip(maps, self.seen, strict=True)])
 
     def _manner(self, real: Float, simulated: Float) -> str:
-        """What the simulator does with an effect of (n,) metres in both."""
+        """What the simulator does with an effect of (n,) metres in both; in another form if form makes more of the difference than size."""
         own, energy, both = float(real @ real), float(simulated @ simulated), float(real @ simulated)
         if energy < self.limits.absent**2 * own:
             return LACKS
         if own < self.limits.absent**2 * energy:
             return SUPERFLUOUS
-        if both < self.limits.alike * np.sqrt(energy * own):
+        # |a - b|^2 = (|a| - |b|)^2 + 2 (|a| |b| - a.b): what the sizes make, and what is left once both have one size.
+        by_size, by_form = (np.sqrt(own) - np.sqrt(energy)) ** 2, 2.0 * (np.sqrt(own * energy) - both)
+        if by_form > by_size:
             return OTHER
-        return WEAK if both > energy else STRONG
+        return WEAK if own > energy else STRONG
 
     def _by_part(self, name: str) -> dict[str, float]:
         apart = self._pixels(self.apart(name))

@@ -123,6 +123,16 @@ def test_size_and_form_are_distinguished(evidence: tuple[ViewEvidence, ...]) -> 
     assert [only(compared(real, diagnosis(evidence, e))).simulator for e in (half, twice, other)] == [WEAK, STRONG, OTHER]
 
 
+def test_a_size_that_makes_most_of_the_difference_is_named_before_the_form(evidence: tuple[ViewEvidence, ...]) -> None:
+    """Two waves a quarter of a turn and less apart: of one size they differ in form, of twice the size in size first."""
+    real, turn = diagnosis(evidence, WIGGLE), np.radians(35.0)
+    equal, twice = (
+        Wiggling(sine_m=size * float(np.cos(turn)), cosine_m=size * float(np.sin(turn)), modulation_mhz=90.0) for size in (0.006, 0.012)
+    )
+    assert [only(compared(real, diagnosis(evidence, e))).simulator for e in (equal, twice)] == [OTHER, STRONG]
+    assert only(compared(diagnosis(evidence, twice), real)).simulator == WEAK
+
+
 def test_each_effect_takes_its_share_of_the_distance(evidence: tuple[ViewEvidence, ...]) -> None:
     found = compared(diagnosis(evidence, WIGGLE, WALK), diagnosis(evidence))
     assert found.verdict == ("amplitude_bias", "wiggling")
@@ -196,6 +206,15 @@ def test_noise_is_compared_as_it_was_measured_in_either_session(evidence: tuple[
     assert only(found).simulated_mm == pytest.approx(2.0 * only(found).real_mm)
     assert compared(real, diagnosis(noisier(evidence, 1.15))).verdict == ("none",)
     assert compared(diagnosis(noisier(evidence, 2.0)), real).differences[0].simulator == WEAK
+
+
+def test_offsets_of_a_fixed_pattern_are_no_noise(evidence: tuple[ViewEvidence, ...]) -> None:
+    """Differences of neighbours take them for noise; figures hold the noise of the held-out views without the pattern."""
+    pattern = FixedPattern(pixels=packed(np.random.default_rng(0).normal(0.0, 0.0030, SHAPE)))
+    one, other = diagnosis(evidence, pattern), diagnosis(noisier(evidence, 3.0), pattern)
+    assert compared(one, other).verdict == ("noise",)
+    object.__setattr__(other.account.figures, "noise2", {v: evidence[v].sigma ** 2 for v in HELD})
+    assert compared(one, other).verdict == ("none",)
 
 
 def test_two_laws_of_one_noise_are_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:
