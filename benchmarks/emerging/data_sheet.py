@@ -33,7 +33,11 @@ MEASURED = 0.9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoiseTable:
-    """Targets that the camera measures: mean amplitude in its unit, distance in metres, variance along the ray in m^2; each (n,)."""
+    """Targets that the camera measures: mean amplitude in its unit, distance in metres, variance along the ray in m^2; each (n,).
+
+    The variance is that of the step of the depth output at least: a near, bright target has one depth code in all captures, and no
+    maker states that such a camera has no noise.
+    """
 
     amplitude: Float
     distance: Float
@@ -61,4 +65,5 @@ def _row(camera: Camera, distance: float, albedo: float, rng: np.random.Generato
     if seen.mean() < MEASURED:
         return None
     amplitude = np.mean([f.amplitude.ravel()[seen] for f in frames])
-    return float(amplitude), distance, float(np.median(np.nanvar(depth[:, seen], axis=0, ddof=1)))
+    of_step = (1e-3 * camera.device.firmware.step_mm) ** 2 / 12
+    return float(amplitude), distance, max(float(np.median(np.nanvar(depth[:, seen], axis=0, ddof=1))), of_step)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,3 +30,15 @@ def test_a_data_sheet_s_law_is_the_noise_that_targets_show(tmp_path: Path) -> No
     near = table.distance == DISTANCES_M[1]
     bright, dark = table.variance[near][-1], table.variance[near][0]
     assert np.sqrt(dark / bright) == pytest.approx(np.sqrt(table.amplitude[near][-1] / table.amplitude[near][0]), rel=0.35)
+
+
+def test_coarse_depth_codes_are_no_camera_without_noise(tmp_path: Path) -> None:
+    """Near and bright targets have one code of 4 mm in all captures; the law states the variance of the step there, not zero."""
+    healthy = draw(np.random.default_rng(4), 4)
+    coarse = replace(healthy, firmware=replace(healthy.firmware, step_mm=4.0, denoise_px=5))
+    table = noise_table(coarse)
+    write_data_sheet(coarse, tmp_path / "sensor.yaml")
+    law = load_model(tmp_path / "sensor.yaml").law
+    assert law is not None
+    assert table.variance.min() == pytest.approx(0.004**2 / 12)
+    np.testing.assert_array_less(0.5 * table.variance, law.variance(table.amplitude, table.distance**2))
