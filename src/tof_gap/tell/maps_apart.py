@@ -11,7 +11,7 @@ import numpy as np
 from tof_gap.seen.rendered import rendered_bias
 from tof_gap.tell.difference import LACKS, OTHER, STRONG, SUPERFLUOUS, WEAK, AgainstLimits, Difference
 from tof_gap.tell.poses_free import shown
-from tof_gap.tell.shrink import blocks, measure
+from tof_gap.tell.shrink import blocks, measure, surely_removed
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.flying_pixels import FlyingPixels
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_gap.tell.account import Cause
     from tof_gap.tell.diagnosis import Diagnosis
-    from tof_gap.tell.shrink import Shrink
+    from tof_gap.tell.shrink import HeldOut, Shrink
     from tof_sensor.effect import Effect
     from tof_sensor.frame import Frame
     from tof_sensor.model import SensorModel
@@ -140,12 +140,15 @@ class Pair:
 
     def distance(self, names: Sequence[str]) -> Shrink:
         """Camera minus simulator on the held-out views, before and after these effects are corrected."""
+        return measure(self._corrected(names), np.random.default_rng(0), self.figures.limits.shrink)
+
+    def _corrected(self, names: Sequence[str]) -> HeldOut:
+        """Camera minus simulator by block, before and after these effects are corrected."""
         before = self._before()
         change = [np.sum([z, *(self.apart(n)[i] for n in names)], axis=0) for i, z in enumerate(self._zero())]
         after = [b - c for b, c in zip(before, change, strict=True)]
         floors = [self.real.floor2[v] for v in self.held]
-        limits = self.figures.limits
-        return measure(blocks(before, after, floors, limits.block_px), np.random.default_rng(0), limits.shrink)
+        return blocks(before, after, floors, self.figures.limits.block_px)
 
     def _before(self) -> list[Float]:
         """(H, W) metres per held-out view: camera minus simulator, NaN where a pixel does not count."""
@@ -155,7 +158,9 @@ class Pair:
     def difference(self, name: str) -> Difference | None:
         """One effect; None where its correction changes little."""
         found = self.distance([name])
-        if found.shrink is None or found.ci95 is None or found.shrink < self.limits.shrink or found.ci95[0] <= 0:
+        if found.shrink is None or found.ci95 is None or found.shrink < self.limits.shrink:
+            return None
+        if not surely_removed(self._corrected([name]), np.random.default_rng(0), self.figures.limits.shrink):
             return None
         if name == FixedPattern.NAME and not self._patterns_differ():
             return None
@@ -163,7 +168,8 @@ class Pair:
         if np.sum((real - simulated) ** 2) < self.limits.apart**2 * max(real @ real, simulated @ simulated):
             return None
         size = [1e3 * float(np.sqrt(np.mean(x * x))) for x in (real, simulated)]
-        return Difference(name, self._manner(real, simulated), size[0], size[1], self._by_part(name), found.shrink, found.ci95)
+        share = (max(found.ci95[0], 0.0), found.ci95[1])
+        return Difference(name, self._manner(real, simulated), size[0], size[1], self._by_part(name), found.shrink, share)
 
     def _patterns_differ(self) -> bool:
         """Whether two patterns differ by more than the errors of their fits: an offset has the noise of the mean over its views."""

@@ -8,7 +8,7 @@ import pytest
 
 from tof_gap.limits.report import ReportLimits, ShrinkLimits
 from tof_gap.tell import shrink
-from tof_gap.tell.shrink import Errors, HeldOut, Shrink, blocks, measure
+from tof_gap.tell.shrink import Errors, HeldOut, Shrink, blocks, measure, surely_removed
 
 RNG = np.random.default_rng(8)
 LIMITS = ShrinkLimits()
@@ -119,3 +119,21 @@ def test_the_gap_above_the_noise_is_the_root_of_the_difference_of_squares() -> N
 def test_the_share_away_from_edges_is_of_the_squared_gap(off_edges_mm: tuple[float, float] | None, share: float | None) -> None:
     none = Errors(0.0, 0.0, 0.0)
     assert Shrink(none, none, 1.0, None, None, off_edges_mm).off_edges == share
+
+
+def test_whether_anything_is_removed_depends_on_neither_floor_nor_poses() -> None:
+    """0.5 mm beside 1.7 mm of noise: a healthy camera may have as much in its poses, and yet it is there and is removed."""
+    before, after, floor2 = maps(0.0005, 0.0017, 0.0)
+    small = measure(sums(before, after, floor2), RNG, LIMITS)
+    assert small.shrink is not None
+    assert small.ci95 is not None
+    assert small.ci95[0] < 0.0 < 0.5 < small.shrink
+    assert surely_removed(sums(before, after, floor2), RNG, LIMITS)
+    assert not surely_removed(sums(after, before, floor2), RNG, LIMITS)
+    assert not surely_removed(sums(before, before, floor2), RNG, LIMITS)
+
+
+def test_what_one_block_alone_shows_may_be_chance() -> None:
+    before, after, floor2 = maps(0.0, 0.0017, 0.0)
+    before[0][:8, :8] += 0.02
+    assert not surely_removed(sums(before, after, floor2), RNG, LIMITS)
