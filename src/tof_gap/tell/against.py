@@ -15,7 +15,8 @@ import numpy as np
 from tof_core.shares import in_percent
 from tof_gap.seen.noise import least_mm
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, AgainstLimits, Difference
-from tof_gap.tell.levels_apart import Level, Noisy, Seen, loss_apart, mixing_apart, noise_apart, wraps_apart
+from tof_gap.tell.levels_apart import Level, Noisy, Seen, mixing_apart, noise_apart, wraps_apart
+from tof_gap.tell.loss_apart import Lossy, loss_apart
 from tof_gap.tell.maps_apart import Pair
 from tof_gap.tell.report import sensor_model
 from tof_sensor.effects.fixed_pattern import FixedPattern
@@ -51,23 +52,41 @@ def against(
     alike = tuple(d.effect for d in found if any(s[d.effect] < limits.shown for s in shares))
     biases = sorted((d for d in found if d.effect not in alike), key=lambda d: -(d.shrink or 0.0))
     distance = pair.distance([n for n in pair.names if n not in alike])
-    return Against(distance, (*biases, *_levels(pair, simulated, limits, known)), alike)
+    lost, lost_alike = _loss(pair, simulated, limits)
+    return Against(distance, (*biases, *lost, *_levels(pair, simulated, limits, known)), (*alike, *lost_alike))
+
+
+def _loss(pair: Pair, simulated: Diagnosis, limits: AgainstLimits) -> tuple[list[Difference], list[str]]:
+    """Lost pixels of camera and simulator: the difference, or the effect that the pixels of both sessions show alike."""
+    real = pair.real
+    found = loss_apart(
+        Lossy(real.evidence, pair.camera, pair.unit),
+        Lossy(simulated.evidence, pair.simulator, 1.0 / pair.unit),
+        pair.parts,
+        real.config.missing,
+        limits.loss,
+    )
+    if found is None or 1 / limits.shares < found.level.ratio < limits.shares:
+        return [], []
+    if any(share < limits.shown for share in found.shown):
+        return [], [found.level.effect]
+    note = f"{in_percent(found.level.real)} of the pixels real, {in_percent(found.level.simulated)} simulated"
+    return [_difference(found.level, note)], []
 
 
 def _levels(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: SensorModel | None) -> list[Difference]:
-    """Noise, lost, wrapped and mixed pixels of camera and simulator at the light of the real session."""
+    """Noise, wrapped and mixed pixels of camera and simulator at the light of the real session."""
     seen = Seen([pair.real.evidence[v].frame for v in pair.held], pair.frames, pair.parts)
-    loss, wraps, mixing = (f(pair.camera, pair.simulator, seen) for f in (loss_apart, wraps_apart, mixing_apart))
+    wraps, mixing = (f(pair.camera, pair.simulator, seen) for f in (wraps_apart, mixing_apart))
     law, noise = (None if known is None else known.law) or pair.real.law, None
     if law is not None:
         noise = noise_apart(
             Noisy(_quiet(pair.real), pair.camera, 1.0), Noisy(_quiet(simulated), pair.simulator, 1.0 / pair.unit), law, seen
         )
     out = []
-    for level, least, what in ((loss, limits.loss, ""), (wraps, limits.wraps, " off by whole periods")):
-        if level is not None and abs(level.real - level.simulated) > least and not 1 / limits.shares < level.ratio < limits.shares:
-            note = f"{in_percent(level.real)} of the pixels{what} real, {in_percent(level.simulated)} simulated"
-            out.append(_difference(level, note))
+    if wraps is not None and abs(wraps.real - wraps.simulated) > limits.wraps and not 1 / limits.shares < wraps.ratio < limits.shares:
+        note = f"{in_percent(wraps.real)} of the pixels off by whole periods real, {in_percent(wraps.simulated)} simulated"
+        out.append(_difference(wraps, note))
     # A camera that merges its frequencies badly is noisier, too: that noise is no effect of its own, in a diagnosis as here.
     merges = all(d.effect != PhaseWrap.NAME for d in out)
     differs = noise is not None and not 1 / limits.noise < noise.ratio < limits.noise

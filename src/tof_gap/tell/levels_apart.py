@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What two sensor models do to the same views where no mean depth shows it: noise, lost pixels, wrapped pixels, mixed pixels at edges."""
+"""What two sensor models do to the same views where no mean depth shows it: noise, wrapped pixels, mixed pixels at edges."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_sensor.effect import Evidence
-from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
@@ -134,11 +133,6 @@ def _noise_shares(model: SensorModel, frames: Sequence[Frame]) -> dict[str, floa
     return out
 
 
-def loss_apart(real: SensorModel, simulated: SensorModel, seen: Seen) -> Level | None:
-    """Share of the CAD's pixels that each camera loses; None where neither loses any."""
-    return _share_apart(Dropout.NAME, _lost, real, simulated, seen)
-
-
 def wraps_apart(real: SensorModel, simulated: SensorModel, seen: Seen) -> Level | None:
     """Share of the CAD's pixels that are off by a period; None where neither camera has such pixels."""
     return _share_apart(PhaseWrap.NAME, _wrapped, real, simulated, seen)
@@ -164,15 +158,6 @@ def _share_apart(
     own, other = seen.of_both(value, real, simulated)
     apart = _by_part(own - other, seen.part, seen.parts)
     return Level(name, float(own.mean()), float(other.mean()), {p: abs(v) for p, v in apart.items()}, has)
-
-
-def _lost(model: SensorModel, frame: Frame) -> Float:
-    """(H, W) probability that a pixel has no return."""
-    rng = np.random.default_rng(0)
-    for effect in model.effects:
-        if effect.EVIDENCE is Evidence.MISSING:
-            frame = effect.apply(frame, rng)
-    return frame.missing
 
 
 def _wrapped(model: SensorModel, frame: Frame) -> Float:

@@ -4,95 +4,34 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
 
-from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, views
-from tof_gap.config import GapConfig
-from tof_gap.limits.report import ReportLimits
+from tests.tof_gap.diagnosed import compared, diagnosis, only
+from tests.tof_gap.quiet_views import SHAPE, views
 from tof_gap.tell.against import against
-from tof_gap.tell.difference import LACKS, OTHER, STRONG, SUPERFLUOUS, WEAK, Against
-from tof_gap.tell.figures import Figures, used
-from tof_sensor.effects.ambient import Ambient
+from tof_gap.tell.difference import LACKS, OTHER, STRONG, SUPERFLUOUS, WEAK
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.depth_scale import DepthScale
-from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
-from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.hand_eye import HandEye
-from tof_sensor.effects.phase_wrap import PhaseWrap
-from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.wiggling import Wiggling
 from tof_sensor.geometry import pose_columns
 from tof_sensor.model import SensorModel
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
-    from tof_gap.tell.diagnosis import Diagnosis
-    from tof_sensor.effect import Effect
 
 WIGGLE = Wiggling(sine_m=0.006, modulation_mhz=90.0)
 WALK = AmplitudeBias(per_ln_m=0.004, reference=2000.0)
-HELD = tuple(range(0, VIEWS, 3))
-LEVELS = (Ambient, Dropout, FlyingPixels, PhaseWrap)
-LAW = PhotonLaw(floor_m=0.0, shot_m=0.004, reference=2000.0)
 
 
 @pytest.fixture(scope="module")
 def evidence() -> tuple[ViewEvidence, ...]:
     """Views of a plane with photon noise."""
     return views(np.random.default_rng(3))
-
-
-def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonLaw = LAW, ties: tuple[str, ...] = ()) -> Diagnosis:
-    """A session in which these effects were found rightly."""
-    biases = [e for e in effects if not isinstance(e, LEVELS)]
-    maps = {e.NAME: [e.bias(v.frame) for v in evidence] for e in biases}
-    residual = [used(v, ()) + sum((m[i] for m in maps.values()), np.zeros(SHAPE)) for i, v in enumerate(evidence)]
-    floors = [v.sigma**2 for v in evidence]
-    nothing, nowhere = [np.zeros(SHAPE)] * VIEWS, [np.zeros(SHAPE, bool)] * VIEWS
-    figures = Figures(
-        residual=residual,
-        floors=floors,
-        maps=maps,
-        common=nothing,
-        noise2=dict(enumerate(floors)),
-        edge=[v.edge for v in evidence],
-        mixed=nowhere,
-        held=HELD,
-        unsure2=np.zeros(SHAPE),
-        step_m=0.0,
-        posed_m=0.0,
-        rng=np.random.default_rng(0),
-        limits=ReportLimits(),
-    )
-    causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
-    findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, LEVELS)]
-    gap = SimpleNamespace(shrink=None, ci95=None)
-    account = SimpleNamespace(figures=figures, solved=SimpleNamespace(chain=None, maps=maps))
-    made = {
-        "config": GapConfig(),
-        "evidence": evidence,
-        "causes": causes,
-        "findings": findings,
-        "law": law,
-        "floor2": floors,
-        "gap": gap,
-        "camera": CAMERA,
-    }
-    return cast("Diagnosis", SimpleNamespace(account=account, doubted=False, **made))
-
-
-def compared(real: Diagnosis, simulated: Diagnosis) -> Against:
-    return against(real, simulated, ("panel",))
-
-
-def only(found: Against) -> Any:
-    (difference,) = found.differences
-    return difference
 
 
 def test_the_same_effects_are_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:
@@ -193,71 +132,6 @@ def test_two_fits_of_one_effect_are_no_difference(evidence: tuple[ViewEvidence, 
     """They differ by a fifth, and by half of the distance that is left."""
     fits = [diagnosis(evidence, replace(WIGGLE, sine_m=size)) for size in (0.0120, 0.0096)]
     assert compared(*fits).verdict == ("none",)
-
-
-def noisier(evidence: tuple[ViewEvidence, ...], times: float) -> tuple[ViewEvidence, ...]:
-    return tuple(replace(v, sigma=times * v.sigma) for v in evidence)
-
-
-def test_noise_is_compared_as_it_was_measured_in_either_session(evidence: tuple[ViewEvidence, ...]) -> None:
-    real = diagnosis(evidence)
-    found = compared(real, diagnosis(noisier(evidence, 2.0)))
-    assert (found.verdict, only(found).simulator) == (("noise",), STRONG)
-    assert only(found).simulated_mm == pytest.approx(2.0 * only(found).real_mm)
-    assert compared(real, diagnosis(noisier(evidence, 1.15))).verdict == ("none",)
-    assert compared(diagnosis(noisier(evidence, 2.0)), real).differences[0].simulator == WEAK
-
-
-def test_offsets_of_a_fixed_pattern_are_no_noise(evidence: tuple[ViewEvidence, ...]) -> None:
-    """Differences of neighbours take them for noise; figures hold the noise of the held-out views without the pattern."""
-    pattern = FixedPattern(pixels=packed(np.random.default_rng(0).normal(0.0, 0.0030, SHAPE)))
-    one, other = diagnosis(evidence, pattern), diagnosis(noisier(evidence, 3.0), pattern)
-    assert compared(one, other).verdict == ("noise",)
-    object.__setattr__(other.account.figures, "noise2", {v: evidence[v].sigma ** 2 for v in HELD})
-    assert compared(one, other).verdict == ("none",)
-
-
-def test_two_laws_of_one_noise_are_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:
-    """Laws fitted at other amplitudes differ where they are extrapolated."""
-    other = PhotonLaw(shot_m=0.008, floor_m=0.0, reference=2000.0)
-    assert compared(diagnosis(evidence), diagnosis(evidence, law=other)).verdict == ("none",)
-
-
-def test_more_noise_has_the_name_of_the_noise_that_was_found(evidence: tuple[ViewEvidence, ...]) -> None:
-    light = Ambient(uniform_m=0.006, reference=2000.0)
-    found = compared(diagnosis(noisier(evidence, 2.0), light), diagnosis(evidence))
-    assert (found.verdict, only(found).simulator) == (("ambient",), LACKS)
-    assert compared(diagnosis(evidence, light), diagnosis(evidence)).verdict == ("none",)
-
-
-def test_lost_pixels_are_compared_at_the_cameras_light(evidence: tuple[ViewEvidence, ...]) -> None:
-    lossy = compared(diagnosis(evidence, Dropout(random=0.05)), diagnosis(evidence))
-    assert (lossy.verdict, only(lossy).simulator) == (("dropout",), LACKS)
-    assert "5 % of the pixels real, 0 % simulated" in only(lossy).line()
-    assert lossy.to_dict()["differences"][0]["real_mm"] is None
-    assert compared(diagnosis(evidence, Dropout(random=0.06)), diagnosis(evidence, Dropout(random=0.05))).verdict == ("none",)
-
-
-@pytest.mark.parametrize(("share", "verdict", "manner"), [(0.0, "phase_wrap", LACKS), (0.05, "none", ""), (0.10, "phase_wrap", STRONG)])
-def test_wrapped_pixels_are_compared_by_their_share(evidence: tuple[ViewEvidence, ...], share: float, verdict: str, manner: str) -> None:
-    """No map says which pixels wrap in another session."""
-    wraps = [PhaseWrap(start_m=0.1, share=s) for s in (0.05, share)]
-    found = compared(diagnosis(evidence, wraps[0]), diagnosis(evidence, *(w for w in wraps[1:] if w.share)))
-    assert found.verdict == (verdict,)
-    assert [d.simulator for d in found.differences] == ([manner] if manner else [])
-
-
-def test_mixed_pixels_are_compared_at_the_edges_of_the_cad(evidence: tuple[ViewEvidence, ...]) -> None:
-    edge = np.zeros(SHAPE, np.float32)
-    edge[:, 50] = 0.5
-    seen = tuple(
-        replace(v, frame=replace(v.frame, rendering=replace(v.frame.rendering, mixed=edge, second=v.frame.rendering.depth + 0.1)))
-        for v in evidence
-    )
-    whole, half = FlyingPixels(share=1.0), FlyingPixels(share=0.5)
-    assert compared(diagnosis(seen, whole), diagnosis(seen, whole)).verdict == ("none",)
-    assert [only(compared(diagnosis(seen, whole), diagnosis(seen, *e))).simulator for e in ((), (half,))] == [LACKS, WEAK]
-    assert only(compared(diagnosis(seen), diagnosis(seen, whole))).simulator == SUPERFLUOUS
 
 
 def test_units_of_amplitude_are_told_apart_only_beyond_the_error_of_albedos(evidence: tuple[ViewEvidence, ...]) -> None:

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulator against a camera where no mean depth shows the difference: noise, lost, wrapped and mixed pixels."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.diagnosed import HELD, compared, diagnosis, only
+from tests.tof_gap.quiet_views import SHAPE, views
+from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK
+from tof_sensor.effects.ambient import Ambient
+from tof_sensor.effects.dropout import Dropout
+from tof_sensor.effects.fixed_pattern import FixedPattern, packed
+from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.effects.photon_law import PhotonLaw
+
+if TYPE_CHECKING:
+    from tof_gap.seen.residual import ViewEvidence
+
+
+@pytest.fixture(scope="module")
+def evidence() -> tuple[ViewEvidence, ...]:
+    """Views of a plane with photon noise."""
+    return views(np.random.default_rng(3))
+
+
+def noisier(evidence: tuple[ViewEvidence, ...], times: float) -> tuple[ViewEvidence, ...]:
+    return tuple(replace(v, sigma=times * v.sigma) for v in evidence)
+
+
+def test_noise_is_compared_as_it_was_measured_in_either_session(evidence: tuple[ViewEvidence, ...]) -> None:
+    real = diagnosis(evidence)
+    found = compared(real, diagnosis(noisier(evidence, 2.0)))
+    assert (found.verdict, only(found).simulator) == (("noise",), STRONG)
+    assert only(found).simulated_mm == pytest.approx(2.0 * only(found).real_mm)
+    assert compared(real, diagnosis(noisier(evidence, 1.15))).verdict == ("none",)
+    assert compared(diagnosis(noisier(evidence, 2.0)), real).differences[0].simulator == WEAK
+
+
+def test_offsets_of_a_fixed_pattern_are_no_noise(evidence: tuple[ViewEvidence, ...]) -> None:
+    """Differences of neighbours take them for noise; figures hold the noise of the held-out views without the pattern."""
+    pattern = FixedPattern(pixels=packed(np.random.default_rng(0).normal(0.0, 0.0030, SHAPE)))
+    one, other = diagnosis(evidence, pattern), diagnosis(noisier(evidence, 3.0), pattern)
+    assert compared(one, other).verdict == ("noise",)
+    object.__setattr__(other.account.figures, "noise2", {v: evidence[v].sigma ** 2 for v in HELD})
+    assert compared(one, other).verdict == ("none",)
+
+
+def test_two_laws_of_one_noise_are_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:
+    """Laws fitted at other amplitudes differ where they are extrapolated."""
+    other = PhotonLaw(shot_m=0.008, floor_m=0.0, reference=2000.0)
+    assert compared(diagnosis(evidence), diagnosis(evidence, law=other)).verdict == ("none",)
+
+
+def test_more_noise_has_the_name_of_the_noise_that_was_found(evidence: tuple[ViewEvidence, ...]) -> None:
+    light = Ambient(uniform_m=0.006, reference=2000.0)
+    found = compared(diagnosis(noisier(evidence, 2.0), light), diagnosis(evidence))
+    assert (found.verdict, only(found).simulator) == (("ambient",), LACKS)
+    assert compared(diagnosis(evidence, light), diagnosis(evidence)).verdict == ("none",)
+
+
+def losing(evidence: tuple[ViewEvidence, ...], share: float) -> tuple[ViewEvidence, ...]:
+    """Dwells of a hundred captures, of which every pixel loses this share."""
+    count = np.full(SHAPE, round(100 * (1 - share)), np.uint16)
+    # The noise of one capture is that of the mean of a hundred times ten.
+    return tuple(replace(v, view=replace(v.view, captures=100, count=count), sigma=v.sigma / 10) for v in evidence)
+
+
+def test_lost_pixels_are_compared_at_the_cameras_light(evidence: tuple[ViewEvidence, ...]) -> None:
+    none, some, more = (losing(evidence, share) for share in (0.0, 0.05, 0.06))
+    lossy = compared(diagnosis(some, Dropout(random=0.05)), diagnosis(none))
+    assert (lossy.verdict, only(lossy).simulator) == (("dropout",), LACKS)
+    assert "5 % of the pixels real, 0 % simulated" in only(lossy).line()
+    assert lossy.to_dict()["differences"][0]["real_mm"] is None
+    assert compared(diagnosis(more, Dropout(random=0.06)), diagnosis(some, Dropout(random=0.05))).verdict == ("none",)
+
+
+def test_a_session_that_loses_as_much_unnamed_does_not_differ(evidence: tuple[ViewEvidence, ...]) -> None:
+    """One diagnosis names a loss of 5 %, the other does not, and its pixels are lost all the same."""
+    some = losing(evidence, 0.05)
+    for found in (
+        compared(diagnosis(some), diagnosis(some, Dropout(random=0.05))),
+        compared(diagnosis(some, Dropout(random=0.05)), diagnosis(some)),
+    ):
+        assert (found.verdict, found.alike) == (("none",), ("dropout",))
+
+
+@pytest.mark.parametrize(("share", "verdict", "manner"), [(0.0, "phase_wrap", LACKS), (0.05, "none", ""), (0.10, "phase_wrap", STRONG)])
+def test_wrapped_pixels_are_compared_by_their_share(evidence: tuple[ViewEvidence, ...], share: float, verdict: str, manner: str) -> None:
+    """No map says which pixels wrap in another session."""
+    wraps = [PhaseWrap(start_m=0.1, share=s) for s in (0.05, share)]
+    found = compared(diagnosis(evidence, wraps[0]), diagnosis(evidence, *(w for w in wraps[1:] if w.share)))
+    assert found.verdict == (verdict,)
+    assert [d.simulator for d in found.differences] == ([manner] if manner else [])
+
+
+def test_mixed_pixels_are_compared_at_the_edges_of_the_cad(evidence: tuple[ViewEvidence, ...]) -> None:
+    edge = np.zeros(SHAPE, np.float32)
+    edge[:, 50] = 0.5
+    seen = tuple(
+        replace(v, frame=replace(v.frame, rendering=replace(v.frame.rendering, mixed=edge, second=v.frame.rendering.depth + 0.1)))
+        for v in evidence
+    )
+    whole, half = FlyingPixels(share=1.0), FlyingPixels(share=0.5)
+    assert compared(diagnosis(seen, whole), diagnosis(seen, whole)).verdict == ("none",)
+    assert [only(compared(diagnosis(seen, whole), diagnosis(seen, *e))).simulator for e in ((), (half,))] == [LACKS, WEAK]
+    assert only(compared(diagnosis(seen), diagnosis(seen, whole))).simulator == SUPERFLUOUS
