@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from tof_gap.limits.report import ShrinkLimits
 
 
+ENDS95 = (0.025, 0.975)
+"""Quantiles at the ends of a 95 % interval."""
 DRAWN = 50
 """Bootstrap sets of blocks that are drawn at once: a thousand sets of a long session take a third of a gigabyte."""
 
@@ -139,7 +141,7 @@ def measure(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLimits, u
         whole = above + healthy2
         # A draw of blocks without a gap has no shrink.
         ratios = ((b2 - a2) / (b2 - f2 + healthy2))[b2 - f2 > limits.drawn_share * above]
-        low, high = np.quantile(ratios, [0.025, 0.975]) if len(ratios) else (value, value)
+        low, high = np.quantile(ratios, ENDS95) if len(ratios) else (value, value)
         floor = abs(value) * limits.noise_known * floor2 / whole
         half = [float(np.hypot(max(side, limits.resolution), floor)) for side in (value - low, high - value)]
         hidden = max((limits.healthy_most_mm * 1e-3) ** 2 - healthy2, 0.0) / whole
@@ -154,7 +156,8 @@ def surely_removed(held_out: HeldOut, rng: np.random.Generator, limits: ShrinkLi
     poses absorb, neither of which changes whether anything is.
     """
     before2, after2, _ = _drawn(held_out, rng, limits.rounds)
-    return bool(np.quantile(before2 - after2, 0.025) > 0.0)
+    low, _ = np.quantile(before2 - after2, ENDS95)
+    return bool(low > 0.0)
 
 
 def _drawn(held_out: HeldOut, rng: np.random.Generator, rounds: int) -> Float:
