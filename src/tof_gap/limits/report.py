@@ -95,6 +95,13 @@ class UnexplainedLimits:
         high=1.0,
         why="true effects of 32 sessions leave 0.25 at most (a pattern of columns), most of them 0.02; a ghost taken for lens_scatter 0.54",
     )
+    chosen: float = param(
+        0.1,
+        "share of resampled sets of views that choose an effect, below which it is not believed",
+        low=0.0,
+        high=1.0,
+        why="of 110 right names the least has 0.34; a ghost as lens_scatter 0.02, flood light as specular 0.04",
+    )
     contradicted_mm: float = param(
         0.15,
         "error left above which an effect that was taken out stands for an unknown mechanism",

@@ -33,7 +33,7 @@ class TakenOut(NamedTuple):
 
 
 def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
-    """The next cause that is not believed: an unfounded one, else a contradicted one, else an uneven one; None where all are believed.
+    """The next cause that is not believed: an unfounded one, else a contradicted, an uneven or an unchosen one; None where all are believed.
 
     Beside another camera's light, an uneven cause is the smooth part of that light, and no mechanism without a name acts there. Nor does
     one where a cause was only suspected.
@@ -45,7 +45,19 @@ def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
     if (name := contradicted(found, limit)) is not None:
         return TakenOut(name, contradicted=name not in suspected)
     foreign = any(isinstance(f.effect, Interference) for f in found.findings)
-    return None if (name := uneven(found, limit)) is None else TakenOut(name, contradicted=not foreign and name not in suspected)
+    if (name := uneven(found, limit)) is not None:
+        return TakenOut(name, contradicted=not foreign and name not in suspected)
+    return None if (name := unchosen(found, limit)) is None else TakenOut(name, contradicted=True)
+
+
+def unchosen(found: Account, limit: UnexplainedLimits) -> str | None:
+    """The cause that the fewest resampled sets of views choose, if less than `limit.chosen` of them do; else None.
+
+    Selection adds a cause for its gain when added. Beside later ones, and at the final poses, the gain may be lost.
+    """
+    share = {n.name: n.confidence for n in found.solved.named if not n.suspected}
+    least = min(share, key=share.__getitem__, default=None)
+    return least if least is not None and share[least] < limit.chosen else None
 
 
 def contradicted(found: Account, limit: UnexplainedLimits) -> str | None:

@@ -39,7 +39,7 @@ def account(left: np.ndarray, **maps: np.ndarray) -> Any:
         edge=[v.edge for v in seen],
         unsure2=np.zeros(SHAPE),
     )
-    named = [SimpleNamespace(name=name, suspected=False) for name in maps]
+    named = [SimpleNamespace(name=name, suspected=False, confidence=1.0) for name in maps]
     solved = SimpleNamespace(evidence=seen, bare=seen, maps=figures.maps, named=named, split=SimpleNamespace(held_out=HELD))
     return SimpleNamespace(solved=solved, figures=figures, findings=())
 
@@ -97,6 +97,17 @@ def test_an_uneven_cause_is_contradicted_unless_foreign_light_is_there(monkeypat
     assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=True)
     found.findings = (SimpleNamespace(effect=Interference(burst_m=0.002)),)
     assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=False)
+
+
+def test_a_cause_that_few_resampled_sets_of_views_choose_is_taken_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = account(np.zeros(SHAPE), lens_scatter=ramp(0.003, 0), wiggling=ramp(0.003, 1))
+    monkeypatch.setattr(room, "unfounded", lambda *_: None)
+    assert taken_out(found, GapConfig()) is None
+    for cause, share in zip(found.solved.named, (0.02, 0.3), strict=True):
+        cause.confidence = share
+    assert taken_out(found, GapConfig()) == TakenOut("lens_scatter", contradicted=True)
+    found.solved.named[0].suspected = True
+    assert taken_out(found, GapConfig()) is None
 
 
 @pytest.mark.parametrize("test", ["contradicted", "uneven"])
