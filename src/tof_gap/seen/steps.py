@@ -63,7 +63,7 @@ def _noise_of_steps(views: Sequence[ViewEvidence], spans: Sequence[Float], limit
     known = [np.isfinite(s) for s in squares]
     span, square = (np.concatenate([a[k] for a, k in zip(of, known, strict=True)]) for of in (spans, squares))
     if not len(span):
-        return [~k for k in known]
+        return [np.zeros_like(k) for k in known]
     low, high = np.quantile(span, [0.25, 0.75])
     grown = np.median(square[span >= high]) > limits.filter.noise_of_steps * np.median(square[span <= low])
     return [s > low if grown else np.zeros(s.shape, bool) for s in spans]
