@@ -162,11 +162,6 @@ class Against:
         """Names of the effects in which they differ; `none` without any."""
         return tuple(sorted({d.effect for d in self.differences})) or ("none",)
 
-    @property
-    def shown_by_both(self) -> list[str]:
-        """A sentence for each effect of `alike`."""
-        return [f"{name} was found in one session, and the views of both show it alike: no difference" for name in self.alike]
-
     def lines(self) -> list[str]:
         """The comparison in words: the distance before and after the corrections, then each difference."""
         d = self.distance
@@ -174,12 +169,13 @@ class Against:
             f"simulator against camera: their depth differs by {d.above_mm(d.before):.2f} mm RMS, above the noise of {d.floor_mm:.2f} mm, "
             "on views that took no part in the fit"
         )
+        both = [f"{name} was found in one session, and the views of both show it alike: no difference" for name in self.alike]
         if not self.differences:
-            return [before, "the simulator has the camera's effects", *self.shown_by_both]
+            return [before, "the simulator has the camera's effects", *both]
         in_depth = any(x.shrink is not None for x in self.differences)
         after = f"once all effects below are put right in the simulator, {d.above_mm(d.after):.2f} mm remain"
         after = after if in_depth else "no effect in mean depth differs; noise or shares of pixels do"
-        return [before, after, *(x.line() for x in self.differences), *self.shown_by_both]
+        return [before, after, *(x.line() for x in self.differences), *both]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; NaN becomes null."""
