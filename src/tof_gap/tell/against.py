@@ -66,7 +66,7 @@ def _loss(pair: Pair, simulated: Diagnosis, limits: AgainstLimits) -> tuple[list
         real.config.missing,
         limits.loss,
     )
-    if found is None or 1 / limits.shares < found.level.ratio < limits.shares:
+    if found is None or found.level.within(limits.shares):
         return [], []
     if any(share < limits.shown for share in found.shown):
         return [], [found.level.effect]
@@ -84,16 +84,16 @@ def _levels(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: Sens
             Noisy(_quiet(pair.real), pair.camera, 1.0), Noisy(_quiet(simulated), pair.simulator, 1.0 / pair.unit), law, seen
         )
     out = []
-    if wraps is not None and abs(wraps.real - wraps.simulated) > limits.wraps and not 1 / limits.shares < wraps.ratio < limits.shares:
+    if wraps is not None and abs(wraps.real - wraps.simulated) > limits.wraps and not wraps.within(limits.shares):
         note = f"{in_percent(wraps.real)} of the pixels off by whole periods real, {in_percent(wraps.simulated)} simulated"
         out.append(_difference(wraps, note))
     # A camera that merges its frequencies badly is noisier, too: that noise is no effect of its own, in a diagnosis as here.
     merges = all(d.effect != PhaseWrap.NAME for d in out)
-    differs = noise is not None and not 1 / limits.noise < noise.ratio < limits.noise
+    differs = noise is not None and not noise.within(limits.noise)
     least = least_mm([*pair.real.evidence, *simulated.evidence], pair.real.config.noise)
     if noise is not None and differs and merges and _excess_mm(noise) > least:
         out.append(_difference(noise, f"{noise.real:.2f} mm real, {noise.simulated:.2f} mm simulated in one capture", in_mm=True))
-    if mixing is not None and not 1 / limits.shares < mixing.ratio < limits.shares:
+    if mixing is not None and not mixing.within(limits.shares):
         out.append(_difference(mixing, f"{mixing.real:.0f} mm real, {mixing.simulated:.0f} mm simulated at edges", in_mm=True))
     return out
 

@@ -43,6 +43,10 @@ class Level:
         """Simulated over real."""
         return self.simulated / max(self.real, 1e-9)
 
+    def within(self, factor: float) -> bool:
+        """Whether the two differ by less than a factor."""
+        return 1 / factor < self.ratio < factor
+
 
 LEAST_PIXELS = 50
 """Pixels of a part in either session from which its noise is compared: the median of as many is known to a tenth."""
@@ -156,8 +160,13 @@ def _share_apart(
     if not any(has):
         return None
     own, other = seen.of_both(value, real, simulated)
-    apart = _by_part(own - other, seen.part, seen.parts)
-    return Level(name, float(own.mean()), float(other.mean()), {p: abs(v) for p, v in apart.items()}, has)
+    return mean_level(name, own, other, seen.part, seen.parts, has)
+
+
+def mean_level(name: str, own: Float, other: Float, part: NDArray[np.int16], parts: Sequence[str], has: tuple[bool, bool]) -> Level:
+    """Means of both cameras' values (n,) over all pixels, and the difference on each part; part (n,): indices into `parts`."""
+    apart = {parts[i]: abs(float((own - other)[part == i].mean())) for i in np.unique(part) if i >= 0}
+    return Level(name, float(own.mean()), float(other.mean()), apart, has)
 
 
 def _wrapped(model: SensorModel, frame: Frame) -> Float:
@@ -172,7 +181,3 @@ def _wrapped(model: SensorModel, frame: Frame) -> Float:
 def _mixed2(model: SensorModel, frame: Frame) -> Float:
     """(H, W) m^2 that mixing adds to the mixed pixels."""
     return sum((e.bias(frame) ** 2 for e in model.effects if isinstance(e, FlyingPixels)), np.zeros(frame.depth.shape))
-
-
-def _by_part(values: Float, part: NDArray[np.int16], parts: Sequence[str]) -> dict[str, float]:
-    return {parts[i]: float(values[part == i].mean()) for i in np.unique(part) if i >= 0}

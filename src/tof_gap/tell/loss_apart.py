@@ -10,7 +10,7 @@ import numpy as np
 
 from tof_gap.seen.filtered import filtered
 from tof_gap.seen.lost import losses_of
-from tof_gap.tell.levels_apart import Level
+from tof_gap.tell.levels_apart import mean_level
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.tell.levels_apart import Level
     from tof_sensor.frame import Frame
     from tof_sensor.model import SensorModel
 
@@ -74,8 +75,7 @@ def loss_apart(real: Lossy, simulated: Lossy, parts: Sequence[str], limits: Miss
     here, there = shares(real, simulated.model, limits), shares(simulated, real.model, limits)
     if not len(here.own) or abs(float(here.own.mean() - here.other.mean())) <= least:
         return None
-    apart = {parts[i]: abs(float((here.own - here.other)[here.part == i].mean())) for i in np.unique(here.part) if i >= 0}
-    level = Level(Dropout.NAME, float(here.own.mean()), float(here.other.mean()), apart, has)
+    level = mean_level(Dropout.NAME, here.own, here.other, here.part, parts, has)
     return LossApart(level, (here.shown(least), there.shown(least)))
 
 

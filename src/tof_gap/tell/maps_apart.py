@@ -157,10 +157,11 @@ class Pair:
 
     def difference(self, name: str) -> Difference | None:
         """One effect; None where its correction changes little."""
-        found = self.distance([name])
+        corrected, limits = self._corrected([name]), self.figures.limits.shrink
+        found = measure(corrected, np.random.default_rng(0), limits)
         if found.shrink is None or found.ci95 is None or found.shrink < self.limits.shrink:
             return None
-        if not surely_removed(self._corrected([name]), np.random.default_rng(0), self.figures.limits.shrink):
+        if not surely_removed(corrected, np.random.default_rng(0), limits):
             return None
         if name == FixedPattern.NAME and not self._patterns_differ():
             return None
