@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 
 from tof_core.errors import ModelError, RefusedError
 from tof_infer.card import KEY, OUTPUTS, Card, parse_card
 from tof_infer.config import InferConfig
 from tof_infer.frames import Mark, padded_size, unit_rays
+from tof_infer.keep_raw import keep_raw
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,30 +27,6 @@ MAX_BYTES = 200_000_000
 FAR_OUTSIDE = 2.0
 """Factor outside the trained range beyond which a frame's median depth is refused."""
 DEFAULT_MODEL = Path(__file__).parent / "models" / "default.onnx"
-REPAIRED, RAW_KEPT, INVALID = np.uint8(Mark.REPAIRED), np.uint8(Mark.RAW_KEPT), np.uint8(Mark.INVALID)
-
-
-@njit(cache=True, nogil=True)
-def keep_raw(
-    raw: Image, depth: Image, sigma: Image, own: Image, max_sigma: np.float32, nearest: np.float32, farthest: np.float32
-) -> tuple[Image, Image, Bytes]:
-    """Depth, its sigma and `Mark`, each (H, W), of raw depth (H, W) and the network's outputs, which may be padded below and to the right.
-
-    A pixel with a raw depth is corrected where `own`, the sigma from its surroundings alone, is at most `max_sigma`, the raw depth lies
-    between `nearest` and `farthest`, and the network gives a positive, finite depth. Elsewhere its raw depth stays and its sigma is infinite.
-    All in metres.
-    """
-    h, w = raw.shape
-    out, spread, mark = np.empty((h, w), np.float32), np.empty((h, w), np.float32), np.empty((h, w), np.uint8)
-    for v in range(h):
-        for u in range(w):
-            z, new = raw[v, u], depth[v, u]
-            there = (z > 0) & (z < np.inf)
-            known = there & (own[v, u] <= max_sigma) & (new > 0) & (new < np.inf) & (z > nearest) & (z < farthest)
-            out[v, u] = new if known else (z if there else np.float32(np.nan))
-            spread[v, u] = sigma[v, u] if known else np.float32(np.inf if there else np.nan)
-            mark[v, u] = REPAIRED if known else (RAW_KEPT if there else INVALID)
-    return out, spread, mark
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,8 +23,9 @@ from tof_preproc.stream import ACCUMULATED, KEPT, PreprocStream, Processed
 from tof_ros import messages, qos
 from tof_ros.base import LEFT_OVER, RoomNode
 from tof_ros.depth_output import DepthOutput
-from tof_ros.patience import NEVER, Patience, Ticker
+from tof_ros.patience import NEVER, Patience
 from tof_ros.recorder import RecordService
+from tof_ros.ticker import Ticker
 from tof_ros.transforms import TransformListener
 
 if TYPE_CHECKING:

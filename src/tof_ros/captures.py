@@ -16,7 +16,8 @@ from tof_core.errors import RefusedError, ToftwinError
 from tof_core.jump import BackwardJump
 from tof_ros import messages, qos
 from tof_ros.base import LEFT_OVER
-from tof_ros.patience import NEVER, Patience, Ticker
+from tof_ros.patience import NEVER, Patience
+from tof_ros.ticker import Ticker
 
 if TYPE_CHECKING:
     from collections.abc import Callable

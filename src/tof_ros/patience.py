@@ -1,14 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waiting time of frames for their missing parts, counted in the node's own cycles, and the timer that counts them only while something waits."""
+"""Waiting time of frames for their missing parts, counted in the node's own cycles."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from tof_ros.base import RoomNode
 
 PERIOD_S = 0.1
 NEVER = -(2**62)
@@ -52,22 +45,3 @@ class Patience:
         """One period has passed; the newest stamp that has waited long enough, or `NEVER`."""
         self._ages = {stamp: age + 1 for stamp, age in self._ages.items()}
         return max((stamp for stamp, age in self._ages.items() if age >= self._most), default=NEVER)
-
-
-class Ticker:
-    """Calls an action every `period_s` seconds of the wall clock, from `start` until the action says that nothing waits."""
-
-    def __init__(self, node: RoomNode[Any], action: Callable[[], bool], period_s: float = PERIOD_S) -> None:
-        """`action` returns whether something still waits; it runs in the node's thread."""
-        self._action = action
-        self._timer = node.timer(period_s, self._tick)
-        self._timer.cancel()
-
-    def start(self) -> None:
-        """Something waits from now on."""
-        if self._timer.is_canceled():
-            self._timer.reset()
-
-    def _tick(self) -> None:
-        if not self._action():
-            self._timer.cancel()

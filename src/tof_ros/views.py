@@ -20,7 +20,8 @@ from tof_ros import qos
 from tof_ros.base import LEFT_OVER
 from tof_ros.interfaces import own_message
 from tof_ros.joiner import StampJoiner
-from tof_ros.patience import NEVER, Patience, Ticker
+from tof_ros.patience import NEVER, Patience
+from tof_ros.ticker import Ticker
 from tof_ros.transforms import IDLE_REST_S, TransformListener
 
 if TYPE_CHECKING:

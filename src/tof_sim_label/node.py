@@ -20,9 +20,10 @@ from tof_ros import messages
 from tof_ros.depth_output import DepthOutput
 from tof_ros.managed import ManagedNode
 from tof_ros.markers import GREEN, ORANGE, colour, part_markers
-from tof_ros.patience import PERIOD_S, Ticker
+from tof_ros.patience import PERIOD_S
 from tof_ros.placing import Frames, Placing
 from tof_ros.recorder import RecordService
+from tof_ros.ticker import Ticker
 from tof_ros.views import ViewFeed
 from tof_scene.builtin import open_scene
 from tof_scene.raycast import Raycaster

@@ -6,15 +6,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tof_align.config import AlignConfig
 from tof_core.config import section
 from tof_core.motion import StationTracker
 from tof_core.progress import progress
 from tof_preproc.stream_config import StreamConfig
-from tof_sensor.frame import in_motion
 from tof_sim_label.config import LabelConfig
+from toftwin.thinned import thinned
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -78,25 +76,3 @@ def raw_views(reader: BagReader | BoardSource, config: StreamConfig, moving: int
     unfiltered = replace(config, preproc=replace(config.preproc, order="accumulate"))
     views = (replace(view, colour=None, noise=None) for view in ViewStream(reader, unfiltered))
     return list(views) if moving is None else thinned(views, moving)
-
-
-def thinned(views: Iterable[View], moving: int) -> list[View]:
-    """The views at rest and at most `moving` of those in motion, spread evenly, in their order.
-
-    At most twice `moving` views in motion are held: whenever there are more, every other one is dropped.
-    """
-    rest: list[tuple[int, View]] = []
-    some: list[tuple[int, View]] = []
-    every, met = 1, 0
-    for place, view in enumerate(views):
-        if view.robot is None or view.robot.twist is None or not in_motion(view.robot.twist):
-            rest.append((place, view))
-            continue
-        if met % every == 0:
-            some.append((place, view))
-        met += 1
-        if len(some) > 2 * moving:
-            some, every = some[::2], 2 * every
-    if len(some) > moving:
-        some = [some[i] for i in np.linspace(0, len(some) - 1, moving).round().astype(int)]
-    return [view for _, view in sorted(rest + some, key=lambda one: one[0])]

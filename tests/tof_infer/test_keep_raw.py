@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from tof_infer.frames import Mark
-from tof_infer.session import keep_raw
+from tof_infer.keep_raw import keep_raw
 
 NAN, INF = float("nan"), float("inf")
 

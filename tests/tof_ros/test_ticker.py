@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-from tof_ros.patience import Ticker
+from tof_ros.ticker import Ticker
 
 
 class Timer:

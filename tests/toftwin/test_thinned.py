@@ -11,7 +11,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import views
 from tof_core.capture import RobotPose
-from toftwin.pipeline import thinned
+from toftwin.thinned import thinned
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
