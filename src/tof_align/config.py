@@ -117,13 +117,6 @@ class DiscrepancyConfig:
         low=0.0,
         why="corners of a good calibration fit to 0.1 px",
     )
-    lens_px: float = param(
-        0.1,
-        "difference of the estimated lens, anywhere in the image, from which labels use it",
-        unit="px",
-        low=0.0,
-        why="a tenth of a footprint",
-    )
     lens_again_px: float = param(
         1.0, "difference from which poses are solved again with it", unit="px", low=0.0, why="below, its effect on depth is linear"
     )

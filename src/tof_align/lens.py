@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.lens import LENS, apart_px, ray_shift, with_lens
+from tof_core.lens import LENS, ray_shift, with_lens
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,10 +67,10 @@ class Lens:
         return replace(view, camera=self.camera, depth=(view.depth / (1.0 + longer)).astype(view.depth.dtype))
 
 
-def estimated_lens(stated: Camera, coefficients: Float, scale: float, least_px: float) -> Lens | None:
-    """The lens that the coefficients (16,) of unit-size columns mean; None within `least_px` of the stated one."""
-    if not len(coefficients):
-        return None
+def estimated_lens(stated: Camera, coefficients: Float, scale: float) -> Lens:
+    """The lens that the coefficients (16,) of unit-size columns mean.
+
+    However near the stated lens, it is the one beside which the poses were solved: through the stated one they would render other labels.
+    """
     turned, conversion = coefficients.reshape(2, len(LENS)) / scale * deviations(stated)
-    camera = with_lens(stated, turned)
-    return Lens(camera, conversion) if apart_px(stated, camera) >= least_px else None
+    return Lens(with_lens(stated, turned), conversion)

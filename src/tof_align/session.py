@@ -44,7 +44,7 @@ class SessionSolution:
     right perturbation; theta (k,), theta_cov (k, k): coefficients of the extra columns;
     sizes: metres of unmodelled error per kind of `discrepancy` (`part I` for part I of the scene);
     observability (S,): degenerate directions of each base; system: the linear system at the solution, for
-    further fits; fitted: its answer; lens: the estimated lens, None if within limits of the stated one.
+    further fits; fitted: its answer; lens: the estimated lens, None where it was not estimated.
     """
 
     posed: tuple[Posed, ...]
@@ -117,7 +117,7 @@ def solve_samples(
     fitter = Fitter([s.fine for s in samples], caster, config, columns, theta_std, last=last)
     system, answer, given = fitter.fit(chain, config.iterations)
     stated = samples[0].full.camera
-    lens = _lens(system, answer, stated, config.discrepancy.lens_px)
+    lens = _lens(system, answer, stated)
     if lens is None or columns is not None or apart_px(stated, lens.camera) < config.discrepancy.lens_again_px:
         return _through(_conclude(fitter, system, answer, given, seed), lens)
     through = [replace(s, full=s.full.through(lens.camera)) for s in samples]
@@ -126,10 +126,10 @@ def solve_samples(
     return _through(again, again.lens or lens)
 
 
-def _lens(system: SessionSystem[Chain], answer: Mixed, stated: Camera, least_px: float) -> Lens | None:
-    """The lens by the answer's coefficients; None within `least_px` of the stated one."""
+def _lens(system: SessionSystem[Chain], answer: Mixed, stated: Camera) -> Lens | None:
+    """The lens by the answer's coefficients; None where it was not estimated."""
     at = system.kinds.get("lens", np.zeros(0, np.int64))
-    return estimated_lens(stated, answer.x[at], system.basis.lens_m, least_px)
+    return estimated_lens(stated, answer.x[at], system.basis.lens_m) if len(at) else None
 
 
 def _through(solution: SessionSolution, lens: Lens | None) -> SessionSolution:

@@ -30,6 +30,13 @@ class LabelConfig:
         high=100.0,
         why="0 to 1.4 mm in sessions whose labels were within 1.2 mm; 3.8 and 7 mm under multipath, whose labels were 3.9 and 5.8 mm off",
     )
+    lens_px: float = param(
+        0.1,
+        "difference of the session's lens from camera_info, anywhere in the image, from which toftwin label prints a note",
+        unit="px",
+        low=0.0,
+        why="corners of a good calibration fit to 0.1 px",
+    )
     edge_px: float = param(0.05, "least uncertainty of a silhouette in the image", unit="px", low=0.0, high=5.0)
     max_incidence_deg: float = param(85.0, "labels seen at a flatter angle are masked", unit="deg", low=0.0, high=90.0)
     max_sigma_mm: float = param(

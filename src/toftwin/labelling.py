@@ -176,7 +176,7 @@ class _Job:
             from toftwin.mistakes.find import explained
 
             raise explained(error, views, self.caster, self.config.input, self.config.align) from error
-        result.note = "; ".join(filter(None, [result.note, _lens_note(views[0].camera, posed)]))
+        result.note = "; ".join(filter(None, [result.note, _lens_note(views[0].camera, posed, self.config.label.lens_px)]))
         for name in self.also:
             other = replace(self.config.align, mode=MODES[name])
             found = dataset.solved(views, name, lambda align=other: solve_session(views, self.caster, align).posed)  # type: ignore[misc]
@@ -226,12 +226,13 @@ class _Job:
             raise RefusedError(_why_nothing(reader), where="label", todo="toftwin doctor lists what the bag lacks")
 
 
-def _lens_note(stated: Camera, posed: Sequence[Posed]) -> str:
-    """A note where the session contradicts CameraInfo's lens."""
+def _lens_note(stated: Camera, posed: Sequence[Posed], least_px: float) -> str:
+    """A note where the session's lens differs from CameraInfo's by `least_px` and more."""
     lens = next((p.camera for p in posed if p.camera is not None), None)
-    if lens is None:
+    apart = 0.0 if lens is None else apart_px(stated, lens)
+    if apart < least_px:
         return ""
-    return f"the session shows a lens up to {apart_px(stated, lens):.1f} px off camera_info: labels are rendered through the lens found"
+    return f"the session shows a lens up to {apart:.1f} px off camera_info: labels are rendered through the lens found"
 
 
 def _itself(label: Label) -> Label:

@@ -58,8 +58,19 @@ def test_a_lens_as_stated_stays_and_costs_no_accuracy_that_matters() -> None:
     views, truth = session(section(), views=10)
     found = solve_session(views, section(), CONFIG)
     assert off_mm(found, truth) < 0.3
-    assert found.lens is None or apart_px(CAMERA, found.lens.camera) < 0.3
-    assert label_off_mm(found, truth) < 0.15
+    assert found.lens is not None
+    assert apart_px(CAMERA, found.lens.camera) < 0.1
+    assert label_off_mm(found, truth) < 0.05
+
+
+def test_labels_belong_to_the_lens_beside_which_poses_were_solved_however_near_the_stated_one() -> None:
+    near = with_lens(CAMERA, 0.05 * np.array([0.006, 0.005, 1.0, -0.8, -0.02, 0.0, 0.0, 0.0]))
+    assert apart_px(CAMERA, near) < 0.1
+    views, truth = taken(near, distance=True)
+    found = solve_session(views, section(), CONFIG)
+    through_stated = replace(found, posed=tuple(replace(p, camera=None) for p in found.posed))
+    assert label_off_mm(found, truth) < 0.06
+    assert label_off_mm(through_stated, truth) > 2.0 * label_off_mm(found, truth)
 
 
 def test_a_view_seen_through_the_lens_has_its_rays_and_z_along_them() -> None:

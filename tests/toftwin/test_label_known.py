@@ -134,6 +134,7 @@ def test_after_a_joint_solution_the_advice_is_not_joint_again() -> None:
 def test_a_lens_that_contradicts_camera_info_is_reported() -> None:
     stated = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
     pose = Posed(np.eye(4), np.eye(6))
-    assert _lens_note(stated, [pose, pose]) == ""
-    other = with_lens(stated, np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    assert "2.0 px off camera_info" in _lens_note(stated, [pose, replace(pose, camera=other)])
+    near, other = (with_lens(stated, np.array([0.0, 0.0, px, 0.0, 0.0, 0.0, 0.0, 0.0])) for px in (0.05, 2.0))
+    assert _lens_note(stated, [pose, pose], 0.1) == ""
+    assert _lens_note(stated, [pose, replace(pose, camera=near)], 0.1) == ""
+    assert "2.0 px off camera_info" in _lens_note(stated, [pose, replace(pose, camera=other)], 0.1)
