@@ -29,6 +29,8 @@ MATTERS = 0.15
 PLAIN = frozenset({"none", "unknown"})
 WRAPPED, MIXED = "phase_wrap", "flying_pixels"
 MAPS_ALIKE_ELSEWHERE = frozenset({"emitter_offset"})
+MOTIONS = frozenset({"hand_eye", "intrinsics"})
+"""Effects that move the camera or turn its rays: after the freedom of arms only the second order of their maps would be left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +166,7 @@ def _maps(effects: tuple[str, ...], maps: Any, truth: Truth) -> tuple[float | No
             places.append(auroc(named, true))
         elif effect in EVERYWHERE | MAPS_ALIKE_ELSEWHERE:
             free = free or poses(truth.arrays, truth.meta)
-            alike.append(correlation(free, named, true))
+            alike.append(correlation(free, named, true, as_is=effect in MOTIONS))
     return (min(places) if places else None), (min(alike) if alike else None)
 
 

@@ -155,14 +155,14 @@ def separability(arrays: Mapping[str, Any], meta: Mapping[str, Any]) -> dict[str
     return out
 
 
-def correlation(free: Poses, named: Float, true: Float) -> float:
-    """Correlation of two maps (V, H, W) over the session after each lost what bases, arms and hand-eye can make of it."""
+def correlation(free: Poses, named: Float, true: Float, *, as_is: bool = False) -> float:
+    """Correlation of two maps (V, H, W) over the session after each lost what bases, arms and hand-eye can make of it; as_is: or whole."""
     pair = []
     both = [np.isfinite(named[k, ::STEP, ::STEP].ravel()[i] * true[k, ::STEP, ::STEP].ravel()[i]) for k, i in enumerate(free.index)]
     for maps in (named, true):
         values = [_smooth(maps[k], i) for k, i in enumerate(free.index)]
         weights = [b / 1e-3**2 for b in both]
-        left, _ = free.project(values, weights)
+        left = values if as_is else free.project(values, weights)[0]
         pair.append(np.concatenate([x[b] for x, b in zip(left, both, strict=True)]))
     return _cosine(pair[0], pair[1])
 
