@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import time
+import traceback
 from typing import TYPE_CHECKING
 
 from benchmarks.gap_check.record import BAGS
@@ -45,7 +46,7 @@ def compare_all(folder: Path) -> None:
 
 
 def examine(case: Path, out: Path) -> None:
-    """One bag to one report; a refusal is an answer too."""
+    """One bag to one report; a refusal is an answer too, and so is a fault."""
     from tof_gap.tell.report import write
 
     out.mkdir(parents=True, exist_ok=True)
@@ -54,6 +55,8 @@ def examine(case: Path, out: Path) -> None:
         write(*diagnosed(case), out, [])
     except ToftwinError as error:
         (out / "refused.txt").write_text(str(error))
+    except Exception:  # noqa: BLE001 - the other bags are diagnosed all the same, and this one counts as a miss
+        (out / "refused.txt").write_text(traceback.format_exc())
     (out / "seconds.json").write_text(json.dumps({"wall_s": time.perf_counter() - started, "cpu_s": time.process_time() - busy}))
 
 

@@ -48,9 +48,10 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
         edges = np.quantile(a, np.linspace(0, 1, bins + 1))[1:-1]
         which = [np.searchsorted(edges, light, side="right") for _, light, *_ in shown]
         for b in range(bins):
-            of = which[0] == b
-            if of.sum() >= limits.bin_samples:
-                own2 = v.correlation.variance([trimmed_std(s[0][w == b]) ** 2 for s, w in zip(shown, which, strict=True)])
+            inside = [w == b for w in which]
+            of = inside[0]
+            if min(int(i.sum()) for i in inside) >= limits.bin_samples:
+                own2 = v.correlation.variance([trimmed_std(s[0][i]) ** 2 for s, i in zip(shown, inside, strict=True)])
                 rows.append((i, a[of].mean(), r2[of].mean(), around2[of].mean(), v.view.captures * own2, of.sum()))
     table = np.array(rows, float).reshape(-1, 6)
     return NoiseBins(*table.T)

@@ -129,6 +129,17 @@ def test_rounding_to_millimetres_after_a_filter_is_no_noise_at_every_amplitude()
     assert constant_part(fitted, 0.001) < 2.5e-4
 
 
+def test_pixels_without_partners_two_apart_make_no_bin_of_noise() -> None:
+    """Only three columns of six are smooth: next neighbours can be compared, pixels two apart cannot."""
+    rng = np.random.default_rng(2)
+    noise = np.stack([averaged(3)(rng.normal(0, 0.006, (86, 112))) for _ in range(12)])
+    seen, limits = views(rng, noise, photons=False), GapConfig().noise
+    assert seen[0].correlation.correlated
+    narrow = np.arange(112) % 6 < 3
+    assert len(binned(seen, limits.bins, limits).view)
+    assert not len(binned([replace(v, smooth=v.smooth & narrow) for v in seen], limits.bins, limits).view)
+
+
 def rounded(noise_m: float, width: int, step_m: float, rows_m: float = 0.0) -> tuple[ViewEvidence, ...]:
     """Views whose noise, of pixels and of whole rows, the camera averages over a window and rounds to its depth code."""
     rng, made = np.random.default_rng(7), []
