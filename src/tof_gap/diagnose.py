@@ -84,7 +84,7 @@ def diagnose(
     progress("first poses: depth or distance along the ray")
     begun, along_ray = gate(views, caster, config, align, asked=RadialDepth.NAME not in left_out)
     check_enough(views, along_ray, config.solve.views)
-    world, begun = set_apart(begun, caster, config)
+    world, begun = set_apart(begun, caster, config, align)
     progress("poses and effects together")
     joint, config, views, stray = solve_agreeing(begun, caster, config, frozenset(VOCABULARY) if few else left_out)
     split = dealt(joint.chain, config.solve)

@@ -27,15 +27,11 @@ if TYPE_CHECKING:
 
 
 def world_of(evidence: Sequence[ViewEvidence], caster: Raycaster, limits: WorldEvidence) -> Surprises:
-    """Missing parts and foreign objects at the poses of the evidence; without moving views, whose edges motion shifts."""
-    still = [k for k, v in enumerate(evidence) if not v.frame.context.moving]
-    if not still:
-        return Surprises(tuple(np.zeros(v.residual.shape, np.uint8) for v in evidence), (), ())
-    found = find_surprises([_seen(evidence[k], limits) for k in still], caster, limits.world)
-    pixels = [np.zeros(v.residual.shape, np.uint8) for v in evidence]
-    for k, codes in zip(still, found.pixels, strict=True):
-        pixels[k] = codes
-    return replace(found, pixels=tuple(pixels)).of_views(still)
+    """Missing parts and foreign objects at the poses of the evidence.
+
+    Views in motion are searched as still ones are: motion shifts edges by pixels, and none of those is a patch of an object.
+    """
+    return find_surprises([_seen(v, limits) for v in evidence], caster, limits.world)
 
 
 def _seen(v: ViewEvidence, limits: WorldEvidence) -> Seen:

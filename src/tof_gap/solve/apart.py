@@ -5,16 +5,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from tof_align.session import solve_session
+from tof_core import se3
+from tof_core.errors import RefusedError
 from tof_gap.seen.world import without_world, world_of
 from tof_gap.solve.start import Start, check_fit, observe
+from tof_gap.solve.stray import beyond
 
 if TYPE_CHECKING:
+    from tof_align.chain import Chain
+    from tof_align.config import AlignConfig
+    from tof_core.arrays import Mask
     from tof_gap.config import GapConfig
+    from tof_gap.limits.solve import StrayLimits
     from tof_scene.raycast import Raycaster
     from tof_scene.world.surprises import Surprises
 
 
-def set_apart(begun: Start, caster: Raycaster, config: GapConfig) -> tuple[Surprises, Start]:
+def set_apart(begun: Start, caster: Raycaster, config: GapConfig, align: AlignConfig) -> tuple[Surprises, Start]:
     """Missing parts and foreign objects at the first poses, and the start without their pixels.
 
     Raises:
@@ -24,6 +34,30 @@ def set_apart(begun: Start, caster: Raycaster, config: GapConfig) -> tuple[Surpr
     world = world_of(begun.evidence, caster, config.world)
     if not (world.missing or world.foreign):
         return world, begun
+    if off_the_robot(begun.chain, config.solve.stray).any():
+        begun = _beside_objects(begun, caster, config, align)
+        world = world_of(begun.evidence, caster, config.world)
     begun.hand_over()  # Frees these images before the views are rendered again.
     views = without_world(begun.views, world, config.world.rim_px)
     return world, Start(views, begun.chain, observe(views, caster, begun.chain, config, footprints=False))
+
+
+def off_the_robot(chain: Chain, limits: StrayLimits) -> Mask:
+    """(V,) views whose arm the robot's prior excludes; none where poses have covariances of their own."""
+    if chain.root is not None:
+        return np.zeros(len(chain.arm), bool)
+    return beyond(np.array([se3.log(arm) for arm in chain.arm]) / chain.priors.arm, limits)
+
+
+def _beside_objects(begun: Start, caster: Raycaster, config: GapConfig, align: AlignConfig) -> Start:
+    """The start at the poses of the session solution, which allows for objects and displaced parts.
+
+    An object before a part that fills most of a view is taken for the part: the first pose of the view moves it onto the CAD, where
+    nothing contradicts. The session solution costs several times the first poses, and is asked only where the robot excludes them.
+    """
+    try:
+        chain = solve_session(begun.views, caster, align).chain
+    except RefusedError:
+        return begun
+    begun.hand_over()
+    return Start(begun.views, chain, observe(begun.views, caster, chain, config, footprints=False))

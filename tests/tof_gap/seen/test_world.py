@@ -48,9 +48,8 @@ def test_views_without_surprises_are_the_same_objects() -> None:
     assert without_world([one], Surprises((np.zeros(CAMERA.shape, np.uint8),), (), ()), rim_px=2)[0] is one
 
 
-@pytest.mark.parametrize(("mm_s", "looked_at"), [(0.0, True), (2.0, True), (20.0, False)])
-def test_the_trembling_of_an_arm_at_rest_is_no_motion(monkeypatch: pytest.MonkeyPatch, mm_s: float, looked_at: bool) -> None:  # noqa: FBT001
-    """At rest TF differs by tenths of a millimetre from one transform to the next."""
+@pytest.mark.parametrize("mm_s", [0.0, 2.0, 150.0])
+def test_views_in_motion_are_searched_as_still_ones_are(monkeypatch: pytest.MonkeyPatch, mm_s: float) -> None:
     twist = np.array([1e-3 * mm_s, 0, 0, 0, 0, 0])
     seen = [replace(v, frame=replace(v.frame, context=replace(v.frame.context, twist=twist))) for v in views(np.random.default_rng(1))]
 
@@ -59,4 +58,5 @@ def test_the_trembling_of_an_arm_at_rest_is_no_motion(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(world, "find_surprises", everything)
     codes = world_of(seen, cast("Raycaster", None), WorldEvidence()).pixels
-    assert [bool((c == OBJECT).all()) for c in codes] == [looked_at] * len(seen)
+    assert len(codes) == len(seen)
+    assert all((c == OBJECT).all() for c in codes)
