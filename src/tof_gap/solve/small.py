@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tof_gap.solve.worth import rescored, visible_m, worth
+from tof_sensor.effects.motion import Motion
 
 if TYPE_CHECKING:
     from tof_gap.solve.judge import Hypothesis, Selector
@@ -17,7 +18,8 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
     Several small effects together fit almost any error, and so many causes at once are unlikely. Very small ones only correct errors of
     the others' maps. An effect is small if it explains little of what all effects explain and little of what they leave: beside a
     constant of centimetres, a curve of millimetres may still halve the rest. A wrong lens explains little, since the lens within the
-    stated calibration absorbs it; it stays if that lens would otherwise contradict its calibration.
+    stated calibration absorbs it; it stays if that lens would otherwise contradict its calibration. Motion explains most at edges, where
+    nothing is fitted: it is judged there, once the solution is closed (`conclude`).
     """
     whole, small = current, list[str]()
     while len(names := _names(judge, current)) > judge.config.named_freely:
@@ -25,7 +27,7 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
             name: max(judge.score(judge.design.without(current.members, name), current.inflate).score - current.score, 0.0)
             for name in names
         }
-        others = [i for i, m in enumerate(current.members) if judge.is_free(m) or judge.frees_hand([m])]
+        others = [i for i, m in enumerate(current.members) if judge.design.candidates[m].name not in names]
         beside = float(worth(judge, current)[0][others].clip(0.0).sum()) if others else 0.0
         least = min((name for name in names if not judge.needed_by_calibration(name, current)), key=lost.__getitem__)
         if lost[least] >= min(judge.config.small_share * (sum(lost.values()) + beside), judge.config.small_left * current.score):
@@ -41,5 +43,6 @@ def without_small(judge: Selector, current: Hypothesis) -> tuple[Hypothesis, tup
 
 
 def _names(judge: Selector, current: Hypothesis) -> list[str]:
-    """Names of the effects, each once, without hand-eye, whose evidence is in the arm errors."""
-    return sorted({judge.design.candidates[m].name for m in current.members if not judge.is_free(m) and not judge.frees_hand([m])})
+    """Names of the effects, each once, without hand-eye, whose evidence is in the arm errors, and motion, whose evidence is at edges."""
+    own = {judge.design.candidates[m].name for m in current.members if not judge.is_free(m) and not judge.frees_hand([m])}
+    return sorted(own - {Motion.NAME})

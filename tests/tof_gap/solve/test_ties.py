@@ -40,6 +40,14 @@ def test_a_wrong_lens_stays_however_little_it_shows_and_counts_as_one_of_the_eff
         assert named(judge, without_small(judge, hypothesis(judge, "abc"))[0]) == kept
 
 
+def test_motion_is_judged_at_edges_and_counts_as_no_effect_here() -> None:
+    """c wins 14 of 400: small beside two other effects, unless it is motion."""
+    scores = {"abc": 600.0, "ab": 614.0, "ac": 1000.0, "bc": 1000.0}
+    for name, kept in (("c", "ab"), ("motion", "abc")):
+        judge: Any = Judge(scores, ["a", "b", name], least_mm=0.1)
+        assert named(judge, without_small(judge, hypothesis(judge, "abc"))[0]) == kept
+
+
 def test_two_effects_are_believed_however_small() -> None:
     judge: Any = Judge({"ab": 500.0, "a": 501.0, "b": 900.0})
     assert named(judge, without_small(judge, hypothesis(judge, "ab"))[0]) == "ab"
