@@ -24,7 +24,12 @@ ALONG, ACROSS = 2, (0, 1)
 
 
 def foreign_light(
-    views: Sequence[ViewEvidence], arms: Float, arms_sd: Float, limits: ForeignLightLimits, named_m: float = 0.0, lines_m: float = 0.0
+    views: Sequence[ViewEvidence],
+    arms: Float,
+    arms_sd: Float,
+    limits: ForeignLightLimits,
+    named_m: float = 0.0,
+    lines_m: Float | float = 0.0,
 ) -> Finding | None:
     """`interference` where arm errors along the optical axis exceed those across it, and a smooth field is left in nearly every view.
 
@@ -39,13 +44,13 @@ def foreign_light(
         arms_sd: (V, 6) their standard deviations by the robot's prior.
         limits: largest probability by chance at which the effect is believed.
         named_m: metres, sizes of the named effects together (root of the sum of squares).
-        lines_m: metres RMS of the smooth field that the noise of whole rows and columns makes in each view.
+        lines_m: (V,) metres RMS of the smooth field that the noise of whole rows and columns makes in each view.
     """
     beyond = along_the_view(arms, arms_sd, limits)
     if not beyond and _by_arm(arms, arms_sd) > limits.chance_across_fields:
         return None
     fields = [field(v, limits) for v in views]
-    least_m = max(limits.field_mm * 1e-3, lines_m, 0.0 if beyond else limits.field_share * named_m)
+    least_m = np.maximum(max(limits.field_mm * 1e-3, 0.0 if beyond else limits.field_share * named_m), np.broadcast_to(lines_m, len(views)))
     if _with_field(views, fields, least_m, limits) < limits.field_views:
         return None
     size = float(np.sqrt(np.mean(arms[:, ALONG] ** 2)))
@@ -134,11 +139,11 @@ def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
     return np.asarray(columns @ (c / scale))
 
 
-def _with_field(views: Sequence[ViewEvidence], fields: Sequence[Float], least_m: float, limits: ForeignLightLimits) -> float:
-    """Share of the views whose field explains more chi-square than chance or an error of `least_m` metres would."""
+def _with_field(views: Sequence[ViewEvidence], fields: Sequence[Float], least_m: Float, limits: ForeignLightLimits) -> float:
+    """Share of the views whose field explains more chi-square than chance or an error of `least_m` (V,) metres would."""
     large = []
-    for v, f in zip(views, fields, strict=True):
+    for v, f, least in zip(views, fields, least_m, strict=True):
         weight = 1.0 / v.mean_sigma[v.smooth] ** 2
         taken = float(((v.residual**2 - (v.residual - f) ** 2)[v.smooth] * weight).sum())
-        large.append(taken > max(limits.field_chi2, least_m**2 * float(weight.sum())))
+        large.append(taken > max(limits.field_chi2, least**2 * float(weight.sum())))
     return float(np.mean(large))

@@ -44,19 +44,44 @@ def line_noise(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> 
     return LineNoise(axis, float(np.sqrt(max(size2, 0.0))), max(sigma for _, sigma in found))
 
 
+def line_noise_by_view(views: Sequence[ViewEvidence], axis: int, limits: LineLimits) -> Float:
+    """(V,) standard deviation in metres along the ray of the noise that the pixels along `axis` share in each view.
+
+    Noise of lines grows in weak light, so views of one session differ. Lines are compared that share no noise through a filter in the camera.
+    """
+    of = views[0].correlation
+    change2, white = _changes(views, axis, limits, of.window_px + 1 if of.correlated else 1)
+    return np.array([np.sqrt(max(_beyond(c, w), 0.0)) for c, w in zip(change2, white, strict=True)])
+
+
 def _in_common(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step: int) -> tuple[float, float]:
     """Variance in m^2 that differences of lines `step` apart show, less that by white noise, and its significance."""
+    change2, white = _changes(views, axis, limits, step)
+    seen = np.isfinite(change2)
+    if not seen.any():
+        return 0.0, 0.0
+    ratio = np.minimum((change2 / white)[seen], limits.most_ratio)
+    return _beyond(change2, white), float((ratio - 1).sum() / np.sqrt(2 * len(ratio)))
+
+
+def _changes(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, step: int) -> tuple[Float, Float]:
+    """(V, L) m^2: squared deviation of the mean second difference across lines from that of all views, and its variance by white noise.
+
+    NaN where too few views see the line.
+    """
     mean, white = (np.stack(a) for a in zip(*(_line_means(v, axis, limits, step) for v in views), strict=True))
     seen = np.isfinite(mean)
     views_seen = seen.sum(axis=0)
     seen &= views_seen >= limits.views
-    if not seen.any():
-        return 0.0, 0.0
     n = np.maximum(views_seen, 2)
     change2 = (mean - np.where(seen, mean, 0.0).sum(axis=0) / n) ** 2 * n / (n - 1)
-    ratio = np.minimum((change2 / white)[seen], limits.most_ratio)
-    size2 = float(np.median(change2[seen]) / CHI2_MEDIAN - np.median(white[seen]))
-    return size2, float((ratio - 1).sum() / np.sqrt(2 * len(ratio)))
+    return np.where(seen, change2, np.nan), np.where(seen, white, np.nan)
+
+
+def _beyond(change2: Float, white: Float) -> float:
+    """m^2: usual variance of the changes above that by white noise; 0 where none is known."""
+    seen = np.isfinite(change2)
+    return float(np.median(change2[seen]) / CHI2_MEDIAN - np.median(white[seen])) if seen.any() else 0.0
 
 
 def _line_means(view: ViewEvidence, axis: int, limits: LineLimits, step: int) -> tuple[Float, Float]:

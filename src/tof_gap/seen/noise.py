@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import minimum_filter
 
 from tof_core.shares import in_percent
 from tof_gap.seen.correlation import INDEPENDENT
 from tof_gap.seen.finding import CONFIDENT, Finding, most
-from tof_gap.seen.line_noise import line_map, line_noise
+from tof_gap.seen.line_noise import line_map, line_noise, line_noise_by_view
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.photons import binned, code_step, constant_part, fit_law, of_one_capture, quiet_law, view_ratio
 from tof_gap.seen.pixel_noise import noisy_pixels, pixel_pattern
@@ -178,14 +179,31 @@ def _noisy_lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float
     return [of for of in found if of.sigma > limits.lines.sigma and _over_mean(views) * of.size_m > least]
 
 
-def smooth_by_lines(views: Sequence[ViewEvidence], limits: NoiseLimits) -> float:
-    """Metres RMS along the ray: the smooth field, new in each view, that the noise of whole rows and columns makes; 0 without such noise."""
+def lines_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[LineNoise]:
+    """Noise of whole rows and columns, each where it exceeds the rounding of the depth code and a share of the noise of pixels."""
     sigma = np.concatenate([(v.sigma * v.frame.length)[v.smooth] for v in views])
     if not len(sigma):
-        return 0.0
-    lines = _noisy_lines(views, _over_mean(views) * float(np.median(sigma)), code_step(views) / np.sqrt(12), limits)
+        return []
+    return _noisy_lines(views, _over_mean(views) * float(np.median(sigma)), code_step(views) / np.sqrt(12), limits)
+
+
+def smooth_by_lines(views: Sequence[ViewEvidence], lines: Sequence[LineNoise], limits: NoiseLimits) -> Float:
+    """(V,) metres RMS along the ray: the smooth field, new in each view, that the noise of whole rows and columns makes."""
+    variance = sum((line_noise_by_view(views, of.axis, limits.lines) ** 2 for of in lines), np.zeros(len(views)))
     number = min(views[0].residual.shape) / views[0].correlation.line
-    return float(np.sqrt(sum(of.size_m**2 for of in lines) * FIELD_TERMS / number))
+    return np.asarray(np.sqrt(variance * FIELD_TERMS / number))
+
+
+def beside_lines(views: Sequence[ViewEvidence], lines: Sequence[LineNoise]) -> Sequence[ViewEvidence]:
+    """The views with `smooth` only where the camera averages over whole neighbourhoods, if whole lines have noise.
+
+    An average that lacks lost neighbours takes in the lines around by other shares than the average of the next pixel: so the noise of
+    lines makes pixels of one line differ.
+    """
+    if not (lines and views[0].correlation.correlated):
+        return views
+    reach = views[0].correlation.window_px + 2  # A filter may lose a neighbour in one capture, and not in the mean.
+    return [replace(v, smooth=v.smooth & minimum_filter(v.view.valid, reach, mode="nearest")) for v in views]
 
 
 def _typical(b: NoiseBins) -> float:

@@ -153,10 +153,12 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     gone = missing.missing_effects(left, config.missing, left_out, blurred=solved.names(Motion.NAME))
     unmerged = any(map(_fails_to_merge, gone))
     # The noise of wrongly merged frequencies grows in weak light, as that of foreign light does.
-    light = [] if unmerged else detected.detected_effects(noise.without_noisy_pixels(left, config.noise), config.noise, law, left_out)
+    lines = [] if Noise.NAME in left_out else noise.lines_found(left, config.noise)
+    own = noise.beside_lines(noise.without_noisy_pixels(left, config.noise), lines)
+    light = [] if unmerged else detected.detected_effects(own, config.noise, law, left_out)
     beside = detected.explained(left, light)
     silent = _arms_silent(solved, left_out) or Interference.NAME in left_out
-    of_lines = 0.0 if silent or Noise.NAME in left_out else noise.smooth_by_lines(left, config.noise)
+    of_lines = noise.smooth_by_lines(left, lines, config.noise)
     foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light, _named_m(solved), of_lines)
     if foreign is not None and foreign.posed_m < _rough_m(solved):
         foreign = None

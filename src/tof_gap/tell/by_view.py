@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import chdtri
 
+from tof_gap.seen.line_noise import line_noise_by_view
+from tof_gap.seen.noise import lines_found
+from tof_sensor.effects.noise import Noise
 from tof_sensor.registry import EFFECTS
 
 if TYPE_CHECKING:
@@ -15,18 +18,26 @@ if TYPE_CHECKING:
 
     from tof_core.arrays import Float
     from tof_gap.limits.report import UnexplainedLimits
+    from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.account import Account
 
 
-def uneven(found: Account, limit: UnexplainedLimits) -> str | None:
+Lines = tuple[int, "Float"]
+"""Axis along which pixels share noise, and (V,) metres along the ray of it in each view."""
+
+
+def uneven(found: Account, limit: UnexplainedLimits, noise: NoiseLimits) -> str | None:
     """The effect whose size varies most over the views, relative to its allowed variation (`Effect.UNEVEN`); None if all are within it.
 
     A mechanism outside the vocabulary, or another camera's light, makes a known effect win held-out chi-square if its map is similar in
     most views. The fitted size then varies from view to view; that of a constant of the camera does not.
     """
+    bare = found.solved.bare
+    of_lines = any(isinstance(f.effect, Noise) and f.common is not None for f in found.findings)
+    lines = [(of.axis, line_noise_by_view(bare, of.axis, noise.lines)) for of in (lines_found(bare, noise) if of_lines else [])]
     beyond = {
-        name: spread(found.solved.bare, maps, limit) / EFFECTS[name].UNEVEN
+        name: spread(bare, maps, limit, lines) / EFFECTS[name].UNEVEN
         for name, maps in found.solved.maps.items()
         if not EFFECTS[name].SMEARS
     }
@@ -34,7 +45,7 @@ def uneven(found: Account, limit: UnexplainedLimits) -> str | None:
     return worst if worst is not None and beyond[worst] > 1.0 else None
 
 
-def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: UnexplainedLimits) -> float:
+def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: UnexplainedLimits, lines: Sequence[Lines] = ()) -> float:
     """Standard deviation over the views of an effect's size, over its mean: the part beyond noise, as a lower confidence bound.
 
     Views are weighted by their information about the size. 0 where fewer than `limit.uneven_views` determine it, or noise explains all.
@@ -43,8 +54,9 @@ def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: Unexplain
         bare: views less all effects.
         maps: (H, W) metres of z per view that the effect adds.
         limit: how many views are needed, and how sure the least value is.
+        lines: noise of whole rows and columns, which many pixels of the map share.
     """
-    known = [_size(v, m) for v, m in zip(bare, maps, strict=True)]
+    known = [_size(v, m, [(axis, float(of[k])) for axis, of in lines]) for k, (v, m) in enumerate(zip(bare, maps, strict=True))]
     size, information, noise = (np.array([k[i] for k in known]) for i in range(3))
     whole = float(information.sum())
     if not whole > 0.0:
@@ -59,12 +71,16 @@ def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: Unexplain
     return float(np.sqrt(max(least - float(noise.sum()) / whole, 0.0)) / max(abs(mean), 1e-12))
 
 
-def _size(view: ViewEvidence, effect: Float) -> tuple[float, float, float]:
+def _size(view: ViewEvidence, effect: Float, lines: Sequence[tuple[int, float]]) -> tuple[float, float, float]:
     """One view's size of an effect, relative to the solution's; the inverse variance of this size for unit noise; the variance of the noise."""
     seen = view.smooth & np.isfinite(effect)
     column, left = effect[seen] / view.sigma[seen], view.residual[seen] / view.sigma[seen]
     information = float(column @ column)
     if not information > 0.0:
         return 0.0, 0.0, 0.0
-    shared = view.correlation.area
-    return 1.0 + float(column @ left) / information, information, shared * max(1.0, float(left @ left) / len(left))
+    variance = view.correlation.area * max(1.0, float(left @ left) / len(left))
+    for axis, metres in lines:
+        # What one metre of each line would add to the size, in units of 1 / information.
+        lever = np.where(seen, np.nan_to_num(effect) / (view.sigma**2 * view.frame.length), 0.0).sum(axis=axis)
+        variance += view.correlation.line * metres**2 * float(lever @ lever) / information
+    return 1.0 + float(column @ left) / information, information, variance

@@ -45,7 +45,7 @@ def taken_out(found: Account, config: GapConfig) -> TakenOut | None:
     if (name := contradicted(found, limit)) is not None:
         return TakenOut(name, contradicted=name not in suspected)
     foreign = any(isinstance(f.effect, Interference) for f in found.findings)
-    if (name := uneven(found, limit)) is not None:
+    if (name := uneven(found, limit, config.noise)) is not None:
         return TakenOut(name, contradicted=not foreign and name not in suspected)
     return None if (name := unchosen(found, limit)) is None else TakenOut(name, contradicted=True)
 

@@ -12,11 +12,12 @@ from scipy.ndimage import gaussian_filter, uniform_filter
 
 from tests.tof_gap.quiet_views import CAMERA, rendering, views
 from tof_core.capture import Capture, View
+from tof_core.reasons import Reason
 from tof_gap.config import GapConfig
 from tof_gap.limits.seen import CorrelationLimits, EvidenceLimits
 from tof_gap.seen.correlation import INDEPENDENT, NoiseCorrelation, noise_correlation
-from tof_gap.seen.line_noise import line_noise
-from tof_gap.seen.noise import noise_effects
+from tof_gap.seen.line_noise import line_noise, line_noise_by_view
+from tof_gap.seen.noise import beside_lines, lines_found, noise_effects
 from tof_gap.seen.photons import binned, constant_part, fit_law, own_law
 from tof_gap.seen.residual import gather
 
@@ -138,6 +139,33 @@ def test_pixels_without_partners_two_apart_make_no_bin_of_noise() -> None:
     narrow = np.arange(112) % 6 < 3
     assert len(binned(seen, limits.bins, limits).view)
     assert not len(binned([replace(v, smooth=v.smooth & narrow) for v in seen], limits.bins, limits).view)
+
+
+def test_the_noise_of_lines_is_that_of_each_view() -> None:
+    """Rows of 1 mm in the first half of the views and of 4 mm in the others, averaged over 3 rows: 0.58 and 2.3 mm."""
+    rng, rows = np.random.default_rng(2), np.repeat([0.001, 0.004], 6)
+    noise = [averaged(3)(rng.normal(0, 0.002, (86, 112)) + rng.normal(0, size, (86, 1))) for size in rows]
+    seen = views(rng, np.stack(noise), photons=False)
+    found = line_noise_by_view(seen, 1, GapConfig().noise.lines)
+    halves = np.median(found.reshape(2, 6), axis=1)
+    np.testing.assert_allclose(halves, np.array([0.001, 0.004]) / np.sqrt(3), rtol=0.25)
+    assert line_noise_by_view(seen, 0, GapConfig().noise.lines).max() < 2e-4
+
+
+def test_beside_noise_of_lines_only_averages_of_whole_neighbourhoods_count() -> None:
+    rng = np.random.default_rng(2)
+    noise = np.stack([averaged(3)(rng.normal(0, 0.002, (86, 112)) + rng.normal(0, 0.004, (86, 1))) for _ in range(12)])
+    seen, limits = list(views(rng, noise, photons=False)), GapConfig().noise
+    depth, reason = seen[0].view.depth.copy(), seen[0].view.reason.copy()
+    depth[40, 50], reason[40, 50] = np.nan, Reason.NO_RETURN
+    seen[0] = replace(seen[0], view=replace(seen[0].view, depth=depth, reason=reason))
+    lines = lines_found(seen, limits)
+    assert [of.axis for of in lines] == [1]
+    whole = beside_lines(seen, lines)
+    lost = seen[0].smooth & ~whole[0].smooth
+    assert set(zip(*np.nonzero(lost), strict=True)) == {(r, c) for r in range(38, 43) for c in range(48, 53)}
+    assert (whole[1].smooth == seen[1].smooth).all()
+    assert beside_lines(seen, []) is seen
 
 
 def rounded(noise_m: float, width: int, step_m: float, rows_m: float = 0.0) -> tuple[ViewEvidence, ...]:

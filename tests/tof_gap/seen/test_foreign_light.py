@@ -92,8 +92,12 @@ def test_fields_that_inexact_maps_of_named_effects_may_leave_are_no_sign(named_m
     assert (foreign_light(seen, arms(0.0006, 0.0013), SD, LIMITS, named_m) is not None) is found
 
 
-@pytest.mark.parametrize(("lines_m", "found"), [(0.0005, True), (0.002, False)])
-def test_fields_that_the_noise_of_lines_makes_are_no_sign(lines_m: float, *, found: bool) -> None:
+@pytest.mark.parametrize(
+    ("lines_m", "found"),
+    [(np.full(VIEWS, 0.0005), True), (np.full(VIEWS, 0.002), False), (np.where(np.arange(VIEWS) < VIEWS // 2, 0.002, 0.0), False)],
+    ids=["small", "large", "large in half of the views"],
+)
+def test_fields_that_the_noise_of_lines_makes_are_no_sign(lines_m: Float, *, found: bool) -> None:
     seen = views(np.random.default_rng(1), own_fields(0.002))
     assert (foreign_light(seen, arms(0.0006, 0.0013), SD, LIMITS, lines_m=lines_m) is not None) is found
 

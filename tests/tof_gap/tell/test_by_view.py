@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_gap.config import GapConfig
 from tof_gap.limits.report import UnexplainedLimits
+from tof_gap.seen.finding import Finding
 from tof_gap.tell.by_view import spread, uneven
+from tof_sensor.effects.noise import Noise
 
-LIMIT = UnexplainedLimits()
+LIMIT, NOISE = UnexplainedLimits(), GapConfig().noise
 MAP = np.broadcast_to(0.004 * np.linspace(-1.0, 1.0, SHAPE[1]), SHAPE)
 """Metres that an effect adds to each view, from -4 mm at the left to 4 mm at the right."""
 BY_TURNS = np.where(np.arange(VIEWS) % 2, 1.0, -1.0)
@@ -48,6 +51,18 @@ def test_noise_is_no_spread() -> None:
         assert spread(quiet, [small] * VIEWS, LIMIT) < 0.1
 
 
+def test_noise_of_whole_lines_is_no_spread_once_it_is_named() -> None:
+    """Columns of 4 mm noise: 112 of them leave the size of the map, which varies along the rows, uncertain by a sixth."""
+    rng = np.random.default_rng(3)
+    noisy = views(rng, np.broadcast_to(rng.normal(0, 0.004, (VIEWS, 1, SHAPE[1])), (VIEWS, *SHAPE)))
+    assert spread(noisy, [MAP] * VIEWS, LIMIT) > 0.08
+    assert spread(noisy, [MAP] * VIEWS, LIMIT, [(0, np.full(VIEWS, 0.004))]) < 0.03
+    named = Finding(Noise(extra_m=0.004), 0.95, common=np.zeros((VIEWS, *SHAPE)))
+    for findings, taken in (((), "wiggling"), ((named,), None)):
+        found: Any = SimpleNamespace(solved=SimpleNamespace(bare=noisy, maps={"wiggling": [MAP] * VIEWS}), findings=findings)
+        assert uneven(found, replace(LIMIT, uneven_chance=0.5), NOISE) == taken
+
+
 def test_views_without_the_effect_do_not_count() -> None:
     maps = [MAP if k % 2 else np.full(SHAPE, np.nan) for k in range(VIEWS)]
     sizes = np.where(np.arange(VIEWS) % 2, 1.0, 9.0)
@@ -74,13 +89,14 @@ def test_few_views_tell_nothing() -> None:
     ],
 )
 def test_an_effect_is_taken_out_beyond_what_its_size_may_differ(name: str, off: float, *, taken: bool) -> None:
-    found: Any = SimpleNamespace(solved=SimpleNamespace(bare=of(1.0 + off * BY_TURNS), maps={name: [MAP] * VIEWS}))
-    assert uneven(found, LIMIT) == (name if taken else None)
+    found: Any = SimpleNamespace(solved=SimpleNamespace(bare=of(1.0 + off * BY_TURNS), maps={name: [MAP] * VIEWS}), findings=())
+    assert uneven(found, LIMIT, NOISE) == (name if taken else None)
 
 
 def test_of_several_effects_the_one_that_differs_most_is_taken_out() -> None:
     """Both maps are the same, so both differ alike: the camera's may differ least."""
     found: Any = SimpleNamespace(
-        solved=SimpleNamespace(bare=of(1.0 + 1.5 * BY_TURNS), maps={"subsurface": [MAP] * VIEWS, "wiggling": [MAP] * VIEWS})
+        solved=SimpleNamespace(bare=of(1.0 + 1.5 * BY_TURNS), maps={"subsurface": [MAP] * VIEWS, "wiggling": [MAP] * VIEWS}),
+        findings=(),
     )
-    assert uneven(found, LIMIT) == "wiggling"
+    assert uneven(found, LIMIT, NOISE) == "wiggling"

@@ -141,7 +141,9 @@ def detectors(monkeypatch: pytest.MonkeyPatch, **given: Any) -> dict[str, Any]:
     monkeypatch.setattr(room, "foreign_lamp", says("lamp", None))
     monkeypatch.setattr(missing, "missing_effects", says("gone", []))
     monkeypatch.setattr(noise, "noise_effects", says("noise", []))
-    monkeypatch.setattr(noise, "smooth_by_lines", lambda _views, _limits: LINES_M)
+    monkeypatch.setattr(noise, "lines_found", lambda _views, _limits: ["rows"])
+    monkeypatch.setattr(noise, "beside_lines", lambda views, lines: (views, "beside", *lines))
+    monkeypatch.setattr(noise, "smooth_by_lines", lambda _views, lines, _limits: LINES_M * len(lines))
     return told
 
 
