@@ -46,14 +46,14 @@ class Kept:
 
 
 def kept(d: Diagnosis, known: SensorModel | None) -> Kept | None:
-    """The gap of a session without and with the model `known`, which was fitted to another session; on all of the session's views.
+    """The gap of a session without and with the model `known`, which was fitted to another session.
 
-    `d` is the diagnosis of the views corrected by the model, and gives the poses. None without a model, or if the model is a photon
-    law alone, which has no bias.
+    It is measured as the promise was: on held-out views, above the noise that their pixels show. `d` is the diagnosis of the views
+    corrected by the model, and gives the poses. None without a model, or if the model is a photon law alone, which has no bias.
     """
     if known is None or known.names == (PhotonLaw.NAME,):
         return None
-    after = d.residual
-    before = [r + known.bias(v.frame) for r, v in zip(after, d.evidence, strict=True)]
-    report = d.config.report
-    return Kept(known.promise, measure(blocks(before, after, d.floor2, report.block_px), d.account.figures.rng, report.shrink))
+    figures, report = d.account.figures, d.config.report
+    after = [d.residual[v] for v in figures.held]
+    before = [r + known.bias(d.evidence[v].frame) for r, v in zip(after, figures.held, strict=True)]
+    return Kept(known.promise, measure(blocks(before, after, figures.floors_shown, report.block_px), figures.rng, report.shrink))
