@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS
+from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, chain
 from tof_gap.config import GapConfig
 from tof_gap.limits.report import ReportLimits
 from tof_gap.tell.against import against
@@ -55,7 +56,8 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
     causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
     findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, LEVELS)]
     gap = SimpleNamespace(shrink=None, ci95=None)
-    account = SimpleNamespace(figures=figures, solved=SimpleNamespace(chain=None, maps=maps))
+    shown = tuple(replace(v, residual=v.residual + sum((m[i] for m in maps.values()), np.zeros(SHAPE))) for i, v in enumerate(evidence))
+    account = SimpleNamespace(figures=figures, solved=SimpleNamespace(chain=chain(), maps=maps, evidence=shown))
     made = {
         "config": GapConfig(),
         "evidence": evidence,

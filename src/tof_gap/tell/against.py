@@ -17,8 +17,9 @@ from tof_gap.seen.noise import least_mm
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, AgainstLimits, Difference
 from tof_gap.tell.levels_apart import Level, Noisy, Seen, mixing_apart, noise_apart, wraps_apart
 from tof_gap.tell.loss_apart import Lossy, loss_apart
-from tof_gap.tell.maps_apart import Pair
+from tof_gap.tell.maps_apart import OF_SINGLE_PIXELS, Pair
 from tof_gap.tell.report import sensor_model
+from tof_gap.tell.union import apart, members, with_known
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.phase_wrap import PhaseWrap
 
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_sensor.model import SensorModel
+
+OF_MAPS = OF_SINGLE_PIXELS | {FixedPattern.NAME}
+"""Effects that are compared otherwise than by their coefficients."""
 
 
 def against(
@@ -46,10 +50,17 @@ def against(
     camera, simulator = sensor_model(real), sensor_model(simulated)
     pair = Pair(real, camera, simulator, tuple(parts), limits, simulated.account.figures.unsure2, removed)
     mirrored = Pair(simulated, simulator, camera, tuple(parts), limits, real.account.figures.unsure2, removed)
-    mirrored.renamed(pair.same_names(real.causes))
-    found = [d for name in pair.names if (d := pair.difference(name)) is not None]
+    taken = pair.same_names(real.causes)
+    mirrored.renamed(taken)
+    gain = real.config.select.gain
+    union = members((real, simulated), taken, pair.unit, OF_MAPS)
+    joint = {} if union is None else apart((real, simulated), with_known(union, removed), gain)
+    found = [d for n in pair.names if (d := pair.by_coefficients(n, joint[n], gain) if n in joint else pair.difference(n)) is not None]
     shares = [p.shown([d.effect for d in found]) for p in (pair, mirrored)]
     alike = tuple(d.effect for d in found if any(s[d.effect] < limits.shown for s in shares))
+    one_sided = set(pair.real_maps) ^ set(pair.simulated_maps)
+    both = [n for n, a in joint.items() if n in one_sided and n not in {d.effect for d in found} and a.ratio < limits.shown]
+    alike = tuple(sorted({*alike, *both}))
     biases = sorted((d for d in found if d.effect not in alike), key=lambda d: -(d.shrink or 0.0))
     distance = pair.distance([n for n in pair.names if n not in alike])
     lost, lost_alike = _loss(pair, simulated, limits)

@@ -172,7 +172,7 @@ class Against:
         both = [f"{name} was found in one session, and the views of both show it alike: no difference" for name in self.alike]
         if not self.differences:
             return [before, "the simulator has the camera's effects", *both]
-        in_depth = any(x.shrink is not None for x in self.differences)
+        in_depth = any(not x.note for x in self.differences)
         after = f"once all effects below are put right in the simulator, {d.above_mm(d.after):.2f} mm remain"
         after = after if in_depth else "no effect in mean depth differs; noise or shares of pixels do"
         return [before, after, *(x.line() for x in self.differences), *both]

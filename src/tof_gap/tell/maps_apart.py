@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tof_gap.tell.account import Cause
     from tof_gap.tell.diagnosis import Diagnosis
     from tof_gap.tell.shrink import HeldOut, Shrink
+    from tof_gap.tell.union import Apart
     from tof_sensor.effect import Effect
     from tof_sensor.frame import Frame
     from tof_sensor.model import SensorModel
@@ -155,8 +156,25 @@ class Pair:
         simulated = [np.sum([z, *(m[i] for m in self.simulated_maps.values())], axis=0) for i, z in enumerate(self._zero())]
         return [r + k - s for r, k, s in zip(self.residual, self.known, simulated, strict=True)]
 
+    def by_coefficients(self, name: str, found: Apart, gain: float) -> Difference | None:
+        """One effect by its coefficients in both sessions; None where they agree, or differ by little; `gain`: chi-square of an effect that is there."""
+        if not found.differs or found.share < self.limits.shrink or found.ratio < self.limits.apart:
+            return None
+        has = found.real >= gain or name in self.real_maps, found.simulated >= gain or name in self.simulated_maps
+        real, simulated = (self._rms_mm(m.get(name, self._zero())) for m in (self.real_maps, self.simulated_maps))
+        # A session that shows an effect which its diagnosis did not name has it in the ratio of the coefficients.
+        if name not in self.simulated_maps and has[1]:
+            simulated = real * float(np.sqrt(found.simulated / found.real))
+        if name not in self.real_maps and has[0]:
+            real = simulated * float(np.sqrt(found.real / found.simulated))
+        manner = {(True, False): LACKS, (False, True): SUPERFLUOUS}.get(has) or self._manner(found.real, found.simulated, found.both)
+        shrink = self.distance([name])
+        known = shrink.shrink is not None and shrink.ci95 is not None and shrink.shrink > 0.0
+        share = (max(shrink.ci95[0], 0.0), shrink.ci95[1]) if known and shrink.ci95 is not None else None
+        return Difference(name, manner, real, simulated, self._by_part(name), shrink.shrink if known else None, share)
+
     def difference(self, name: str) -> Difference | None:
-        """One effect; None where its correction changes little."""
+        """One effect by its maps in both; None where its correction changes little."""
         corrected, limits = self._corrected([name]), self.figures.limits.shrink
         found = measure(corrected, np.random.default_rng(0), limits)
         if found.shrink is None or found.ci95 is None or found.shrink < self.limits.shrink:
@@ -170,7 +188,11 @@ class Pair:
             return None
         size = [1e3 * float(np.sqrt(np.mean(x * x))) for x in (real, simulated)]
         share = (max(found.ci95[0], 0.0), found.ci95[1])
-        return Difference(name, self._manner(real, simulated), size[0], size[1], self._by_part(name), found.shrink, share)
+        manner = self._manner(float(real @ real), float(simulated @ simulated), float(real @ simulated))
+        return Difference(name, manner, size[0], size[1], self._by_part(name), found.shrink, share)
+
+    def _rms_mm(self, maps: Sequence[Float]) -> float:
+        return 1e3 * float(np.sqrt(np.mean(self._pixels(maps) ** 2)))
 
     def _patterns_differ(self) -> bool:
         """Whether two patterns differ by more than the errors of their fits: an offset has the noise of the mean over its views."""
@@ -181,9 +203,11 @@ class Pair:
     def _pixels(self, maps: Sequence[Float]) -> Float:
         return np.concatenate([m[s] for m, s in zip(maps, self.seen, strict=True)])
 
-    def _manner(self, real: Float, simulated: Float) -> str:
-        """What the simulator does with an effect of (n,) metres in both; in another form if form makes more of the difference than size."""
-        own, energy, both = float(real @ real), float(simulated @ simulated), float(real @ simulated)
+    def _manner(self, own: float, energy: float, both: float) -> str:
+        """What the simulator does with an effect of squared size `own` in the real session and `energy` in the simulated, and of product `both`.
+
+        In another form if form makes more of the difference than size.
+        """
         if energy < self.limits.absent**2 * own:
             return LACKS
         if own < self.limits.absent**2 * energy:

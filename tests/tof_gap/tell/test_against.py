@@ -135,8 +135,9 @@ def test_two_fits_of_one_effect_are_no_difference(evidence: tuple[ViewEvidence, 
 
 
 def test_units_of_amplitude_are_told_apart_only_beyond_the_error_of_albedos(evidence: tuple[ViewEvidence, ...]) -> None:
-    """A unit that seems to be 1.4 times the camera's may be an error of the stated albedo; ten times is another unit."""
-    for times, verdict in ((1.4, ("amplitude_bias",)), (10.0, ("none",))):
+    """A unit that seems to be 1.45 times the camera's may be an error of the stated albedo; ten times is another unit."""
+    late = AmplitudeBias(form="inverse", inverse_m=0.004, reference=2000.0)
+    for times, verdict in ((1.45, ("amplitude_bias",)), (10.0, ("none",))):
         brighter = tuple(
             replace(
                 v,
@@ -145,8 +146,8 @@ def test_units_of_amplitude_are_told_apart_only_beyond_the_error_of_albedos(evid
             )
             for v in evidence
         )
-        walk = replace(WALK, reference=times * WALK.reference)
-        assert compared(diagnosis(evidence, WALK), diagnosis(brighter, walk)).verdict == verdict
+        simulated = replace(late, reference=times * late.reference)
+        assert compared(diagnosis(evidence, late), diagnosis(brighter, simulated)).verdict == verdict
 
 
 def test_what_was_removed_from_both_sessions_is_in_both(evidence: tuple[ViewEvidence, ...]) -> None:

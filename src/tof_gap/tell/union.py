@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Both sessions solved under the union of the effects that either diagnosis named, and the effects whose coefficients differ.
+
+Two diagnoses name what each session shows beyond its own thresholds. An effect that one session names and the other does not may be in
+both. So every effect is fitted in both sessions, beside all others and the poses, and the differences of its coefficients are judged by
+the covariance of both fits. What poses could make, in the precision of the robot's prior, is in that covariance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tof_align.folds import deal
+from tof_gap.solve.candidate import Candidate
+from tof_gap.solve.columns import ColumnStore, build
+from tof_gap.solve.conclude import less, moves_camera
+from tof_gap.solve.judge import Selector
+from tof_gap.solve.worth import rescored
+from tof_sensor.effects.fixed_pattern import FixedPattern
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from collections.abc import Set as AbstractSet
+
+    from tof_core.arrays import Float, Ints, Mask
+    from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.tell.diagnosis import Diagnosis
+    from tof_sensor.effect import Effect
+
+UNSEEN_SD_M = 1.0
+"""Metres: deviation of a coefficient whose column is zero in a session, which then says nothing about it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Member:
+    """One effect of the union.
+
+    group: the name under which it is compared; units: factor by which the real and the simulated session's amplitudes are multiplied
+    to be in the unit of the effect; known: whether its bias was removed from both sessions before they were diagnosed.
+    """
+
+    group: str
+    effect: Effect
+    units: tuple[float, float]
+    known: bool = False
+
+    @property
+    def shape(self) -> tuple[str, Effect]:
+        """What its columns depend on: its parameters without the coefficients."""
+        return self.group, self.effect.with_coefficients(np.zeros(len(self.effect.coefficients)))
+
+
+class Fitted(NamedTuple):
+    """Coefficients of all members in one session: (k,) metres RMS over the real session, and their covariance (k, k)."""
+
+    theta: Float
+    cov: Float
+
+
+class Apart(NamedTuple):
+    """How an effect differs in the two sessions, as chi-squares by one weight: the inverse covariance of the difference.
+
+    difference: of the difference of the coefficients; real, simulated: of the effect in either session; both: their product;
+    share: of the chi-square of all differences that this one explains; differs: whether the sessions contradict its equality.
+    """
+
+    difference: float
+    real: float
+    simulated: float
+    both: float
+    share: float
+    differs: bool
+
+    @property
+    def ratio(self) -> float:
+        """Size of the difference over that of the effect in the session that has more of it."""
+        return float(np.sqrt(self.difference / max(self.real, self.simulated, 1e-12)))
+
+
+def members(sides: Sequence[Diagnosis], taken: Mapping[str, str], unit: float, left_out: AbstractSet[str]) -> list[Member] | None:
+    """The effects in mean depth that either session names, each shape once; None where one moves the camera, which columns do not describe.
+
+    Args:
+        sides: the real and the simulated session.
+        taken: of tied effects, the name under which both are compared.
+        unit: the simulator's unit of amplitude over the camera's.
+        left_out: names of effects that are not compared by their coefficients.
+    """
+    units = ((1.0, 1.0 / unit), (unit, 1.0))
+    out: dict[tuple[str, Effect], Member] = {}
+    for own, side in zip(units, sides, strict=True):
+        for cause in () if side.doubted else side.causes:
+            for effect in cause.named.effects:
+                if moves_camera(effect, side.camera):
+                    return None
+                if cause.named.name not in left_out:
+                    member = Member(taken.get(cause.named.name, cause.named.name), effect, own)
+                    out.setdefault(member.shape, member)
+    return list(out.values())
+
+
+def with_known(union: Sequence[Member], removed: Sequence[Effect]) -> list[Member]:
+    """The union, and of its effects the known parts, which both sessions have beside what was found."""
+    groups = {m.group for m in union}
+    known = [Member(e.NAME, e, (1.0, 1.0), known=True) for e in removed if e.NAME in groups]
+    shapes = {m.shape for m in known}
+    return [*known, *(m for m in union if m.shape not in shapes)]
+
+
+def fitted(session: Diagnosis, union: Sequence[Member], side: int, scale: Float | None = None) -> tuple[Fitted, Float]:
+    """The union's coefficients in one session at its poses, with the robot's priors, and the scale (k,) in metres per unit of each.
+
+    Args:
+        session: its evidence contains the biases.
+        union: the effects.
+        side: 0 for the real session, 1 for the simulated.
+        scale: (k,) of the other session, so that both sessions' coefficients are in one unit; None for this session's own.
+    """
+    solved = session.account.solved
+    pattern = solved.maps.get(FixedPattern.NAME)
+    views = solved.evidence if pattern is None else less(solved.evidence, [pattern])
+    candidates = [Candidate(m.effect.NAME, m.effect) for m in union]
+    store = _InUnits(views, deal(solved.chain.station.tolist(), session.config.select.folds), {m.effect: m.units[side] for m in union})
+    design = build(store, candidates, solved.chain, session.config.hand_sd, session.config.lens_sd)
+    judge = Selector(design, session.config.select)
+    solution = judge.fit(rescored(judge, range(len(union))))
+    own = np.concatenate([design.scale[group] for group in design.groups])
+    at = np.arange(len(design.always), len(design.always) + len(own))
+    scale = own if scale is None else scale
+    theta, cov = solution.theta[at] * scale / own, solution.theta_cov[np.ix_(at, at)] * np.outer(scale / own, scale / own)
+    unseen = _unseen(store, candidates)
+    theta[unseen], cov[unseen], cov[:, unseen] = 0.0, 0.0, 0.0
+    cov[unseen, unseen] = UNSEEN_SD_M**2
+    return Fitted(theta, cov), scale
+
+
+def _unseen(store: ColumnStore, candidates: Sequence[Candidate]) -> Ints:
+    """Places of the coefficients whose columns are zero in all views."""
+    zero = [np.all([~c.any(axis=0) for c in by_view], axis=0) for by_view in store.of(candidates)]
+    return np.flatnonzero(np.concatenate(zero))
+
+
+class _InUnits(ColumnStore):
+    """Columns of effects, each computed at amplitudes in the effect's own unit."""
+
+    def __init__(self, views: Sequence[ViewEvidence], folds: Ints, units: Mapping[Effect, float]) -> None:
+        super().__init__(views, folds)
+        self._units = units
+
+    def _columns(self, candidate: Candidate, v: int) -> Float:
+        assert candidate.effect is not None, "a union has effects alone"
+        unit = self._units.get(candidate.effect, 1.0)
+        view = self.views[v]
+        frame = view.frame if unit == 1.0 else replace(view.frame, amplitude=unit * view.frame.amplitude)
+        return candidate.effect.columns_at(frame, view.pixels)
+
+
+def apart(sides: Sequence[Diagnosis], union: Sequence[Member], gain: float) -> dict[str, Apart]:
+    """The union's effects, each with the chi-squares by which the two sessions' coefficients differ.
+
+    Effects are equal until their difference explains `gain` of the chi-square of all differences: they are freed one by one, the one that
+    explains most first. Effects that stay equal are judged beside those that were freed.
+    """
+    if not union:
+        return {}
+    real, scale = fitted(sides[0], union, 0)
+    simulated, _ = fitted(sides[1], union, 1, scale)
+    sizes = [m.effect.coefficients for m in union]
+    added = scale * np.concatenate([c if m.known else np.zeros(len(c)) for m, c in zip(union, sizes, strict=True)])
+    group = np.repeat([m.group for m in union], [len(c) for c in sizes])
+    return freed(Fitted(real.theta + added, real.cov), Fitted(simulated.theta + added, simulated.cov), group, gain)
+
+
+def freed(real: Fitted, simulated: Fitted, group: Sequence[str] | Mask, gain: float) -> dict[str, Apart]:
+    """As `apart`, of (k,) coefficients of the effects `group` (k,)."""
+    names = np.asarray(group)
+    difference = real.theta - simulated.theta
+    info: Float = np.linalg.inv(real.cov + simulated.cov).astype(np.float64)
+    whole = float(difference @ info @ difference)
+    free: list[str] = []
+    explained = 0.0
+    while True:
+        trials = {n: _explained(difference, info, np.isin(names, [*free, n])) for n in dict.fromkeys(names.tolist()) if n not in free}
+        best = max(trials, key=trials.__getitem__, default=None)
+        if best is None or trials[best] - explained < gain:
+            break
+        free, explained = [*free, best], trials[best]
+    out = {}
+    for name in dict.fromkeys(names.tolist()):
+        mine, others = names == name, np.isin(names, [n for n in free if n != name])
+        weight = _weight(info, mine, others)
+        delta = _estimate(difference, info, mine | others)[mine]
+        a, b = real.theta[mine], simulated.theta[mine]
+        alone = float(delta @ weight @ delta)
+        share = alone / max(whole, 1e-12)
+        out[name] = Apart(alone, float(a @ weight @ a), float(b @ weight @ b), float(a @ weight @ b), share, name in free)
+    return out
+
+
+def _estimate(difference: Float, info: Float, free: Mask) -> Float:
+    """(k,) differences of the coefficients `free` if all others are equal, 0 for these."""
+    out = np.zeros(len(difference))
+    out[free] = np.linalg.solve(info[np.ix_(free, free)], (info @ difference)[free])
+    return out
+
+
+def _explained(difference: Float, info: Float, free: Mask) -> float:
+    """Chi-square that differences of the coefficients `free` explain."""
+    return float(_estimate(difference, info, free) @ info @ difference)
+
+
+def _weight(info: Float, mine: Mask, others: Mask) -> Float:
+    """Inverse covariance of the differences `mine`, with the differences `others` free and all further ones 0."""
+    own = info[np.ix_(mine, mine)]
+    if not others.any():
+        return own
+    cross = info[np.ix_(mine, others)]
+    return np.asarray(own - cross @ np.linalg.solve(info[np.ix_(others, others)], cross.T))
