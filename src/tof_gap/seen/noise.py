@@ -159,7 +159,7 @@ def _noise(
         parts.insert(0, Part("at every amplitude", excess))
     # Constant offsets of pixels raise the estimated noise: single noisy pixels are not found beside them.
     pixels = _noisy(views, limits)
-    of_pixels = 0.0 if pixels is None else _over_mean(views) * float(pixels.size_m * np.sqrt(pixels.share))
+    of_pixels = 0.0 if pixels is None else over_mean(views) * float(pixels.size_m * np.sqrt(pixels.share))
     if pixels is not None and of_pixels > limits.extra_mm * 1e-3:
         parts.append(Part(f"of {in_percent(pixels.share)} of the pixels", of_pixels, where=pixels.where))
     return _named(parts, views, floor_std)
@@ -169,14 +169,14 @@ def _lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float, limi
     """Noise of whole rows and of whole columns (`_noisy_lines`)."""
     found = _noisy_lines(views, typical_m, least_m, limits)
     maps = (np.stack([line_map(v, of.axis, limits.lines) for v in views]) for of in found)
-    return [Part(BY[of.axis], _over_mean(views) * of.size_m, m) for of, m in zip(found, maps, strict=True)]
+    return [Part(BY[of.axis], over_mean(views) * of.size_m, m) for of, m in zip(found, maps, strict=True)]
 
 
 def _noisy_lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float, limits: NoiseLimits) -> list[LineNoise]:
     """Noise of rows and of columns where that of one capture exceeds `least_m` and a share of the `typical_m` noise of pixels, both in metres."""
     least = max(limits.line_mm * 1e-3, limits.line_share * typical_m, least_m)
     found = (line_noise(views, axis, limits.lines) for axis in (1, 0))
-    return [of for of in found if of.sigma > limits.lines.sigma and _over_mean(views) * of.size_m > least]
+    return [of for of in found if of.sigma > limits.lines.sigma and over_mean(views) * of.size_m > least]
 
 
 def lines_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[LineNoise]:
@@ -184,7 +184,7 @@ def lines_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[Line
     sigma = np.concatenate([(v.sigma * v.frame.length)[v.smooth] for v in views])
     if not len(sigma):
         return []
-    return _noisy_lines(views, _over_mean(views) * float(np.median(sigma)), code_step(views) / np.sqrt(12), limits)
+    return _noisy_lines(views, over_mean(views) * float(np.median(sigma)), code_step(views) / np.sqrt(12), limits)
 
 
 def smooth_by_lines(views: Sequence[ViewEvidence], lines: Sequence[LineNoise], limits: NoiseLimits) -> Float:
@@ -211,7 +211,7 @@ def _typical(b: NoiseBins) -> float:
     return float(np.sqrt(np.median(b.variance)))
 
 
-def _over_mean(views: Sequence[ViewEvidence]) -> float:
+def over_mean(views: Sequence[ViewEvidence]) -> float:
     """Noise of one capture over that of a dwell's mean, from which noise of rows and pixels is estimated."""
     return float(np.sqrt(np.median([v.view.captures for v in views])))
 

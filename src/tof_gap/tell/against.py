@@ -18,6 +18,7 @@ from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, A
 from tof_gap.tell.levels_apart import Level, Noisy, Seen, mixing_apart, noise_apart, wraps_apart
 from tof_gap.tell.loss_apart import Lossy, loss_apart
 from tof_gap.tell.maps_apart import OF_SINGLE_PIXELS, Pair
+from tof_gap.tell.noise_parts import part_apart
 from tof_gap.tell.report import sensor_model
 from tof_gap.tell.union import apart, members, with_known
 from tof_sensor.effects.fixed_pattern import FixedPattern
@@ -104,9 +105,17 @@ def _levels(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: Sens
     least = least_mm([*pair.real.evidence, *simulated.evidence], pair.real.config.noise)
     if noise is not None and differs and merges and _excess_mm(noise) > least:
         out.append(_difference(noise, f"{noise.real:.2f} mm real, {noise.simulated:.2f} mm simulated in one capture", in_mm=True))
+    elif merges and (part := part_apart(_bare(pair.real), _bare(simulated), pair.real.config.noise, limits.noise)):
+        of, level = part
+        out.append(_difference(level, f"{level.real:.2f} mm real, {level.simulated:.2f} mm simulated {of} in one capture", in_mm=True))
     if mixing is not None and not mixing.within(limits.shares):
         out.append(_difference(mixing, f"{mixing.real:.0f} mm real, {mixing.simulated:.0f} mm simulated at edges", in_mm=True))
     return out
+
+
+def _bare(session: Diagnosis) -> Sequence[ViewEvidence]:
+    """A session's views less all smooth bias."""
+    return session.account.solved.bare
 
 
 def _quiet(session: Diagnosis) -> Sequence[ViewEvidence]:

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise of whole rows, of whole columns and of single pixels in two sessions, which the median noise of a pixel does not show."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tof_gap.seen.line_noise import line_noise
+from tof_gap.seen.noise import BY, over_mean
+from tof_gap.seen.pattern import beside_pixels, single_pixels
+from tof_gap.seen.pixel_noise import noisy_pixels
+from tof_gap.tell.levels_apart import Level
+from tof_sensor.effects.noise import Noise
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tof_gap.limits.seen import NoiseLimits
+    from tof_gap.seen.residual import ViewEvidence
+
+OF_PIXELS = "of single pixels"
+
+
+class Measured(NamedTuple):
+    """A part of a session's noise: mm of one capture along the ray, and whether it is more than chance and than a diagnosis leaves unnamed."""
+
+    size_mm: float
+    there: bool
+
+
+def measured(views: Sequence[ViewEvidence], limits: NoiseLimits) -> dict[str, Measured]:
+    """The parts of a session's noise; views: less all smooth bias."""
+    sigma = np.concatenate([(v.sigma * v.frame.length)[v.smooth] for v in views])
+    if not len(sigma):
+        return {}
+    ratio = 1e3 * over_mean(views)
+    least_mm = max(limits.line_mm, limits.line_share * ratio * float(np.median(sigma)))
+    out = {}
+    for axis in (1, 0):
+        lines = line_noise(views, axis, limits.lines)
+        size_mm = ratio * lines.size_m
+        out[BY[axis]] = Measured(size_mm, lines.sigma > limits.lines.sigma and size_mm > least_mm)
+    pixels = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
+    size_mm = ratio * float(pixels.size_m * np.sqrt(pixels.share))
+    certain = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
+    out[OF_PIXELS] = Measured(size_mm, certain and size_mm > limits.extra_mm)
+    return out
+
+
+def part_apart(
+    real: Sequence[ViewEvidence], simulated: Sequence[ViewEvidence], limits: NoiseLimits, factor: float
+) -> tuple[str, Level] | None:
+    """The part of the noise in which two sessions differ most, and its size in mm in both; None where none differs.
+
+    A part differs if a session has it, if the sizes differ by `factor`, and if the noisier session has more of it than a diagnosis
+    leaves unnamed.
+
+    Args:
+        real: the camera's views, less all smooth bias.
+        simulated: the simulator's.
+        limits: when noise is more than chance.
+        factor: ratio of two noises from which they differ.
+    """
+    one, other = measured(real, limits), measured(simulated, limits)
+    least_mm = {OF_PIXELS: limits.extra_mm} | dict.fromkeys(BY, limits.line_mm)
+    found: dict[str, tuple[float, Level]] = {}
+    for part in one.keys() & other.keys():
+        a, b = one[part], other[part]
+        level = Level(Noise.NAME, a.size_mm, b.size_mm, {}, (a.there, b.there))
+        excess_mm = float(np.sqrt(abs(a.size_mm**2 - b.size_mm**2)))
+        if (a.there or b.there) and not level.within(factor) and excess_mm > least_mm[part]:
+            found[part] = (excess_mm, level)
+    most = max(found, key=lambda part: found[part][0], default=None)
+    return None if most is None else (most, found[most][1])

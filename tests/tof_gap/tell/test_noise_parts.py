@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise of rows and of single pixels, which a median over pixels does not show, is compared part by part."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.tof_gap.diagnosed import compared, diagnosis, only
+from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
+from tof_gap.limits.seen import NoiseLimits
+from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS
+from tof_gap.tell.noise_parts import OF_PIXELS, measured
+
+ROWS = np.random.default_rng(1).standard_normal((VIEWS, SHAPE[0], 1)) * np.ones(SHAPE)
+NOISY = np.random.default_rng(2).random(SHAPE) < 0.02
+PIXELS = np.random.default_rng(3).standard_normal((VIEWS, *SHAPE)) * NOISY
+
+
+def of_rows(size_m: float) -> np.ndarray:
+    return size_m * ROWS
+
+
+@pytest.mark.parametrize(("real_m", "simulated_m", "manner"), [(0.0, 0.003, SUPERFLUOUS), (0.003, 0.0, LACKS), (0.002, 0.004, STRONG)])
+def test_noise_of_rows_is_compared_with_that_of_the_other_session(real_m: float, simulated_m: float, manner: str) -> None:
+    """3 mm of noise that a row shares, beside 4 mm of a pixel, which is alike in both sessions."""
+    real, simulated = (diagnosis(views(np.random.default_rng(5), of_rows(size))) for size in (real_m, simulated_m))
+    found = compared(real, simulated)
+    assert (found.verdict, only(found).simulator) == (("noise",), manner)
+    sizes = [1e-3 * s for s in (only(found).real_mm, only(found).simulated_mm)]
+    assert sizes == pytest.approx([real_m, simulated_m], rel=0.15, abs=3e-4)
+    assert "by rows in one capture" in only(found).line()
+
+
+def test_one_noise_of_rows_in_both_is_no_difference() -> None:
+    real, simulated = (diagnosis(views(np.random.default_rng(seed), of_rows(0.003))) for seed in (5, 6))
+    assert compared(real, simulated).verdict == ("none",)
+
+
+def test_noise_of_single_pixels_is_compared() -> None:
+    """One pixel in fifty with 20 mm of noise of its own: 20 mm times the root of a fiftieth over all pixels."""
+    real, simulated = (diagnosis(views(np.random.default_rng(5), extra)) for extra in (None, 0.020 * PIXELS))
+    found = compared(real, simulated)
+    assert (found.verdict, only(found).simulator) == (("noise",), SUPERFLUOUS)
+    assert only(found).simulated_mm == pytest.approx(20.0 * np.sqrt(NOISY.mean()), rel=0.25)
+    assert f"{OF_PIXELS} in one capture" in only(found).line()
+
+
+def test_what_is_less_than_a_diagnosis_names_is_not_there() -> None:
+    """0.3 mm of rows are less than 0.5 mm, and than a quarter of the noise of a pixel."""
+    parts = measured(views(np.random.default_rng(5), of_rows(0.0003)), NoiseLimits())
+    assert not any(part.there for part in parts.values())
+    assert set(parts) == {"by rows", "by columns", OF_PIXELS}
