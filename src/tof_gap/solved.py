@@ -59,6 +59,7 @@ class Solved:
     depends_on: their observables, most first;
     small_together: effects that each explain little and together much, and are therefore not named;
     small: effects and observables within a healthy camera's tolerance or the stated calibration, and therefore not named;
+    within: the effects of a healthy camera's tolerance, whose bias is subtracted from the views;
     arms_alike: chi-square (6 degrees of freedom) of the mean arm error;
     arms (V, 6): arm errors in the camera's frame, metres and radians; arms_sd (V, 6): their standard deviations by the robot's prior;
     split: views fitted to and held out.
@@ -80,6 +81,7 @@ class Solved:
     depends_on: tuple[str, ...]
     small_together: tuple[str, ...]
     small: tuple[str, ...]
+    within: tuple[Named, ...]
     arms_alike: float
     arms: Float
     arms_sd: Float

@@ -57,7 +57,7 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
     findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, LEVELS)]
     gap = SimpleNamespace(shrink=None, ci95=None)
     shown = tuple(replace(v, residual=v.residual + sum((m[i] for m in maps.values()), np.zeros(SHAPE))) for i, v in enumerate(evidence))
-    account = SimpleNamespace(figures=figures, solved=SimpleNamespace(chain=chain(), maps=maps, evidence=shown, bare=evidence))
+    account = SimpleNamespace(figures=figures, solved=SimpleNamespace(chain=chain(), maps=maps, evidence=shown, bare=evidence, within=()))
     made = {
         "config": GapConfig(),
         "evidence": evidence,

@@ -91,6 +91,7 @@ def conclude(joint: Joint, views: Sequence[View], caster: Raycaster, config: Gap
         unnamed_m=float(np.sqrt(sum(sizes[quantity] ** 2 for quantity in free))),
         depends_on=tuple(quantity for quantity in joint.selection.unknown if quantity in free),
         small=tuple(sorted(small | {n.name for n in found if n not in rest})),
+        within=tuple(n for n in rest if n.name in small),
         small_together=joint.selection.small_together,
         # Motion shifts edges, and poses by a board's corners share the lens's errors: then equal arm errors are no sign of a loose mount.
         arms_alike=0.0 if Motion.NAME in maps or joint.chain.root is not None else judge.arms_alike(joint.selection.chosen),

@@ -33,14 +33,14 @@ class AgainstLimits:
 
     shrink: float = param(
         0.05,
-        "share of the squared distance that a corrected effect must remove",
+        "share of the squared distance, or of the chi-square of all differing coefficients, that a corrected effect must remove",
         low=0.0,
         high=1.0,
         why="two fits of one camera differ by less",
     )
     apart: float = param(
         0.3,
-        "RMS of the difference of an effect's two maps, over that of the larger, from which they differ",
+        "difference of an effect in two sessions (RMS of maps, or root of the chi-square of coefficients), over the effect itself in that with more, from which they differ",
         low=0.0,
         high=1.0,
         why="the middle between one size and twice the size; two fits of one camera differ by a tenth to a fifth",

@@ -121,7 +121,8 @@ def fitted(session: Diagnosis, union: Sequence[Member], side: int, scale: Float 
     """
     solved = session.account.solved
     pattern = solved.maps.get(FixedPattern.NAME)
-    views = solved.evidence if pattern is None else less(solved.evidence, [pattern])
+    views = _with_small(session, {m.group for m in union})
+    views = views if pattern is None else less(views, [pattern])
     candidates = [Candidate(m.effect.NAME, m.effect) for m in union]
     store = _InUnits(views, deal(solved.chain.station.tolist(), session.config.select.folds), {m.effect: m.units[side] for m in union})
     design = build(store, candidates, solved.chain, session.config.hand_sd, session.config.lens_sd)
@@ -135,6 +136,16 @@ def fitted(session: Diagnosis, union: Sequence[Member], side: int, scale: Float 
     theta[unseen], cov[unseen], cov[:, unseen] = 0.0, 0.0, 0.0
     cov[unseen, unseen] = UNSEEN_SD_M**2
     return Fitted(theta, cov), scale
+
+
+def _with_small(session: Diagnosis, names: AbstractSet[str]) -> tuple[ViewEvidence, ...]:
+    """The session's views with the bias of those effects `names` that are within a healthy camera's tolerance, and were subtracted.
+
+    The other session may have a little more of one: without it, the session would seem to have none.
+    """
+    views = session.account.solved.evidence
+    small = [e for n in session.account.solved.within if n.name in names for e in n.effects if not moves_camera(e, session.camera)]
+    return less(views, [[-e.bias(v.frame) for v in views] for e in small]) if small else views
 
 
 def _unseen(store: ColumnStore, candidates: Sequence[Candidate]) -> Ints:

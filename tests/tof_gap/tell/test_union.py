@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -110,3 +111,16 @@ def test_a_known_effect_is_in_both_sessions(evidence: tuple[ViewEvidence, ...]) 
     found = apart((plain, less), with_known(union, [DepthScale(0.01), WIGGLE]), GAIN)["depth_scale"]
     assert found.real == pytest.approx(found.difference, rel=0.1)
     assert found.simulated < 0.01 * found.real
+
+
+def test_an_effect_within_a_healthy_cameras_tolerance_is_still_in_the_session(evidence: tuple[ViewEvidence, ...]) -> None:
+    """The camera's wave is named, the simulator's, a tenth less, is within the tolerance and subtracted from its views: both have it."""
+    small = replace(WIGGLE, sine_m=0.0054)
+    healthy = diagnosis(evidence)
+    assert compared(diagnosis(evidence, WIGGLE), healthy).verdict == ("wiggling",)
+    object.__setattr__(healthy.account.solved, "within", (SimpleNamespace(name="wiggling", effects=(small,)),))
+    union = members((diagnosis(evidence, WIGGLE), healthy), {}, 1.0, frozenset())
+    assert union is not None
+    found = apart((diagnosis(evidence, WIGGLE), healthy), union, GAIN)["wiggling"]
+    assert np.sqrt(found.simulated / found.real) == pytest.approx(0.9, abs=0.05)
+    assert found.ratio < 0.3
