@@ -56,10 +56,14 @@ def against(
     gain = real.config.select.gain
     union = members((real, simulated), taken, pair.unit, OF_MAPS)
     joint = {} if union is None else apart((real, simulated), with_known(union, removed), gain)
-    found = [d for n in pair.names if (d := pair.by_coefficients(n, joint[n], gain) if n in joint else pair.difference(n)) is not None]
+    one_sided = set(pair.real_maps) ^ set(pair.simulated_maps)
+    for name in one_sided & joint.keys():
+        if min(joint[name].real, joint[name].simulated) >= gain:
+            pair.fill(name, joint[name].real, joint[name].simulated)
+            mirrored.fill(name, joint[name].simulated, joint[name].real)
+    found = [d for n in pair.names if (d := pair.by_coefficients(n, joint[n]) if n in joint else pair.difference(n)) is not None]
     shares = [p.shown([d.effect for d in found]) for p in (pair, mirrored)]
     alike = tuple(d.effect for d in found if any(s[d.effect] < limits.shown for s in shares))
-    one_sided = set(pair.real_maps) ^ set(pair.simulated_maps)
     both = [n for n, a in joint.items() if n in one_sided and n not in {d.effect for d in found} and a.ratio < limits.shown]
     alike = tuple(sorted({*alike, *both}))
     biases = sorted((d for d in found if d.effect not in alike), key=lambda d: -(d.shrink or 0.0))

@@ -156,17 +156,19 @@ class Pair:
         simulated = [np.sum([z, *(m[i] for m in self.simulated_maps.values())], axis=0) for i, z in enumerate(self._zero())]
         return [r + k - s for r, k, s in zip(self.residual, self.known, simulated, strict=True)]
 
-    def by_coefficients(self, name: str, found: Apart, gain: float) -> Difference | None:
-        """One effect by its coefficients in both sessions; None where they agree, or differ by little; `gain`: chi-square of an effect that is there."""
+    def fill(self, name: str, real: float, simulated: float) -> None:
+        """Give the session whose diagnosis did not name an effect the other's map, in the ratio of both sizes, whose squares are stated."""
+        if name not in self.simulated_maps:
+            self.simulated_maps[name] = [np.sqrt(simulated / real) * m for m in self.real_maps[name]]
+        elif name not in self.real_maps:
+            self.real_maps[name] = [np.sqrt(real / simulated) * m for m in self.simulated_maps[name]]
+
+    def by_coefficients(self, name: str, found: Apart) -> Difference | None:
+        """One effect by its coefficients in both sessions; None where they agree, or differ by little."""
         if not found.differs or found.share < self.limits.shrink or found.ratio < self.limits.apart:
             return None
-        has = found.real >= gain or name in self.real_maps, found.simulated >= gain or name in self.simulated_maps
+        has = name in self.real_maps, name in self.simulated_maps
         real, simulated = (self._rms_mm(m.get(name, self._zero())) for m in (self.real_maps, self.simulated_maps))
-        # A session that shows an effect which its diagnosis did not name has it in the ratio of the coefficients.
-        if name not in self.simulated_maps and has[1]:
-            simulated = real * float(np.sqrt(found.simulated / found.real))
-        if name not in self.real_maps and has[0]:
-            real = simulated * float(np.sqrt(found.real / found.simulated))
         manner = {(True, False): LACKS, (False, True): SUPERFLUOUS}.get(has) or self._manner(found.real, found.simulated, found.both)
         shrink = self.distance([name])
         known = shrink.shrink is not None and shrink.ci95 is not None and shrink.shrink > 0.0

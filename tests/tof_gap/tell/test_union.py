@@ -55,12 +55,15 @@ def test_a_difference_below_the_floor_of_the_distance_is_found_by_its_coefficien
 def test_an_effect_that_one_diagnosis_missed_is_no_difference(evidence: tuple[ViewEvidence, ...]) -> None:
     found = compared(diagnosis(evidence, WIGGLE), unnamed(diagnosis(evidence, WIGGLE)))
     assert (found.verdict, found.alike) == (("none",), ("wiggling",))
+    assert found.distance.above_mm(found.distance.before) < 0.5
 
 
 def test_an_effect_that_one_diagnosis_missed_at_half_the_size_is_understated(evidence: tuple[ViewEvidence, ...]) -> None:
     found = compared(diagnosis(evidence, WIGGLE), unnamed(diagnosis(evidence, replace(WIGGLE, sine_m=0.003))))
     assert only(found).simulator == WEAK
     assert only(found).simulated_mm == pytest.approx(0.5 * only(found).real_mm, rel=0.1)
+    assert only(found).parts["panel"] == pytest.approx(only(found).real_mm - only(found).simulated_mm, rel=1e-6)
+    assert only(found).ratio == pytest.approx(2.0, rel=0.1)
 
 
 def test_of_two_effects_that_look_alike_the_one_that_differs_is_freed() -> None:
