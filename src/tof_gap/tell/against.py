@@ -58,7 +58,8 @@ def against(
     joint = {} if union is None else apart((real, simulated), with_known(union, removed), gain)
     one_sided = set(pair.real_maps) ^ set(pair.simulated_maps)
     for name in one_sided & joint.keys():
-        if min(joint[name].real, joint[name].simulated) >= gain:
+        # Only where it differs: of effects that look alike, each session may have another one for the same error.
+        if joint[name].differs and min(joint[name].real, joint[name].simulated) >= gain:
             pair.fill(name, joint[name].real, joint[name].simulated)
             mirrored.fill(name, joint[name].simulated, joint[name].real)
     found = [d for n in pair.names if (d := pair.by_coefficients(n, joint[n]) if n in joint else pair.difference(n)) is not None]
