@@ -24,10 +24,15 @@ OF_PIXELS = "of single pixels"
 
 
 class Measured(NamedTuple):
-    """A part of a session's noise: mm of one capture along the ray, and whether it is more than chance and than a diagnosis leaves unnamed."""
+    """A part of a session's noise.
+
+    size_mm: of one capture along the ray; shown: whether it is more than chance; named: whether it is also more than a diagnosis leaves
+    unnamed.
+    """
 
     size_mm: float
-    there: bool
+    shown: bool
+    named: bool
 
 
 def measured(views: Sequence[ViewEvidence], limits: NoiseLimits) -> dict[str, Measured]:
@@ -41,11 +46,12 @@ def measured(views: Sequence[ViewEvidence], limits: NoiseLimits) -> dict[str, Me
     for axis in (1, 0):
         lines = line_noise(views, axis, limits.lines)
         size_mm = ratio * lines.size_m
-        out[BY[axis]] = Measured(size_mm, lines.sigma > limits.lines.sigma and size_mm > least_mm)
+        shown = lines.sigma > limits.lines.sigma
+        out[BY[axis]] = Measured(size_mm, shown, shown and size_mm > least_mm)
     pixels = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
     size_mm = ratio * float(pixels.size_m * np.sqrt(pixels.share))
-    certain = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
-    out[OF_PIXELS] = Measured(size_mm, certain and size_mm > limits.extra_mm)
+    shown = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
+    out[OF_PIXELS] = Measured(size_mm, shown, shown and size_mm > limits.extra_mm)
     return out
 
 
@@ -54,8 +60,8 @@ def part_apart(
 ) -> tuple[str, Level] | None:
     """The part of the noise in which two sessions differ most, and its size in mm in both; None where none differs.
 
-    A part differs if a session has it, if the sizes differ by `factor`, and if the noisier session has more of it than a diagnosis
-    leaves unnamed.
+    A part differs if it would be named in a session, if the sizes differ by `factor`, and by more than a diagnosis leaves unnamed. A session
+    has it if its views show it, also where it is too little to be named.
 
     Args:
         real: the camera's views, less all smooth bias.
@@ -68,9 +74,9 @@ def part_apart(
     found: dict[str, tuple[float, Level]] = {}
     for part in one.keys() & other.keys():
         a, b = one[part], other[part]
-        level = Level(Noise.NAME, a.size_mm, b.size_mm, {}, (a.there, b.there))
+        level = Level(Noise.NAME, a.size_mm, b.size_mm, {}, (a.shown, b.shown))
         excess_mm = float(np.sqrt(abs(a.size_mm**2 - b.size_mm**2)))
-        if (a.there or b.there) and not level.within(factor) and excess_mm > least_mm[part]:
+        if (a.named or b.named) and not level.within(factor) and excess_mm > least_mm[part]:
             found[part] = (excess_mm, level)
     most = max(found, key=lambda part: found[part][0], default=None)
     return None if most is None else (most, found[most][1])
