@@ -41,17 +41,18 @@ def measured(views: Sequence[ViewEvidence], limits: NoiseLimits) -> dict[str, Me
     if not len(sigma):
         return {}
     ratio = 1e3 * over_mean(views)
-    least_mm = max(limits.line_mm, limits.line_share * ratio * float(np.median(sigma)))
+    # A part of a quarter of the noise changes the total by 3 %; single pixels stand out by as much where light is weak.
+    little_mm = limits.line_share * ratio * float(np.median(sigma))
     out = {}
     for axis in (1, 0):
         lines = line_noise(views, axis, limits.lines)
         size_mm = ratio * lines.size_m
         shown = lines.sigma > limits.lines.sigma
-        out[BY[axis]] = Measured(size_mm, shown, shown and size_mm > least_mm)
+        out[BY[axis]] = Measured(size_mm, shown, shown and size_mm > max(limits.line_mm, little_mm))
     pixels = noisy_pixels(beside_pixels(views, single_pixels(views)), limits.pixels)
     size_mm = ratio * float(pixels.size_m * np.sqrt(pixels.share))
     shown = pixels.share > limits.pixel_share and pixels.chance < limits.pixels.chance
-    out[OF_PIXELS] = Measured(size_mm, shown, shown and size_mm > limits.extra_mm)
+    out[OF_PIXELS] = Measured(size_mm, shown, shown and size_mm > max(limits.extra_mm, little_mm))
     return out
 
 
