@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float, Ints
     from tof_sensor.frame import Frame
 
+    ComplexArray = NDArray[np.complex128]
+
 NORMAL_REFLECTANCE = 0.04
 """Fresnel reflectance of a lacquer (refractive index 1.5) at normal incidence."""
 OFF_SURFACE_M = 1e-4
@@ -34,40 +36,45 @@ def schlick(cosine: Float) -> Float:
     return np.asarray(NORMAL_REFLECTANCE + (1 - NORMAL_REFLECTANCE) * (1 - cosine) ** 5)
 
 
-def mirrored_phasor(frame: Frame, part: int, waves_per_m: float) -> NDArray[np.complex128]:
-    """(H, W) light reflected by a part relative to its matt light, phase `waves_per_m` times the excess path.
-
-    Needs `frame.context.caster`; zero off the part, and without a lit surface in the reflection.
-    """
-    out = np.zeros(frame.depth.shape, complex)
-    if frame.context.caster is not None and part >= 0:
-        traced = _traced.setdefault(frame, {})
-        if part not in traced:
-            traced[part] = _reflected(frame, part)
-        found = traced[part]
-        out.reshape(-1)[found.pixels] = found.share * np.exp(1j * waves_per_m * found.longer_m)
-    return out
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class _Reflected:
+class Mirrored:
     """Pixels (n,) of a part that reflect light (flat indices), the light of each relative to its matt light, and by how much its path is longer."""
 
     pixels: Ints
     share: Float
     longer_m: Float
 
+    def phasor(self, waves_per_m: float) -> ComplexArray:
+        """(n,) the light with its phase: `waves_per_m` times the excess path."""
+        return np.asarray(self.share * np.exp(1j * waves_per_m * self.longer_m))
 
-_traced: WeakKeyDictionary[Frame, dict[int, _Reflected]] = WeakKeyDictionary()
+
+NOTHING = Mirrored(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+
+
+def mirrored_light(frame: Frame, part: int) -> Mirrored:
+    """What a part of the scene reflects in a view, traced once for all frequencies.
+
+    Needs `frame.context.caster`: without it, and for part -1, nothing is reflected.
+    """
+    if frame.context.caster is None or part < 0:
+        return NOTHING
+    traced = _traced.setdefault(frame, {})
+    if part not in traced:
+        traced[part] = _reflected(frame, part)
+    return traced[part]
+
+
+_traced: WeakKeyDictionary[Frame, dict[int, Mirrored]] = WeakKeyDictionary()
 """Of frames and parts: the same at every frequency."""
 
 
-def _reflected(frame: Frame, part: int) -> _Reflected:
+def _reflected(frame: Frame, part: int) -> Mirrored:
     """What a part of the scene reflects in a view."""
     here = frame.valid & (frame.rendering.part == part)
     pixels = np.flatnonzero(here)
     if not len(pixels):
-        return _Reflected(pixels, np.zeros(0), np.zeros(0))
+        return NOTHING
     caster, T = frame.context.caster, frame.rendering.T_cell_camera
     assert caster is not None
     R, t = T[:3, :3], T[:3, 3]
@@ -89,4 +96,4 @@ def _reflected(frame: Frame, part: int) -> _Reflected:
     matt = np.maximum(np.nan_to_num(frame.rendering.albedo[here].astype(np.float64)) * cosine / range_m**2, LEAST_LIGHT)
     share = np.where(seen, schlick(cosine) * albedo[hits.part] * np.abs(lit) / far**2 / matt, 0.0)
     some = np.flatnonzero(share)
-    return _Reflected(pixels[some], share[some], (far + distance - range_m)[some])
+    return Mirrored(pixels[some], share[some], (far + distance - range_m)[some])

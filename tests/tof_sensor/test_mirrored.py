@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,10 @@ from tof_scene.render import Rendering, render
 from tof_scene.scene import Material, Part, Scene
 from tof_sensor.effects.specular import Specular
 from tof_sensor.frame import LIGHT_M_PER_S, Context, Frame, ideal_frame
-from tof_sensor.mirrored import mirrored_phasor, schlick
+from tof_sensor.mirrored import mirrored_light, schlick
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 CAMERA = Camera(48, 36, 40.0, 40.0, 23.5, 17.5)
 DEPTH, HEIGHT = 1.0, 0.3
@@ -37,6 +42,13 @@ def rendering(caster: Raycaster) -> Rendering:
     return render(caster, CAMERA, np.eye(4), footprints=False)
 
 
+def mirrored_phasor(frame: Frame, part: int) -> NDArray[np.complex128]:
+    """(H, W) light reflected by a part relative to its matt light; 0 elsewhere."""
+    out, found = np.zeros(frame.depth.size, complex), mirrored_light(frame, part)
+    out[found.pixels] = found.phasor(WAVES)
+    return out.reshape(frame.depth.shape)
+
+
 def test_a_lacquer_reflects_a_twenty_fifth_straight_on_and_all_at_grazing_incidence() -> None:
     assert schlick(np.array([1.0, 0.5, 0.0])) == pytest.approx([0.04, 0.07, 1.0])
 
@@ -44,7 +56,7 @@ def test_a_lacquer_reflects_a_twenty_fifth_straight_on_and_all_at_grazing_incide
 def test_light_and_path_are_those_of_the_mirror_image() -> None:
     """The floor shows the wall as if the lens stood as far below the floor as it stands above."""
     frame = corner()
-    phasor = mirrored_phasor(frame, FLOOR, WAVES)
+    phasor = mirrored_phasor(frame, FLOOR)
     here = frame.rendering.part == FLOOR
     p = frame.points[here]
     image = np.array([0.0, 2 * HEIGHT, 0.0])
@@ -60,10 +72,10 @@ def test_what_the_lamp_does_not_reach_is_not_mirrored() -> None:
     above = 0.15
     screen = board("screen", [[-3, -3, 0.5], [-3, above, 0.5], [3, above, 0.5], [3, -3, 0.5]], 0.5)
     v, u = 30, 24
-    assert abs(mirrored_phasor(corner(), FLOOR, WAVES)[v, u]) > 0.05
+    assert abs(mirrored_phasor(corner(), FLOOR)[v, u]) > 0.05
     screened = corner(screen)
     assert screened.rendering.part[v, u] == FLOOR
-    assert mirrored_phasor(screened, FLOOR, WAVES)[v, u] == 0, "the foot of the wall lies in the screen's shadow"
+    assert mirrored_phasor(screened, FLOOR)[v, u] == 0, "the foot of the wall lies in the screen's shadow"
 
 
 def test_a_coat_makes_the_floor_before_a_wall_farther_and_one_on_all_parts_mirrors_nothing() -> None:

@@ -5,14 +5,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
-from tof_sensor.effect import Effect, Finer, Form, stack
+from tof_sensor.effect import Effect, Finer, Form
 from tof_sensor.frame import MODULATION, indirect_bias, waves_per_m
-from tof_sensor.mirrored import mirrored_phasor
+from tof_sensor.mirrored import mirrored_light
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -61,14 +62,16 @@ class Specular(Effect):
         return self.part >= 0
 
     def columns(self, frame: Frame) -> Float:
-        """The coat's share of the light, and the bias by light reflected by a lacquer, along z."""
-        incidence = np.minimum(np.nan_to_num(frame.rendering.incidence.astype(np.float64), nan=1.5), 1.5)
-        coat = self.gloss * np.exp(-((np.tan(incidence) / np.tan(np.radians(self.lobe_deg))) ** 2))
-        matt = np.maximum(np.nan_to_num(frame.rendering.albedo.astype(np.float64)) * np.cos(incidence), 1e-6)
-        here = frame.valid & ((frame.rendering.part == self.part) | (self.part < 0))
-        waves = waves_per_m(self.modulation_mhz)
-        mirrored = indirect_bias(mirrored_phasor(frame, self.part, waves), waves)
-        return stack([np.where(here, coat / (coat + matt), 0.0) / frame.length, mirrored / frame.length], frame)
+        """The coat's share of the light, and the bias by light reflected by a lacquer, along z; both are 0 off the part."""
+        steepness2, matt = (image.ravel() for image in _surface(frame))
+        here = frame.valid & (frame.rendering.part == self.part) if self.part >= 0 else frame.valid
+        at, length, waves = np.flatnonzero(here), frame.length.ravel(), waves_per_m(self.modulation_mhz)
+        coat = self.gloss * np.exp(-steepness2[at] / np.tan(np.radians(self.lobe_deg)) ** 2)
+        mirrored = mirrored_light(frame, self.part)
+        out = np.zeros((frame.depth.size, 2))
+        out[at, 0] = coat / (coat + matt[at]) / length[at]
+        out[mirrored.pixels, 1] = indirect_bias(mirrored.phasor(waves), waves) / length[mirrored.pixels]
+        return out.reshape(*frame.depth.shape, 2)
 
     @classmethod
     def hypotheses(cls, session: Session) -> Iterator[Form]:
@@ -79,3 +82,19 @@ class Specular(Effect):
         for part, name in session.parts_seen():
             for mhz in (50.0, 100.0):
                 yield Form(cls(part=part, modulation_mhz=mhz), f"{name} is lacquered, {mhz:g} MHz")
+
+
+def _surface(frame: Frame) -> tuple[Float, Float]:
+    """(H, W), (H, W) squared tangent of the incidence, and matt light: albedo times its cosine; kept for frames on chosen pixels."""
+    known = _surfaces.get(frame)
+    if known is None:
+        incidence = np.minimum(np.nan_to_num(frame.rendering.incidence.astype(np.float64), nan=1.5), 1.5)
+        matt = np.maximum(np.nan_to_num(frame.rendering.albedo.astype(np.float64)) * np.cos(incidence), 1e-6)
+        known = np.tan(incidence) ** 2, matt
+        if frame.rays is not frame.camera.rays():
+            _surfaces[frame] = known
+    return known
+
+
+_surfaces: WeakKeyDictionary[Frame, tuple[Float, Float]] = WeakKeyDictionary()
+"""Of frames on chosen pixels: the same for every lobe and part."""
