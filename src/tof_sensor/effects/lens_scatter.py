@@ -65,12 +65,16 @@ class LensScatter(Effect):
         """`columns` at chosen pixels; the stray light is that of the whole image."""
         wave = 4e6 * np.pi * self.modulation_mhz / LIGHT_M_PER_S
         light = np.where(frame.valid, frame.amplitude, 0.0)
-        turn = np.exp(1j * wave * np.nan_to_num(frame.radial))
+        turn = np.exp(1j * wave * np.where(frame.valid, frame.radial, 0.0))
         dark = np.maximum(light, 1e-3 * np.max(light, initial=1e-12)).ravel()[pixels]
-        veils = [blurred(light * turn, width * frame.camera.width, pixels) for width in WIDTHS]
+        sent = light * turn
         own, length = turn.ravel()[pixels].conj(), frame.length.ravel()[pixels]
         seen = frame.valid.ravel()[pixels]
-        return np.stack([np.where(seen, np.imag(v * own) / dark / wave / length, 0.0) for v in veils], axis=-1)
+        out = np.empty((len(pixels), len(WIDTHS)))
+        for column, width in zip(out.T, WIDTHS, strict=True):
+            veil = blurred(sent, width * frame.camera.width, pixels)
+            column[:] = np.where(seen, np.imag(veil * own) / dark / wave / length, 0.0)
+        return out
 
     @classmethod
     def lacks(cls, session: Session) -> str:
@@ -86,25 +90,29 @@ class LensScatter(Effect):
 
 
 def blurred(own: ComplexImage, sigma: float, pixels: Ints) -> ComplexImage:
-    """Gaussian filter of `sigma` pixels, at chosen pixels (n,); wide filters use block means."""
-    from scipy.ndimage import gaussian_filter  # loads slowly, and the registry loads every effect
-
+    """Gaussian filter of `sigma` pixels, at chosen pixels (n,); wide filters use block means, interpolated between the blocks' centres."""
     block = max(1, int(sigma / 4))
     h, w = own.shape
-    padded = np.pad(own, ((0, -h % block), (0, -w % block)))
-    coarse = padded.reshape(padded.shape[0] // block, block, padded.shape[1] // block, block).mean(axis=(1, 3))
-    parts = [gaussian_filter(part, sigma / block, mode="constant", truncate=3.0) for part in (coarse.real, coarse.imag)]
-    down, across = _between(h, coarse.shape[0], block), _between(w, coarse.shape[1], block)
-    real, imag = (down @ part @ across.T for part in parts)
-    return np.asarray((real + 1j * imag).ravel()[pixels])
+    rows = np.add.reduceat(own, np.arange(0, h, block), axis=0)
+    means = np.add.reduceat(rows, np.arange(0, w, block), axis=1) / block**2
+    coarse = _gauss(means.shape[0], sigma / block) @ means @ _gauss(means.shape[1], sigma / block)
+    v, u = np.divmod(pixels, w)
+    (above, below, down), (left, right, across) = _between(v, means.shape[0], block), _between(u, means.shape[1], block)
+    upper, lower = (coarse[row, left] * (1.0 - across) + coarse[row, right] * across for row in (above, below))
+    return np.asarray(upper * (1.0 - down) + lower * down)
 
 
 @lru_cache(maxsize=32)
-def _between(size: int, blocks: int, block: int) -> Float:
-    """(size, blocks) weights of linear interpolation between the centres of blocks; constant beyond the outer centres."""
-    at = np.clip((np.arange(size) + 0.5) / block - 0.5, 0, blocks - 1)
-    low = np.minimum(at.astype(int), max(blocks - 2, 0))
-    weights = np.zeros((size, blocks))
-    weights[np.arange(size), low] = 1.0 - (at - low)
-    weights[np.arange(size), np.minimum(low + 1, blocks - 1)] += at - low
-    return weights
+def _gauss(size: int, sigma: float) -> Float:
+    """(size, size) Gaussian filter of a line of `size` samples, dark beyond its ends, cut off at three standard deviations; symmetric."""
+    reach = int(3.0 * sigma + 0.5)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
+    return np.where(apart <= reach, np.exp(-0.5 * (apart / sigma) ** 2) / weights.sum(), 0.0)
+
+
+def _between(at: Ints, blocks: int, block: int) -> tuple[Ints, Ints, Float]:
+    """(n,), (n,), (n,) the two blocks between whose centres each place lies, and the weight of the second; constant beyond the outer centres."""
+    place = np.clip((at + 0.5) / block - 0.5, 0, blocks - 1)
+    low = np.minimum(place.astype(np.int64), max(blocks - 2, 0))
+    return low, np.minimum(low + 1, blocks - 1), place - low
