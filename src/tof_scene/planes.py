@@ -78,3 +78,16 @@ def points_to_camera(points: Float, T_cell_camera: Float) -> Float:
         for k in range(3):
             out[i, k] = T[0, k] * x + T[1, k] * y + T[2, k] * z
     return out
+
+
+@njit(cache=True, nogil=True)
+def ways_between(
+    starts: Float, ends: Float, one: NDArray[np.int32], other: NDArray[np.int32], middle: Float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(k, 3), (k, 3) float32 origins, relative to `middle` (3,), and directions of the ways from points starts[one] to ends[other]."""
+    origins, directions = np.empty((len(one), 3), np.float32), np.empty((len(one), 3), np.float32)
+    for i in range(len(one)):
+        for c in range(3):
+            origins[i, c] = starts[one[i], c] - middle[c]
+            directions[i, c] = ends[other[i], c] - starts[one[i], c]
+    return origins, directions

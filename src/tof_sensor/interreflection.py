@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numba import njit
 
-from tof_sensor.patches import Exchange, Patches, emitted, exchange_of, facing, lit_patches, unobstructed
+from tof_sensor.patches import Exchange, Patches, emitted, exchange_of, facing_pairs, lit_patches, turned, unobstructed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -119,10 +119,9 @@ def _visibility(rendering: Rendering, patches: Patches, at: Ints, caster: Raycas
     # Cast again: a depth averaged over a pixel's footprint lies below a curved surface, which would block its rays.
     hits = caster.cast(np.broadcast_to(T[:3, 3], rays.shape), rays @ T[:3, :3].T)
     points, normals = np.nan_to_num(rays * hits.t[:, None], posinf=0.0), np.nan_to_num(hits.normal @ T[:3, :3])
-    toward = facing(points, normals, patches.point, patches.normal)
-    receiver, patch = np.nonzero(toward & np.isfinite(hits.t)[:, None])
-    seen = np.zeros(toward.shape, np.bool_)
-    seen[receiver, patch] = unobstructed(points[receiver], normals[receiver], patches.point[patch], T, caster)
+    receiver, patch = facing_pairs(points, normals, patches.point, patches.normal, each_once=False)
+    seen = np.zeros((len(at), len(patches.point)), np.bool_)
+    seen[receiver, patch] = unobstructed(points, normals, patches.point, receiver, patch, T, caster)
     return seen
 
 
@@ -165,19 +164,8 @@ def _gather(
             there = max(-(dx * lit[3, p] + dy * lit[4, p] + dz * lit[5, p]), 0.0)
             d2 = dx * dx + dy * dy + dz * dz
             ratio = here * there / (d2 * (d2 + lit[8, p]))
-            cosine, sine = _turned(waves * (np.sqrt(d2) - r))
+            cosine, sine = turned(waves * (np.sqrt(d2) - r))
             real += ratio * (lit[6, p] * cosine - lit[7, p] * sine)
             imag += ratio * (lit[6, p] * sine + lit[7, p] * cosine)
         out[i] = (real + 1j * imag) / direct
     return out
-
-
-@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _turned(phase: float) -> tuple[float, float]:
-    """Cosine and sine to 1e-12, vectorisable: series for a quarter of the angle, doubled twice."""
-    quarter = 0.25 * (phase - 2 * np.pi * np.rint(phase / (2 * np.pi)))
-    q = quarter * quarter
-    s = quarter * (1 - q / 6 * (1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110)))))
-    c = 1 - q / 2 * (1 - q / 12 * (1 - q / 30 * (1 - q / 56 * (1 - q / 90 * (1 - q / 132)))))
-    s, c = 2 * s * c, 1 - 2 * s * s
-    return 1 - 2 * s * s, 2 * s * c
