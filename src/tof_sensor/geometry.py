@@ -8,6 +8,7 @@ n . (z' r) = n . p', so dz = n . dp / (n . r), first order in the motion.
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -43,17 +44,27 @@ def ray_columns(frame: Frame, shift: Float) -> Float:
     return np.asarray(-z[..., None] * np.einsum("hwi,hwik->hwk", g, shift))
 
 
-def object_columns(frame: Frame, motion: Float) -> Float:
-    """(H, W, k) change of z in metres if surface points move by `motion` (H, W, 3, k) in the cell frame."""
-    R_camera_cell = frame.rendering.T_cell_camera[:3, :3].T
-    in_camera = np.einsum("ij,hwjk->hwik", R_camera_cell, motion)
-    return np.asarray(np.einsum("hwi,hwik->hwk", slope(frame), in_camera))
-
-
 def cell_points(frame: Frame) -> Float:
     """(H, W, 3) surface points in the cell frame, metres; NaN off the CAD."""
     T = frame.rendering.T_cell_camera
     return np.asarray(frame.points @ T[:3, :3].T + T[:3, 3])
+
+
+def cell_surface(frame: Frame) -> tuple[Float, Float]:
+    """(H, W, 3) surface points in the cell frame, metres, 0 off the CAD; (H, W, 3) change of z per motion of the point in that frame.
+
+    Kept for frames on chosen pixels.
+    """
+    known = _surfaces.get(frame)
+    if known is None:
+        known = np.nan_to_num(cell_points(frame)), np.asarray(slope(frame) @ frame.rendering.T_cell_camera[:3, :3].T)
+        if frame.rays is not frame.camera.rays():
+            _surfaces[frame] = known
+    return known
+
+
+_surfaces: WeakKeyDictionary[Frame, tuple[Float, Float]] = WeakKeyDictionary()
+"""Of frames on chosen pixels: the same for all parts that may have moved."""
 
 
 def image_flow(frame: Frame) -> tuple[Float, Float]:

@@ -122,7 +122,7 @@ def gather(
     found = in_threads(one, views, renderings, recorded or views)
     correlation = correlation_of(found)
     if correlation.correlated:
-        found = in_threads(lambda v: _of_view(v.view, v.frame, limits, v.concavity, wider_px, v.step_m, correlation), found)
+        found = in_threads(lambda v: _correlated(v, wider_px, correlation), found)
     rng = np.random.default_rng(limits.seed)  # Drawn one after the other: the same pixels whichever view is ready first.
     return tuple(replace(v, pixels=drawn(v.smooth, limits.pixels, rng), correlation=correlation) for v in found)
 
@@ -162,26 +162,12 @@ def noise_of(residual: Float, keep: Mask, amplitude: Float, step_m: float, limit
     return np.asarray(np.maximum(noise_level(residual, keep, amplitude, limits, correlation), step_m / np.sqrt(12)))
 
 
-def _of_view(
-    view: View,
-    frame: Frame,
-    limits: EvidenceLimits,
-    concavity: Image,
-    wider_px: int,
-    step_m: float,
-    correlation: NoiseCorrelation = INDEPENDENT,
-) -> ViewEvidence:
-    depth = view.depth.astype(np.float64)
-    residual = depth - frame.depth
+def _of_view(view: View, frame: Frame, limits: EvidenceLimits, concavity: Image, wider_px: int, step_m: float) -> ViewEvidence:
+    """The evidence of a view whose neighbouring pixels share no noise."""
+    residual = view.depth.astype(np.float64) - frame.depth
     blur_px = smear(frame, limits.blur)
-    edge = excluded(frame, limits, wider_px, blur_px)
-    grazing = frame.rendering.incidence > np.radians(limits.grazing_deg)
-    keep = (np.abs(residual) < limits.gross_most_mm * 1e-3) & ~edge & ~grazing
-    sigma = noise_of(residual, keep, frame.amplitude, step_m, limits.level, correlation)
-    gross = np.abs(residual) > gross_bound(sigma, limits)
-    if blur_px:
-        edge |= streaks(residual, sigma, ~edge & ~gross, limits.blur)
-    smooth = np.isfinite(residual) & ~edge & ~gross & ~grazing & ~survivors(gross, residual, frame.depth, limits)
+    reached = excluded(frame, limits, wider_px, blur_px)
+    sigma, smooth, edge, gross = _sorted_out(residual, frame, reached, blur_px, limits, step_m, INDEPENDENT)
     return ViewEvidence(
         view,
         compact(frame),
@@ -194,8 +180,29 @@ def _of_view(
         concavity=concavity,
         step_m=step_m,
         limits=limits,
-        correlation=correlation,
     )
+
+
+def _correlated(view: ViewEvidence, wider_px: int, correlation: NoiseCorrelation) -> ViewEvidence:
+    """The evidence of a view whose neighbouring pixels share noise, once this is known; what lies near edges does not depend on it."""
+    blur_px = smear(view.frame, view.limits.blur)
+    reached = excluded(view.frame, view.limits, wider_px, blur_px) if blur_px else view.edge  # A moving view's edges include streaks.
+    residual = view.residual.astype(np.float64)
+    sigma, smooth, edge, gross = _sorted_out(residual, view.frame, reached, blur_px, view.limits, view.step_m, correlation)
+    return replace(view, sigma=single(sigma), smooth=smooth, edge=edge, gross=gross, correlation=correlation)
+
+
+def _sorted_out(
+    residual: Float, frame: Frame, reached: Mask, blur_px: int, limits: EvidenceLimits, step_m: float, correlation: NoiseCorrelation
+) -> tuple[Float, Mask, Mask, Mask]:
+    """Sigma in metres, and the masks of smooth, edge and gross pixels, all (H, W); reached (H, W): pixels that mixing or blur may reach."""
+    grazing = frame.rendering.incidence > np.radians(limits.grazing_deg)
+    keep = (np.abs(residual) < limits.gross_most_mm * 1e-3) & ~reached & ~grazing
+    sigma = noise_of(residual, keep, frame.amplitude, step_m, limits.level, correlation)
+    gross = np.abs(residual) > gross_bound(sigma, limits)
+    edge = reached | streaks(residual, sigma, ~reached & ~gross, limits.blur) if blur_px else reached
+    smooth = np.isfinite(residual) & ~edge & ~gross & ~grazing & ~survivors(gross, residual, frame.depth, limits)
+    return sigma, smooth, edge, gross
 
 
 def gross_bound(sigma: Float, limits: EvidenceLimits) -> Float:

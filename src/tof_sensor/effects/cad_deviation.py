@@ -11,7 +11,7 @@ import numpy as np
 from tof_core.config import param
 from tof_sensor.action import ASIDE, FARTHER, NEARER
 from tof_sensor.effect import FieldEffect, Form
-from tof_sensor.geometry import cell_points, object_columns
+from tof_sensor.geometry import cell_surface
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -62,24 +62,16 @@ class CadDeviation(FieldEffect):
     def columns(self, frame: Frame) -> Float:
         """Change of z per unit of each of the nine values, on the pixels of the part."""
         at = np.flatnonzero(frame.rendering.part == self.part)
-        out = np.zeros((*frame.depth.shape, RIGID + BOW))
-        out.reshape(-1, RIGID + BOW)[at] = self._on_part(frame.take(at))[0]
-        return out
-
-    def _on_part(self, frame: Frame) -> Float:
-        """(1, n, 9) columns on pixels of the part (1, n)."""
-        arm = np.nan_to_num(cell_points(frame)) - self.centre
+        points, per_motion = (image.reshape(-1, 3)[at] for image in cell_surface(frame))
+        arm = points - self.centre
         n = np.asarray(self.normal, float) / np.linalg.norm(self.normal)
         u_axis = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
         u_axis /= np.linalg.norm(u_axis)
         u, v = arm @ u_axis / self.half_size_m, arm @ np.cross(n, u_axis) / self.half_size_m
-        motion = np.zeros((*arm.shape, RIGID + BOW))
-        motion[..., :3] = np.eye(3)
-        for k, axis in enumerate(np.eye(3)):
-            motion[..., 3 + k] = np.cross(axis, arm)
-        for k, field in enumerate((u * u, v * v, u * v)):
-            motion[..., RIGID + k] = field[..., None] * n
-        return object_columns(frame, motion)
+        out = np.zeros((frame.depth.size, RIGID + BOW))
+        out[at, :3], out[at, 3:RIGID] = per_motion, np.cross(arm, per_motion)  # A turn w moves a point by w x arm.
+        out[at, RIGID:] = np.stack([u * u, v * v, u * v], axis=-1) * (per_motion @ n)[:, None]
+        return out.reshape(*frame.depth.shape, RIGID + BOW)
 
     def prior_sd(self, scale: Float) -> Float:
         """(9,) prior standard deviations: the smaller of `REACH_M` and `COEFFICIENT_SD`."""
