@@ -23,6 +23,10 @@ STEP_TOLERANCE_M = 1e-5
 STEP_ANGLE = 0.1
 """Largest angle in radians between neighbouring triangles of a curved STEP surface."""
 
+STL_HEADER = np.dtype([("comment", "S80"), ("triangles", "<u4")])
+STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
+"""Layout of a binary STL file: its header, and then each triangle."""
+
 ARCHIVES = {".zip", ".gz", ".bz2", ".xz"}
 """Refused, since trimesh would unpack them into memory without a limit."""
 
@@ -48,7 +52,10 @@ def load_mesh(path: Path) -> tuple[Float, NDArray[np.int32]]:
 
 
 def _bodies(path: Path) -> list[tuple[Float, NDArray[Any]]]:
-    import trimesh
+    binary = _binary_stl(path) if path.suffix.lower() == ".stl" else None
+    if binary is not None:
+        return [binary]
+    import trimesh  # Takes half a second to import.
 
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # trimesh logs the traceback of errors that it raises
     options: dict[str, Any] = {}
@@ -66,3 +73,15 @@ def _bodies(path: Path) -> list[tuple[Float, NDArray[Any]]]:
     if any(np.shape(body.vertices)[1:] != (3,) or np.shape(body.faces)[1:] != (3,) for body in meshes):
         raise SceneError("the mesh has points that are not three numbers each", where=path, todo="export it again")
     return [(np.asarray(body.vertices, np.float64), np.asarray(body.faces)) for body in meshes]
+
+
+def _binary_stl(path: Path) -> tuple[Float, NDArray[Any]] | None:
+    """Vertices (3 m, 3) and faces (m, 3) of a binary STL file as trimesh reads it; None for any other file, also one without triangles."""
+    size = path.stat().st_size - STL_HEADER.itemsize
+    if size <= 0:
+        return None
+    count = int(np.fromfile(path, STL_HEADER, 1)["triangles"][0])
+    if count == 0 or size != count * STL_TRIANGLE.itemsize:
+        return None
+    corners = np.fromfile(path, STL_TRIANGLE, offset=STL_HEADER.itemsize)["corners"]
+    return corners.reshape(-1, 3).astype(np.float64), np.arange(3 * count).reshape(-1, 3)
