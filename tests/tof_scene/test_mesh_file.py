@@ -42,5 +42,5 @@ def test_a_binary_stl_is_read_without_trimesh(tmp_path: Path) -> None:
 def test_a_binary_stl_that_is_cut_off_is_refused(tmp_path: Path) -> None:
     path = exported(tmp_path / "a.stl", "stl")
     path.write_bytes(path.read_bytes()[:-7])
-    with pytest.raises(SceneError, match="cannot be read"):
+    with pytest.raises(SceneError, match="no triangles|cannot be read"):
         load_mesh(path)

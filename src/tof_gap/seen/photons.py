@@ -17,7 +17,7 @@ from tof_sensor.session import NoiseBins
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Ints
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effect import Effect
@@ -42,19 +42,26 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
     for i, v in enumerate(views):
         along = (v.residual * v.frame.length, v.frame.amplitude, v.frame.radial**2, v.frame.surroundings_m2)
         shown = [_by_rows(v, along, step) for step in v.correlation.steps]
-        x, a, r2, around2 = shown[0]
-        if len(x) < limits.view_samples:
+        _, a, r2, around2 = shown[0]
+        if len(a) < limits.view_samples:
             continue
         edges = np.quantile(a, np.linspace(0, 1, bins + 1))[1:-1]
         which = [np.searchsorted(edges, light, side="right") for _, light, *_ in shown]
+        parts = [_split(d2, of, bins) for (d2, *_), of in zip(shown, which, strict=True)]
+        count = np.bincount(which[0], minlength=bins)
+        means = [np.bincount(which[0], values, bins) / np.maximum(count, 1) for values in (a, r2, around2)]
         for b in range(bins):
-            inside = [w == b for w in which]
-            of = inside[0]
-            if min(int(i.sum()) for i in inside) >= limits.bin_samples:
-                own2 = v.correlation.variance([trimmed_std(s[0][i]) ** 2 for s, i in zip(shown, inside, strict=True)])
-                rows.append((i, a[of].mean(), r2[of].mean(), around2[of].mean(), v.view.captures * own2, of.sum()))
+            own = [part[b] for part in parts]
+            if min(map(len, own)) >= limits.bin_samples:
+                own2 = v.correlation.variance([trimmed_std(d2) ** 2 for d2 in own])
+                rows.append((i, *(mean[b] for mean in means), v.view.captures * own2, count[b]))
     table = np.array(rows, float).reshape(-1, 6)
     return NoiseBins(*table.T)
+
+
+def _split(samples: Float, which: Ints, bins: int) -> list[Float]:
+    """The samples (n,) of each bin, by the bin of each (n,)."""
+    return np.split(samples[np.argsort(which.astype(np.uint16), kind="stable")], np.cumsum(np.bincount(which, minlength=bins))[:-1])
 
 
 def _by_rows(view: ViewEvidence, along: Sequence[Float], step: int) -> list[Float]:
