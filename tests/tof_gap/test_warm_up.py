@@ -6,8 +6,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tof_gap import warm_up
-from tof_gap.seen import lamp_light
+from tof_gap.seen import lamp_light, level
 from tof_gap.session import diagnose_session
+from tof_scene import planes
 from tof_scene.world import contradiction
 from tof_sensor import interreflection, patches
 from tof_sensor.effects import flying_pixels, motion
@@ -23,8 +24,13 @@ KERNELS = (
     interreflection._gather,
     lamp_light.gains_at,
     lamp_light.waves_from,
+    level._binned,
+    level._differences,
     motion._taps,
-    patches.facing,
+    patches._bounced,
+    patches._exchanged,
+    patches.facing_pairs,
+    planes.ways_between,
 )
 
 

@@ -29,7 +29,8 @@ def exported(path: Path, form: str) -> Path:
 @pytest.mark.parametrize("form", ["stl", "stl_ascii"])
 def test_a_binary_and_a_text_stl_hold_the_same_triangles(tmp_path: Path, form: str) -> None:
     vertices, faces = load_mesh(exported(tmp_path / "a.stl", form))
-    assert (vertices.dtype, faces.dtype) == (np.float64, np.int32)
+    assert vertices.dtype == np.float64
+    assert faces.dtype == np.int32
     np.testing.assert_array_equal(vertices[faces], TRIANGLES)
 
 
@@ -42,5 +43,5 @@ def test_a_binary_stl_is_read_without_trimesh(tmp_path: Path) -> None:
 def test_a_binary_stl_that_is_cut_off_is_refused(tmp_path: Path) -> None:
     path = exported(tmp_path / "a.stl", "stl")
     path.write_bytes(path.read_bytes()[:-7])
-    with pytest.raises(SceneError, match="no triangles|cannot be read"):
+    with pytest.raises(SceneError, match="no triangles"):
         load_mesh(path)

@@ -94,6 +94,8 @@ def test_a_ray_is_blocked_where_the_first_hit_lies_within_its_reach(backend: str
     blocked = caster.blocked(eye, aims - eye, reach)
     assert 0.05 < blocked.mean() < 1.0
     assert (blocked == (t < reach))[sure].mean() > 0.9995  # rays that graze an edge may take either side
+    between = caster.blocked_between(eye[None], aims, np.zeros(len(aims), np.int32), np.arange(len(aims), dtype=np.int32), reach)
+    np.testing.assert_array_equal(between, blocked)
 
 
 def test_an_unknown_backend_is_a_wrong_call() -> None:
