@@ -13,10 +13,11 @@ from tof_align.folds import deal
 from tof_core.errors import RefusedError
 from tof_core.memory import give_back
 from tof_gap.seen.photons import own_law
+from tof_gap.seen.residual import less
 from tof_gap.solve.apart import set_apart
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.candidates import not_testable
-from tof_gap.solve.conclude import conclude, less
+from tof_gap.solve.conclude import conclude
 from tof_gap.solve.joint import without
 from tof_gap.solve.radial import gate
 from tof_gap.solve.stray import solve_agreeing

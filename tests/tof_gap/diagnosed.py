@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from tests.tof_gap.quiet_views import CAMERA, SHAPE, VIEWS, chain
+from tof_gap.against import against
 from tof_gap.config import GapConfig
 from tof_gap.limits.report import ReportLimits
-from tof_gap.tell.against import against
 from tof_gap.tell.figures import Figures, used
 from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.dropout import Dropout

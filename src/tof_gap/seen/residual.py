@@ -258,3 +258,8 @@ def drawn(smooth: Mask, pixels: int, rng: np.random.Generator) -> Ints:
     """(n,) flat indices of the pixels to fit, in order."""
     index = np.flatnonzero(smooth)
     return np.sort(rng.choice(index, min(pixels, len(index)), replace=False))
+
+
+def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> tuple[ViewEvidence, ...]:
+    """The views with residuals less some maps, (H, W) metres per map and view."""
+    return tuple(replace(e, residual=single(e.residual - sum(np.nan_to_num(m[v]) for m in maps))) for v, e in enumerate(evidence))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_gap.seen.residual import noise_again, single
+from tof_gap.seen.residual import less, noise_again
 from tof_gap.seen.steps import beside_steps
 from tof_gap.solve.candidate import HAND_EYE
 from tof_gap.solve.causes import free_shares, named, shares, smooth_ones
@@ -124,11 +124,6 @@ def _tied(joint: Joint, names: set[str]) -> tuple[tuple[Effect | None, Effect | 
 def moves_camera(effect: Effect, stated: Camera) -> bool:
     """Whether the effect moves the camera or changes its lens, so that pixels see other points."""
     return effect.mount is not None or effect.late_s != 0.0 or effect.camera(stated) != stated
-
-
-def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> tuple[ViewEvidence, ...]:
-    """The views with residuals less some maps, (H, W) metres per map and view."""
-    return tuple(replace(e, residual=single(e.residual - sum(np.nan_to_num(m[v]) for m in maps))) for v, e in enumerate(evidence))
 
 
 def _beside_pattern(bare: Sequence[ViewEvidence], maps: Mapping[str, Sequence[Float]], config: GapConfig) -> tuple[ViewEvidence, ...]:

@@ -10,6 +10,8 @@ from scipy.special import chdtri
 
 from tof_gap.seen.line_noise import line_noise_by_view
 from tof_gap.seen.noise import lines_found
+from tof_gap.seen.residual import less
+from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 from tof_sensor.registry import EFFECTS
 
@@ -33,7 +35,7 @@ def uneven(found: Account, limit: UnexplainedLimits, noise: NoiseLimits) -> str 
     A mechanism outside the vocabulary, or another camera's light, makes a known effect win held-out chi-square if its map is similar in
     most views. The fitted size then varies from view to view; that of a constant of the camera does not.
     """
-    bare = found.solved.bare
+    bare = _less_lamps(found)
     of_lines = any(isinstance(f.effect, Noise) and f.common is not None for f in found.findings)
     lines = [(of.axis, line_noise_by_view(bare, of.axis, noise.lines)) for of in (lines_found(bare, noise) if of_lines else [])]
     beyond = {
@@ -43,6 +45,15 @@ def uneven(found: Account, limit: UnexplainedLimits, noise: NoiseLimits) -> str 
     }
     worst = max(beyond, key=beyond.__getitem__, default=None)
     return worst if worst is not None and beyond[worst] > 1.0 else None
+
+
+def _less_lamps(found: Account) -> Sequence[ViewEvidence]:
+    """The views less all effects and less the fringes of another camera's lamp, which differ from view to view.
+
+    The field of light from a lamp that was not placed is fitted freely to each view: taken off, it would hide any unevenness.
+    """
+    fringes = [list(f.common) for f in found.findings if isinstance(f.effect, Interference) and f.common is not None and not f.structure]
+    return less(found.solved.bare, fringes) if fringes else found.solved.bare
 
 
 def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: UnexplainedLimits, lines: Sequence[Lines] = ()) -> float:

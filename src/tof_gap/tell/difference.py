@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -92,6 +92,26 @@ class AgainstLimits:
         low=1.0,
         why="the middle between one size and twice the size",
     )
+
+
+class Apart(NamedTuple):
+    """How an effect differs in the two sessions, as chi-squares by one weight: the inverse covariance of the difference.
+
+    difference: of the difference of the coefficients; real, simulated: of the effect in either session; both: their product;
+    share: of the chi-square of all differences that this one explains; differs: whether the sessions contradict its equality.
+    """
+
+    difference: float
+    real: float
+    simulated: float
+    both: float
+    share: float
+    differs: bool
+
+    @property
+    def ratio(self) -> float:
+        """Size of the difference over that of the effect in the session that has more of it."""
+        return float(np.sqrt(self.difference / max(self.real, self.simulated, 1e-12)))
 
 
 @dataclass(frozen=True, slots=True)

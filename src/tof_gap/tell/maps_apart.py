@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from tof_core.arrays import Float
     from tof_gap.tell.account import Cause
     from tof_gap.tell.diagnosis import Diagnosis
+    from tof_gap.tell.difference import Apart
     from tof_gap.tell.shrink import HeldOut, Shrink
-    from tof_gap.tell.union import Apart
     from tof_sensor.effect import Effect
     from tof_sensor.frame import Frame
     from tof_sensor.model import SensorModel

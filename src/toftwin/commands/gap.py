@@ -147,7 +147,7 @@ def _compared(
     """Diagnose the simulator's bag in the same scene, compare, and write against.json."""
     import json
 
-    from tof_gap.tell.against import against
+    from tof_gap.against import against
     from toftwin.against import diagnose_simulated
 
     say("the simulator's bag")

@@ -6,8 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
-from tof_gap.seen.residual import noise_again
-from tof_gap.solve.conclude import less
+from tof_gap.seen.residual import less, noise_again
 
 
 def test_columns_of_a_pattern_are_no_noise_once_they_are_taken_off() -> None:

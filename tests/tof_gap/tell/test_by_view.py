@@ -15,6 +15,7 @@ from tof_gap.config import GapConfig
 from tof_gap.limits.report import UnexplainedLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.tell.by_view import spread, uneven
+from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.noise import Noise
 
 LIMIT, NOISE = UnexplainedLimits(), GapConfig().noise
@@ -91,6 +92,16 @@ def test_few_views_tell_nothing() -> None:
 def test_an_effect_is_taken_out_beyond_what_its_size_may_differ(name: str, off: float, *, taken: bool) -> None:
     found: Any = SimpleNamespace(solved=SimpleNamespace(bare=of(1.0 + off * BY_TURNS), maps={name: [MAP] * VIEWS}), findings=())
     assert uneven(found, LIMIT, NOISE) == (name if taken else None)
+
+
+@pytest.mark.parametrize(
+    ("structure", "taken"), [(False, None), (True, "wiggling")], ids=["fringes of a placed lamp", "a field of each view"]
+)
+def test_fringes_of_a_lamp_are_no_unevenness_and_a_free_field_of_each_view_hides_none(*, structure: bool, taken: str | None) -> None:
+    sizes = 1.0 + 0.5 * BY_TURNS
+    light = Finding(Interference(burst_m=0.002), 0.95, common=(sizes - 1.0)[:, None, None] * MAP, structure=structure)
+    found: Any = SimpleNamespace(solved=SimpleNamespace(bare=of(sizes), maps={"wiggling": [MAP] * VIEWS}), findings=(light,))
+    assert uneven(found, LIMIT, NOISE) == taken
 
 
 def test_of_several_effects_the_one_that_differs_most_is_taken_out() -> None:

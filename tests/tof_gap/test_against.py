@@ -11,7 +11,7 @@ import pytest
 
 from tests.tof_gap.diagnosed import compared, diagnosis, only
 from tests.tof_gap.quiet_views import SHAPE, views
-from tof_gap.tell.against import against
+from tof_gap.against import against
 from tof_gap.tell.difference import LACKS, OTHER, STRONG, SUPERFLUOUS, WEAK
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.depth_scale import DepthScale

@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tof_align.folds import deal
+from tof_gap.seen.residual import less
 from tof_gap.solve.candidate import Candidate
 from tof_gap.solve.columns import ColumnStore, build
-from tof_gap.solve.conclude import less, moves_camera
+from tof_gap.solve.conclude import moves_camera
 from tof_gap.solve.judge import Selector
 from tof_gap.solve.worth import rescored
+from tof_gap.tell.difference import Apart
 from tof_sensor.effects.fixed_pattern import FixedPattern
 
 if TYPE_CHECKING:
@@ -58,26 +60,6 @@ class Fitted(NamedTuple):
 
     theta: Float
     cov: Float
-
-
-class Apart(NamedTuple):
-    """How an effect differs in the two sessions, as chi-squares by one weight: the inverse covariance of the difference.
-
-    difference: of the difference of the coefficients; real, simulated: of the effect in either session; both: their product;
-    share: of the chi-square of all differences that this one explains; differs: whether the sessions contradict its equality.
-    """
-
-    difference: float
-    real: float
-    simulated: float
-    both: float
-    share: float
-    differs: bool
-
-    @property
-    def ratio(self) -> float:
-        """Size of the difference over that of the effect in the session that has more of it."""
-        return float(np.sqrt(self.difference / max(self.real, self.simulated, 1e-12)))
 
 
 def members(sides: Sequence[Diagnosis], taken: Mapping[str, str], unit: float, left_out: AbstractSet[str]) -> list[Member] | None:

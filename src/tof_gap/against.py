@@ -20,7 +20,7 @@ from tof_gap.tell.loss_apart import Lossy, loss_apart
 from tof_gap.tell.maps_apart import OF_SINGLE_PIXELS, Pair
 from tof_gap.tell.noise_parts import part_apart
 from tof_gap.tell.report import sensor_model
-from tof_gap.tell.union import apart, members, with_known
+from tof_gap.union import apart, members, with_known
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.phase_wrap import PhaseWrap
 

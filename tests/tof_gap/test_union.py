@@ -13,7 +13,7 @@ import pytest
 from tests.tof_gap.diagnosed import compared, diagnosis, only
 from tests.tof_gap.quiet_views import views
 from tof_gap.tell.difference import LACKS, WEAK
-from tof_gap.tell.union import Fitted, apart, fitted, freed, members, with_known
+from tof_gap.union import Fitted, apart, fitted, freed, members, with_known
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
 from tof_sensor.effects.depth_scale import DepthScale
 from tof_sensor.effects.hand_eye import HandEye
