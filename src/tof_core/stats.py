@@ -72,9 +72,13 @@ def _median(values: Float) -> Any:
 
 def group_medians(values: Float, group: Ints, groups: int, least: int = 1) -> Float:
     """(groups,) median of the samples (n,) of each group (n,); 0 for a group with fewer than `least` samples."""
-    order = np.argsort(group, kind="stable")
-    parts = np.split(values[order], np.cumsum(np.bincount(group, minlength=groups))[:-1])
-    return np.array([float(np.median(p)) if len(p) >= least else 0.0 for p in parts])
+    return np.array([float(np.median(p)) if len(p) >= least else 0.0 for p in by_group(values, group, groups)])
+
+
+def by_group(values: Float, group: Ints, groups: int) -> list[Float]:
+    """The samples (n,) of each of fewer than 65536 groups, by the group of each (n,)."""
+    order = np.argsort(group.astype(np.uint16), kind="stable")  # Two bytes are sorted by counting.
+    return np.split(values[order], np.cumsum(np.bincount(group, minlength=groups))[:-1])
 
 
 def pairs_below(ascending: Float, others: Float) -> float:

@@ -104,7 +104,7 @@ def fitted(session: Diagnosis, union: Sequence[Member], side: int, scale: Float 
     solved = session.account.solved
     pattern = solved.maps.get(FixedPattern.NAME)
     views = _with_small(session, {m.group for m in union})
-    views = views if pattern is None else less(views, [pattern])
+    views = less(views, [] if pattern is None else [pattern])
     candidates = [Candidate(m.effect.NAME, m.effect) for m in union]
     store = _InUnits(views, deal(solved.chain.station.tolist(), session.config.select.folds), {m.effect: m.units[side] for m in union})
     design = build(store, candidates, solved.chain, session.config.hand_sd, session.config.lens_sd)
@@ -127,7 +127,7 @@ def _with_small(session: Diagnosis, names: AbstractSet[str]) -> tuple[ViewEviden
     """
     views = session.account.solved.evidence
     small = [e for n in session.account.solved.within if n.name in names for e in n.effects if not moves_camera(e, session.camera)]
-    return less(views, [[-e.bias(v.frame) for v in views] for e in small]) if small else views
+    return less(views, [[-e.bias(v.frame) for v in views] for e in small])
 
 
 def _unseen(store: ColumnStore, candidates: Sequence[Candidate]) -> Ints:

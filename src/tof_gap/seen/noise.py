@@ -181,10 +181,8 @@ def _noisy_lines(views: Sequence[ViewEvidence], typical_m: float, least_m: float
 
 def lines_found(views: Sequence[ViewEvidence], limits: NoiseLimits) -> list[LineNoise]:
     """Noise of whole rows and columns, each where it exceeds the rounding of the depth code and a share of the noise of pixels."""
-    sigma = np.concatenate([(v.sigma * v.frame.length)[v.smooth] for v in views])
-    if not len(sigma):
-        return []
-    return _noisy_lines(views, over_mean(views) * float(np.median(sigma)), code_step(views) / np.sqrt(12), limits)
+    usual_m = median_m(views)
+    return _noisy_lines(views, usual_m, code_step(views) / np.sqrt(12), limits) if usual_m > 0.0 else []
 
 
 def smooth_by_lines(views: Sequence[ViewEvidence], lines: Sequence[LineNoise], limits: NoiseLimits) -> Float:
@@ -209,6 +207,12 @@ def beside_lines(views: Sequence[ViewEvidence], lines: Sequence[LineNoise]) -> S
 def _typical(b: NoiseBins) -> float:
     """Metres: usual noise of one capture."""
     return float(np.sqrt(np.median(b.variance)))
+
+
+def median_m(views: Sequence[ViewEvidence]) -> float:
+    """Metres along the ray: median noise of one capture over the smooth pixels; 0 without any."""
+    sigma = np.concatenate([(v.sigma * v.frame.length)[v.smooth] for v in views])
+    return over_mean(views) * float(np.median(sigma)) if len(sigma) else 0.0
 
 
 def over_mean(views: Sequence[ViewEvidence]) -> float:

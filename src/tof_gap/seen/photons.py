@@ -10,14 +10,14 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import nnls
 
-from tof_core.stats import hats, robust_std, second_differences, trimmed_std
+from tof_core.stats import by_group, hats, robust_std, second_differences, trimmed_std
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.session import NoiseBins
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float, Ints
+    from tof_core.arrays import Float
     from tof_gap.limits.seen import NoiseLimits
     from tof_gap.seen.residual import ViewEvidence
     from tof_sensor.effect import Effect
@@ -47,7 +47,7 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
             continue
         edges = np.quantile(a, np.linspace(0, 1, bins + 1))[1:-1]
         which = [np.searchsorted(edges, light, side="right") for _, light, *_ in shown]
-        parts = [_split(d2, of, bins) for (d2, *_), of in zip(shown, which, strict=True)]
+        parts = [by_group(d2, of, bins) for (d2, *_), of in zip(shown, which, strict=True)]
         count = np.bincount(which[0], minlength=bins)
         means = [np.bincount(which[0], values, bins) / np.maximum(count, 1) for values in (a, r2, around2)]
         for b in range(bins):
@@ -57,11 +57,6 @@ def binned(views: Sequence[ViewEvidence], bins: int, limits: NoiseLimits) -> Noi
                 rows.append((i, *(mean[b] for mean in means), v.view.captures * own2, count[b]))
     table = np.array(rows, float).reshape(-1, 6)
     return NoiseBins(*table.T)
-
-
-def _split(samples: Float, which: Ints, bins: int) -> list[Float]:
-    """The samples (n,) of each bin, by the bin of each (n,)."""
-    return np.split(samples[np.argsort(which.astype(np.uint16), kind="stable")], np.cumsum(np.bincount(which, minlength=bins))[:-1])
 
 
 def _by_rows(view: ViewEvidence, along: Sequence[Float], step: int) -> list[Float]:

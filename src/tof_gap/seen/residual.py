@@ -262,4 +262,6 @@ def drawn(smooth: Mask, pixels: int, rng: np.random.Generator) -> Ints:
 
 def less(evidence: Sequence[ViewEvidence], maps: Sequence[Sequence[Float]]) -> tuple[ViewEvidence, ...]:
     """The views with residuals less some maps, (H, W) metres per map and view."""
+    if not maps:
+        return tuple(evidence)
     return tuple(replace(e, residual=single(e.residual - sum(np.nan_to_num(m[v]) for m in maps))) for v, e in enumerate(evidence))

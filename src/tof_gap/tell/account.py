@@ -158,8 +158,10 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
     light = [] if unmerged else detected.detected_effects(own, config.noise, law, left_out)
     beside = detected.explained(left, light)
     silent = _arms_silent(solved, left_out) or Interference.NAME in left_out
-    of_lines = noise.smooth_by_lines(left, lines, config.noise)
-    foreign = None if silent else foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light, _named_m(solved), of_lines)
+    foreign = None
+    if not silent:
+        of_lines = noise.smooth_by_lines(left, lines, config.noise)
+        foreign = foreign_light(left, solved.arms, solved.arms_sd, config.noise.foreign_light, _named_m(solved), of_lines)
     if foreign is not None and foreign.posed_m < _rough_m(solved):
         foreign = None
     lamp = None if Interference.NAME in left_out else foreign_lamp(left, config.noise.foreign_lamp)

@@ -53,7 +53,7 @@ def _less_lamps(found: Account) -> Sequence[ViewEvidence]:
     The field of light from a lamp that was not placed is fitted freely to each view: taken off, it would hide any unevenness.
     """
     fringes = [list(f.common) for f in found.findings if isinstance(f.effect, Interference) and f.common is not None and not f.structure]
-    return less(found.solved.bare, fringes) if fringes else found.solved.bare
+    return less(found.solved.bare, fringes)
 
 
 def spread(bare: Sequence[ViewEvidence], maps: Sequence[Float], limit: UnexplainedLimits, lines: Sequence[Lines] = ()) -> float:

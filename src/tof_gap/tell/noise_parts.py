@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tof_gap.seen.line_noise import line_noise
-from tof_gap.seen.noise import BY, over_mean
+from tof_gap.seen.noise import BY, median_m, over_mean
 from tof_gap.seen.pattern import beside_pixels, single_pixels
 from tof_gap.seen.pixel_noise import noisy_pixels
 from tof_gap.tell.levels_apart import Level
@@ -37,12 +37,11 @@ class Measured(NamedTuple):
 
 def measured(views: Sequence[ViewEvidence], limits: NoiseLimits) -> dict[str, Measured]:
     """The parts of a session's noise; views: less all smooth bias."""
-    sigma = np.concatenate([(v.sigma * v.frame.length)[v.smooth] for v in views])
-    if not len(sigma):
+    usual_mm, ratio = 1e3 * median_m(views), 1e3 * over_mean(views)
+    if usual_mm == 0.0:
         return {}
-    ratio = 1e3 * over_mean(views)
     # A part of a quarter of the noise changes the total by 3 %; single pixels stand out by as much where light is weak.
-    little_mm = limits.line_share * ratio * float(np.median(sigma))
+    little_mm = limits.line_share * usual_mm
     out = {}
     for axis in (1, 0):
         lines = line_noise(views, axis, limits.lines)
