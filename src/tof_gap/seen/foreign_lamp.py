@@ -75,9 +75,9 @@ class ForeignLamp:
 class Cells:
     """Means over squares of pixels of a view.
 
-    points, normals (n, 3) in the cell; range_m, cosine, amplitude (n,); sigma (n,): standard deviation of the mean error along the ray, metres;
-    smooth (n, k): orthonormal fields, divided by sigma, that errors of pose and lens make; error (n,): divided by sigma, without these
-    fields; T (4, 4): the camera's pose.
+    points, normals (n, 3) in the cell; range_m, cosine, amplitude (n,); across (n, 2): place in the image, -0.5 to 0.5 along rows and
+    columns; sigma (n,): standard deviation of the mean error along the ray, metres; smooth (n, k): orthonormal fields, divided by sigma,
+    that errors of pose and lens make; error (n,): divided by sigma, without these fields; T (4, 4): the camera's pose.
     """
 
     points: Float
@@ -85,6 +85,7 @@ class Cells:
     range_m: Float
     cosine: Float
     amplitude: Float
+    across: Float
     sigma: Float
     smooth: Float
     error: Float
@@ -107,8 +108,10 @@ def foreign_lamp(views: Sequence[ViewEvidence], limits: ForeignLampLimits) -> Fo
         limits: share of chi-square from which a lamp is believed.
     """
     cells = [cells_of(v, limits) for v in views]
-    found = _standing_out(cells, limits)
-    if found is None or _standing_out(beside_common(cells), limits) is None:
+    if _chi2(cells) <= limits.chi2 * sum(len(c.error) for c in cells if c is not None):
+        return None
+    found = _standing_out(cells, limits.share, limits)
+    if found is None or _standing_out(beside_common(cells), limits.common_share, limits) is None:
         return None
     hit = found.gains > max(limits.view_chi2, limits.view_share * found.gains.max())
     if hit.sum() < limits.views:
@@ -117,13 +120,11 @@ def foreign_lamp(views: Sequence[ViewEvidence], limits: ForeignLampLimits) -> Fo
     return ForeignLamp(found.at_m, found.on_hand, found.mhz, found.best / _chi2(cells), hit, np.stack(fields))
 
 
-def _standing_out(cells: Sequence[Cells | None], limits: ForeignLampLimits) -> _Search | None:
-    """The place whose light explains most; None where it explains too little, or hardly more than other places."""
-    if _chi2(cells) <= limits.chi2 * sum(len(c.error) for c in cells if c is not None):
-        return None
+def _standing_out(cells: Sequence[Cells | None], share: float, limits: ForeignLampLimits) -> _Search | None:
+    """The place whose light explains most; None where that is less than `share` of the chi-square, or hardly more than other places."""
     in_cell, on_hand = _search(cells, _places_in_cell(cells), on_hand=False), _search(cells, _places_on_hand(), on_hand=True)
     found = on_hand if on_hand.best > in_cell.best else in_cell
-    return None if found.best < max(limits.share * _chi2(cells), limits.stands_out * in_cell.median) else found
+    return None if found.best < max(share * _chi2(cells), limits.stands_out * in_cell.median) else found
 
 
 def _chi2(cells: Sequence[Cells | None]) -> float:
@@ -158,16 +159,30 @@ def cells_of(view: ViewEvidence, limits: ForeignLampLimits) -> Cells | None:
     error = along / sigma
     error = error - smooth @ (smooth.T @ error)
     facing = np.maximum(cosine, STEEPEST)
-    return Cells(*(np.ascontiguousarray(a, np.float64) for a in (point, normal, range_m, facing, amplitude, sigma, smooth, error, T)))
+    arrays = point, normal, range_m, facing, amplitude, np.stack([x, y], axis=1), sigma, smooth, error, T
+    return Cells(*(np.ascontiguousarray(a, np.float64) for a in arrays))
+
+
+def beside_pose(c: Cells) -> Cells:
+    """The cells less the error that a small motion of the camera makes, in first order.
+
+    A pose that is solved beside an error of the camera follows it, in each view in its own way.
+    """
+    way = c.points - c.T[:3, 3]
+    along = np.einsum("ni,ni->n", c.normals, way) / np.linalg.norm(way, axis=1)
+    slope = c.normals / np.copysign(np.maximum(np.abs(along), STEEPEST), along)[:, None]
+    smooth, _ = np.linalg.qr(np.concatenate([c.smooth, np.concatenate([slope, np.cross(way, slope)], axis=1) / c.sigma[:, None]], axis=1))
+    return replace(c, smooth=smooth, error=c.error - smooth @ (smooth.T @ c.error))
 
 
 def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
-    """The cells less the error that all views share: a function of range, one of range times r^2 / cos(i), and one of range over amplitude.
+    """The cells less errors of pose, and less the error that all views share: functions of range, of range times r^2 / cos(i), of range over amplitude.
 
     An error of the camera itself, such as light that its own glass reflects, is the same in every view, even if its fringes look like
-    those of a lamp. Light within the camera acts on dark surfaces most, another lamp's light on surfaces of any albedo alike.
+    those of a lamp. Light within the camera acts on dark surfaces most, another lamp's light on surfaces of any albedo alike. Its
+    strength may change linearly over the image.
     """
-    there = [c for c in cells if c is not None]
+    there = [beside_pose(c) for c in cells if c is not None]
     if not there:
         return list(cells)
     low, high = (f([f(c.range_m) for c in there]) for f in (min, max))
@@ -176,7 +191,8 @@ def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
 
     def columns(c: Cells) -> Float:
         of_range = hats(c.range_m, knots)
-        weak = c.range_m**2 / c.cosine, usual / np.maximum(c.amplitude, usual / STRONGEST)
+        within = usual / np.maximum(c.amplitude, usual / STRONGEST)
+        weak = c.range_m**2 / c.cosine, within, *(within * place for place in c.across.T)
         B = np.concatenate([of_range, *(of_range * w[:, None] for w in weak)], axis=1) / c.sigma[:, None]
         return np.asarray(B - c.smooth @ (c.smooth.T @ B))
 
