@@ -13,7 +13,7 @@ from tof_core.camera import Camera
 from tof_core.capture import Capture, RobotPose, View
 from tof_core.errors import ToftwinError
 from tof_gap.config import GapConfig
-from tof_gap.limits.seen import ForeignLampLimits
+from tof_gap.limits.foreign import ForeignLampLimits
 from tof_gap.seen.foreign_lamp import foreign_lamp
 from tof_gap.seen.residual import gather
 from tof_gap.session import diagnose_session
@@ -39,7 +39,7 @@ def warm_up() -> None:
     renderings = [render(caster, CAMERA, v.robot.T_cell_camera) for v in views if v.robot is not None]
     evidence = gather(views, renderings, caster, GapConfig().evidence)
     neighbour_amplitude(evidence[0].frame, evidence[0].frame.depth)
-    any_lamp = ForeignLampLimits(cells=1, chi2=0.0, share=0.0, stands_out=0.0, view_chi2=0.0, view_share=0.0, views=1)
+    any_lamp = ForeignLampLimits(cells=1, chi2=0.0, share=0.0, common_share=0.0, stands_out=0.0, view_chi2=0.0, view_share=0.0, views=1)
     foreign_lamp(evidence, any_lamp)
 
 

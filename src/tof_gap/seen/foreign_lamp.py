@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.cores import in_threads
-from tof_core.stats import blocks, hats
 from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.seen.foreign_light import field, interference
-from tof_gap.seen.lamp_light import RIDGE, STRONGEST, gains_at, lag_of, waves_from
+from tof_gap.seen.lamp_cells import STEEPEST, Cells, beside_common, beside_loudest_part, cells_of, chi2_of, ridged
+from tof_gap.seen.lamp_light import gains_at, lag_of, waves_from
 from tof_sensor.frame import waves_per_m
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float, Mask
-    from tof_gap.limits.seen import ForeignLampLimits, ForeignLightLimits
+    from tof_gap.limits.foreign import ForeignLampLimits, ForeignLightLimits
     from tof_gap.seen.residual import ViewEvidence
 
 FREQUENCY_STEP_MHZ = 20.0
@@ -29,10 +29,6 @@ CELL_STEP_M, CELL_REACH_M = 0.5, 1.0
 """Spacing of the places tried in the cell, and how far they extend beyond the measured points."""
 HAND_STEP_M, HAND_REACH_M, HAND_LEAST_M = 0.2, 0.6, 0.15
 """The same for places that move with the camera's hand, and their least distance from the lens: the camera's own lamp is nearer."""
-STEEPEST = 0.1
-"""Least cosine of incidence used: grazing surfaces would outweigh all others."""
-COMMON_STEP_M = 0.15
-"""Spacing along range of the knots of the error that all views share: an eighth of a wave of 120 MHz."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,31 +67,6 @@ class ForeignLamp:
         return Finding(effect, CONFIDENT, share=np.where(lit, np.abs(fields), 0.0), common=fields, note=self.stated)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cells:
-    """Means over squares of pixels of a view.
-
-    points, normals (n, 3) in the cell; range_m, cosine, amplitude (n,); across (n, 2): place in the image, -0.5 to 0.5 along rows and
-    columns; sigma (n,): standard deviation of the mean error along the ray, metres; smooth (n, k): orthonormal fields, divided by sigma,
-    that errors of pose and lens make; error (n,): divided by sigma, without these fields; T (4, 4): the camera's pose.
-    """
-
-    points: Float
-    normals: Float
-    range_m: Float
-    cosine: Float
-    amplitude: Float
-    across: Float
-    sigma: Float
-    smooth: Float
-    error: Float
-    T: Float
-
-    def in_cell(self, places: Float, *, on_hand: bool) -> Float:
-        """Places (..., 3), in this camera's frame if `on_hand`, in the cell."""
-        return np.asarray(places @ self.T[:3, :3].T + self.T[:3, 3]) if on_hand else places
-
-
 def foreign_lamp(views: Sequence[ViewEvidence], limits: ForeignLampLimits) -> ForeignLamp | None:
     """The lamp whose fringes explain most chi-square; None where no place explains much more than the others.
 
@@ -108,99 +79,23 @@ def foreign_lamp(views: Sequence[ViewEvidence], limits: ForeignLampLimits) -> Fo
         limits: share of chi-square from which a lamp is believed.
     """
     cells = [cells_of(v, limits) for v in views]
-    if _chi2(cells) <= limits.chi2 * sum(len(c.error) for c in cells if c is not None):
+    if chi2_of(cells) <= limits.chi2 * sum(len(c.error) for c in cells if c is not None):
         return None
     found = _standing_out(cells, limits.share, limits)
-    if found is None or _standing_out(beside_common(cells), limits.common_share, limits) is None:
+    if found is None or _standing_out(beside_loudest_part(beside_common(cells)), limits.common_share, limits) is None:
         return None
     hit = found.gains > max(limits.view_chi2, limits.view_share * found.gains.max())
     if hit.sum() < limits.views:
         return None
     fields = [_field(v, c, found) if h and c is not None else np.zeros(v.residual.shape) for v, c, h in zip(views, cells, hit, strict=True)]
-    return ForeignLamp(found.at_m, found.on_hand, found.mhz, found.best / _chi2(cells), hit, np.stack(fields))
+    return ForeignLamp(found.at_m, found.on_hand, found.mhz, found.best / chi2_of(cells), hit, np.stack(fields))
 
 
 def _standing_out(cells: Sequence[Cells | None], share: float, limits: ForeignLampLimits) -> _Search | None:
     """The place whose light explains most; None where that is less than `share` of the chi-square, or hardly more than other places."""
     in_cell, on_hand = _search(cells, _places_in_cell(cells), on_hand=False), _search(cells, _places_on_hand(), on_hand=True)
     found = on_hand if on_hand.best > in_cell.best else in_cell
-    return None if found.best < max(share * _chi2(cells), limits.stands_out * in_cell.median) else found
-
-
-def _chi2(cells: Sequence[Cells | None]) -> float:
-    return sum(float(c.error @ c.error) for c in cells if c is not None)
-
-
-def cells_of(view: ViewEvidence, limits: ForeignLampLimits) -> Cells | None:
-    """The means of a view; None where too few pixels are seen."""
-    seen, T = view.smooth, view.rendering.T_cell_camera
-    h, w = view.residual.shape
-    groups = blocks(seen, max(1, h // limits.rows))
-    if len(groups.count) < limits.cells:
-        return None
-    row, column = np.nonzero(seen)
-    point = np.stack([groups.mean(x) for x in view.frame.points[seen].T], axis=1) @ T[:3, :3].T + T[:3, 3]
-    normal = np.stack([groups.mean(x) for x in np.nan_to_num(view.rendering.normal[seen]).T], axis=1) @ T[:3, :3].T
-    range_m, cosine, amplitude, along, white, y, x = (
-        groups.mean(q)
-        for q in (
-            view.frame.radial[seen],
-            np.cos(view.rendering.incidence[seen]),
-            view.frame.amplitude[seen],
-            (view.residual * view.frame.length)[seen],
-            ((view.mean_sigma * view.frame.length)[seen]) ** 2,
-            row / h - 0.5,
-            column / w - 0.5,
-        )
-    )
-    sigma = np.hypot(np.sqrt(white / groups.count), limits.rough_mm * 1e-3)
-    fields = np.stack([np.ones_like(x), x, y, range_m / range_m.mean() - 1, x * y, x * x, y * y], axis=1) / sigma[:, None]
-    smooth, _ = np.linalg.qr(fields)
-    error = along / sigma
-    error = error - smooth @ (smooth.T @ error)
-    facing = np.maximum(cosine, STEEPEST)
-    arrays = point, normal, range_m, facing, amplitude, np.stack([x, y], axis=1), sigma, smooth, error, T
-    return Cells(*(np.ascontiguousarray(a, np.float64) for a in arrays))
-
-
-def beside_pose(c: Cells) -> Cells:
-    """The cells less the error that a small motion of the camera makes, in first order.
-
-    A pose that is solved beside an error of the camera follows it, in each view in its own way.
-    """
-    way = c.points - c.T[:3, 3]
-    along = np.einsum("ni,ni->n", c.normals, way) / np.linalg.norm(way, axis=1)
-    slope = c.normals / np.copysign(np.maximum(np.abs(along), STEEPEST), along)[:, None]
-    smooth, _ = np.linalg.qr(np.concatenate([c.smooth, np.concatenate([slope, np.cross(way, slope)], axis=1) / c.sigma[:, None]], axis=1))
-    return replace(c, smooth=smooth, error=c.error - smooth @ (smooth.T @ c.error))
-
-
-def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
-    """The cells less errors of pose, and less the error that all views share: functions of range, of range times r^2 / cos(i), of range over amplitude.
-
-    An error of the camera itself, such as light that its own glass reflects, is the same in every view, even if its fringes look like
-    those of a lamp. Light within the camera acts on dark surfaces most, another lamp's light on surfaces of any albedo alike. Its
-    strength may change linearly over the image.
-    """
-    there = [beside_pose(c) for c in cells if c is not None]
-    if not there:
-        return list(cells)
-    low, high = (f([f(c.range_m) for c in there]) for f in (min, max))
-    knots = np.linspace(low, high, max(2, round((high - low) / COMMON_STEP_M) + 1))
-    usual = float(np.median(np.concatenate([c.amplitude for c in there])))
-
-    def columns(c: Cells) -> Float:
-        of_range = hats(c.range_m, knots)
-        within = usual / np.maximum(c.amplitude, usual / STRONGEST)
-        weak = c.range_m**2 / c.cosine, within, *(within * place for place in c.across.T)
-        B = np.concatenate([of_range, *(of_range * w[:, None] for w in weak)], axis=1) / c.sigma[:, None]
-        return np.asarray(B - c.smooth @ (c.smooth.T @ B))
-
-    all_columns = [columns(c) for c in there]
-    normal, right = sum(B.T @ B for B in all_columns), sum(B.T @ c.error for B, c in zip(all_columns, there, strict=True))
-    common = np.linalg.solve(_ridged(np.asarray(normal)), right)
-    less = iter([replace(c, error=c.error - B @ common) for B, c in zip(all_columns, there, strict=True)])
-    return [None if c is None else next(less) for c in cells]
+    return None if found.best < max(share * chi2_of(cells), limits.stands_out * in_cell.median) else found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -256,15 +151,10 @@ def _field(view: ViewEvidence, c: Cells, found: _Search) -> Float:
     waves = waves_from(at, k, c.points, c.normals, c.range_m, c.cosine, lag_of(k, c.range_m))
     B = waves.T / c.sigma[:, None]
     B -= c.smooth @ (c.smooth.T @ B)
-    strength = np.linalg.solve(_ridged(B.T @ B), B.T @ c.error)
+    strength = np.linalg.solve(ridged(B.T @ B), B.T @ c.error)
     R, t = c.T[:3, :3], c.T[:3, 3]
     points, normals = (np.nan_to_num(a).reshape(-1, 3).astype(np.float64) @ R.T for a in (view.frame.points, view.rendering.normal))
     cosine = np.maximum(np.nan_to_num(np.cos(view.rendering.incidence)).ravel().astype(np.float64), STEEPEST)
     range_m = np.nan_to_num(view.frame.radial).ravel().astype(np.float64)
     all_waves = waves_from(at, k, points + t, normals, range_m, cosine, lag_of(k, range_m))
     return np.asarray((strength @ all_waves).reshape(view.residual.shape) / view.frame.length)
-
-
-def _ridged(normal: Float) -> Float:
-    """Normal equations (k, k) with a ridge."""
-    return np.asarray(normal + (RIDGE * np.trace(normal) / len(normal) + 1e-12) * np.eye(len(normal)))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float
-    from tof_gap.limits.seen import ForeignLightLimits
+    from tof_gap.limits.foreign import ForeignLightLimits
     from tof_gap.seen.residual import ViewEvidence
 
 ALONG, ACROSS = 2, (0, 1)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
     from tof_gap.config import GapConfig
-    from tof_gap.limits.seen import ForeignLightLimits
+    from tof_gap.limits.foreign import ForeignLightLimits
     from tof_gap.seen.finding import Finding
     from tof_gap.solved import Named, Solved
     from tof_gap.tell.figures import Figures

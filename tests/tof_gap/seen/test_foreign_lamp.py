@@ -11,8 +11,9 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core import se3
-from tof_gap.limits.seen import ForeignLampLimits, ForeignLightLimits
-from tof_gap.seen.foreign_lamp import ForeignLamp, beside_common, beside_pose, cells_of, foreign_lamp
+from tof_gap.limits.foreign import ForeignLampLimits, ForeignLightLimits
+from tof_gap.seen.foreign_lamp import ForeignLamp, foreign_lamp
+from tof_gap.seen.lamp_cells import beside_common, beside_loudest_part, beside_pose, cells_of
 from tof_sensor.frame import LIGHT_M_PER_S
 from tof_sensor.geometry import pose_columns
 
@@ -174,3 +175,24 @@ def test_errors_of_pose_are_no_light() -> None:
         for cells in ([c for c in before if c], [beside_pose(c) for c in before if c])
     ]
     assert chi2[1] < min(1.1 * VIEWS, chi2[0])
+
+
+def test_waves_on_the_part_with_most_chi_square_may_be_its_shape() -> None:
+    right = np.broadcast_to(np.arange(SHAPE[1]) > 0.7 * SHAPE[1], SHAPE)
+    halves = [
+        replace(v, frame=replace(v.frame, rendering=replace(v.rendering, part=right.astype(np.int16)))) for v in noisy(patches() * right)
+    ]
+    cells = [cells_of(v, LIMITS) for v in halves]
+    others = beside_loudest_part(cells)
+    for before, after in zip(cells, others, strict=True):
+        assert before is not None
+        assert after is not None
+        assert not after.part.any()
+        assert len(after.error) == np.count_nonzero(before.part == 0)
+        np.testing.assert_allclose(after.smooth.T @ after.error, 0.0, atol=1e-9)
+        assert after.error @ after.error < before.error @ before.error
+
+
+def test_a_scene_of_one_part_is_judged_by_that_part() -> None:
+    cells = [cells_of(v, LIMITS) for v in noisy(patches())]
+    assert all(a is b for a, b in zip(beside_loudest_part(cells), cells, strict=True))

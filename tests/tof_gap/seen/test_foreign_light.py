@@ -10,7 +10,7 @@ import pytest
 
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.se3 import exp
-from tof_gap.limits.seen import ForeignLightLimits
+from tof_gap.limits.foreign import ForeignLightLimits
 from tof_gap.seen.foreign_light import along_the_view, beside_light, drifts_by_chance, field, foreign_light
 from tof_sensor.effects.interference import Interference
 

@@ -10,8 +10,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from tof_gap.limits.foreign import ForeignLightLimits
 from tof_gap.limits.report import ReportLimits
-from tof_gap.limits.seen import ForeignLightLimits
 from tof_gap.seen.finding import Finding
 from tof_gap.solved import Named
 from tof_gap.tell.account import Account, Cause, filtered, unfounded, without_causes

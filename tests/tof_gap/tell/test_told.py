@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tof_gap.limits.foreign import ForeignLightLimits
 from tof_gap.limits.report import ReportLimits
-from tof_gap.limits.seen import ForeignLightLimits
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.finding import Finding
 from tof_gap.tell import account as room

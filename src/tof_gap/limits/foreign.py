@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers that decide whether another camera's light lies in the views, and whether its fringes show where the lamp stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tof_core.config import param
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignLightLimits:
+    """When another camera's light shifts captures along the optical axis."""
+
+    chance: float = param(
+        1e-3, "probability of arm errors along the optical axis by the robot's prior", low=0.0, high=1.0, why="a session in a thousand"
+    )
+    chance_across: float = param(
+        0.01,
+        "probability of these errors given those across the axis",
+        low=0.0,
+        high=1.0,
+        why="an arm worse than its prior has errors across the axis too; foreign light makes few there",
+    )
+    chance_across_fields: float = param(
+        0.03,
+        "the same, where nearly every view has a field of its own",
+        low=0.0,
+        high=1.0,
+        why="two signs, each rare without foreign light",
+    )
+    field_chi2: float = param(100.0, "chi-square that the field of a view explains", low=0.0, why="by chance, thirteen terms explain 13")
+    field_mm: float = param(
+        0.2, "RMS of such a field", unit="mm", low=0.0, why="healthy emerging cameras leave 0.05, foreign light of 2 mm 0.3"
+    )
+    field_share: float = param(
+        0.1, "the same, over the size of the named effects", low=0.0, high=1.0, why="maps are not exact: wiggling of 4.3 mm leaves 0.26 mm"
+    )
+    field_views: float = param(0.75, "share of the views with such a field", low=0.0, high=1.0, why="foreign light is in every capture")
+    drift_terms: int = param(3, "parameters of a drift over time", low=1, why="amount, time constant, and the choice of a form")
+    cosine: float = param(0.1, "least cosine of incidence", low=1e-3, high=1.0, why="grazing surfaces would outweigh all")
+    ridge: float = param(1e-6, "ridge of a view's field, whose terms have norm 1", low=0.0, why="in small views terms look alike")
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignLampLimits:
+    """When fringes show where another camera's lamp stands."""
+
+    rows: int = param(16, "rows of cells that are averaged", low=4, high=999, why="fringes are a quarter of the image wide, or wider")
+    cells: int = param(60, "cells of a view", low=20, why="smooth field and waves have eleven terms")
+    rough_mm: float = param(0.2, "error of a cell's mean beside its noise", unit="mm", low=0.0, why="errors of the other effects' maps")
+    chi2: float = param(1.2, "chi-square per cell beside smooth fields from which a lamp is looked for", low=0.0, why="chance: 1")
+    share: float = param(
+        0.33,
+        "share of that chi-square that one lamp must explain",
+        low=0.0,
+        high=1.0,
+        why="another camera: 0.44 to 0.70 in seven sessions; other causes: 0.24 at most in twenty",
+    )
+    common_share: float = param(
+        0.18,
+        "the same beside errors of pose, what all views share, and the part with most of what is left",
+        low=0.0,
+        high=1.0,
+        why="another camera: 0.25 to 0.52 in seven sessions; a cover glass: 0.02 to 0.12 in seven",
+    )
+    stands_out: float = param(
+        2.0, "either, over that of the median place in the cell", low=1.0, why="any wave explains a little of any structure"
+    )
+    view_chi2: float = param(50.0, "chi-square (4 degrees of freedom) of a view that has the light", low=0.0, why="beyond any chance")
+    view_share: float = param(0.03, "the same, over that of the strongest view", low=0.0, high=1.0, why="other views share a weak pattern")
+    views: int = param(3, "views with the light", low=1, why="one or two may be another kind of scene")
