@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from typing import IO
 
     from numpy.typing import ArrayLike, NDArray
-    from zarr.codecs import BloscCodec
 
     from tof_core.camera import Camera
 
@@ -44,26 +43,22 @@ def chunk_path(root: Path, group: str, name: str, index: int) -> Path:
 
 
 def create(root: Path, camera: Camera, attributes: Mapping[str, Any]) -> None:
-    """Make an empty dataset; it appears at `root` complete or not at all."""
-    import zarr
+    """Make an empty dataset; it appears at `root` complete or not at all.
 
+    Its metadata are written here: to load zarr takes as long as to label a view.
+    """
     draft = root.with_name(f".{root.name}.{os.getpid()}.new")
     try:
         root.parent.mkdir(parents=True, exist_ok=True)
-        top = zarr.open_group(draft, mode="w", zarr_format=3, attributes=dict(attributes))
+        shutil.rmtree(draft, ignore_errors=True)
+        draft.mkdir()
+        _write_json(draft, _group_meta(attributes))
         for group, columns in COLUMNS.items():
-            folder = top.create_group(group)
+            (draft / group).mkdir()
+            _write_json(draft / group, _group_meta({}))
             for name, column in columns.items():
-                frame = column.frame_shape(camera)
-                folder.create_array(
-                    name,
-                    shape=(0, *frame),
-                    chunks=(1, *frame),
-                    dtype=column.dtype,
-                    compressors=_codec(np.dtype(column.dtype).itemsize) if column.image else None,
-                    fill_value=np.nan if column.dtype[0] == "f" else 0,
-                    chunk_key_encoding={"name": "default", "separator": "."},
-                )
+                (draft / group / name).mkdir()
+                _write_json(draft / group / name, array_meta(column, camera))
         draft.rename(root)
         _sync_folder(root.parent)
     except OSError as error:
@@ -72,10 +67,31 @@ def create(root: Path, camera: Camera, attributes: Mapping[str, Any]) -> None:
         shutil.rmtree(draft, ignore_errors=True)
 
 
-def _codec(itemsize: int) -> BloscCodec:
-    from zarr.codecs import BloscCodec
+def array_meta(column: Column, camera: Camera) -> dict[str, Any]:
+    """Zarr v3 metadata of an empty array with one chunk per frame (Zarr core specification 3.0, array metadata)."""
+    dtype, frame = np.dtype(column.dtype), column.frame_shape(camera)
+    raw: dict[str, Any] = {"name": "bytes"} | ({"configuration": {"endian": "little"}} if dtype.itemsize > 1 else {})
+    packed = {"typesize": dtype.itemsize, "cname": "zstd", "clevel": LEVEL, "shuffle": "bitshuffle", "blocksize": 0}
+    return {
+        "shape": [0, *frame],
+        "data_type": dtype.name,
+        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": [1, *frame]}},
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "."}},
+        "fill_value": "NaN" if dtype.kind == "f" else 0,
+        "codecs": [raw, *([{"name": "blosc", "configuration": packed}] if column.image else [])],
+        "attributes": {},
+        "zarr_format": 3,
+        "node_type": "array",
+        "storage_transformers": [],
+    }
 
-    return BloscCodec(typesize=itemsize, cname="zstd", clevel=LEVEL, shuffle="bitshuffle")
+
+def _group_meta(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    return {"attributes": dict(attributes), "zarr_format": 3, "node_type": "group"}
+
+
+def _write_json(folder: Path, meta: Mapping[str, Any]) -> None:
+    (folder / META).write_bytes(json.dumps(meta).encode())
 
 
 class FrameStore:

@@ -40,8 +40,7 @@ class Unfinished:
     """An unfinished dataset, `dataset.zarr.part`, and, once they are solved, the poses beside it.
 
     The part that is written can be read. Data of an interrupted run stay if they equal those that this run would write;
-    data of another scene, configuration or camera are removed. A new dataset is created when its first frame
-    arrives, so that zarr is loaded only then.
+    data of another scene, configuration or camera are removed. A new dataset is created when its first frame arrives.
     """
 
     def __init__(self, folder: Path, camera: Camera, attributes: Attributes) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import random
 import resource
@@ -17,10 +18,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import zarr
+from zarr.codecs import BloscCodec
 
 from tests.tof_sim_label.made import ATTRIBUTES, CAMERA, capture, label, view
 from tof_core.errors import DatasetError
 from tof_sim_label.dataset import DatasetWriter, open_dataset
+from tof_sim_label.schema import COLUMNS
+from tof_sim_label.store import array_meta, create
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,6 +60,28 @@ def must_be_whole(path: Path, captures: int, views: int) -> None:
         np.testing.assert_array_equal(data.frame("views/label", i), label(i).depth)
     assert len(data.verdicts) == data.views
     np.testing.assert_array_equal(data.column("captures/stamp_ns"), 1_000 + np.arange(data.captures))
+
+
+@pytest.mark.parametrize(("group", "name"), [(group, name) for group, columns in COLUMNS.items() for name in columns])
+def test_the_metadata_of_an_array_are_those_that_zarr_writes(group: str, name: str, tmp_path: Path) -> None:
+    column = COLUMNS[group][name]
+    frame, dtype = column.frame_shape(CAMERA), np.dtype(column.dtype)
+    zarr.create_array(
+        tmp_path,
+        shape=(0, *frame),
+        chunks=(1, *frame),
+        dtype=dtype,
+        compressors=BloscCodec(typesize=dtype.itemsize, cname="zstd", clevel=1, shuffle="bitshuffle") if column.image else None,
+        fill_value=np.nan if dtype.kind == "f" else 0,
+        chunk_key_encoding={"name": "default", "separator": "."},
+    )
+    assert array_meta(column, CAMERA) == json.loads((tmp_path / "zarr.json").read_text())
+
+
+def test_the_metadata_of_a_group_are_those_that_zarr_writes(tmp_path: Path) -> None:
+    zarr.create_group(tmp_path / "zarr", attributes={"schema": "x"})
+    create(tmp_path / "ours", CAMERA, {"schema": "x"})
+    assert json.loads((tmp_path / "ours/zarr.json").read_text()) == json.loads((tmp_path / "zarr/zarr.json").read_text())
 
 
 def test_a_killed_recorder_loses_no_acknowledged_frame(tmp_path: Path, repository: Path) -> None:
