@@ -12,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
+from tof_core.bag_yaml import use_libyaml
 from tof_core.bounds import LARGEST_MESSAGE, LARGEST_METADATA, LARGEST_TF_MESSAGE
 from tof_core.errors import BagError, ConfigError, NoBagError, ToftwinError
 from tof_core.mcap_recover import McapScan
@@ -65,6 +66,7 @@ class WholeBag:
         from rosbags.highlevel import AnyReader
         from rosbags.rosbag2 import reader, storage_mcap
 
+        use_libyaml()
         storage_mcap.DECOMPRESSORS.update(UNPACKERS)
         vars(reader)["zstd"] = BoundedZstd()
         self.path, self.note, self._stack = path, note, stack
@@ -99,6 +101,7 @@ class UnfinishedBag:
         """Scan once: topics, counts, what is lost."""
         from rosbags.rosbag2.metadata import parse_qos
 
+        use_libyaml()
         self.path, self._files = path, files
         counts: Counter[str] = Counter()
         scans = [McapScan(file) for file in files]

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tof_core.bag_files import deserialize
+from tof_core.bounds import LARGEST_TF_MESSAGE
 from tof_core.compressed import stated_encoding
 from tof_core.errors import BagError, TransformError
 from tof_core.sessions import chosen, session_starts
+from tof_core.tf_message import TYPE_HASH, read_transforms
 from tof_core.topics import COMPRESSED, IMAGE, INFO, POINTS, TF
 
 if TYPE_CHECKING:
@@ -57,6 +59,7 @@ class BagIndex:
         self.left_out: Counter[str] = Counter()
         self._number = {name: i for i, name in enumerate(files.topics)}
         self._peek = {t.name: _peek_of(t.type, files) for t in files.topics.values()}
+        self._usual_tf = _has_usual_tf(files)
         self._shift_ns = 0
         self.encodings: dict[str, str] = {}
         self.frame_ids: dict[str, str] = {}
@@ -154,11 +157,23 @@ class BagIndex:
         """Store transforms, and the encoding and frame of the first message of each image topic."""
         kind = self._files.topics[name].type
         if kind == TF:
-            transforms.add_message(deserialize(self._files, name, raw), static=is_latched(name))
+            self._record(name, raw, transforms)
         elif kind in (IMAGE, COMPRESSED) and name not in self.encodings:
             first: Any = deserialize(self._files, name, raw)
             self.frame_ids[name] = first.header.frame_id.lstrip("/")
             self.encodings[name] = first.encoding if kind == IMAGE else stated_encoding(first.format)
+
+    def _record(self, name: str, raw: bytes, transforms: TransformBuffer) -> None:
+        """Store the transforms of a message; one that is not whole is left to the deserialiser, whose error names the topic."""
+        sent = None
+        if self._usual_tf and len(raw) <= LARGEST_TF_MESSAGE:
+            with suppress(TransformError):
+                sent = read_transforms(raw, whole=True)
+        if sent is None:
+            transforms.add_message(deserialize(self._files, name, raw), static=is_latched(name))
+            return
+        for transform in sent:
+            transforms.put(transform, static=is_latched(name))
 
     def _message(self, name: str, log_ns: int, raw: bytes) -> RawMessage:
         info = self._files.topics[name]
@@ -178,6 +193,14 @@ class BagIndex:
 def is_latched(topic: str) -> bool:
     """Whether a topic's messages hold for the whole recording."""
     return topic.endswith("tf_static")
+
+
+def _has_usual_tf(files: BagFiles) -> bool:
+    """Whether the bag's TFMessage has the fields of ROS 2's; a bag brings its own definitions."""
+    try:
+        return TF in files.types.fielddefs and files.types.hash_rihs01(TF) == TYPE_HASH
+    except Exception:  # noqa: BLE001 (a foreign definition may lack types, or contain itself)
+        return False
 
 
 def _peek_of(kind: str, files: BagFiles) -> Callable[[bytes], int]:

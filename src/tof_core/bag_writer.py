@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 
 from tof_core import se3
+from tof_core.bag_yaml import use_libyaml
 from tof_core.encode import camera_info_fields, image_fields, points_fields
 from tof_core.errors import BagError, UsageError
 from tof_core.typestores import TYPE_VERSIONS, typestore_of
@@ -64,6 +65,7 @@ class BagWriter:
         """Make the folder and open the file."""
         from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 
+        use_libyaml()
         plugin = StoragePlugin.MCAP if self._storage == "mcap" else StoragePlugin.SQLITE3
         try:
             self._writer = Writer(self.path, version=TYPE_VERSIONS[self._distro], storage_plugin=plugin)

@@ -15,6 +15,10 @@ REPRESENTATIONS = {0: (">", 8), 1: ("<", 8), 6: (">", 4), 7: ("<", 4)}
 """Second byte of a CDR message: byte order, and the alignment of 8-byte numbers (CDR and XCDR2; OMG DDS-XTypes 1.3, 7.6.3)."""
 BODY = 4
 """Bytes before the content; alignment is counted from there."""
+PADDING = 3
+"""Most bytes after the content, which fill a message up to a multiple of four."""
+TYPE_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+"""Of `tf2_msgs/TFMessage` and all that it contains (REP 2016), the same in Humble and Jazzy."""
 READERS = {order: (Struct(f"{order}I"), Struct(f"{order}iII"), Struct(f"{order}7d")) for order in "<>"}
 """Length; stamp and length of the frame's name; translation and quaternion (x, y, z, w)."""
 
@@ -28,8 +32,8 @@ class StampedTransform(NamedTuple):
     motion: Motion
 
 
-def read_transforms(cdr: bytes) -> list[StampedTransform]:
-    """The transforms of a serialised `tf2_msgs/TFMessage`, in their order.
+def read_transforms(cdr: bytes, *, whole: bool = False) -> list[StampedTransform]:
+    """The transforms of a serialised `tf2_msgs/TFMessage`, in their order; `whole`: further bytes after them are an error.
 
     Raises:
         TransformError: the bytes are no such message.
@@ -49,10 +53,14 @@ def read_transforms(cdr: bytes) -> list[StampedTransform]:
             out.append(StampedTransform(parent, child, sec * 1_000_000_000 + nanosec, motion.unpack_from(cdr, at)))
             at += motion.size
     except (error, LookupError, UnicodeDecodeError):
-        raise TransformError(
-            f"a message of {len(cdr)} bytes is no tf2_msgs/TFMessage", where="/tf", todo="is its type another one?"
-        ) from None
+        raise _no_message(cdr) from None
+    if whole and len(cdr) > at + PADDING:
+        raise _no_message(cdr)
     return out
+
+
+def _no_message(cdr: bytes) -> TransformError:
+    return TransformError(f"a message of {len(cdr)} bytes is no tf2_msgs/TFMessage", where="/tf", todo="is its type another one?")
 
 
 def _aligned(at: int, to: int) -> int:

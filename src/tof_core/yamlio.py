@@ -55,14 +55,19 @@ def read_text(path: Path) -> str:
 
 def parse_yaml(text: str, *, where: str = "yaml") -> dict[str, Any]:
     """The mapping in a YAML text; errors name `where` and the line."""
-    with _one_line(where):
-        _check_size(text, where)
-        values = yaml.load(text, _Loader)  # noqa: S506 (derived from the safe loader)
+    values = yaml_values(text, where=where)
     if values is None:
         return {}
     if not isinstance(values, dict):
         raise ConfigError(f"must be a mapping of keys, not a {type(values).__name__}", where=where)
     return values
+
+
+def yaml_values(text: str, *, where: str = "yaml") -> Any:
+    """The values in a YAML text, of any kind; errors name `where` and the line."""
+    with _one_line(where):
+        _check_size(text, where)
+        return yaml.load(text, _Loader)  # noqa: S506 (derived from the safe loader)
 
 
 def compose_yaml(text: str, *, where: str = "yaml") -> yaml.Node | None:

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from tof_core.errors import TransformError
 from tof_core.tf import TransformBuffer
-from tof_core.tf_message import StampedTransform, read_transforms
+from tof_core.tf_message import PADDING, TYPE_HASH, StampedTransform, read_transforms
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 KIND = "tf2_msgs/msg/TFMessage"
@@ -50,6 +50,21 @@ TWO = [
 @given(st.lists(SENT, max_size=4), st.booleans())
 def test_what_is_read_is_what_was_sent(sent: list[StampedTransform], little_endian: bool) -> None:  # noqa: FBT001
     assert read_transforms(serialised(sent, little_endian=little_endian)) == sent
+
+
+@given(st.lists(SENT, max_size=3), st.integers(0, 12))
+def test_of_a_whole_message_at_most_padding_is_left(sent: list[StampedTransform], further: int) -> None:
+    cdr = serialised(sent) + bytes(further)
+    assert read_transforms(cdr) == sent
+    if further <= PADDING:
+        assert read_transforms(cdr, whole=True) == sent
+        return
+    with pytest.raises(TransformError, match="is no tf2_msgs/TFMessage"):
+        read_transforms(cdr, whole=True)
+
+
+def test_the_type_hash_is_that_of_both_distributions() -> None:
+    assert {get_typestore(store).hash_rihs01(KIND) for store in (Stores.ROS2_JAZZY, Stores.ROS2_HUMBLE)} == {TYPE_HASH}
 
 
 @pytest.mark.parametrize(("representation", "between"), [(b"\0\1\0\0", "4x"), (b"\0\7\0\0", "")])
