@@ -137,6 +137,7 @@ class Dataset:
         self.verdicts: tuple[str, ...] = tuple(attributes["verdicts"])
         self._lenses = attributes.get("lenses", [])
         self._arrays: dict[str, Any] = {}
+        self._usual: dict[str, bool] = {}
 
     def lens(self, view: int) -> Camera:
         """The camera with which a view's label was rendered: `camera`, or that with the lens estimated from its session."""
@@ -167,12 +168,34 @@ class Dataset:
 
     def _read(self, name: str, index: int | slice) -> Any:
         try:
+            if self._is_usual(name):
+                return self._read_chunks(name, index)
             if name not in self._arrays:
                 self._arrays[name] = self._group[name]
             return self._arrays[name][index]
         except Exception as error:  # foreign bytes: Zarr and its codecs may raise any exception
             msg = f"{name} is damaged ({error})"
             raise DatasetError(msg, where=self.path) from error
+
+    def _is_usual(self, name: str) -> bool:
+        """Whether an array is stored as `store` writes it; zarr, which takes long to load, reads all others."""
+        if name not in self._usual:
+            group, column = self._find(name)
+            meta = store.read_json(self.path / group / column / store.META)
+            self._usual[name] = meta | {"shape": []} == store.array_meta(COLUMNS[group][column], self.camera) | {"shape": []}
+        return self._usual[name]
+
+    def _read_chunks(self, name: str, index: int | slice) -> NDArray[Any]:
+        group, name = self._find(name)
+        column = COLUMNS[group][name]
+        frame = column.frame_shape(self.camera)
+        if not isinstance(index, slice):
+            return store.read_frame(store.chunk_path(self.path, group, name, index), column, frame)
+        places = range(self._count(group))[index]
+        out = np.empty((len(places), *frame), column.dtype)
+        for i, place in enumerate(places):
+            out[i] = store.read_frame(store.chunk_path(self.path, group, name, place), column, frame)
+        return out
 
     def _find(self, name: str) -> tuple[str, str]:
         group, _, column = name.partition("/")

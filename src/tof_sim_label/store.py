@@ -35,6 +35,9 @@ META = "zarr.json"
 LEVEL = 1
 """Level of zstd after a bit shuffle: noisy float32 depth gets a third smaller, in half a millisecond for 400 x 300."""
 
+BLOSC_SIZE = slice(4, 8)
+"""Bytes of a Blosc chunk that state the size of its content."""
+
 
 def chunk_path(root: Path, group: str, name: str, index: int) -> Path:
     """The file that holds frame `index` of an array."""
@@ -92,6 +95,24 @@ def _group_meta(attributes: Mapping[str, Any]) -> dict[str, Any]:
 
 def _write_json(folder: Path, meta: Mapping[str, Any]) -> None:
     (folder / META).write_bytes(json.dumps(meta).encode())
+
+
+def read_frame(path: Path, column: Column, frame: tuple[int, ...]) -> NDArray[Any]:
+    """One frame of an array whose metadata are those of `array_meta`, from its chunk.
+
+    Raises:
+        ValueError, RuntimeError: the chunk holds another number of bytes, or is damaged.
+    """
+    array = np.empty(frame, np.dtype(column.dtype).newbyteorder("<"))
+    data = path.read_bytes()
+    size = int.from_bytes(data[BLOSC_SIZE], "little") if column.image else len(data)
+    if size != array.nbytes:
+        msg = f"{path.name} holds {size} bytes, not {array.nbytes}"
+        raise ValueError(msg)
+    if column.image:
+        Blosc().decode(data, out=array)
+        return array
+    return np.frombuffer(data, array.dtype).reshape(frame).copy()
 
 
 class FrameStore:

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 import zarr
+from zarr.codecs import GzipCodec
 
 from tests.tof_sim_label.made import ATTRIBUTES, CAMERA, capture, label, view
 from tof_core.errors import DatasetError
@@ -19,6 +20,8 @@ from tof_sim_label.schema import COLUMNS
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+SEPARATOR: Any = {"name": "default", "separator": "."}
 
 
 def fill(path: Path, captures: int = 3, views: int = 2) -> None:
@@ -189,6 +192,31 @@ def test_a_missing_or_damaged_chunk_is_an_error_not_nan(tmp_path: Path) -> None:
         data.frame("captures/raw", 1)
     with pytest.raises(DatasetError, match="views/label is damaged"):
         data.frame("views/label", 0)
+
+
+def test_a_chunk_that_states_another_size_is_damaged(tmp_path: Path) -> None:
+    fill(tmp_path / "d")
+    chunk = tmp_path / "d/views/label/c.0.0.0"
+    data = bytearray(chunk.read_bytes())
+    data[4:8] = (2**31 - 1).to_bytes(4, "little")
+    chunk.write_bytes(data)
+    (tmp_path / "d/views/station/c.1").write_bytes(b"12345")
+    with pytest.raises(DatasetError, match=r"views/label is damaged .*holds 2147483647 bytes"):
+        open_dataset(tmp_path / "d").frame("views/label", 0)
+    with pytest.raises(DatasetError, match=r"views/station is damaged .*holds 5 bytes, not 4"):
+        open_dataset(tmp_path / "d").column("views/station")
+
+
+@pytest.mark.parametrize("name", ["views/label", "views/reason", "views/T_cell_camera"])
+def test_arrays_that_another_program_packed_otherwise_are_read_as_well(name: str, tmp_path: Path) -> None:
+    fill(tmp_path / "d")
+    group = zarr.open_group(tmp_path / "d", mode="r+", zarr_format=3)
+    values = np.asarray(group[name])
+    chunks = (1, *values.shape[1:])
+    group.create_array(name, data=values, chunks=chunks, compressors=GzipCodec(level=1), chunk_key_encoding=SEPARATOR, overwrite=True)
+    after = open_dataset(tmp_path / "d")
+    for i in range(2):
+        np.testing.assert_array_equal(after.frame(name, i), values[i])
 
 
 def test_unknown_names_and_numbers_are_errors(tmp_path: Path) -> None:
