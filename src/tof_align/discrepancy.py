@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -159,9 +159,9 @@ def spline_entries(knots: Float, x: Float) -> tuple[NDArray[np.int32], Float]:
     return left[:, None] + np.arange(4, dtype=np.int32), values * (known / 6.0)[:, None]
 
 
-def surface_columns(basis: Basis, view: Linearised) -> Float:
-    """(n, m) covariance of the error at each pixel with that at each centre of the surface."""
-    return _surface_covariance(_surface(view, basis.object_m), basis.centres)
+def surface_columns(basis: Basis, view: Linearised) -> NDArray[np.floating[Any]]:
+    """(n, m) covariance of the error at each pixel with that at each centre of the surface, in single precision."""
+    return _surface_covariance(_surface(view, basis.object_m), basis.centres, np.float32)
 
 
 def _surface(view: Linearised, length: float) -> Float:
@@ -169,20 +169,22 @@ def _surface(view: Linearised, length: float) -> Float:
     return np.concatenate([view.point / length, view.normal / CHORD_45], axis=1)
 
 
-def _surface_covariance(x: Float, y: Float) -> Float:
+def _surface_covariance(x: Float, y: Float, kind: type[np.floating[Any]] = np.float64) -> NDArray[np.floating[Any]]:
     """(n, m) covariance between places on the part: half of it decays within a correlation length, half within five.
 
-    The second half is an error that a whole face shares. A pose can imitate it, so it must be allowed for.
+    The second half is an error that a whole face shares. A pose can imitate it, so it must be allowed for. Exponentials of all pixels
+    and centres take half of the time in single precision (`kind`), and err by less than 1e-6; distances lose digits where they nearly
+    cancel, and are computed in double precision.
     """
     place, facing = _square_distance(x[:, :3], y[:, :3]), _square_distance(x[:, 3:], y[:, 3:])
-    near = _half_exp(place + facing)
+    near = _half_exp(np.add(place, facing).astype(kind, copy=False))
     place /= FACE_LENGTHS**2
     place += facing
-    near += _half_exp(place)
+    near += _half_exp(place.astype(kind, copy=False))
     return near
 
 
-def _half_exp(square: Float) -> Float:
+def _half_exp(square: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
     """exp(-distance) / 2, in the place of the squared distances: matrices of all pixels and centres are slow to allocate."""
     np.sqrt(square, out=square)
     np.negative(square, out=square)
@@ -197,7 +199,7 @@ def _square_distance(x: Float, y: Float) -> Float:
     return np.maximum(out, 0.0, out=out)
 
 
-def _inverse_root(K: Float) -> Float:
+def _inverse_root(K: NDArray[np.floating[Any]]) -> Float:
     """K^-1/2, for the columns of Nystroem's approximation."""
     if not K.size:
         return np.zeros((0, 0))

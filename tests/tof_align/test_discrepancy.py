@@ -12,12 +12,15 @@ from tests.tof_align.expanded import local_columns, shared_columns
 from tests.tof_align.made import CONFIG, one_view, section
 from tof_align.config import DiscrepancyConfig
 from tof_align.discrepancy import (
+    CHORD_45,
+    FACE_LENGTHS,
     LOCAL,
     SHARED,
     basis_of,
     farthest_points,
     inflation,
     shared_inflation,
+    surface_columns,
 )
 from tof_align.limits import SharedLimits
 from tof_align.linearise import Linearised, linearise
@@ -53,6 +56,17 @@ def test_wiggling_is_said_by_range_and_amplitude_bias_by_amplitude(lin: Linearis
     assert lin.log_amplitude is not None
     assert left_over(part(columns, basis.shared, SHARED.index("amplitude")), lin.log_amplitude) < 1e-3
     assert left_over(part(columns, basis.shared, SHARED.index("amplitude")), np.sin(40 * lin.point[:, 1])) > 0.5
+
+
+def test_the_covariance_with_the_surface_holds_to_a_millionth_in_single_precision(lin: Linearised) -> None:
+    """Half of it decays within a correlation length of place and normal, half within five of place."""
+    basis = basis_of([lin], D)
+    centres, places = basis.centres, np.concatenate([lin.point / basis.object_m, lin.normal / CHORD_45], axis=1)
+    apart = places[:, None] - centres[None]
+    place, facing = (apart[..., :3] ** 2).sum(2), (apart[..., 3:] ** 2).sum(2)
+    exact = 0.5 * np.exp(-np.sqrt(place + facing)) + 0.5 * np.exp(-np.sqrt(place / FACE_LENGTHS**2 + facing))
+    np.testing.assert_allclose(surface_columns(basis, lin), exact, rtol=0, atol=1e-6)
+    assert exact.max() > 0.9
 
 
 def test_a_coefficient_of_one_means_one_metre_rms(lin: Linearised) -> None:
