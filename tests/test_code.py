@@ -7,6 +7,8 @@ import ast
 import tomllib
 from pathlib import Path
 
+from tests.conftest import FIRST
+
 SOURCE = Path(__file__).parents[1] / "src"
 SOURCES = sorted(SOURCE.rglob("*.py"))
 FILE_LINES, FUNCTION_LINES = 300, 60
@@ -22,6 +24,11 @@ def test_files_and_functions_stay_small() -> None:
     assert {path: n for path, n in lines.items() if n > FILE_LINES} == {}
     sizes = {f"{path}: {f.name}": (f.end_lineno or 0) - f.lineno + 1 for path in SOURCES for f in functions(path)}
     assert {name: n for name, n in sizes.items() if n > FUNCTION_LINES} == {}
+
+
+def test_files_that_come_first_are_there() -> None:
+    for first in FIRST:
+        assert (SOURCE.parent / "tests" / first).exists(), f"{first} of tests/conftest.py"
 
 
 def test_every_room_is_under_the_import_contracts() -> None:
