@@ -194,8 +194,10 @@ def _half_exp(square: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
 
 
 def _square_distance(x: Float, y: Float) -> Float:
-    out: Float = (x * x).sum(1)[:, None] + (y * y).sum(1)[None]
-    out -= 2.0 * x @ y.T
+    """(n, m) by one product: |x|^2 - 2 x.y + |y|^2; sums over whole matrices would take longer than it."""
+    left = np.column_stack([-2.0 * x, np.einsum("ij,ij->i", x, x), np.ones(len(x))])
+    right = np.column_stack([y, np.ones(len(y)), np.einsum("ij,ij->i", y, y)])
+    out: Float = left @ right.T
     return np.maximum(out, 0.0, out=out)
 
 
