@@ -13,22 +13,30 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.shares import in_percent
+from tof_gap.second import as_fitted, enlarged
 from tof_gap.seen.noise import least_mm
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, AgainstLimits, Difference
-from tof_gap.tell.levels_apart import Level, Noisy, Seen, mixing_apart, noise_apart, wraps_apart
+from tof_gap.tell.levels_apart import Level, Noisy, Seen, mixing_apart, noise_apart, steps_apart, wraps_apart
 from tof_gap.tell.loss_apart import Lossy, loss_apart
 from tof_gap.tell.maps_apart import OF_SINGLE_PIXELS, Pair
 from tof_gap.tell.noise_parts import part_apart
 from tof_gap.tell.report import sensor_model
 from tof_gap.union import apart, members, with_known
+from tof_sensor.effect import Evidence
 from tof_sensor.effects.fixed_pattern import FixedPattern
 from tof_sensor.effects.phase_wrap import PhaseWrap
+from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
+    from tof_core.arrays import Float
+    from tof_gap.second import AsFitted
     from tof_gap.seen.residual import ViewEvidence
     from tof_gap.tell.diagnosis import Diagnosis
+    from tof_gap.tell.difference import Apart
+    from tof_gap.union import Member
+    from tof_sensor.frame import Frame
     from tof_sensor.model import SensorModel
 
 OF_MAPS = OF_SINGLE_PIXELS | {FixedPattern.NAME}
@@ -36,7 +44,12 @@ OF_MAPS = OF_SINGLE_PIXELS | {FixedPattern.NAME}
 
 
 def against(
-    real: Diagnosis, simulated: Diagnosis, parts: Sequence[str], limits: AgainstLimits | None = None, known: SensorModel | None = None
+    real: Diagnosis,
+    simulated: Diagnosis,
+    parts: Sequence[str],
+    limits: AgainstLimits | None = None,
+    known: SensorModel | None = None,
+    left_out: frozenset[str] = frozenset(),
 ) -> Against:
     """Compare two diagnosed sessions of one scene.
 
@@ -46,6 +59,7 @@ def against(
         parts: names of the scene's parts, in the scene's order.
         limits: when they differ.
         known: the sensor whose bias was removed from both sessions before they were diagnosed.
+        left_out: names of effects that are not considered.
     """
     limits, removed = limits or AgainstLimits(), () if known is None else known.effects
     camera, simulator = sensor_model(real), sensor_model(simulated)
@@ -54,8 +68,13 @@ def against(
     taken = pair.same_names(real.causes)
     mirrored.renamed(taken)
     gain = real.config.select.gain
-    union = members((real, simulated), taken, pair.unit, OF_MAPS)
-    joint = {} if union is None else apart((real, simulated), with_known(union, removed), gain)
+    sides = real, simulated
+    union = members(sides, taken, pair.unit, OF_MAPS)
+    joint: dict[str, Apart] = {}
+    if union is not None:
+        union = enlarged(sides, with_known(union, removed), pair.unit, OF_MAPS | left_out)
+        joint = apart(sides, union, gain)
+        _seen(sides, union, joint, (pair, mirrored), gain)
     one_sided = set(pair.real_maps) ^ set(pair.simulated_maps)
     for name in one_sided & joint.keys():
         # Only where it differs: of effects that look alike, each session may have another one for the same error.
@@ -70,7 +89,25 @@ def against(
     biases = sorted((d for d in found if d.effect not in alike), key=lambda d: -(d.shrink or 0.0))
     distance = pair.distance([n for n in pair.names if n not in alike])
     lost, lost_alike = _loss(pair, simulated, limits)
-    return Against(distance, (*biases, *lost, *_levels(pair, simulated, limits, known)), (*alike, *lost_alike))
+    return Against(distance, (*biases, *lost, *_levels(pair, simulated, limits, known, biases)), (*alike, *lost_alike))
+
+
+def _seen(sides: Sequence[Diagnosis], union: Sequence[Member], joint: Mapping[str, Apart], pairs: tuple[Pair, Pair], gain: float) -> None:
+    """Give both sessions the maps of those effects that neither diagnosis named: where their coefficients have a chi-square of `gain`."""
+    new = joint.keys() - set(pairs[0].names)
+    if not new:
+        return
+    effects = [as_fitted(session, union, side) for side, session in enumerate(sides)]
+    for name in new:
+        has = joint[name].real >= gain, joint[name].simulated >= gain
+        for side, pair in enumerate(pairs):
+            maps = [_maps(effects[at][name], pair.frames_seen, side) if has[at] else None for at in (side, 1 - side)]
+            pair.add(name, *maps)
+
+
+def _maps(effects: Sequence[AsFitted], frames: Sequence[Frame], side: int) -> list[Float]:
+    """(H, W) metres of z of effects together in views of the real (0) or simulated (1) session."""
+    return [np.sum([e.bias(frame, side) for e in effects], axis=0) for frame in frames]
 
 
 def _loss(pair: Pair, simulated: Diagnosis, limits: AgainstLimits) -> tuple[list[Difference], list[str]]:
@@ -91,31 +128,59 @@ def _loss(pair: Pair, simulated: Diagnosis, limits: AgainstLimits) -> tuple[list
     return [_difference(found.level, note)], []
 
 
-def _levels(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: SensorModel | None) -> list[Difference]:
-    """Noise, wrapped and mixed pixels of camera and simulator at the light of the real session."""
+def _levels(
+    pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: SensorModel | None, biases: Sequence[Difference]
+) -> list[Difference]:
+    """Steps, noise, wrapped and mixed pixels of camera and simulator at the light of the real session; biases: in which both differ."""
     seen = Seen([pair.real.evidence[v].frame for v in pair.held], pair.frames, pair.parts)
     wraps, mixing = (f(pair.camera, pair.simulator, seen) for f in (wraps_apart, mixing_apart))
-    law, noise = (None if known is None else known.law) or pair.real.law, None
-    if law is not None:
-        noise = noise_apart(
-            Noisy(_quiet(pair.real), pair.camera, 1.0), Noisy(_quiet(simulated), pair.simulator, 1.0 / pair.unit), law, seen
-        )
     out = []
     if wraps is not None and abs(wraps.real - wraps.simulated) > limits.wraps and not wraps.within(limits.shares):
         note = f"{in_percent(wraps.real)} of the pixels off by whole periods real, {in_percent(wraps.simulated)} simulated"
         out.append(_difference(wraps, note))
+    steps = steps_apart(
+        pair.real.evidence, simulated.evidence, (Quantization.NAME in pair.camera.names, Quantization.NAME in pair.simulator.names)
+    )
+    if steps is not None and not steps.within(limits.shares):
+        out.append(_difference(steps, f"steps of {steps.real:.1f} mm real, {steps.simulated:.1f} mm simulated", in_mm=True))
     # A camera that merges its frequencies badly is noisier, too: that noise is no effect of its own, in a diagnosis as here.
     merges = all(d.effect != PhaseWrap.NAME for d in out)
-    differs = noise is not None and not noise.within(limits.noise)
-    least = least_mm([*pair.real.evidence, *simulated.evidence], pair.real.config.noise)
-    if noise is not None and differs and merges and _excess_mm(noise) > least:
-        out.append(_difference(noise, f"{noise.real:.2f} mm real, {noise.simulated:.2f} mm simulated in one capture", in_mm=True))
-    elif merges and (part := part_apart(_bare(pair.real), _bare(simulated), pair.real.config.noise, limits.noise)):
-        of, level = part
-        out.append(_difference(level, f"{level.real:.2f} mm real, {level.simulated:.2f} mm simulated {of} in one capture", in_mm=True))
+    noise = _noise(pair, simulated, limits, known, seen) if merges else None
+    if noise is not None and not _made_by(noise[1], pair.real, simulated, [*biases, *out]):
+        of, level = noise
+        out.append(_difference(level, f"{level.real:.2f} mm real, {level.simulated:.2f} mm simulated {of}in one capture", in_mm=True))
     if mixing is not None and not mixing.within(limits.shares):
         out.append(_difference(mixing, f"{mixing.real:.0f} mm real, {mixing.simulated:.0f} mm simulated at edges", in_mm=True))
     return out
+
+
+def _noise(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: SensorModel | None, seen: Seen) -> tuple[str, Level] | None:
+    """Noise in which both differ: of what, and its level; that of most pixels first, else of lines or of single pixels."""
+    law = (None if known is None else known.law) or pair.real.law
+    if law is not None:
+        sides = Noisy(_quiet(pair.real), pair.camera, 1.0), Noisy(_quiet(simulated), pair.simulator, 1.0 / pair.unit)
+        level = noise_apart(*sides, law, seen)
+        least = least_mm([*pair.real.evidence, *simulated.evidence], pair.real.config.noise)
+        if level is not None and not level.within(limits.noise) and _excess_mm(level) > least:
+            return "", level
+    found = part_apart(_bare(pair.real), _bare(simulated), pair.real.config.noise, limits.noise)
+    return None if found is None else (f"{found[0]} ", found[1])
+
+
+MAKE_NOISE = frozenset({FixedPattern.NAME, Quantization.NAME})
+"""Effects that are no noise, and of which more makes more noise."""
+
+
+def _made_by(noise: Level, real: Diagnosis, simulated: Diagnosis, differences: Sequence[Difference]) -> bool:
+    """Whether more noise is what more fixed pattern or coarser steps make.
+
+    The camera's filters change the offsets of pixels from view to view: what a map of the pattern misses grows with the pattern. Coarse
+    steps make contours. The diagnosis of the noisier session decides whether it has noise besides.
+    """
+    noisier = real if noise.real > noise.simulated else simulated
+    more = [d for d in differences if d.effect in MAKE_NOISE and (d.real_mm > d.simulated_mm) == (noisier is real)]
+    own = [f.name for f in noisier.findings if f.effect.EVIDENCE is Evidence.NOISE and f.name not in MAKE_NOISE]
+    return bool(more) and not own
 
 
 def _bare(session: Diagnosis) -> Sequence[ViewEvidence]:

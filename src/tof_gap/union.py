@@ -101,23 +101,30 @@ def fitted(session: Diagnosis, union: Sequence[Member], side: int, scale: Float 
         side: 0 for the real session, 1 for the simulated.
         scale: (k,) of the other session, so that both sessions' coefficients are in one unit; None for this session's own.
     """
-    solved = session.account.solved
-    pattern = solved.maps.get(FixedPattern.NAME)
-    views = _with_small(session, {m.group for m in union})
-    views = less(views, [] if pattern is None else [pattern])
-    candidates = [Candidate(m.effect.NAME, m.effect) for m in union]
-    store = _InUnits(views, deal(solved.chain.station.tolist(), session.config.select.folds), {m.effect: m.units[side] for m in union})
-    design = build(store, candidates, solved.chain, session.config.hand_sd, session.config.lens_sd)
-    judge = Selector(design, session.config.select)
+    judge, store = designed(session, union, side, {m.group for m in union})
+    design = judge.design
     solution = judge.fit(rescored(judge, range(len(union))))
     own = np.concatenate([design.scale[group] for group in design.groups])
     at = np.arange(len(design.always), len(design.always) + len(own))
     scale = own if scale is None else scale
     theta, cov = solution.theta[at] * scale / own, solution.theta_cov[np.ix_(at, at)] * np.outer(scale / own, scale / own)
-    unseen = _unseen(store, candidates)
+    unseen = _unseen(store, design.candidates)
     theta[unseen], cov[unseen], cov[:, unseen] = 0.0, 0.0, 0.0
     cov[unseen, unseen] = UNSEEN_SD_M**2
     return Fitted(theta, cov), scale
+
+
+def designed(session: Diagnosis, union: Sequence[Member], side: int, names: AbstractSet[str]) -> tuple[Selector, ColumnStore]:
+    """Hypotheses of these effects in one session, linearised at its poses, and their columns.
+
+    names: effects whose bias is left in the views where a diagnosis found it small.
+    """
+    solved = session.account.solved
+    pattern = solved.maps.get(FixedPattern.NAME)
+    views = less(_with_small(session, names), [] if pattern is None else [pattern])
+    candidates = [Candidate(m.effect.NAME, m.effect) for m in union]
+    store = _InUnits(views, deal(solved.chain.station.tolist(), session.config.select.folds), {m.effect: m.units[side] for m in union})
+    return Selector(build(store, candidates, solved.chain, session.config.hand_sd, session.config.lens_sd), session.config.select), store
 
 
 def _with_small(session: Diagnosis, names: AbstractSet[str]) -> tuple[ViewEvidence, ...]:

@@ -19,6 +19,7 @@ from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.photon_law import PhotonLaw
+from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from tof_sensor.effect import Effect
 
 HELD = tuple(range(0, VIEWS, 3))
-LEVELS = (Ambient, Dropout, FlyingPixels, PhaseWrap)
+LEVELS = (Ambient, Dropout, FlyingPixels, PhaseWrap, Quantization)
 LAW = PhotonLaw(floor_m=0.0, shot_m=0.004, reference=2000.0)
 
 
@@ -57,7 +58,9 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
     findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, LEVELS)]
     gap = SimpleNamespace(shrink=None, ci95=None)
     shown = tuple(replace(v, residual=v.residual + sum((m[i] for m in maps.values()), np.zeros(SHAPE))) for i, v in enumerate(evidence))
-    account = SimpleNamespace(figures=figures, solved=SimpleNamespace(chain=chain(), maps=maps, evidence=shown, bare=evidence, within=()))
+    account = SimpleNamespace(
+        figures=figures, solved=SimpleNamespace(chain=chain(), maps=maps, evidence=shown, bare=evidence, within=(), depends_on=())
+    )
     made = {
         "config": GapConfig(),
         "evidence": evidence,
@@ -67,6 +70,9 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
         "floor2": floors,
         "gap": gap,
         "camera": CAMERA,
+        "solved": account.solved,
+        "unexplained": SimpleNamespace(structured=False),
+        "not_testable": {},
     }
     return cast("Diagnosis", SimpleNamespace(account=account, doubted=False, **made))
 

@@ -35,6 +35,19 @@ class FilterLimits:
     quiet_lines: float = param(
         0.3, "loss of the quietest quarter of lines, over that of all", low=0.0, high=1.0, why="lost at random: 0.8; by a filter: 0.1"
     )
+    line_loss: float = param(
+        1.0,
+        "standard deviation of the shares that the lines of a view lose, over their mean, from which loss follows lines",
+        low=0.0,
+        why="lost at random: 0; where rows have noise of their own: 1.4 and 3.0",
+    )
+    line_near: float = param(
+        0.5,
+        "covariance of lines six apart, over the variance of lines, up to which loss follows lines and no surface",
+        low=0.0,
+        high=1.0,
+        why="lines of their own: -0.05 and 0; loss of weak light and at random: 0.57 to 0.90",
+    )
     noise_of_steps: float = param(
         1.5,
         "variance of noise where a fixed pattern is steepest, over that where it is smoothest, from which the pattern makes it",

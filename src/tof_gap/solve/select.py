@@ -80,14 +80,14 @@ def _best_addition(judge: Selector, current: Hypothesis) -> Hypothesis | None:
         if judge.repeats(i, current.members):
             continue
         trial = added(i)
-        if current.score - trial.score < judge.gain(i) or not _steady(current, trial, judge.gain(i), judge.config):
+        if current.score - trial.score < judge.gain(i) or not won_steadily(current, trial, judge.gain(i), judge.config):
             continue
         if (best is None or trial.score < best.score) and judge.plausible(trial):
             best = trial
     return None if best is None else rescored(judge, best.members)
 
 
-def _steady(before: Hypothesis, after: Hypothesis, gain: float, limits: SelectLimits) -> bool:
+def won_steadily(before: Hypothesis, after: Hypothesis, gain: float, limits: SelectLimits) -> bool:
     """Whether more than one view gains: without the best view, `steady` of the gain remains, or the required gain."""
     won = before.held_out - after.held_out
     return bool(won.sum() - won.max() > min(limits.steady * won.sum(), gain) or len(won) < limits.steady_views)
@@ -134,24 +134,26 @@ def _has_no_formula(judge: Selector, member: int) -> bool:
 
 def _prune(judge: Selector, current: Hypothesis) -> Hypothesis:
     """Drop members whose absence costs little."""
-    while current.members:
-        lost, visible = worth(judge, current)
-        total, of_effect = float((visible**2).sum()), _of_effect(judge, current, visible)
-        weak = [
-            (v, i)
-            for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
-            if gain < judge.gain(current.members[i])
-            or of_effect[i] < judge.share(current.members[i]) * total
-            or gain < judge.config.absorbed * _absorbable(judge, current, i)
-            or gain < _lacking(judge, current, i)
-            or gain < _rough(judge, current, i, lost)
-            or not shown(judge, current, i)
-        ]
-        if not weak:
-            break
-        drop = min(weak)[1]
+    while current.members and (least := weak(judge, current)):
+        drop = min(least)[1]
         current = rescored(judge, [m for i, m in enumerate(current.members) if i != drop])
     return current
+
+
+def weak(judge: Selector, current: Hypothesis) -> list[tuple[float, int]]:
+    """Members whose absence costs little: what each explains (metres RMS over all pixels), and its place."""
+    lost, visible = worth(judge, current)
+    total, of_effect = float((visible**2).sum()), _of_effect(judge, current, visible)
+    return [
+        (v, i)
+        for i, (gain, v) in enumerate(zip(lost, visible, strict=True))
+        if gain < judge.gain(current.members[i])
+        or of_effect[i] < judge.share(current.members[i]) * total
+        or gain < judge.config.absorbed * _absorbable(judge, current, i)
+        or gain < _lacking(judge, current, i)
+        or gain < _rough(judge, current, i, lost)
+        or not shown(judge, current, i)
+    ]
 
 
 def _of_effect(judge: Selector, current: Hypothesis, visible: Float) -> list[float]:

@@ -12,6 +12,7 @@ from tof_core.memory import give_back
 from tof_gap.seen import detected, missing, noise
 from tof_gap.seen.foreign_lamp import foreign_lamp
 from tof_gap.seen.foreign_light import along_the_view, drifts_by_chance, foreign_light
+from tof_gap.seen.lost_by_line import lost_by_lines
 from tof_gap.tell.figures import figures
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.dropout import Dropout
@@ -147,7 +148,7 @@ def _gap(counted: Figures, findings: Sequence[Finding], names: Sequence[str]) ->
 def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out: AbstractSet[str]) -> tuple[Finding, ...]:
     """What noise, loss and edges show at the estimated poses, once smooth bias is removed; detectors of `left_out` do not run.
 
-    Pixels that a filter in the camera removed are no `dropout`.
+    Pixels that a filter in the camera removed are no `dropout`, nor are those of noisy lines.
     """
     left = solved.bare
     gone = missing.missing_effects(left, config.missing, left_out, blurred=solved.names(Motion.NAME))
@@ -169,7 +170,9 @@ def _findings(solved: Solved, config: GapConfig, law: PhotonLaw | None, left_out
         foreign = replace(lamp.finding(left, config.noise.foreign_light), posed_m=0.0 if foreign is None else foreign.posed_m)
     taken = left_out if foreign is None else left_out | {Interference.NAME}
     uneven = [*([] if foreign is None else [foreign]), *noise.noise_effects(beside, config.noise, taken, law, unmerged=unmerged)]
-    return (*light, *uneven, *(f for f in gone if not filtered(f, [*uneven, *gone])))
+    by_lines = any(f.name == Dropout.NAME for f in gone) and lost_by_lines(left, lines, config.missing)
+    kept = (f for f in gone if not (filtered(f, [*uneven, *gone]) or (by_lines and f.name == Dropout.NAME)))
+    return (*light, *uneven, *kept)
 
 
 def _arms_silent(solved: Solved, left_out: AbstractSet[str]) -> bool:

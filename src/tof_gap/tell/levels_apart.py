@@ -13,6 +13,7 @@ from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.noise import Noise
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.photon_law import PhotonLaw
+from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -107,6 +108,22 @@ def noise_apart(real: Noisy, simulated: Noisy, law: PhotonLaw, seen: Seen) -> Le
     named = {name: v - less.get(name, 0.0) for name, v in more.items()}
     name = max(named, key=named.__getitem__, default=Noise.NAME)
     return Level(name, level, level * ratio, parts, (name in shares[0], name in shares[1]))
+
+
+def steps_apart(real: Sequence[ViewEvidence], simulated: Sequence[ViewEvidence], has: tuple[bool, bool]) -> Level | None:
+    """Step in mm of the depth codes of both cameras; None where neither is coarse.
+
+    The step itself is read off the codes. The noise that it makes may be hidden by more noise of another kind.
+
+    Args:
+        real: the camera's views.
+        simulated: the simulator's.
+        has: whether camera and simulator were found to write coarse steps.
+    """
+    if not any(has):
+        return None
+    steps = [1e3 * float(np.median([v.step_m for v in views])) for views in (real, simulated)]
+    return Level(Quantization.NAME, steps[0], steps[1], {}, has)
 
 
 def _over_law(session: Noisy, law: PhotonLaw) -> tuple[Float, Float, NDArray[np.int16]]:

@@ -132,6 +132,11 @@ class Pair:
         found = shown(self._before(), [self.apart(n) for n in names], floors, [self.real.evidence[v].frame for v in self.held])
         return dict(zip(names, found, strict=True))
 
+    @property
+    def frames_seen(self) -> list[Frame]:
+        """The held-out views, in the real camera's unit of amplitude."""
+        return [self.real.evidence[v].frame for v in self.held]
+
     def _zero(self) -> list[Float]:
         return [np.zeros(r.shape) for r in self.residual]
 
@@ -162,6 +167,12 @@ class Pair:
             self.simulated_maps[name] = [np.sqrt(simulated / real) * m for m in self.real_maps[name]]
         elif name not in self.real_maps:
             self.real_maps[name] = [np.sqrt(real / simulated) * m for m in self.simulated_maps[name]]
+
+    def add(self, name: str, own: list[Float] | None, other: list[Float] | None) -> None:
+        """Give the real and the simulated session an effect that no diagnosis named: its map in each held-out view, None without it."""
+        for side, maps in ((self.real_maps, own), (self.simulated_maps, other)):
+            if maps is not None:
+                side[name] = maps
 
     def by_coefficients(self, name: str, found: Apart) -> Difference | None:
         """One effect by its coefficients in both sessions; None where they agree, or differ by little."""

@@ -152,7 +152,7 @@ def _compared(
 
     say("the simulator's bag")
     simulated = diagnose_simulated(args.against, caster, config, known=known, left_out=left_out, progress=say)
-    compared = against(real, simulated, caster.scene.names, config.against, known)
+    compared = against(real, simulated, caster.scene.names, config.against, known, left_out)
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "against.json").write_text(json.dumps(compared.to_dict(), indent=1, allow_nan=False))
     return compared

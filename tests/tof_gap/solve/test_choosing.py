@@ -12,7 +12,7 @@ from tests.tof_gap.scored import Judge, effect, hypothesis, named
 from tof_gap.limits.solve import SelectLimits
 from tof_gap.solve import select as room
 from tof_gap.solve.judge import Hypothesis
-from tof_gap.solve.select import _best_addition, _curved, _exchange, _grown, _lacking, _plain, _prune, _rough, _steady
+from tof_gap.solve.select import _best_addition, _curved, _exchange, _grown, _lacking, _plain, _prune, _rough, won_steadily
 from tof_gap.solve.worth import rescored, visible_m, worth
 from tof_sensor.curve import Knots
 from tof_sensor.effects.amplitude_bias import AmplitudeBias
@@ -78,12 +78,12 @@ def test_hand_eye_needs_less() -> None:
 )
 def test_more_than_one_view_must_gain(won: tuple[float, ...], *, steady: bool) -> None:
     before, after = Hypothesis((), np.array(won) + 7.0, 1.0), Hypothesis((0,), np.full(len(won), 7.0), 1.0)
-    assert _steady(before, after, 30.0, SelectLimits()) is steady
+    assert won_steadily(before, after, 30.0, SelectLimits()) is steady
 
 
 def test_a_gain_of_one_view_is_no_addition(monkeypatch: pytest.MonkeyPatch) -> None:
     judge: Any = Judge({"a": 500.0})
-    monkeypatch.setattr(room, "_steady", lambda *_: False)
+    monkeypatch.setattr(room, "won_steadily", lambda *_: False)
     assert _best_addition(judge, hypothesis(judge, "")) is None
 
 

@@ -18,6 +18,7 @@ from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.flying_pixels import FlyingPixels
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.photon_law import PhotonLaw
+from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
@@ -110,3 +111,38 @@ def test_mixed_pixels_are_compared_at_the_edges_of_the_cad(evidence: tuple[ViewE
     assert compared(diagnosis(seen, whole), diagnosis(seen, whole)).verdict == ("none",)
     assert [only(compared(diagnosis(seen, whole), diagnosis(seen, *e))).simulator for e in ((), (half,))] == [LACKS, WEAK]
     assert only(compared(diagnosis(seen), diagnosis(seen, whole))).simulator == SUPERFLUOUS
+
+
+def coarse(evidence: tuple[ViewEvidence, ...], step_m: float) -> tuple[ViewEvidence, ...]:
+    return tuple(replace(v, step_m=step_m) for v in evidence)
+
+
+def test_coarse_steps_are_compared_by_themselves_and_not_by_their_noise(evidence: tuple[ViewEvidence, ...]) -> None:
+    """Steps of 6 mm make 1.7 mm of noise, beside 5.5 mm by photons."""
+    steps = [diagnosis(coarse(evidence, s), *([Quantization(s)] if s > 0.001 else [])) for s in (0.001, 0.006, 0.012)]
+    lacking, twice = only(compared(steps[1], steps[0])), only(compared(steps[1], steps[2]))
+    assert [(d.effect, d.simulator) for d in (lacking, twice)] == [("quantization", LACKS), ("quantization", STRONG)]
+    assert "steps of 6.0 mm real, 1.0 mm simulated" in lacking.line()
+    assert twice.ratio == pytest.approx(0.5)
+    assert compared(steps[1], steps[1]).verdict == ("none",)
+
+
+def test_noise_that_coarser_steps_make_is_stated_as_steps(evidence: tuple[ViewEvidence, ...]) -> None:
+    fine, rough = diagnosis(coarse(evidence, 0.001)), diagnosis(coarse(noisier(evidence, 2.0), 0.030), Quantization(0.030))
+    assert compared(fine, rough).verdict == ("quantization",)
+    assert compared(diagnosis(coarse(noisier(evidence, 4.0), 0.001)), rough).verdict == ("noise", "quantization"), (
+        "the finer one is noisier"
+    )
+
+
+def test_noise_that_a_map_of_more_pattern_leaves_is_no_noise_of_its_own(evidence: tuple[ViewEvidence, ...]) -> None:
+    """The noisier session decides by its own diagnosis whether it has noise besides."""
+    image, light = np.random.default_rng(0).normal(0.0, 0.0030, SHAPE), Ambient(uniform_m=0.006, reference=2000.0)
+    one, twice, lit = (
+        diagnosis(seen, FixedPattern(pixels=packed(size * image)), *more)
+        for seen, size, more in ((evidence, 1.0, ()), (noisier(evidence, 1.6), 2.0, ()), (noisier(evidence, 1.6), 2.0, (light,)))
+    )
+    assert compared(one, twice).verdict == ("fixed_pattern",)
+    assert compared(one, lit).verdict == ("ambient", "fixed_pattern")
+    less, more = (FixedPattern(pixels=packed(size * image)) for size in (3.0, 6.0))
+    assert compared(diagnosis(noisier(evidence, 1.6), less), diagnosis(evidence, more)).verdict == ("fixed_pattern", "noise")
