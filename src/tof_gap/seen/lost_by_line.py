@@ -12,7 +12,7 @@ from tof_gap.seen.lost import losses_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tof_core.arrays import Float
+    from tof_core.arrays import Float, Mask
     from tof_gap.limits.missing import MissingLimits
     from tof_gap.seen.line_noise import LineNoise
     from tof_gap.seen.residual import ViewEvidence
@@ -42,7 +42,7 @@ def _spread(views: Sequence[ViewEvidence], axis: int, limits: MissingLimits) -> 
         seen, gone = (image if axis == 1 else image.T for image in (inside, np.where(inside, share, 0.0)))
         odd = np.arange(seen.shape[1]) // PIECE % 2 == 1
         count, lost = (np.array([image[:, half].sum(axis=1) for half in (odd, ~odd)]) for image in (seen, gone))
-        known = (count >= LEAST_SEEN).all(axis=0)
+        known: Mask = np.all(count >= LEAST_SEEN, axis=0)
         if known.any():
             mean = lost[:, known].sum() / count[:, known].sum()
             one, other = np.where(known, lost / np.maximum(count, 1) - mean, 0.0)
