@@ -17,6 +17,7 @@ from tof_gap.second import as_fitted, enlarged
 from tof_gap.seen.noise import least_mm
 from tof_gap.tell.difference import LACKS, STRONG, SUPERFLUOUS, WEAK, Against, AgainstLimits, Difference
 from tof_gap.tell.levels_apart import Level, Noisy, Seen, mixing_apart, noise_apart, steps_apart, wraps_apart
+from tof_gap.tell.light_apart import light_apart
 from tof_gap.tell.loss_apart import Lossy, loss_apart
 from tof_gap.tell.maps_apart import OF_SINGLE_PIXELS, Pair
 from tof_gap.tell.noise_parts import part_apart
@@ -24,6 +25,7 @@ from tof_gap.tell.report import sensor_model
 from tof_gap.union import apart, members, with_known
 from tof_sensor.effect import Evidence
 from tof_sensor.effects.fixed_pattern import FixedPattern
+from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.quantization import Quantization
 
@@ -134,10 +136,16 @@ def _levels(
     """Steps, noise, wrapped and mixed pixels of camera and simulator at the light of the real session; biases: in which both differ."""
     seen = Seen([pair.real.evidence[v].frame for v in pair.held], pair.frames, pair.parts)
     wraps, mixing = (f(pair.camera, pair.simulator, seen) for f in (wraps_apart, mixing_apart))
+    mixes = mixing is not None and not mixing.within(limits.shares)
     out = []
     if wraps is not None and abs(wraps.real - wraps.simulated) > limits.wraps and not wraps.within(limits.shares):
         note = f"{in_percent(wraps.real)} of the pixels off by whole periods real, {in_percent(wraps.simulated)} simulated"
-        out.append(_difference(wraps, note))
+        if not (mixing is not None and mixes and _unfiltered(wraps, mixing)):
+            out.append(_difference(wraps, note))
+    light = light_apart(pair.real, simulated, limits.shares)
+    if light is not None:
+        note = f"{light.real:.2f} mm real, {light.simulated:.2f} mm simulated, other in each capture"
+        out.append(_difference(light, note, in_mm=True))
     steps = steps_apart(
         pair.real.evidence, simulated.evidence, (Quantization.NAME in pair.camera.names, Quantization.NAME in pair.simulator.names)
     )
@@ -146,10 +154,14 @@ def _levels(
     # A camera that merges its frequencies badly is noisier, too: that noise is no effect of its own, in a diagnosis as here.
     merges = all(d.effect != PhaseWrap.NAME for d in out)
     noise = _noise(pair, simulated, limits, known, seen) if merges else None
-    if noise is not None and not _made_by(noise[1], pair.real, simulated, [*biases, *out]):
+    if (
+        noise is not None
+        and noise[1].effect not in {d.effect for d in out}
+        and not _made_by(noise[1], pair.real, simulated, [*biases, *out])
+    ):
         of, level = noise
         out.append(_difference(level, f"{level.real:.2f} mm real, {level.simulated:.2f} mm simulated {of}in one capture", in_mm=True))
-    if mixing is not None and not mixing.within(limits.shares):
+    if mixing is not None and mixes:
         out.append(_difference(mixing, f"{mixing.real:.0f} mm real, {mixing.simulated:.0f} mm simulated at edges", in_mm=True))
     return out
 
@@ -167,7 +179,15 @@ def _noise(pair: Pair, simulated: Diagnosis, limits: AgainstLimits, known: Senso
     return None if found is None else (f"{found[0]} ", found[1])
 
 
-MAKE_NOISE = frozenset({FixedPattern.NAME, Quantization.NAME})
+def _unfiltered(wraps: Level, mixing: Level) -> bool:
+    """Whether more wrapped pixels are those of a filter that is off: it removes mixed pixels and wrapped ones.
+
+    Then one of both has no mixed pixels, and both have wrapped ones, the other more of them.
+    """
+    return all(wraps.has) and mixing.has in ((True, False), (False, True)) and mixing.has[0] == (wraps.real > wraps.simulated)
+
+
+MAKE_NOISE = frozenset({FixedPattern.NAME, Quantization.NAME, Interference.NAME})
 """Effects that are no noise, and of which more makes more noise."""
 
 
@@ -175,7 +195,7 @@ def _made_by(noise: Level, real: Diagnosis, simulated: Diagnosis, differences: S
     """Whether more noise is what more fixed pattern or coarser steps make.
 
     The camera's filters change the offsets of pixels from view to view: what a map of the pattern misses grows with the pattern. Coarse
-    steps make contours. The diagnosis of the noisier session decides whether it has noise besides.
+    steps make contours, and another camera's light is noise as well. The diagnosis of the noisier session decides whether it has noise besides.
     """
     noisier = real if noise.real > noise.simulated else simulated
     more = [d for d in differences if d.effect in MAKE_NOISE and (d.real_mm > d.simulated_mm) == (noisier is real)]
@@ -196,7 +216,7 @@ def _quiet(session: Diagnosis) -> Sequence[ViewEvidence]:
     """
     figures = session.account.figures
     if FixedPattern.NAME not in figures.maps:
-        return session.evidence
+        return _bare(session)
     return [replace(session.evidence[v], sigma=np.sqrt(figures.noise2[v])) for v in figures.held]
 
 

@@ -55,11 +55,14 @@ def diagnosis(evidence: tuple[ViewEvidence, ...], *effects: Effect, law: PhotonL
         limits=ReportLimits(),
     )
     causes = [SimpleNamespace(named=SimpleNamespace(name=e.NAME, effects=(e,), ties=ties)) for e in biases]
-    findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False) for e in effects if isinstance(e, LEVELS)]
+    findings = [SimpleNamespace(effect=e, name=e.NAME, corrects=False, common=None) for e in effects if isinstance(e, LEVELS)]
     gap = SimpleNamespace(shrink=None, ci95=None)
     shown = tuple(replace(v, residual=v.residual + sum((m[i] for m in maps.values()), np.zeros(SHAPE))) for i, v in enumerate(evidence))
     account = SimpleNamespace(
-        figures=figures, solved=SimpleNamespace(chain=chain(), maps=maps, evidence=shown, bare=evidence, within=(), depends_on=())
+        figures=figures,
+        solved=SimpleNamespace(
+            chain=chain(), maps=maps, evidence=shown, bare=evidence, within=(), depends_on=(), arms=np.zeros((VIEWS, 6))
+        ),
     )
     made = {
         "config": GapConfig(),

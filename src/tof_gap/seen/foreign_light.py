@@ -50,8 +50,7 @@ def foreign_light(
     if not beyond and _by_arm(arms, arms_sd) > limits.chance_across_fields:
         return None
     fields = [field(v, limits) for v in views]
-    least_m = np.maximum(max(limits.field_mm * 1e-3, 0.0 if beyond else limits.field_share * named_m), np.broadcast_to(lines_m, len(views)))
-    if _with_field(views, fields, least_m, limits) < limits.field_views:
+    if not in_most_views(views, fields, limits, np.maximum(0.0 if beyond else limits.field_share * named_m, lines_m)):
         return None
     size = float(np.sqrt(np.mean(arms[:, ALONG] ** 2)))
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
@@ -139,11 +138,27 @@ def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
     return np.asarray(columns @ (c / scale))
 
 
+def in_most_views(views: Sequence[ViewEvidence], fields: Sequence[Float], limits: ForeignLightLimits, least_m: Float | float) -> bool:
+    """Whether nearly every view has a field of its own, larger than `field_mm` and `least_m`, (V,) or one of all."""
+    least = np.broadcast_to(np.maximum(limits.field_mm * 1e-3, least_m), len(views))
+    return _with_field(views, fields, least, limits) >= limits.field_views
+
+
+def explained_m(views: Sequence[ViewEvidence], fields: Sequence[Float]) -> Float:
+    """(V,) metres RMS of each view's error that its field explains."""
+    return np.array([np.sqrt(max(taken, 0.0) / weight) for taken, weight in _taken(views, fields)])
+
+
 def _with_field(views: Sequence[ViewEvidence], fields: Sequence[Float], least_m: Float, limits: ForeignLightLimits) -> float:
     """Share of the views whose field explains more chi-square than chance or an error of `least_m` (V,) metres would."""
-    large = []
-    for v, f, least in zip(views, fields, least_m, strict=True):
+    found = zip(_taken(views, fields), least_m, strict=True)
+    return float(np.mean([taken > max(limits.field_chi2, least**2 * weight) for (taken, weight), least in found]))
+
+
+def _taken(views: Sequence[ViewEvidence], fields: Sequence[Float]) -> list[tuple[float, float]]:
+    """Of each view, the chi-square that its field explains, and that of an error of 1 m."""
+    out = []
+    for v, f in zip(views, fields, strict=True):
         weight = 1.0 / v.mean_sigma[v.smooth] ** 2
-        taken = float(((v.residual**2 - (v.residual - f) ** 2)[v.smooth] * weight).sum())
-        large.append(taken > max(limits.field_chi2, least**2 * float(weight.sum())))
-    return float(np.mean(large))
+        out.append((float(((v.residual**2 - (v.residual - f) ** 2)[v.smooth] * weight).sum()), float(weight.sum())))
+    return out

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -16,12 +17,14 @@ from tof_sensor.effects.ambient import Ambient
 from tof_sensor.effects.dropout import Dropout
 from tof_sensor.effects.fixed_pattern import FixedPattern, packed
 from tof_sensor.effects.flying_pixels import FlyingPixels
+from tof_sensor.effects.interference import Interference
 from tof_sensor.effects.phase_wrap import PhaseWrap
 from tof_sensor.effects.photon_law import PhotonLaw
 from tof_sensor.effects.quantization import Quantization
 
 if TYPE_CHECKING:
     from tof_gap.seen.residual import ViewEvidence
+    from tof_gap.tell.diagnosis import Diagnosis
 
 
 @pytest.fixture(scope="module")
@@ -146,3 +149,52 @@ def test_noise_that_a_map_of_more_pattern_leaves_is_no_noise_of_its_own(evidence
     assert compared(one, lit).verdict == ("ambient", "fixed_pattern")
     less, more = (FixedPattern(pixels=packed(size * image)) for size in (3.0, 6.0))
     assert compared(diagnosis(noisier(evidence, 1.6), less), diagnosis(evidence, more)).verdict == ("fixed_pattern", "noise")
+
+
+def lit(evidence: tuple[ViewEvidence, ...], size_m: float, *, named: bool) -> Diagnosis:
+    """A session of which another camera's light shifts each view by a slope of its own over the rows; `size_m`: RMS of the slopes."""
+    rng = np.random.default_rng(5)
+    slope = np.sqrt(12.0) * (np.arange(SHAPE[0]) / SHAPE[0] - 0.5)[:, None]
+    seen = tuple(replace(v, residual=v.residual + size_m * rng.choice([-1.0, 1.0]) * slope) for v in evidence)
+    found = diagnosis(seen)
+    assert found.account.solved.bare is seen
+    if named:
+        light: Any = SimpleNamespace(effect=Interference(burst_m=size_m), name="interference", corrects=False, common=np.zeros(1))
+        found.findings.append(light)  # type: ignore[attr-defined]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("real", "simulated", "manner"),
+    [
+        ((0.004, True), (0.0, False), LACKS),
+        ((0.0, False), (0.004, True), SUPERFLUOUS),
+        ((0.004, True), (0.008, True), STRONG),
+        ((0.004, False), (0.008, True), STRONG),  # too little to be named, and in every view
+        ((0.004, True), (0.0045, True), None),
+        ((0.004, True), (0.008, False), None),  # the diagnosis of the session with more of it calls it otherwise
+        ((0.008, False), (0.0, False), None),
+    ],
+)
+def test_foreign_light_is_compared_by_what_differs_from_view_to_view(
+    evidence: tuple[ViewEvidence, ...], real: tuple[float, bool], simulated: tuple[float, bool], manner: str | None
+) -> None:
+    found = compared(*(lit(evidence, size, named=named) for size, named in (real, simulated)))
+    assert [(d.effect, d.simulator) for d in found.differences] == ([] if manner is None else [("interference", manner)])
+    if manner is not None:
+        sizes = (only(found).real_mm, only(found).simulated_mm)
+        assert sizes == pytest.approx((1e3 * real[0], 1e3 * simulated[0]), abs=0.3)
+
+
+def test_wrapped_pixels_that_a_filter_leaves_when_it_is_off_are_no_difference_of_their_own(evidence: tuple[ViewEvidence, ...]) -> None:
+    edge = np.zeros(SHAPE, np.float32)
+    edge[:, 10:14] = 0.5
+    edges = tuple(
+        replace(v, frame=replace(v.frame, rendering=replace(v.frame.rendering, mixed=edge, second=v.frame.rendering.depth + 0.1)))
+        for v in evidence
+    )
+    few, many, mixed = PhaseWrap(start_m=0.5, share=0.02), PhaseWrap(start_m=0.5, share=0.08), FlyingPixels(share=1.0)
+    off, on = diagnosis(edges, many, mixed), diagnosis(edges, few)
+    assert compared(off, on).verdict == ("flying_pixels",)
+    assert compared(diagnosis(edges, few, mixed), diagnosis(edges, many)).verdict == ("flying_pixels", "phase_wrap")
+    assert compared(diagnosis(edges, many), on).verdict == ("phase_wrap",)
