@@ -11,6 +11,7 @@ from scipy.special import chdtrc, fdtrc
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.stripes import weakness
 from tof_sensor.effects.interference import Interference
+from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +37,8 @@ def foreign_light(
     Another camera's modulated light adds a phasor with a phase of its own in every capture (docs/effects.md). Most of the depth error
     that the phasor makes looks like a step of the camera along its optical axis, and the arm's error absorbs it. No other effect is
     random from capture to capture, and an arm errs across the axis too. The rest is a smooth field; a loose mount leaves none.
-    Weak foreign light stays within the arm's prior: then the field must exceed the errors of the named effects' maps.
+    Weak foreign light stays within the arm's prior: then the field must exceed the errors of the named effects' maps, and it must be there
+    beside any error of the poses. Poses that follow an error of the CAD leave a field, too.
 
     Args:
         views: at the solution's poses, less all smooth bias.
@@ -50,7 +52,8 @@ def foreign_light(
     if not beyond and _by_arm(arms, arms_sd) > limits.chance_across_fields:
         return None
     fields = [field(v, limits) for v in views]
-    if not in_most_views(views, fields, limits, np.maximum(0.0 if beyond else limits.field_share * named_m, lines_m)):
+    least_m = np.maximum(0.0 if beyond else limits.field_share * named_m, lines_m)
+    if not in_most_views(views, fields, limits, least_m) or not (beyond or _beside_poses(views, limits)):
         return None
     size = float(np.sqrt(np.mean(arms[:, ALONG] ** 2)))
     share = np.stack([np.where(v.smooth, np.hypot(f, size), np.nan) for v, f in zip(views, fields, strict=True)])
@@ -122,26 +125,47 @@ def field(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
     The sum of a linear function of row and column, and of range^2 / cos(incidence) times a quadratic function of the point. The factor
     is the inverse of the camera's own light; phase and strength of the foreign light follow from the distance to its lamp.
     """
+    columns = _terms(view, limits)
+    seen = view.smooth
+    c = _ridged(columns[seen], view.residual[seen], view.mean_sigma[seen], limits)
+    return np.asarray(columns @ c)
+
+
+def _terms(view: ViewEvidence, limits: ForeignLightLimits) -> Float:
+    """(H, W, 13) metres of z per unit of each term of the smooth field."""
     h, w = view.residual.shape
     row, column = np.mgrid[:h, :w]
     plain = np.stack([np.ones((h, w)), row / h - 0.5, column / w - 0.5], axis=-1)
     points = np.nan_to_num(view.frame.points)
     x, y, z = np.moveaxis(points - np.median(points[view.smooth], axis=0), -1, 0) if view.smooth.any() else np.zeros((3, h, w))
     way = np.stack([np.ones((h, w)), x, y, z, x * x, y * y, z * z, x * y, x * z, y * z], axis=-1)
-    columns = np.concatenate([plain, way * weakness(view, limits.cosine)[..., None]], axis=-1) / view.frame.length[..., None]
-    seen = view.smooth
-    sigma = view.mean_sigma[seen]
-    X = columns[seen] / sigma[:, None]
+    return np.concatenate([plain, way * weakness(view, limits.cosine)[..., None]], axis=-1) / view.frame.length[..., None]
+
+
+def _ridged(columns: Float, errors: Float, sigma: Float, limits: ForeignLightLimits) -> Float:
+    """(k,) coefficients of columns (n, k) for errors (n,) of deviations sigma (n,)."""
+    X = columns / sigma[:, None]
     scale = np.maximum(np.linalg.norm(X, axis=0), 1e-12)
     X = X / scale
-    c = np.linalg.solve(X.T @ X + limits.ridge * np.eye(X.shape[1]), X.T @ (view.residual[seen] / sigma))
-    return np.asarray(columns @ (c / scale))
+    return np.asarray(np.linalg.solve(X.T @ X + limits.ridge * np.eye(X.shape[1]), X.T @ (errors / sigma)) / scale)
+
+
+def _beside_poses(views: Sequence[ViewEvidence], limits: ForeignLightLimits) -> bool:
+    """Whether nearly every view has a field of `field_mm` or more, of its own beside errors of its pose, in first order."""
+    found = []
+    for view in views:
+        seen, sigma = view.smooth, view.mean_sigma[view.smooth]
+        of_pose, _ = np.linalg.qr(pose_columns(view.frame)[seen] / sigma[:, None])
+        terms, errors = _terms(view, limits)[seen] / sigma[:, None], view.residual[seen] / sigma
+        terms, errors = terms - of_pose @ (of_pose.T @ terms), errors - of_pose @ (of_pose.T @ errors)
+        left = errors - terms @ _ridged(terms, errors, np.ones(len(errors)), limits)
+        found.append((float(errors @ errors - left @ left), float((sigma**-2.0).sum())))
+    return _share(found, limits, 0.0) >= limits.field_views
 
 
 def in_most_views(views: Sequence[ViewEvidence], fields: Sequence[Float], limits: ForeignLightLimits, least_m: Float | float) -> bool:
     """Whether nearly every view has a field of its own, larger than `field_mm` and `least_m`, (V,) or one of all."""
-    least = np.broadcast_to(np.maximum(limits.field_mm * 1e-3, least_m), len(views))
-    return _with_field(views, fields, least, limits) >= limits.field_views
+    return _share(_taken(views, fields), limits, least_m) >= limits.field_views
 
 
 def explained_m(views: Sequence[ViewEvidence], fields: Sequence[Float]) -> Float:
@@ -149,10 +173,10 @@ def explained_m(views: Sequence[ViewEvidence], fields: Sequence[Float]) -> Float
     return np.array([np.sqrt(max(taken, 0.0) / weight) for taken, weight in _taken(views, fields)])
 
 
-def _with_field(views: Sequence[ViewEvidence], fields: Sequence[Float], least_m: Float, limits: ForeignLightLimits) -> float:
-    """Share of the views whose field explains more chi-square than chance or an error of `least_m` (V,) metres would."""
-    found = zip(_taken(views, fields), least_m, strict=True)
-    return float(np.mean([taken > max(limits.field_chi2, least**2 * weight) for (taken, weight), least in found]))
+def _share(found: Sequence[tuple[float, float]], limits: ForeignLightLimits, least_m: Float | float) -> float:
+    """Share of the views whose field explains more chi-square than chance, or an error of `field_mm` or `least_m`, would."""
+    least = np.broadcast_to(np.maximum(limits.field_mm * 1e-3, least_m), len(found))
+    return float(np.mean([taken > max(limits.field_chi2, m**2 * weight) for (taken, weight), m in zip(found, least, strict=True)]))
 
 
 def _taken(views: Sequence[ViewEvidence], fields: Sequence[Float]) -> list[tuple[float, float]]:

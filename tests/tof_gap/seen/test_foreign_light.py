@@ -11,8 +11,9 @@ import pytest
 from tests.tof_gap.quiet_views import SHAPE, VIEWS, views
 from tof_core.se3 import exp
 from tof_gap.limits.foreign import ForeignLightLimits
-from tof_gap.seen.foreign_light import along_the_view, beside_light, drifts_by_chance, field, foreign_light
+from tof_gap.seen.foreign_light import along_the_view, beside_light, drifts_by_chance, field, foreign_light, in_most_views
 from tof_sensor.effects.interference import Interference
+from tof_sensor.geometry import pose_columns
 
 if TYPE_CHECKING:
     from tof_core.arrays import Float
@@ -90,6 +91,16 @@ def test_fields_that_inexact_maps_of_named_effects_may_leave_are_no_sign(named_m
     # Fields of 1.4 mm RMS beside 5 and 20 mm of named effects.
     seen = views(np.random.default_rng(1), own_fields(0.002))
     assert (foreign_light(seen, arms(0.0006, 0.0013), SD, LIMITS, named_m) is not None) is found
+
+
+def test_fields_that_poses_make_are_no_sign() -> None:
+    """Poses that follow an error of the CAD are off by 2 mm and 2 mrad, and a view of a plane shows a smooth field of 1.5 mm."""
+    frame = views(np.random.default_rng(1))[0].frame
+    off = np.random.default_rng(6).normal(0, 0.002, (VIEWS, 6))
+    errors = np.einsum("hwi,vi->vhw", pose_columns(frame), off) * frame.length
+    seen = views(np.random.default_rng(1), errors)
+    assert in_most_views(seen, [field(v, LIMITS) for v in seen], LIMITS, 0.0)
+    assert foreign_light(seen, arms(0.0006, 0.0013), SD, LIMITS) is None
 
 
 @pytest.mark.parametrize(
