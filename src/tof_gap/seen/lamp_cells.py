@@ -132,16 +132,15 @@ def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
 
 
 def beside_loudest_part(cells: Sequence[Cells | None]) -> list[Cells | None]:
-    """The cells that are not on the part with most chi-square; all where there is no other part.
+    """The cells that are not on the part with most chi-square; all where no view shows enough of other parts.
 
     Waves on one part may be its shape. A lamp's light falls on others as well.
     """
     there = [c for c in cells if c is not None]
     part, error = (np.concatenate([getattr(c, name) for c in there]) for name in ("part", "error"))
     loudest = int(np.argmax(np.bincount(part.astype(np.int64), error**2)))
-    if np.all(part == loudest):
-        return list(cells)
-    return [None if c is None else _only(c, c.part != loudest) for c in cells]
+    others = [None if c is None else _only(c, c.part != loudest) for c in cells]
+    return others if any(c is not None for c in others) else list(cells)
 
 
 def _only(c: Cells, kept: Mask) -> Cells | None:

@@ -196,3 +196,12 @@ def test_waves_on_the_part_with_most_chi_square_may_be_its_shape() -> None:
 def test_a_scene_of_one_part_is_judged_by_that_part() -> None:
     cells = [cells_of(v, LIMITS) for v in noisy(patches())]
     assert all(a is b for a, b in zip(beside_loudest_part(cells), cells, strict=True))
+
+
+def test_a_second_part_that_no_view_shows_enough_of_is_no_other_part() -> None:
+    corner = np.zeros(SHAPE, np.int16)
+    corner[:6, :6] = 1
+    seen = [replace(v, frame=replace(v.frame, rendering=replace(v.rendering, part=corner))) for v in noisy(patches())]
+    cells = [cells_of(v, LIMITS) for v in seen]
+    assert all(0 < np.count_nonzero(c.part) <= c.smooth.shape[1] for c in cells if c is not None)
+    assert all(a is b for a, b in zip(beside_loudest_part(cells), cells, strict=True))
