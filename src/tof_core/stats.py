@@ -76,9 +76,14 @@ def group_medians(values: Float, group: Ints, groups: int, least: int = 1) -> Fl
 
 
 def by_group(values: Float, group: Ints, groups: int) -> list[Float]:
-    """The samples (n,) of each of fewer than 65536 groups, by the group of each (n,)."""
-    order = np.argsort(group.astype(np.uint16), kind="stable")  # Two bytes are sorted by counting.
+    """The samples (n,) of each of some groups, by the group of each (n,)."""
+    order = np.argsort(group.astype(np.min_scalar_type(groups)), kind="stable")  # One or two bytes are sorted by counting.
     return np.split(values[order], np.cumsum(np.bincount(group, minlength=groups))[:-1])
+
+
+def beside(basis: Float, values: Float) -> Float:
+    """Values (n,) or (n, k) less their part in orthonormal columns (n, f)."""
+    return np.asarray(values - basis @ (basis.T @ values))
 
 
 def pairs_below(ascending: Float, others: Float) -> float:

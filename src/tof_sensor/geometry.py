@@ -37,6 +37,11 @@ def pose_columns(frame: Frame) -> Float:
     return np.concatenate([-g, -np.asarray(np.cross(points, g))], axis=-1)
 
 
+def beside_poses(columns: Float, poses: Float) -> Float:
+    """(n, m) columns less what the columns of a pose (n, 6) explain by least squares; fewer than six may be independent."""
+    return np.asarray(columns - poses @ np.linalg.lstsq(poses, columns, rcond=None)[0])
+
+
 def ray_columns(frame: Frame, shift: Float) -> Float:
     """(H, W, k) change of z in metres if the true ray differs by `shift` (H, W, 2, k) in normalised x, y."""
     g = slope(frame)[..., :2]

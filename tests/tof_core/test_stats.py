@@ -11,7 +11,9 @@ from scipy.special import ndtri
 
 from tof_core.stats import (
     MAD_TO_STD,
+    beside,
     blocks,
+    by_group,
     group_medians,
     grouped,
     hats,
@@ -164,3 +166,17 @@ def test_the_median_of_each_group_counts_from_the_fewest_samples_on() -> None:
     values, group = np.array([5.0, 1.0, 9.0, 2.0, 4.0]), np.array([2, 0, 2, 0, 2])
     np.testing.assert_array_equal(group_medians(values, group, 4), [1.5, 0.0, 5.0, 0.0])
     np.testing.assert_array_equal(group_medians(values, group, 4, least=3), [0.0, 0.0, 5.0, 0.0])
+
+
+@pytest.mark.parametrize("last", [255, 256, 65536])
+def test_samples_of_any_number_of_groups_are_told_apart(last: int) -> None:
+    found = by_group(np.array([3.0, 1.0, 2.0]), np.array([last, 0, last]), last + 1)
+    assert len(found) == last + 1
+    assert found[0].tolist() == [1.0]
+    assert found[last].tolist() == [3.0, 2.0]
+
+
+def test_values_beside_orthonormal_columns_have_no_part_in_them() -> None:
+    basis = np.array([[0.6], [0.8]])
+    np.testing.assert_allclose(beside(basis, np.array([1.0, 0.0])), [0.64, -0.48])
+    np.testing.assert_allclose(beside(basis, np.eye(2)), [[0.64, -0.48], [-0.48, 0.36]])

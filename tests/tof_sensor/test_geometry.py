@@ -10,7 +10,7 @@ from tests.tof_sensor.plane import CAMERA, NORMAL, OFFSET, plane_depth, plane_fr
 from tof_core import se3
 from tof_core.camera import Camera
 from tof_sensor.effects.intrinsics import Intrinsics
-from tof_sensor.geometry import pose_columns
+from tof_sensor.geometry import beside_poses, pose_columns
 
 STEP = 1e-5
 
@@ -24,6 +24,16 @@ def test_pose_column_is_the_derivative_of_depth(axis: int) -> None:
     moved = plane_depth(CAMERA.rays(), T[:3, :3].T @ NORMAL, OFFSET - NORMAL @ T[:3, 3])
     exact = (moved - plane_depth(CAMERA.rays())) / STEP
     np.testing.assert_allclose(pose_columns(plane_frame())[..., axis], exact, atol=2e-3)
+
+
+def test_beside_poses_nothing_is_left_of_what_a_pose_makes() -> None:
+    """A plane determines three of the six directions of a pose."""
+    poses = pose_columns(plane_frame()).reshape(-1, 6)
+    other = np.sin(np.arange(len(poses)))
+    left = beside_poses(np.column_stack([poses @ [1, -2, 3, 0.1, 0.2, -0.3], other]), poses)
+    np.testing.assert_allclose(left[:, 0], 0.0, atol=1e-9)
+    np.testing.assert_allclose(poses.T @ left[:, 1], 0.0, atol=1e-9 * np.abs(poses).sum())
+    assert left[:, 1] @ left[:, 1] > 0.9 * other @ other
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tof_core.cores import in_threads
+from tof_core.stats import beside
 from tof_gap.seen.finding import CONFIDENT, Finding
 from tof_gap.seen.foreign_light import field, interference
 from tof_gap.seen.lamp_cells import STEEPEST, Cells, beside_common, beside_loudest_part, cells_of, chi2_of, ridged
@@ -149,8 +150,7 @@ def _field(view: ViewEvidence, c: Cells, found: _Search) -> Float:
     """(H, W) metres of z that the lamp's light adds to a view; 0 where the CAD has no surface."""
     at, k = c.in_cell(found.at_m, on_hand=found.on_hand), waves_per_m(found.mhz)
     waves = waves_from(at, k, c.points, c.normals, c.range_m, c.cosine, lag_of(k, c.range_m))
-    B = waves.T / c.sigma[:, None]
-    B -= c.smooth @ (c.smooth.T @ B)
+    B = beside(c.smooth, waves.T / c.sigma[:, None])
     strength = np.linalg.solve(ridged(B.T @ B), B.T @ c.error)
     R, t = c.T[:3, :3], c.T[:3, 3]
     points, normals = (np.nan_to_num(a).reshape(-1, 3).astype(np.float64) @ R.T for a in (view.frame.points, view.rendering.normal))

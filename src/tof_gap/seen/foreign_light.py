@@ -11,7 +11,7 @@ from scipy.special import chdtrc, fdtrc
 from tof_gap.seen.finding import CONFIDENT, Finding, most
 from tof_gap.seen.stripes import weakness
 from tof_sensor.effects.interference import Interference
-from tof_sensor.geometry import pose_columns
+from tof_sensor.geometry import beside_poses, pose_columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -155,10 +155,10 @@ def _beside_poses(views: Sequence[ViewEvidence], limits: ForeignLightLimits) -> 
     found = []
     for view in views:
         seen, sigma = view.smooth, view.mean_sigma[view.smooth]
-        of_pose, _ = np.linalg.qr(pose_columns(view.frame)[seen] / sigma[:, None])
-        terms, errors = _terms(view, limits)[seen] / sigma[:, None], view.residual[seen] / sigma
-        terms, errors = terms - of_pose @ (of_pose.T @ terms), errors - of_pose @ (of_pose.T @ errors)
-        left = errors - terms @ _ridged(terms, errors, np.ones(len(errors)), limits)
+        columns = np.column_stack([_terms(view, limits)[seen], view.residual[seen]]) / sigma[:, None]
+        *terms, errors = beside_poses(columns, pose_columns(view.frame)[seen] / sigma[:, None]).T
+        X = np.stack(terms, axis=1)
+        left = errors - X @ _ridged(X, errors, np.ones(len(errors)), limits)
         found.append((float(errors @ errors - left @ left), float((sigma**-2.0).sum())))
     return _share(found, limits, 0.0) >= limits.field_views
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.stats import blocks, hats
+from tof_core.stats import beside, blocks, hats
 from tof_gap.seen.lamp_light import RIDGE, STRONGEST
 
 if TYPE_CHECKING:
@@ -81,8 +81,7 @@ def cells_of(view: ViewEvidence, limits: ForeignLampLimits) -> Cells | None:
     sigma = np.hypot(np.sqrt(white / groups.count), limits.rough_mm * 1e-3)
     of_lens = np.stack([np.ones_like(x), x, y, range_m / range_m.mean() - 1, x * y, x * x, y * y], axis=1) / sigma[:, None]
     smooth, _ = np.linalg.qr(of_lens)
-    error = along / sigma
-    error = error - smooth @ (smooth.T @ error)
+    error = beside(smooth, along / sigma)
     facing = np.maximum(cosine, STEEPEST)
     of = view.rendering.part[seen]
     names = np.unique(of)
@@ -100,7 +99,7 @@ def beside_pose(c: Cells) -> Cells:
     along = np.einsum("ni,ni->n", c.normals, way) / np.linalg.norm(way, axis=1)
     slope = c.normals / np.copysign(np.maximum(np.abs(along), STEEPEST), along)[:, None]
     smooth, _ = np.linalg.qr(np.concatenate([c.smooth, np.concatenate([slope, np.cross(way, slope)], axis=1) / c.sigma[:, None]], axis=1))
-    return replace(c, smooth=smooth, error=c.error - smooth @ (smooth.T @ c.error))
+    return replace(c, smooth=smooth, error=beside(smooth, c.error))
 
 
 def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
@@ -122,7 +121,7 @@ def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
         within = usual / np.maximum(c.amplitude, usual / STRONGEST)
         weak = c.range_m**2 / c.cosine, within, *(within * place for place in c.across.T)
         B = np.concatenate([of_range, *(of_range * w[:, None] for w in weak)], axis=1) / c.sigma[:, None]
-        return np.asarray(B - c.smooth @ (c.smooth.T @ B))
+        return beside(c.smooth, B)
 
     all_columns = [columns(c) for c in there]
     normal, right = sum(B.T @ B for B in all_columns), sum(B.T @ c.error for B, c in zip(all_columns, there, strict=True))
@@ -148,9 +147,8 @@ def _only(c: Cells, kept: Mask) -> Cells | None:
     if kept.sum() <= c.smooth.shape[1]:
         return None
     smooth, _ = np.linalg.qr(c.smooth[kept])
-    error = c.error[kept] - smooth @ (smooth.T @ c.error[kept])
     of_cell = {f.name: np.ascontiguousarray(getattr(c, f.name)[kept]) for f in fields(c) if f.name not in ("smooth", "error", "T")}
-    return Cells(**of_cell, smooth=np.ascontiguousarray(smooth), error=error, T=c.T)
+    return Cells(**of_cell, smooth=np.ascontiguousarray(smooth), error=beside(smooth, c.error[kept]), T=c.T)
 
 
 def ridged(normal: Float) -> Float:

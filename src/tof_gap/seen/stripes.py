@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_core.stats import blocks
+from tof_core.stats import beside, blocks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,8 +75,7 @@ def _waves(view: ViewEvidence, limits: BeatLimits) -> NDArray[np.complex128]:
     root = 1.0 / np.sqrt(white)
     smooth = np.stack([y**i * x**j for i in range(4) for j in range(4 - i)], axis=1)
     Q, _ = np.linalg.qr(smooth * root[:, None])
-    e = r * root
-    e -= Q @ (Q.T @ e)
+    e = beside(Q, r * root)
     rows, columns = (np.exp(2j * np.pi * k[:, None] * q) for k, q in ((TURNS, y), (TILTS, x)))
     # Cosine and sine over several periods are orthogonal, each with half of the sum of the weights.
     b = (rows * (root * e)) @ columns.T

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tof_sensor.geometry import pose_columns
+from tof_sensor.geometry import beside_poses, pose_columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,15 +37,10 @@ def shown(errors: Sequence[Float], assumed: Sequence[Sequence[Float]], sigma2: S
         seen = np.isfinite(error) & np.isfinite(sigma2[v]) & (sigma2[v] > 0)
         weight = 1.0 / np.sqrt(sigma2[v][seen])
         D = np.stack([np.nan_to_num(a[v][seen]) for a in assumed], axis=1) * weight[:, None]
-        left = _without_poses(np.column_stack([D, error[seen] * weight]), pose_columns(frame)[seen] * weight[:, None])
+        left = beside_poses(np.column_stack([D, error[seen] * weight]), pose_columns(frame)[seen] * weight[:, None])
         gram, right, before = gram + left[:, :k].T @ left[:, :k], right + left[:, :k].T @ left[:, k], before + (D * D).sum(axis=0)
     known = np.diag(gram) > HIDDEN * before
     out = np.full(k, np.nan)
     if known.any():
         out[known] = np.linalg.lstsq(gram[np.ix_(known, known)], right[known], rcond=1e-6)[0]
     return [float(a) for a in out]
-
-
-def _without_poses(columns: Float, poses: Float) -> Float:
-    """(n, m) columns less what the poses' columns (n, 6) explain."""
-    return np.asarray(columns - poses @ np.linalg.lstsq(poses, columns, rcond=None)[0])
