@@ -18,7 +18,7 @@ from tof_align.linearise import Linearised, linearise
 from tof_align.mixed import Mixed, Normal, estimate, solve
 from tof_align.observability import Observability, most_disputed, observe_block, pinned
 from tof_align.pixels import Pixels, Sample, sample, take_pixels
-from tof_align.robust import first_look, weigh
+from tof_align.robust import first_look, misfit, weigh
 from tof_align.session import SessionSolution, solve_samples
 from tof_align.system import assemble, camera_cov, camera_step, unmodelled
 from tof_align.view_columns import columns_of
@@ -162,7 +162,7 @@ class SessionAligner:
             lin = linearise(live, chain.pose(last), self.caster, self.config.weights)
             columns = columns_of(lin, basis)
             smooth = unmodelled(columns, chain, basis, fit.answer, last)
-            weights = weigh(lin, lin.residual - smooth.sum(axis=1), self.config.weights, smooth)
+            weights = weigh(lin, lin.residual - smooth.sum(axis=1), self.config.weights, misfit(smooth, self.config.weights.shared))
             fit = self._solved(chain, basis, lin, columns, weights)
         return fit
 

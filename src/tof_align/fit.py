@@ -15,7 +15,7 @@ from tof_align.lens import lens_columns
 from tof_align.linearise import linearise
 from tof_align.mixed import estimate
 from tof_align.parts import PART, counts
-from tof_align.robust import first_look, weigh
+from tof_align.robust import first_look, halfway, misfit, weigh
 from tof_align.system import R, SessionSystem, assemble, unmodelled
 from tof_align.view_columns import columns_of
 from tof_core.arrays import Float
@@ -36,13 +36,19 @@ if TYPE_CHECKING:
 
 STILL = 2e-6
 """Step of a camera (metres, radians) below which the iteration ends."""
+NEAR = 0.5
+"""RMS step in standard deviations of the cameras below which the iteration ends. A step is a third of the one before, and the last
+linearisation takes one more: a twentieth of a standard deviation remains."""
 Columns = Callable[[int, "Linearised"], Float]
 """Extra columns (n, k) of view v at its linearisation, metres of z per unit."""
 
 
 @dataclass(slots=True, eq=False)
 class Fitter:
-    """Views to fit, and the discrepancy's basis and sizes, which are kept between linearisations."""
+    """Views to fit, and what is kept between linearisations: the discrepancy's basis, and what the last weights allowed for.
+
+    _misfits: metres per view; _allowed: metres per kind of the discrepancy.
+    """
 
     pixels: Sequence[Pixels]
     caster: Raycaster
@@ -50,12 +56,13 @@ class Fitter:
     columns: Columns | None = None
     theta_std: Float | None = None
     basis: Basis | None = None
-    sizes: dict[str, float] | None = None
     last: Sequence[Pixels] | None = None
     _light: dict[int, Light] = field(default_factory=dict)
+    _misfits: dict[int, float] = field(default_factory=dict)
+    _allowed: dict[str, float] = field(default_factory=dict)
 
     def fit(self, rig: R, iterations: int) -> tuple[SessionSystem[R], Mixed, list[Float] | None]:
-        """Step `iterations` times, then linearise and fit once more.
+        """Step at most `iterations` times, until the cameras are near, then linearise and fit once more.
 
         The last time with the pixels of `last`, if given and if unmodelled errors are below `weights.last_mm`; more pixels would only
         repeat larger ones.
@@ -66,9 +73,9 @@ class Fitter:
         for _ in progress(range(iterations), "poses", iterations + 1):
             system, answer, _ = self.once(rig, answer)
             rig = rig.moved(answer.x, answer.own)
-            if float(np.abs(system.camera_steps(answer)).max()) < STILL:
+            if _near(system, answer):
                 break
-        smooth = [size for kind, size in (self.sizes or {}).items() if kind != "lens" and not kind.startswith(PART)]
+        smooth = [size for kind, size in (answer.sizes if answer else {}).items() if kind != "lens" and not kind.startswith(PART)]
         if self.last and max(smooth, default=0.0) < self.config.weights.last_mm * 1e-3:
             self.pixels = self.last
         self._light.clear()  # Computed at the first and last pose: the steps between change it by less than the error of its rays.
@@ -82,6 +89,7 @@ class Fitter:
         self.basis = self.basis or basis_of(views, self.config.discrepancy)
         columns = None if self.columns is None else [self.columns(v, view) for v, view in enumerate(views)]
         system = SessionSystem(rig, views, tuple(np.zeros(0) for _ in views), self.basis, {}, self.theta_std)
+        self._allowed = {} if before is None else {k: halfway(size, self._allowed.get(k)) for k, size in before.sizes.items()}
         weighed = in_threads(lambda v: self._weighed(system, before, columns, v), range(len(views)))
         theta_info = system.theta_info(0 if columns is None else columns[0].shape[1])
         answer = self._solve(assemble([gram for _, gram in weighed], rig, self.basis, theta_info), self.basis)
@@ -105,15 +113,22 @@ class Fitter:
         else:
             smooth = unmodelled(of, system.rig, system.basis, before, v)
             left = view.residual - smooth.sum(axis=1) - of.of_extra(before.x[system.rig.globals_ + sum(system.basis.shared) :])
-            weight = weigh(view, left, self.config.weights, smooth, of.beyond(before.sizes, limits))
+            self._misfits[v] = halfway(misfit(smooth, limits), self._misfits.get(v))
+            weight = weigh(view, left, self.config.weights, self._misfits[v], of.beyond(self._allowed, limits))
         weight = weight * counts(system.basis.parts, view)
         return weight, of.gram(weight)
 
     def _solve(self, normal: Normal, basis: Basis) -> Mixed:
+        """Solve with the sizes of maximum likelihood, from the same start in every linearisation: a kind once near zero would stay there."""
         d = self.config.discrepancy
-        warm = self.sizes or {}
-        begin = {kind: (d.part_start_mm if kind.startswith(PART) else d.start_mm) * 1e-3 for kind in (*normal.kinds, *normal.own_kinds)}
-        sizes = begin | {kind: size for kind, size in warm.items() if kind in begin}
-        answer = estimate(normal, sizes, rounds=d.rounds, low=least_sizes(begin, basis, d), high=d.ceiling_mm * 1e-3)
-        self.sizes = dict(answer.sizes)
-        return answer
+        start = {kind: (d.part_start_mm if kind.startswith(PART) else d.start_mm) * 1e-3 for kind in (*normal.kinds, *normal.own_kinds)}
+        return estimate(normal, start, rounds=d.rounds, low=least_sizes(start, basis, d), high=d.ceiling_mm * 1e-3)
+
+
+def _near(system: SessionSystem[R], answer: Mixed) -> bool:
+    """Whether the steps of all cameras are below `STILL`, or their RMS, in standard deviations of the cameras, is below `NEAR`."""
+    steps = system.camera_steps(answer)
+    if float(np.abs(steps).max()) < STILL:
+        return True
+    deviations = np.sqrt([np.diag(system.camera_cov(answer, v)) for v in range(len(steps))])
+    return float(np.sqrt(np.mean((steps / deviations) ** 2))) < NEAR

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 LEAST_SPREAD_M = 1e-4
 """Least spread of residuals, so that a division stays finite."""
+LEAST_ALLOWED_M = 1e-7
+"""Metres below which a deviation counts as this much in a geometric mean; its effect on a weight is below a thousandth."""
 RIDGE = 1e-6
 """Ridge as a share of the mean diagonal, so that the step of a view of one plane stays finite."""
 
@@ -44,24 +46,37 @@ def kernel_width(view: Linearised, error: Float, config: WeightConfig) -> Float:
     return np.maximum(config.kernel * scale, config.kernel_floor_mm * 1e-3)
 
 
-def weigh(
-    view: Linearised, error: Float, config: WeightConfig, explained: Float | None = None, beyond_columns: Float | float = 0.0
-) -> Float:
+def misfit(explained: Float, limits: SharedLimits) -> float:
+    """Metres, standard deviation of the errors of a fitted discrepancy, of which a share is assumed wrong (`SharedLimits`).
+
+    explained (n, kinds): metres that the fit attributes to the discrepancy.
+    """
+    return float(np.linalg.norm(explained.std(axis=0) * _wrong_shares(limits))) if len(explained) else 0.0
+
+
+def halfway(value: float, last: float | None) -> float:
+    """Geometric mean of a deviation in metres and of that of the last linearisation (None: the first).
+
+    A larger discrepancy lowers the weights, and lower weights leave less of it. Taken in full, such a step overshoots: without the mean
+    the two alternate from one linearisation to the next, and poses with them.
+    """
+    return value if last is None else float(np.sqrt(max(value, LEAST_ALLOWED_M) * max(last, LEAST_ALLOWED_M)))
+
+
+def weigh(view: Linearised, error: Float, config: WeightConfig, misfit_m: float = 0.0, beyond_columns: Float | float = 0.0) -> Float:
     """(n,) inverse variances, 1/m^2: robust, and reduced where neighbours share errors.
 
-    error (n,): metres after the fit; explained (n, kinds): metres that the fit attributes to the discrepancy; beyond_columns (n,):
-    standard deviation in metres of errors that the discrepancy's columns cannot describe. A share of `explained` is assumed wrong
-    (`SharedLimits`). Both errors are equal within a patch of the image: columns never describe an unmodelled error completely, and
-    thousands of pixels would turn the rest into an error of the pose.
+    error (n,): metres after the fit; misfit_m: standard deviation in metres of errors of the fitted discrepancy (`misfit`);
+    beyond_columns (n,): the same of errors that the discrepancy's columns cannot describe. Both are equal within a patch of the image:
+    columns never describe an unmodelled error completely, and thousands of pixels would turn the rest into an error of the pose.
     """
     if not len(error):
         return np.zeros(0)
     shared = config.shared
     accept = tukey(error, kernel_width(view, error, config))
     weight = accept / view.sigma**2
-    misfit = 0.0 if explained is None else float(np.linalg.norm(explained.std(axis=0) * _wrong_shares(shared)))
     patch = view.raster[0] * view.raster[1] / shared.patches
-    return np.asarray(accept / (inflation(view, error, weight, shared) * view.sigma**2 + patch * (misfit**2 + np.square(beyond_columns))))
+    return np.asarray(accept / (inflation(view, error, weight, shared) * view.sigma**2 + patch * (misfit_m**2 + np.square(beyond_columns))))
 
 
 def first_look(view: Linearised, limits: SharedLimits) -> Float:

@@ -15,7 +15,7 @@ from tof_align.discrepancy import LOCAL
 from tof_align.discrepancy import SHARED as SHARED_KINDS
 from tof_align.linearise import Linearised, linearise
 from tof_align.pixels import take_pixels
-from tof_align.robust import first_look, kernel_width, tukey, weigh
+from tof_align.robust import first_look, halfway, kernel_width, misfit, tukey, weigh
 from tof_core import se3
 from tof_core.stats import robust_std
 
@@ -51,7 +51,7 @@ def test_a_share_of_what_is_unmodelled_limits_what_a_sixteenth_of_the_image_can_
     error = lin.sigma * np.random.default_rng(0).normal(size=len(lin.residual))
     explained = np.zeros((len(error), len(SHARED_KINDS) + len(LOCAL)))
     explained[:, 0] = 4e-3 * np.sign(np.arange(len(error)) % 2 - 0.5)
-    information = weigh(lin, error, CONFIG.weights, explained).sum()
+    information = weigh(lin, error, CONFIG.weights, misfit(explained, SHARED)).sum()
     patches = len(error) / (lin.raster[0] * lin.raster[1] / 16)
     assert information < patches / (0.05 * 4e-3) ** 2
     assert information == pytest.approx(patches / (0.05 * 4e-3) ** 2, rel=0.35)
@@ -92,10 +92,19 @@ def test_a_weight_is_the_inverse_of_noise_and_of_what_neighbours_share(monkeypat
     patch = 20 * 32 / 16
     np.testing.assert_allclose(weigh(view, error, config), 1.0 / (2 * sigma**2), rtol=1e-9)
     np.testing.assert_allclose(
-        weigh(view, error, config, explained, beyond), 1.0 / (2 * sigma**2 + patch * (misfit2 + beyond**2)), rtol=1e-9
+        weigh(view, error, config, misfit(explained, config.shared), beyond),
+        1.0 / (2 * sigma**2 + patch * (misfit2 + beyond**2)),
+        rtol=1e-9,
     )
-    np.testing.assert_allclose(weigh(view, error, config, None, beyond), 1.0 / (2 * sigma**2 + patch * beyond**2), rtol=1e-9)
+    np.testing.assert_allclose(weigh(view, error, config, 0.0, beyond), 1.0 / (2 * sigma**2 + patch * beyond**2), rtol=1e-9)
     assert weigh(view_of([]), np.zeros(0), config).shape == (0,)
+
+
+def test_halfway_lies_between_two_linearisations_and_leaves_zero() -> None:
+    assert halfway(2e-3, None) == 2e-3
+    assert halfway(4e-3, 1e-3) == pytest.approx(2e-3)
+    assert halfway(1e-3, 0.0) == pytest.approx(1e-5)  # the geometric mean with 0.1 um
+    assert halfway(1e-3, halfway(1e-3, halfway(1e-3, 0.0))) > 3e-4
 
 
 def test_the_first_look_is_one_robust_step_of_least_squares() -> None:

@@ -12,6 +12,7 @@ from scipy.stats import chi2
 
 from tests.tof_align.made import (
     CONFIG,
+    Seen,
     Truth,
     amplitude_bias,
     drift,
@@ -30,6 +31,7 @@ from tof_core.errors import RefusedError
 
 if TYPE_CHECKING:
     from tof_align.terms import PosedView
+    from tof_core.arrays import Float
 
 X_SIGMA = CONFIG.priors.hand_eye
 EFFECTS = {"wiggling": wiggling, "amplitude_bias": amplitude_bias, "drift": drift}
@@ -89,6 +91,28 @@ def test_without_the_discrepancy_the_same_effect_is_believed() -> None:
     views, truth = session(section(), views=12, effect=wiggling)
     naive = solve_session(views, section(), replace(CONFIG, discrepancy=replace(CONFIG.discrepancy, enabled=False)))
     assert honest(naive, truth) < 0.6
+
+
+def waves_of_each_view(seen: Seen) -> Float:
+    """3 mm waves of depth, at another phase in each view."""
+    return np.asarray(3e-3 * np.sin(2 * np.pi * seen.depth / 0.2 + 1.9 * seen.view))
+
+
+def test_one_linearisation_more_changes_neither_sizes_nor_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tof_align.fit.NEAR", 0.0)
+    views, _ = session(section(), views=8, effect=waves_of_each_view)
+    even, odd = (solve_session(views, section(), replace(CONFIG, iterations=count)) for count in (6, 7))
+    assert even.sizes["object"] == pytest.approx(odd.sizes["object"], rel=0.1)
+    for a, b in zip(even.posed, odd.posed, strict=True):
+        step = se3.log(se3.inverse(a.T_cell_camera) @ b.T_cell_camera)
+        assert np.abs(step / np.sqrt(np.diag(b.cov_right))).max() < 0.15
+
+
+def test_the_iteration_ends_where_steps_are_small_beside_the_deviations() -> None:
+    views, _ = session(section(), views=8, effect=waves_of_each_view)
+    few, many = (solve_session(views, section(), replace(CONFIG, iterations=count)) for count in (4, 9))
+    for a, b in zip(few.posed, many.posed, strict=True):
+        np.testing.assert_array_equal(a.T_cell_camera, b.T_cell_camera)
 
 
 def test_extra_columns_are_fitted_beside_the_poses() -> None:
