@@ -192,7 +192,9 @@ class AlignConfig:
         "session: one solution along the chain; per_view: a free pose per view (the paper's); robot: keep the robot's pose",
         choices=("session", "per_view", "robot"),
     )
-    iterations: int = param(4, "linearisations of the fine stage", low=1, why="steps shrink fast")
+    iterations: int = param(
+        4, "most steps of the fine stage", low=1, why="a step is a third of the one before; it ends at half a standard deviation"
+    )
     approach: ApproachLimits = section(ApproachLimits, "the search from afar")
     priors: Priors = section(Priors, "errors of the robot's pose")
     weights: WeightConfig = section(WeightConfig, "weights of pixels")
