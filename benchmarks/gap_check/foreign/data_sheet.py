@@ -15,11 +15,15 @@ from tof_sensor.model import SensorModel, save_model
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from benchmarks.emerging.data_sheet import NoiseTable
     from benchmarks.emerging.device import Device
 
 
-def write_data_sheet(healthy: Device, path: Path) -> None:
-    """Fit the law's four terms to the table's variances by non-negative least squares on relative errors, and write them."""
+def write_data_sheet(healthy: Device, path: Path) -> NoiseTable:
+    """Fit the law's four terms to the table's variances by non-negative least squares on relative errors, and write them.
+
+    Returns the table.
+    """
     table = noise_table(healthy)
     reference = float(np.median(table.amplitude))
     ratio = reference / table.amplitude
@@ -28,3 +32,4 @@ def write_data_sheet(healthy: Device, path: Path) -> None:
     floor, shot, far, ambient = (float(np.sqrt(x)) for x in found)
     law = PhotonLaw(floor_m=floor, shot_m=shot, far_m=far, ambient_m=ambient, reference=reference)
     save_model(SensorModel((law,)), path)
+    return table

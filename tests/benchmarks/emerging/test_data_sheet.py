@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from benchmarks.emerging.data_sheet import ALBEDOS, DISTANCES_M, noise_table
+from benchmarks.emerging.data_sheet import ALBEDOS, DISTANCES_M
 from benchmarks.emerging.healthy import draw
 from benchmarks.gap_check.foreign.data_sheet import write_data_sheet
 from tof_sensor.model import load_model
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
 def test_a_data_sheet_s_law_is_the_noise_that_targets_show(tmp_path: Path) -> None:
     healthy = draw(np.random.default_rng(4), 4)
-    table = noise_table(healthy)
-    write_data_sheet(healthy, tmp_path / "sensor.yaml")
+    table = write_data_sheet(healthy, tmp_path / "sensor.yaml")
     law = load_model(tmp_path / "sensor.yaml").law
     assert law is not None
     assert len(table.variance) > 0.5 * len(ALBEDOS) * len(DISTANCES_M)
@@ -36,8 +35,7 @@ def test_coarse_depth_codes_are_no_camera_without_noise(tmp_path: Path) -> None:
     """Near and bright targets have one code of 4 mm in all captures; the law states the variance of the step there, not zero."""
     healthy = draw(np.random.default_rng(4), 4)
     coarse = replace(healthy, firmware=replace(healthy.firmware, step_mm=4.0, denoise_px=5))
-    table = noise_table(coarse)
-    write_data_sheet(coarse, tmp_path / "sensor.yaml")
+    table = write_data_sheet(coarse, tmp_path / "sensor.yaml")
     law = load_model(tmp_path / "sensor.yaml").law
     assert law is not None
     assert table.variance.min() == pytest.approx(0.004**2 / 12)
