@@ -13,7 +13,7 @@ from pathlib import Path
 from tof_core.cores import one_thread
 
 FORMS = {"short": (40, "160x122"), "long": (500, "224x171"), "wide": (72, ""), "foreign": (500, "224x171")}
-"""Cases and pixels of the camera: the short form is the tests', the wide one has other cameras and parts in each, the foreign one
+"""Cases and pixels of the camera: the short form is the tests', its nulls are smaller; the wide one has other cameras and parts in each, the foreign one
 records a camera that shares no formula with the diagnosis."""
 
 
@@ -47,7 +47,7 @@ def main() -> int:
 
 
 def _record(args: argparse.Namespace) -> int:
-    from benchmarks.gap_check.cases import draw
+    from benchmarks.gap_check.cases import draw, with_small_nulls
     from benchmarks.gap_check.record import record_all
     from benchmarks.gap_check.wide import draw_wide
     from tof_scene.builtin import builtin_names
@@ -66,7 +66,7 @@ def _record(args: argparse.Namespace) -> int:
     scenes = tuple(args.scenes.split(",")) if args.scenes else tuple(builtin_names())
     cases = draw(args.count or FORMS[args.form][0], scenes, args.seed)
     width, height = (int(x) for x in (args.size or FORMS[args.form][1]).split("x"))
-    record_all(cases, args.out, (width, height))
+    record_all(with_small_nulls(cases) if args.form == "short" else cases, args.out, (width, height))
     return 0
 
 

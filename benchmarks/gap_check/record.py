@@ -64,7 +64,7 @@ def record_all(cases: Sequence[Case], folder: Path, size: tuple[int, int]) -> No
 
 
 def config_of(case: Case, size: tuple[int, int]) -> VirtualConfig:
-    """12 views from 2 stations over six minutes, so that a camera can warm up."""
+    """12 views (fewer if the case says so) from 2 stations over six minutes, so that a camera can warm up."""
     from tof_virtual.config import VirtualConfig
 
     moving = bool(MOVING & set(case.effects))

@@ -8,7 +8,7 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from benchmarks.gap_check import __main__ as gap_check
-from benchmarks.gap_check.cases import draw
+from benchmarks.gap_check.cases import draw, with_small_nulls
 from benchmarks.gap_check.examine import examine_all
 from benchmarks.gap_check.record import record_all
 from benchmarks.gap_check.score import score_all
@@ -42,7 +42,7 @@ def digest(folders: list[Path]) -> str:
 
 def scored(folder: Path, number: int) -> Row:
     """One case, recorded, diagnosed and scored; what is done is kept, and what another process has begun is waited for."""
-    case = draw(COUNT, tuple(builtin_names()), SEED)[number]
+    case = with_small_nulls(draw(COUNT, tuple(builtin_names()), SEED))[number]
     out = folder / case.name
     out.mkdir(parents=True, exist_ok=True)
     width, height = (int(x) for x in SIZE.split("x"))
