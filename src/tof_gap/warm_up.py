@@ -24,7 +24,7 @@ from tof_scene.scene import Part, Scene
 from tof_sensor.effects.flying_pixels import neighbour_amplitude
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
-STILL, MOVING = 8, 2
+STILL, MOVING = 5, 1
 """Views at rest, and some of a hand that moves."""
 NOISE_M = 0.002
 AMPLITUDE = 500.0
