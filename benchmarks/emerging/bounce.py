@@ -177,7 +177,7 @@ def _irradiance(
     K = k.size
     out = np.zeros((points.shape[0], K), np.complex128)
     stack = np.empty(96, np.int32)
-    hint = -1
+    hint = np.int64(-1)
     for p in range(points.shape[0]):
         px, py, pz = points[p, 0], points[p, 1], points[p, 2]
         nx, ny, nz = normals[p, 0], normals[p, 1], normals[p, 2]
@@ -213,7 +213,7 @@ def _exchange(boxes: Float, links: NDArray[np.int32], tri: Float, points: Float,
     n = points.shape[0]
     factor, length = np.zeros((n, n)), np.zeros((n, n))
     stack = np.empty(96, np.int32)
-    hint = -1
+    hint = np.int64(-1)
     for i in range(n):
         for j in range(i):
             d = points[j] - points[i]

@@ -123,12 +123,15 @@ def _accumulate(
         start = b * LANES
         width = min(LANES, pixels - start)
         s, m, own = ordered[b], counts[b], slice(start, start + LANES)
-        expected[:width] = law[start : start + width]
-        lo[:], hi[:] = 0.0, m
+        for c in range(width):
+            expected[c] = law[start + c]
+        for c in range(LANES):
+            lo[c], hi[c] = np.float32(0.0), m[c]
         for i in range(codes.size):
             bounds(codes[i], s, n, lo, hi, numbers, expected, quantum, fewest[i], low, high)
             trim(s, n, lo, hi, fewest[i], low, high, dropped[i])
-            rejected[i] += dropped[i]
+            for c in range(LANES):
+                rejected[i, c] += dropped[i, c]
         for c in range(width):
             k = hi[c] - lo[c]
             if k == 0 or k < numbers[4] * n:
@@ -137,7 +140,8 @@ def _accumulate(
         _values(method, s, n, lo, hi, times[b], value, weight2)
         moments(s, n, lo, hi, low, high)
         if method == MEAN:
-            value[:] = low
+            for c in range(LANES):
+                value[c] = low[c]
         _variances(high, weight2, lo, hi, m, expected, quantum, codes, method == MEDIAN, low)
         _write(value, high, low, lo, hi, depth[own], noise[own], sigma[own], count[own])
     return depth, sigma, noise, count, reason, rejected.sum(axis=1).astype(np.int64)

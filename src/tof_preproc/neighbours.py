@@ -178,7 +178,8 @@ def _dense_there(cloud: Image, within: Image, k: int, radius: int, pad: int) -> 
     for v in range(height):
         x, y, z = cloud[0, v + pad, pad : pad + width], cloud[1, v + pad, pad : pad + width], cloud[2, v + pad, pad : pad + width]
         n[:] = np.float32(0.0)
-        limit2[:] = within[v] * within[v]
+        for c in range(width):
+            limit2[c] = within[v, c] * within[v, c]
         for dv in range(v + pad - radius, v + pad + radius + 1):
             reach = int(np.sqrt(radius * (radius + 0.4) - (dv - v - pad) ** 2))
             for du in range(pad - reach, pad + reach + 1):

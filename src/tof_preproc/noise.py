@@ -138,14 +138,19 @@ def _sum(values: Float, total: Float) -> None:
     """Sum over n in eight strands, as NumPy adds up to 128 values: less rounding than one strand, and the same bits as NumPy."""
     n = values.shape[0]
     whole = n - n % 8
-    total[:] = 0.0
+    for k in range(total.size):
+        total[k] = 0.0
     if whole:
         strands = values[:8].copy()
         for i in range(8, whole):
-            strands[i % 8] += values[i]
-        total[:] = ((strands[0] + strands[1]) + (strands[2] + strands[3])) + ((strands[4] + strands[5]) + (strands[6] + strands[7]))
+            for k in range(total.size):
+                strands[i % 8, k] += values[i, k]
+        for k in range(total.size):
+            near = (strands[0, k] + strands[1, k]) + (strands[2, k] + strands[3, k])
+            total[k] = near + ((strands[4, k] + strands[5, k]) + (strands[6, k] + strands[7, k]))
     for i in range(whole, n):
-        total += values[i]
+        for k in range(total.size):
+            total[k] += values[i, k]
 
 
 def _fit(noise2: Float, brightness: Float, dof: int, quantum: float, *, by_range: bool) -> NoiseLaw:
@@ -211,9 +216,11 @@ def _solved(A: Float, b: Float, chosen: Ints) -> tuple[Float, float]:
         left = np.sum(q * q)
         if left > EQUAL * size:
             R[j, j] = np.sqrt(left)
-            Q[j] = q / R[j, j]
-            x[j] = np.sum(Q[j] * rest)
-            rest -= x[j] * Q[j]
+            q /= R[j, j]
+            x[j] = np.sum(q * rest)
+            rest -= x[j] * q
+            for i in range(q.size):
+                Q[j, i] = q[i]
     for j in range(2, -1, -1):
         for i in range(j + 1, 3):
             x[j] -= R[j, i] * x[i]

@@ -62,10 +62,12 @@ def _insert(ordered: Image, count: Image, times: Image, depth: Image, captures: 
             carried[c] = z if known else MISSING
             count[b, c] += np.float32(1.0) if known else np.float32(0.0)
         if times.shape[1]:
-            times[b, captures] = carried
+            for c in range(LANES):
+                times[b, captures, c] = carried[c]
         for j in range(captures):
             for c in range(LANES):
                 kept, new = ordered[b, j, c], carried[c]
                 ordered[b, j, c] = min(new, kept)
                 carried[c] = max(kept, new)
-        ordered[b, captures] = carried
+        for c in range(LANES):
+            ordered[b, captures, c] = carried[c]

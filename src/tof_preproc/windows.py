@@ -51,7 +51,8 @@ def inside(cloud: Image, pitch: float, k: int, radius: int, pad: int, pixels: In
             reach2[c] = _window(cloud, p // width + pad, p % width + pad, radius, pitch, c, d2)
         for c in range(lanes, LANES):
             reach2[c] = reach2[0]
-            d2[:, c] = d2[:, 0]
+            for r in range(d2.shape[0]):
+                d2[r, c] = d2[r, 0]
         _select(d2, k, reach2, mean, lo, n_lo, n_hi, guess, n, total)
         for c in range(lanes):
             out[rest[start + c]] = mean[c]
@@ -74,7 +75,8 @@ def judge(cloud: Image, pitch: float, k: int, radius: int, pad: int, pixels: Int
             hi[c] = max(reach[c], far * far)
         for c in range(lanes, LANES):
             reach[c], hi[c] = reach[0], hi[0]
-            d2[:, c] = d2[:, 0]
+            for r in range(d2.shape[0]):
+                d2[r, c] = d2[r, 0]
         _select(d2, k, hi, mean, lo, n_lo, n_hi, guess, n, total)
         _count(d2, reach, n_hi)
         _sums(d2, reach, reach, n, total)

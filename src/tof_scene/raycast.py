@@ -69,7 +69,8 @@ class Raycaster:
     def cast(self, origins: ArrayLike, directions: ArrayLike) -> Hits:
         """First hits of rays from origins (N, 3) or (3,) along directions (N, 3), cell frame, any length."""
         directions = np.ascontiguousarray(directions, np.float64).reshape(-1, 3)
-        origins = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float64), directions.shape))
+        # One point for one ray stays read-only where it is broadcast, and a kernel is compiled again for read-only arrays.
+        origins = np.require(np.broadcast_to(origins, directions.shape), np.float64, ["C", "W"])
         face, near = self.first_faces(origins, directions)
         t, normal = plane_hits(origins, directions, face, near, self.face_point, self.face_normal)
         return Hits(t, np.where(face >= 0, self.face_part[face], np.int16(-1)), face, normal)

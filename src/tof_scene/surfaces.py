@@ -45,7 +45,8 @@ def tally(inverse: Float32, owner: Int32, drawn: Int32, count: Int32, sums: Floa
     found = 0
     for c in drawn:
         if count[c]:
-            depths[c] = sums[c]
+            for k in range(3):
+                depths[c, k] = sums[c, k]
             at = found
             while at > 0 and depths[seen[at - 1], 1] > depths[c, 1]:
                 seen[at] = seen[at - 1]

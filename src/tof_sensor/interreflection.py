@@ -155,7 +155,8 @@ def _gather(
         if receiver[i] != of:
             of, count = receiver[i], 0
             for patch in np.flatnonzero(seen[of]):
-                lit[:, count] = patches[:, patch]
+                for k in range(lit.shape[0]):
+                    lit[k, count] = patches[k, patch]
                 count += 1
         real, imag = 0.0, 0.0
         for p in range(count):

@@ -40,7 +40,8 @@ class Bvh:
         `origins` may be one point (3,) for all rays.
         """
         directions = np.ascontiguousarray(directions, float)
-        origins = np.ascontiguousarray(np.broadcast_to(origins, directions.shape), float)
+        # One point for one ray stays read-only where it is broadcast, and a kernel is compiled again for read-only arrays.
+        origins = np.require(np.broadcast_to(origins, directions.shape), float, ["C", "W"])
         t, face = _cast(self.boxes, self.links, self.triangles, origins, directions)
         face = np.where(face >= 0, self.order[face], -1).astype(np.int32)
         return t, face
@@ -118,7 +119,7 @@ def _build(lo: Float, hi: Float) -> tuple[Float, NDArray[np.int32], NDArray[np.i
     boxes = np.empty((2 * m + 1, 6))
     links = np.empty((2 * m + 1, 2), np.int32)
     todo = np.empty((2 * m + 1, 3), np.int64)
-    todo[0] = 0, 0, m
+    todo[0, 0], todo[0, 1], todo[0, 2] = 0, 0, m
     waiting, nodes = 1, 1
     while waiting > 0:
         waiting -= 1
@@ -133,8 +134,8 @@ def _build(lo: Float, hi: Float) -> tuple[Float, NDArray[np.int32], NDArray[np.i
             links[node, 0], links[node, 1] = first, count
             continue
         links[node, 0], links[node, 1] = nodes, 0
-        todo[waiting] = nodes, first, left
-        todo[waiting + 1] = nodes + 1, first + left, count - left
+        todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = nodes, first, left
+        todo[waiting + 1, 0], todo[waiting + 1, 1], todo[waiting + 1, 2] = nodes + 1, first + left, count - left
         waiting += 2
         nodes += 2
     return boxes[:nodes].copy(), links[:nodes].copy(), order
@@ -277,7 +278,7 @@ def shadow(
 def _blocked(boxes: Float, links: NDArray[np.int32], tri: Float, start: Float, end: Float) -> Mask:
     out = np.zeros(start.shape[0], np.bool_)
     stack = np.empty(96, np.int32)
-    hint = -1
+    hint = np.int64(-1)
     for r in range(start.shape[0]):
         d = end[r] - start[r]
         found = shadow(boxes, links, tri, stack, hint, start[r, 0], start[r, 1], start[r, 2], d[0], d[1], d[2])

@@ -36,7 +36,7 @@ def irradiance_of_patches(
     """Irradiance of points by patches, with the phase of the points' direct path subtracted."""
     out = np.zeros(points.shape[0], np.complex128)
     stack = np.empty(96, np.int32)
-    hint = -1
+    hint = np.int64(-1)
     for p in range(points.shape[0]):
         px, py, pz = points[p, 0], points[p, 1], points[p, 2]
         nx, ny, nz = normals[p, 0], normals[p, 1], normals[p, 2]
@@ -111,7 +111,7 @@ def transfer(
     n = points.shape[0]
     out = np.zeros((n, n), np.complex128)
     stack = np.empty(96, np.int32)
-    hint = -1
+    hint = np.int64(-1)
     for i in range(n):
         for j in range(i):
             d = points[j] - points[i]
