@@ -38,7 +38,7 @@ class Body:
 class Soup:
     """All bodies as triangles: corners (m, 3, 3), unit normals (m, 3), and per face its body, albedo and roughness.
 
-    `subject` (bodies,) marks those that the views aim at, `names` (bodies,) names all.
+    `subject` (bodies,) marks those that the views aim at, `names` (bodies,) names all; `extent` is the diagonal of everything in metres.
     """
 
     corners: Float
@@ -48,6 +48,7 @@ class Soup:
     roughness: Float
     subject: Mask
     names: tuple[str, ...]
+    extent: float
 
     @property
     def box(self) -> tuple[Float, Float]:
@@ -60,11 +61,6 @@ class Soup:
         """Centre (3,) of the subjects."""
         low, high = self.box
         return np.asarray(0.5 * (low + high))
-
-    @property
-    def extent(self) -> float:
-        """Diagonal of everything in metres."""
-        return float(np.linalg.norm(np.ptp(self.corners.reshape(-1, 3), axis=0)))
 
 
 def soup(bodies: Sequence[Body]) -> Soup:
@@ -92,4 +88,5 @@ def soup(bodies: Sequence[Body]) -> Soup:
         roughness=per_face([b.roughness for b in bodies]),
         subject=np.array([b.subject for b in bodies]) | (not any(b.subject for b in bodies)),
         names=tuple(b.name for b in bodies),
+        extent=float(np.linalg.norm(np.ptp(corners[keep].reshape(-1, 3), axis=0))),
     )
