@@ -59,6 +59,12 @@ def shared_data() -> Path:
     return SHARED_DATA
 
 
+@pytest.fixture
+def no_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`toftwin gap` writes no report.html: drawing its pictures takes as long as two thirds of a small session's diagnosis."""
+    monkeypatch.setattr("tof_gap.tell.page.write_page", lambda _d, _content, folder, *_: folder / "report.html")
+
+
 @pytest.fixture(scope="module")
 def ros_domain() -> Iterator[int]:
     """A ROS domain that no other test process on this host uses, set in the environment for the whole module."""

@@ -88,6 +88,7 @@ def test_the_files_hold_what_the_design_says(session: tuple[str, Path, dict[str,
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_page")
 def test_with_the_fitted_sensor_as_known_no_effect_is_left(
     sessions: Callable[[str], Path], scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

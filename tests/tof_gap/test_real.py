@@ -119,6 +119,7 @@ def test_a_single_real_frame_of_distances_yields_radial_depth(shared_data: Path,
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_page")
 @pytest.mark.parametrize(("case", "expected"), [("example_null", ["none"]), ("example_wiggling", ["wiggling"])])
 def test_sessions_of_a_foreign_renderer(shared_data: Path, tmp_path: Path, case: str, expected: list[str]) -> None:
     folder = shared_data / "cases" / case

@@ -127,6 +127,7 @@ def test_without_a_law_or_an_amplitude_image_the_reason_is_given() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_page")
 def test_a_session_under_foreign_light_is_named_by_the_law_of_one_without_it(tmp_path: Path) -> None:
     """Three times the noise; and a second session without that light has none."""
     scene = write_builtin("body_section", tmp_path / "scene")

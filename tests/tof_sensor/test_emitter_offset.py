@@ -62,6 +62,7 @@ def test_second_order_is_this_share_of_the_bias(offset_m: float, range_m: float,
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_page")
 def test_a_lamp_of_3_cm_is_named_and_placed(tmp_path: Path) -> None:
     scene = write_builtin("body_section", tmp_path / "scene")
     settings = {"seed": 7, "camera.width": 112, "camera.height": 86, "plan.views": 12}

@@ -51,6 +51,7 @@ def once(work: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_page")
 def test_learning_from_the_fitted_sensor_lowers_the_real_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("torch", reason="training needs the extra `train`")
     monkeypatch.setattr(diagnosis, "diagnose_bag", once(diagnosis.diagnose_bag))
