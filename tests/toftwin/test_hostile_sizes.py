@@ -287,10 +287,10 @@ def said(child, i):
 """
 
 
-def test_a_million_frames_live_are_forgotten_and_the_camera_is_kept() -> None:
+def test_three_hundred_thousand_frames_live_are_forgotten_and_the_camera_is_kept() -> None:
     code = """
 buffer = TransformBuffer(keep_s=10.0)
-for i in range(1_000_000):
+for i in range(300_000):
     buffer.add_message(said(f"frame{i}", i))
     if i % 1000 == 0:
         buffer.add_message(said("camera", i))
@@ -299,7 +299,7 @@ print(len(buffer.frames()) <= MOST_FRAMES + 1, buffer.connected("cell", "camera"
     assert spent(TRANSFORMS + code) == "True True False\n"
 
 
-def test_a_million_frames_of_a_bag_are_refused_beyond_the_limit() -> None:
+def test_three_hundred_thousand_frames_of_a_bag_are_refused_beyond_the_limit() -> None:
     code = """
 buffer, refused = TransformBuffer(), 0
 for i in range(300_000):

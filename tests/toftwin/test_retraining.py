@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-SMALL = ["retrain.views=18", "retrain.train.net.base=8", "retrain.train.net.levels=3", "retrain.train.epochs=12", "retrain.train.threads=1"]
+SMALL = ["retrain.views=18", "retrain.train.net.base=8", "retrain.train.net.levels=3", "retrain.train.epochs=8", "retrain.train.threads=1"]
 
 
 def session(folder: Path, effects: dict[str, float]) -> list[str]:
