@@ -54,6 +54,8 @@ def run() -> list[Figure]:
         rows.append(Figure(f"inputs: {name}, {most} views, {STEPS} steps: MAE", f.trusted, "mm", remark=remark_of(f)))
     f = trained("base_8", TrainConfig(limit=most, net=NetConfig(base=8)), datasets, held, most)
     rows.append(Figure(f"width: 8 channels for {NetConfig().base}, {most} views, {STEPS} steps: MAE", f.trusted, "mm", remark=remark_of(f)))
+    f = trained("fast", TrainConfig(limit=most, recipe="fast"), datasets, held, most)
+    rows.append(Figure(f"--recipe fast, {most} views, {STEPS} steps: MAE", f.trusted, "mm", remark=remark_of(f)))
     paper = trained("paper", TrainConfig(limit=40, recipe="paper", net=NetConfig(base=8)), datasets, held, 40, epochs=100)
     return [
         *rows,

@@ -33,7 +33,8 @@ FINE, COARSE = 9, 20
 class Features(nn.Module):
     """Images of a frame to (fine, smooth) channels of blocks of pixels.
 
-    *fine* ones keep every pixel of a block as a channel; *smooth* ones are means over the block.
+    *fine* ones keep every pixel of a block as a channel; *smooth* ones are means over a block, which is twice as wide where the
+    convolutions are separable.
     """
 
     log_amplitude: Tensor
@@ -42,7 +43,7 @@ class Features(nn.Module):
     def __init__(self, config: NetConfig) -> None:
         """Statistics of the inputs are set by `measure` before training."""
         super().__init__()
-        self.names, self.block = config.names, config.unshuffle
+        self.names, self.block, self.smooth_block = config.names, config.unshuffle, config.smooth_block
         self.wave = nn.Parameter(2 * torch.pi / torch.tensor(config.periods)) if config.periods else None
         self.register_buffer("log_amplitude", torch.tensor([0.0, 1.0]))
         self.register_buffer("temperature", torch.tensor([35.0, 10.0]))
@@ -60,7 +61,7 @@ class Features(nn.Module):
         return sum(each[n] for n in self.names)
 
     def forward(self, images: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
-        """Channels (N, fine, H / block, W / block) and (N, smooth, ...), and the mask (N, 1, H, W) of pixels with a depth."""
+        """Channels (N, fine, H / block, W / block) and (N, smooth, H / smooth_block, ...), and the mask (N, 1, H, W) of pixels with a depth."""
         z = images["depth"]
         valid = ((z > NEAR) & (z < FAR)).to(torch.float32)
         z = torch.where(valid > 0, z, torch.zeros_like(z))
@@ -87,7 +88,7 @@ class Features(nn.Module):
         return torch.cat(pixels, 1), torch.cat(smooth, 1), valid
 
     def _block(self, x: Tensor) -> Tensor:
-        return F.avg_pool2d(x, self.block) if self.block > 1 else x
+        return F.avg_pool2d(x, self.smooth_block) if self.smooth_block > 1 else x
 
     def _blocks(self, x: Tensor, there: Tensor) -> Tensor:
         """Mean of the valid pixels of each block; 0 where none is valid."""

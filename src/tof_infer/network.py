@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812 (as PyTorch calls it)
 
 from tof_infer.features import Features
+from tof_infer.separable import SeparableUNet
 from tof_infer.sigma_correction import CELL, SigmaCorrection, cells_of
 
 if TYPE_CHECKING:
@@ -60,8 +61,9 @@ class UNet(nn.Module):
         self.down = nn.ModuleList(Block(a, b) for a, b in zip([inside, *widths], widths, strict=False))
         self.up = nn.ModuleList(Block(a + b, b) for a, b in zip(widths[:0:-1], widths[-2::-1], strict=True))
 
-    def forward(self, x: Tensor) -> Tensor:
-        """(N, inside, H, W) to (N, base, H, W); H and W multiples of 2^(levels - 1)."""
+    def forward(self, fine: Tensor, smooth: Tensor) -> Tensor:
+        """(N, fine and smooth, H, W) to (N, base, H, W); H and W multiples of 2^(levels - 1)."""
+        x = torch.cat([fine, smooth], 1)
         passed: list[Tensor] = []
         for k, block in enumerate(self.down):
             x = block(F.max_pool2d(x, 2)) if k else block(*torch.split(x, CHUNK, 1))
@@ -82,7 +84,10 @@ class RepairNet(nn.Module):
         self.features = Features(config)
         s = config.unshuffle
         fine = self.features.fine_channels
-        self.unet = UNet(fine + self.features.smooth_channels, config.base, config.levels)
+        smooth = self.features.smooth_channels
+        self.unet: nn.Module = (
+            SeparableUNet(fine, smooth, config.base, config.levels) if config.separable else UNet(fine + smooth, config.base, config.levels)
+        )
         self.head = nn.Conv2d(config.base + fine, 2 * s * s, 3, padding=1)
         nn.init.normal_(self.head.weight, std=1e-3)
         nn.init.zeros_(self.head.bias)
@@ -103,7 +108,7 @@ class RepairNet(nn.Module):
         """Depth, the log of its scale, and the features that they are computed from."""
         s = self.config.unshuffle
         fine, smooth, valid = self.features(images)
-        out = convolved(self.head, self.unet(torch.cat([fine, smooth], 1)), fine)
+        out = convolved(self.head, self.unet(fine, smooth), fine)
         out = F.pixel_shuffle(out, s) if s > 1 else out
         change, log = out[:, :1] * UNIT_M, out[:, 1:]
         z = torch.where(valid > 0, images["depth"], torch.zeros_like(valid))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tof_infer.network import RepairNet
 
 CELL = 4
-"""Blocks along each side of a cell."""
+"""Blocks of the finest level along each side of a cell."""
 LOWEST = -8.0
 """Log of the smallest scale in metres; smaller ones are set to it."""
 STEPS, BATCH, RATE = 1200, 8, 3e-3
@@ -62,11 +62,11 @@ class SigmaCorrection(nn.Module):
 
 def cells_of(fine: Tensor, smooth: Tensor, valid: Tensor, log: Tensor) -> tuple[Tensor, Tensor]:
     """Features and scale of a frame averaged over cells, and each cell's share of valid pixels."""
-    size = CELL * log.shape[-1] // smooth.shape[-1]
+    size = CELL * log.shape[-1] // fine.shape[-1]
     share = F.avg_pool2d(valid, size)
     mean = F.avg_pool2d((log - LOWEST) * valid, size) / (share + 1e-3)
     most = F.max_pool2d((log - LOWEST) * valid, size)
-    return torch.cat([F.avg_pool2d(smooth, CELL), F.avg_pool2d(fine.abs(), CELL), mean, most], 1), share
+    return torch.cat([F.avg_pool2d(smooth, size * smooth.shape[-1] // log.shape[-1]), F.avg_pool2d(fine.abs(), CELL), mean, most], 1), share
 
 
 @dataclass(frozen=True, slots=True, eq=False)

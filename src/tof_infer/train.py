@@ -65,7 +65,7 @@ def train(
     torch.manual_seed(config.seed)
     device = device_of(config)
     state = _new_state(config, training, device)
-    digest = digest_config({"config": to_mapping(config), "data": pool.facts(), "redraw": repr(redraw)})
+    digest = digest_config({"config": _of_weights(config), "data": pool.facts(), "redraw": repr(redraw)})
     checkpoint = out.with_name(out.name + ".ckpt")
     if not fresh and checkpoint.exists():
         _resume(checkpoint, state, digest)
@@ -82,6 +82,11 @@ def train(
     export(state.average.cpu(), Calibration(**card.figures["calibration"]), card, out)
     checkpoint.unlink(missing_ok=True)
     return card
+
+
+def _of_weights(config: TrainConfig) -> dict[str, Any]:
+    """The settings that decide what is learnt. A checkpoint may be continued on another device, or with other threads."""
+    return {name: value for name, value in to_mapping(config).items() if name not in {"device", "threads"}}
 
 
 def _one_epoch(state: State, batcher: Batcher, checker: Batcher, device: torch.device) -> str:

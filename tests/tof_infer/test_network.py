@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.train
 CONFIG = NetConfig(base=4, levels=3)
+SEPARABLE = NetConfig(base=4, levels=3, separable=True)
+BOTH = pytest.mark.parametrize("config", [CONFIG, SEPARABLE], ids=["full", "separable"])
 
 
 def net(config: NetConfig = CONFIG) -> RepairNet:
@@ -66,10 +68,11 @@ def images(number: int, size: tuple[int, int]) -> dict[str, Tensor]:
     }
 
 
+@BOTH
 @torch.no_grad()
-def test_invalid_values_do_not_matter() -> None:
+def test_invalid_values_do_not_matter(config: NetConfig) -> None:
     """NaN, inf, 0 and negative values all count as missing."""
-    run, given = net(), images(1, (32, 48))
+    run, given = net(config), images(1, (32, 48))
     depth, log = run(given)
     for nothing in (0.0, float("inf"), -1.0, 1e9):
         other = {**given, "depth": torch.nan_to_num(given["depth"], nan=nothing, posinf=nothing)}
@@ -79,9 +82,10 @@ def test_invalid_values_do_not_matter() -> None:
         torch.testing.assert_close(changed_log[there], log[there])
 
 
+@BOTH
 @torch.no_grad()
-def test_the_output_is_finite_everywhere() -> None:
-    depth, log = net()(images(2, (32, 48)))
+def test_the_output_is_finite_everywhere(config: NetConfig) -> None:
+    depth, log = net(config)(images(2, (32, 48)))
     assert torch.isfinite(depth).all()
     assert torch.isfinite(log).all()
 
@@ -93,18 +97,19 @@ def test_more_padding_changes_only_the_rim() -> None:
     np.testing.assert_allclose(small[0, 0, :8, :8], large[0, 0, :8, :8], atol=2e-3)
 
 
+@BOTH
 @torch.no_grad()
 @pytest.mark.parametrize(("size", "kind"), [((32, 48), "plain"), ((64, 64), "with correction"), ((176, 224), "with correction")])
-def test_onnx_and_pytorch_agree_at_any_size(tmp_path: Path, size: tuple[int, int], kind: str) -> None:
+def test_onnx_and_pytorch_agree_at_any_size(tmp_path: Path, config: NetConfig, size: tuple[int, int], kind: str) -> None:
     import onnxruntime as ort
 
-    run = net()
+    run = net(config)
     run.doubt = random_correction(run) if kind == "with correction" else None
-    card = Card(CONFIG.names, CONFIG.multiple, CAMERA, (0.3, 2.0), 0.01, {"net": to_mapping(CONFIG)})
+    card = Card(config.names, config.multiple, CAMERA, (0.3, 2.0), 0.01, {"net": to_mapping(config)})
     export(run, Calibration(0.3, 1.1), card, tmp_path / "m.onnx")
     session = ort.InferenceSession(tmp_path / "m.onnx", providers=["CPUExecutionProvider"])
     given = images(4, size)
-    depth, sigma, *own = session.run(None, {n: given[n].numpy() for n in CONFIG.names})
+    depth, sigma, *own = session.run(None, {n: given[n].numpy() for n in config.names})
     want, log, alone = run.with_correction(given)
     there = torch.isfinite(given["depth"]).numpy()
     np.testing.assert_allclose(depth[there], want.numpy()[there], atol=1e-5)
@@ -118,9 +123,10 @@ def test_onnx_and_pytorch_agree_at_any_size(tmp_path: Path, size: tuple[int, int
     assert read == card
 
 
+@BOTH
 @torch.no_grad()
-def test_the_frame_level_correction_changes_sigma_alone_and_ignores_invalid_pixels() -> None:
-    run, given = net(), images(1, (32, 48))
+def test_the_frame_level_correction_changes_sigma_alone_and_ignores_invalid_pixels(config: NetConfig) -> None:
+    run, given = net(config), images(1, (32, 48))
     depth, log = run(given)
     run.doubt = random_correction(run)
     same, with_correction, own = run.with_correction(given)
@@ -153,6 +159,33 @@ def test_the_multiple_is_what_blocks_and_levels_need() -> None:
     assert NetConfig(levels=4, unshuffle=2).multiple == 16
     assert NetConfig(levels=5, unshuffle=1).multiple == 16
     assert NetConfig(levels=2, unshuffle=2).multiple == 8
+    assert NetConfig(levels=2, unshuffle=2, separable=True).multiple == 16
+    assert NetConfig(levels=4, unshuffle=2, separable=True).multiple == 16
+
+
+@torch.no_grad()
+def test_a_cell_of_the_correction_has_as_many_pixels_in_either_network() -> None:
+    given = images(1, (32, 48))
+    for config in (CONFIG, SEPARABLE):
+        run = net(config)
+        _, log, features = run.look(given)
+        cells, share = cells_of(*features, log)
+        assert cells.shape[2:] == share.shape[2:] == (4, 6)
+        torch.testing.assert_close(share[0, 0], torch.isfinite(given["depth"])[0, 0].float().reshape(4, 8, 6, 8).mean((1, 3)))
+
+
+@torch.no_grad()
+def test_pixels_reach_the_separable_network_once() -> None:
+    """Moving a frame by a block of the coarsest level moves the output by as much: no level is shifted against another."""
+    run, size = net(SEPARABLE), (96, 96)
+    given = images(3, size)
+    given["ray"] = torch.zeros(1, 3, *size) + torch.tensor([0.0, 0.0, 1.0]).view(1, 3, 1, 1)
+    moved = {n: x if n == "temperature" else torch.roll(x, (16, 16), (2, 3)) for n, x in given.items()}
+    depth, there = run(given)[0], torch.isfinite(given["depth"])
+    again = torch.roll(run(moved)[0], (-16, -16), (2, 3))
+    middle = there.clone()
+    middle[..., :20, :] = middle[..., :, :20] = False
+    torch.testing.assert_close(again[middle], depth[middle], atol=2e-3, rtol=0)
 
 
 @pytest.mark.parametrize(("kind", "value"), [("mse", 4e-4), ("laplace", 2 + np.log(0.01)), ("normal", 2 + np.log(0.01))])

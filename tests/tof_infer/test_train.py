@@ -69,6 +69,40 @@ def test_the_same_seed_gives_the_same_weights_also_after_a_kill(dataset: Path, t
         np.testing.assert_array_equal(a, b)
 
 
+class Stopped(Exception):  # noqa: N818 (not an error)
+    """Training is interrupted."""
+
+
+def continued(dataset: Path, out: Path, first: TrainConfig, then: TrainConfig) -> list[str]:
+    """Lines of a training that was interrupted after epoch 2 and goes on with other settings."""
+
+    def say(line: str) -> None:
+        if line.startswith("epoch 2/"):
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        train([dataset], out, first, say=say)
+    lines: list[str] = []
+    train([dataset], out, then, say=lines.append)
+    return lines
+
+
+def test_a_checkpoint_is_continued_on_another_device_and_with_other_threads(dataset: Path, tmp_path: Path) -> None:
+    config = replace(TINY, epochs=3, threads=1)
+    lines = continued(dataset, tmp_path / "m.onnx", replace(config, device="auto"), replace(config, device="cpu", threads=2))
+    assert "resuming after epoch 2" in lines
+    assert not (tmp_path / "m.onnx.ckpt").exists()
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
+def test_a_checkpoint_of_the_gpu_is_continued_on_the_cpu(dataset: Path, tmp_path: Path) -> None:
+    config = replace(TINY, epochs=25, rate=5e-3)
+    lines = continued(dataset, tmp_path / "m.onnx", replace(config, device="cuda"), replace(config, device="cpu"))
+    assert "resuming after epoch 2" in lines
+    figures = json.loads((tmp_path / "m.json").read_text())["figures"]
+    assert figures["val_mae_mm"] < 0.25 * figures["val_raw_mae_mm"]
+
+
 def test_a_checkpoint_of_other_settings_is_not_continued(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "m.onnx"
     (tmp_path / "m.onnx.ckpt").write_bytes(b"not a checkpoint")
@@ -127,6 +161,19 @@ def test_the_papers_recipe_is_a_plain_unet_on_depth() -> None:
     config = TrainConfig(recipe="paper").resolved
     assert config.net.names == ("depth",)
     assert (config.loss, config.rate, config.epochs, config.net.unshuffle, config.net.residual) == ("mse", 1e-3, 100, 1, False)
+
+
+def test_the_fast_recipe_changes_the_network_alone() -> None:
+    config = TrainConfig(recipe="fast").resolved
+    assert config.net.separable
+    assert replace(config, recipe="default", net=NetConfig()) == TrainConfig()
+
+
+def test_the_fast_recipe_learns_the_offset_of_the_walls(dataset: Path, tmp_path: Path) -> None:
+    card = train([dataset], tmp_path / "f.onnx", replace(TINY, recipe="fast", epochs=25, rate=5e-3))
+    assert card.figures["val_raw_mae_mm"] == pytest.approx(20, abs=1)
+    assert card.figures["val_mae_mm"] < 5
+    assert card.config["net"]["separable"]
 
 
 def test_the_papers_recipe_trains(dataset: Path, tmp_path: Path) -> None:
