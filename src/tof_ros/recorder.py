@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import Counter
 from pathlib import Path
@@ -36,6 +37,8 @@ class Recorder:
 
         self._node, self.path, self.counts = node, path, Counter[str]()
         self.failed = ""
+        # `close` is called while another thread spins the node: a chunk must not be finished in the middle of a write.
+        self._lock, self._closed = threading.Lock(), False
         self._writer = BagWriter(path).__enter__()
         self._subscriptions = [self._subscribe(topic, kind, profile) for topic, kind in topics]
         self._flusher = node.create_timer(FLUSH_S, lambda: self._try(self._writer.flush), clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -54,14 +57,15 @@ class Recorder:
 
     def _try(self, write: Callable[[], None]) -> bool:
         """A disk that is full ends the recording, not the node; what was written before stays readable."""
-        if self.failed:
-            return False
-        try:
-            write()
-        except BagError as error:
-            self.failed = f"recording stopped: {error}"
-            self._node.get_logger().error(self.failed)
-        return not self.failed
+        with self._lock:
+            if self.failed or self._closed:
+                return False
+            try:
+                write()
+            except BagError as error:
+                self.failed = f"recording stopped: {error}"
+                self._node.get_logger().error(self.failed)
+            return not self.failed
 
     @property
     def count(self) -> int:
@@ -92,11 +96,15 @@ class Recorder:
             time.sleep(quiet_s)
 
     def close(self) -> None:
-        """Stop and finish the bag."""
+        """Stop and finish the bag; messages that come later are dropped."""
         self._node.destroy_timer(self._flusher)
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
-        self._try(lambda: self._writer.__exit__(None, None, None))
+        self._try(self._finish)
+
+    def _finish(self) -> None:
+        self._closed = True
+        self._writer.__exit__(None, None, None)
 
 
 class RecordService:

@@ -3,17 +3,18 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections import Counter
-from typing import TYPE_CHECKING
+from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import pytest
 
 pytest.importorskip("rclpy", reason="no ROS 2 here: neither sourced nor from pip")
 
 from tof_ros.recorder import Recorder
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def recorder(**counts: int) -> Recorder:
@@ -28,11 +29,41 @@ def test_rooms_are_even_each_for_itself() -> None:
     assert not recorder(preproc__depth=95, preproc__sigma=96, label__depth=12).even
 
 
+class SlowWriter:
+    """A writer whose messages take a while; it notes whether it was finished in the middle of one."""
+
+    def __init__(self) -> None:
+        self.writing, self.finished, self.broken = False, False, False
+
+    def raw(self, *_: object) -> None:
+        self.writing = True
+        time.sleep(0.2)
+        self.writing = False
+
+    def __exit__(self, *_: object) -> None:
+        self.finished, self.broken = True, self.writing
+
+
+def test_a_bag_is_not_finished_in_the_middle_of_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    slow = SlowWriter()
+    monkeypatch.setattr("tof_core.bag_writer.BagWriter", lambda _: SimpleNamespace(__enter__=lambda: slow))
+    made = Recorder(MagicMock(), Path("bag"), [])
+    arriving = threading.Thread(target=made._write, args=("/depth", "sensor_msgs/msg/Image", b""))
+    arriving.start()
+    while not slow.writing:
+        time.sleep(0.01)
+    made.close()
+    arriving.join()
+    made._write("/depth", "sensor_msgs/msg/Image", b"")  # one that was under way when the subscription ended
+    assert slow.finished
+    assert not slow.broken
+    assert made.counts == {"/depth": 1}
+    assert made.failed == ""
+
+
 @pytest.mark.dds
 def test_robots_of_one_cell_record_into_one_folder(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Started in the same second: each bag has its robot's name."""
-    import time
-
     from tof_preproc.node import make_node
     from tof_ros.environment import parameter_overrides, ros_context
 
