@@ -52,20 +52,23 @@ class Recorder:
 
     def _write(self, topic: str, type_name: str, data: bytes) -> None:
         now = self._node.get_clock().now().nanoseconds
-        if self._try(lambda: self._writer.raw(topic, type_name, data, now)):
+
+        def keep() -> None:
+            self._writer.raw(topic, type_name, data, now)
             self.counts[topic] += 1
 
-    def _try(self, write: Callable[[], None]) -> bool:
+        self._try(keep)
+
+    def _try(self, write: Callable[[], None]) -> None:
         """A disk that is full ends the recording, not the node; what was written before stays readable."""
         with self._lock:
             if self.failed or self._closed:
-                return False
+                return
             try:
                 write()
             except BagError as error:
                 self.failed = f"recording stopped: {error}"
                 self._node.get_logger().error(self.failed)
-            return not self.failed
 
     @property
     def count(self) -> int:
