@@ -156,9 +156,9 @@ def _beside_poses(views: Sequence[ViewEvidence], limits: ForeignLightLimits) -> 
     for view in views:
         seen, sigma = view.smooth, view.mean_sigma[view.smooth]
         columns = np.column_stack([_terms(view, limits)[seen], view.residual[seen]]) / sigma[:, None]
-        *terms, errors = beside_poses(columns, pose_columns(view.frame)[seen] / sigma[:, None]).T
-        X = np.stack(terms, axis=1)
-        left = errors - X @ _ridged(X, errors, np.ones(len(errors)), limits)
+        columns = beside_poses(columns, pose_columns(view.frame)[seen] / sigma[:, None])
+        terms, errors = columns[:, :-1], columns[:, -1]
+        left = errors - terms @ _ridged(terms, errors, np.ones(len(errors)), limits)
         found.append((float(errors @ errors - left @ left), float((sigma**-2.0).sum())))
     return _share(found, limits, 0.0) >= limits.field_views
 
