@@ -45,7 +45,7 @@ Columns = Callable[[int, "Linearised"], Float]
 
 @dataclass(slots=True, eq=False)
 class Fitter:
-    """Views to fit, and what is kept between linearisations: the discrepancy's basis, and what the last weights allowed for.
+    """Views to fit once, and what is kept between linearisations: the discrepancy's basis, and what the last weights allowed for.
 
     _misfits: metres per view; _allowed: metres per kind of the discrepancy.
     """
@@ -89,7 +89,8 @@ class Fitter:
         self.basis = self.basis or basis_of(views, self.config.discrepancy)
         columns = None if self.columns is None else [self.columns(v, view) for v, view in enumerate(views)]
         system = SessionSystem(rig, views, tuple(np.zeros(0) for _ in views), self.basis, {}, self.theta_std)
-        self._allowed = {} if before is None else {k: halfway(size, self._allowed.get(k)) for k, size in before.sizes.items()}
+        if before is not None:
+            self._allowed = {kind: halfway(size, self._allowed.get(kind)) for kind, size in before.sizes.items()}
         weighed = in_threads(lambda v: self._weighed(system, before, columns, v), range(len(views)))
         theta_info = system.theta_info(0 if columns is None else columns[0].shape[1])
         answer = self._solve(assemble([gram for _, gram in weighed], rig, self.basis, theta_info), self.basis)
