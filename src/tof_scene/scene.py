@@ -13,10 +13,15 @@ from tof_core.errors import SceneError
 from tof_core.hashing import digest_bytes
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from tof_core.arrays import Float
     from tof_core.placement import Placement
+
+DIVISIONS = 24
+"""Most halvings of an edge: of a face of kilometres, more than any part needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +59,13 @@ class Part:
             raise SceneError("the mesh is empty (no face with an area)", where=self.name, todo="export the part's surface as triangles")
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces)
+
+    def divided(self, edge_m: float) -> Part:
+        """The same surface in faces whose edges are at most `edge_m` long."""
+        from trimesh.remesh import subdivide_to_size
+
+        vertices, faces = subdivide_to_size(self.vertices, self.faces, edge_m, max_iter=DIVISIONS)
+        return replace(self, vertices=vertices, faces=faces.astype(np.int32))
 
     def digest(self) -> str:
         """Digest of geometry, material and inspection settings."""
@@ -95,6 +107,10 @@ class Scene:
         if name not in self.names:
             raise SceneError(f"there is no part '{name}'", where=self.folder, todo=f"parts: {', '.join(self.names)}")
         return self.names.index(name)
+
+    def replaced(self, parts: Mapping[int, Part]) -> Scene:
+        """The same cell with other geometry of some parts, by their ids."""
+        return replace(self, parts=tuple(parts.get(k, part) for k, part in enumerate(self.parts)), digest="")
 
     def without(self, name: str) -> Scene:
         """The same cell without one part."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses of a session solved together with the effects that its diagnosis names."""
+"""Poses of a session solved together with the effects that its diagnosis names, and the parts that it finds elsewhere."""
 
 from __future__ import annotations
 
@@ -10,18 +10,20 @@ import numpy as np
 
 from tof_align.session import solve_session
 from tof_core.config import flatten, from_mapping
+from tof_scene.raycast import Raycaster
 from tof_sensor.effects.cad_deviation import CadDeviation
 from tof_sensor.effects.intrinsics import Intrinsics
+from toftwin.cameras import Cameras
 from toftwin.diagnosis import GapPipelineConfig, diagnose_bag
+from toftwin.displaced import as_found, displaced_parts, unsure_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tof_core.arrays import Float
     from tof_core.bag import BagReader
-    from tof_core.capture import Posed, View
+    from tof_core.capture import View
     from tof_gap.solved import Solved
-    from tof_scene.raycast import Raycaster
     from tof_sensor.model import SensorModel
     from toftwin.boarded import BoardSource
     from toftwin.pipeline import PipelineConfig
@@ -29,11 +31,12 @@ if TYPE_CHECKING:
 
 def joint_poses(
     reader: BagReader | BoardSource, views: Sequence[View], caster: Raycaster, config: PipelineConfig, known: SensorModel | None = None
-) -> Sequence[Posed]:
-    """Views of a bag with the camera's errors removed: first those that are `known`, then those that a diagnosis finds.
+) -> Cameras:
+    """Cameras of a bag's views with the camera's errors removed: first those that are `known`, then those that a diagnosis finds.
 
     The bias that the joint solution ascribes to the camera is removed, and the poses are solved again: from the pixels that the filters
-    kept, with a verdict for each view, through the diagnosed lens, and with the covariance of the unexplained error.
+    kept, against the parts where the diagnosis finds them, with a verdict for each view, through the diagnosed lens, and with the
+    covariance of the unexplained error.
 
     Raises:
         RefusedError: the session cannot be diagnosed, or fits the scene nowhere.
@@ -49,9 +52,11 @@ def joint_poses(
         replace(v, camera=solved.bare[k].view.camera if wrong_lens else v.camera, depth=(v.depth - np.nan_to_num(b)).astype(np.float32))
         for v, k, b in zip(views, at, bias, strict=True)
     ]
-    posed = solve_session(clean, caster, config.align).posed
+    displaced = displaced_parts(diagnosis.verdict, solved.named)
+    found = Raycaster(as_found(caster.scene, displaced)) if displaced else caster
+    posed = unsure_of(solve_session(clean, found, config.align).posed, caster.scene, displaced)
     cameras = [p.seen_by(c.camera) for p, c in zip(posed, clean, strict=True)]
-    return [replace(p, camera=None if c == v.camera else c) for p, c, v in zip(posed, cameras, views, strict=True)]
+    return Cameras([replace(p, camera=None if c == v.camera else c) for p, c, v in zip(posed, cameras, views, strict=True)], displaced)
 
 
 def _bias(solved: Solved, k: int) -> Float:

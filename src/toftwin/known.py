@@ -35,17 +35,21 @@ class Known:
     @property
     def model(self) -> SensorModel | None:
         """The effects of `sensor`."""
+        if self.sensor is None:
+            return None
         from tof_sensor.model import load_model
 
-        return None if self.sensor is None else load_model(self.sensor)
+        return load_model(self.sensor)
 
     @property
     def bias(self) -> KnownBias | None:
         """The bias of these effects."""
+        model = self.model
+        if model is None:
+            return None
         from tof_sensor.known import KnownBias
 
-        model = self.model
-        return None if model is None else KnownBias(model)
+        return KnownBias(model)
 
     def check(self, mode: str) -> None:
         """Refuse a joint solution of anything but a whole session, and poses of the robot alone with a sensor model."""

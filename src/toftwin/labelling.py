@@ -18,6 +18,7 @@ from tof_core.progress import progress
 from tof_core.yamlio import save_yaml
 from tof_eval.pooled import PooledError
 from tof_scene.world.words import described
+from toftwin.cameras import Cameras
 from toftwin.known import MODES, Known
 from toftwin.pipeline import PipelineConfig, ViewStream
 from toftwin.resume import OtherBagError, Unfinished, save_json
@@ -171,23 +172,25 @@ class _Job:
         from tof_sim_label.world import missing_named, session_surprises
 
         try:
-            posed = dataset.solved(views, "labels", partial(self._poses, views))
+            cameras = dataset.solved(views, "labels", partial(self._cameras, views))
         except RefusedError as error:
             from toftwin.mistakes.find import explained
 
             raise explained(error, views, self.caster, self.config.input, self.config.align) from error
-        result.note = "; ".join(filter(None, [result.note, _lens_note(views[0].camera, posed, self.config.label.lens_px)]))
+        posed, caster = cameras.posed, cameras.caster(self.caster)
+        notes = [result.note, _lens_note(views[0].camera, posed, self.config.label.lens_px), cameras.note(self.scene)]
+        result.note = "; ".join(filter(None, notes))
         for name in self.also:
             other = replace(self.config.align, mode=MODES[name])
-            found = dataset.solved(views, name, lambda align=other: solve_session(views, self.caster, align).posed)  # type: ignore[misc]
-            result.others[name] = [p.T_cell_camera for p in found]
-        world = session_surprises(views, posed, self.caster, self.config.label)
+            found = dataset.solved(views, name, lambda align=other: Cameras(solve_session(views, self.caster, align).posed))  # type: ignore[misc]
+            result.others[name] = [p.T_cell_camera for p in found.posed]
+        world = session_surprises(views, posed, caster, self.config.label)
         result.world = described(world, self.caster.scene)
         posed = missing_named(posed, world, self.scene.names)
         for view, pose, codes in progress(zip(views, posed, world.pixels, strict=True), "labels", len(views)):
-            yield view, pose, partial(label_view, view, pose, self.caster, self.config.label, codes)
+            yield view, pose, partial(label_view, view, pose, caster, self.config.label, codes)
 
-    def _poses(self, views: Sequence[View]) -> Sequence[Posed]:
+    def _cameras(self, views: Sequence[View]) -> Cameras:
         """The cameras of all views, corrected for known effects and, on request, for those that a diagnosis finds."""
         from tof_sim_label.labeller import label_session
 
@@ -195,7 +198,7 @@ class _Job:
             from toftwin.joint import joint_poses
 
             return joint_poses(self.reader, views, self.caster, self.config, self.known.model)
-        return label_session(views, self.caster, self.config.labeller, self.known.bias)[0].posed
+        return Cameras(label_session(views, self.caster, self.config.labeller, self.known.bias)[0].posed)
 
     def _causal(self, dataset: Unfinished, result: LabelResult) -> Iterator[Labelled]:
         """Poses as of the node `sim_label`, by its code: each view's follows from the views before it."""

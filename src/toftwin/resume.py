@@ -15,6 +15,7 @@ from tof_core.capture import Posed
 from tof_core.errors import RefusedError
 from tof_core.hashing import digest_arrays
 from tof_sim_label.schema import camera_of, from_json
+from toftwin.cameras import Cameras
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -84,15 +85,16 @@ class Unfinished:
         ):
             raise OtherBagError
 
-    def solved(self, views: Sequence[View], name: str, solve: Callable[[], Sequence[Posed]]) -> list[Posed]:
-        """The stored poses of these views under `name`; if there are none, those of `solve`, which are stored then."""
+    def solved(self, views: Sequence[View], name: str, solve: Callable[[], Cameras]) -> Cameras:
+        """The stored cameras of these views under `name`; if there are none, those of `solve`, which are stored then."""
         key, kept = _key(views), self._kept_poses()
         if kept.get("of") != key:
             kept = {"of": key}
         if name not in kept:
-            kept[name] = [_to_json(p) for p in solve()]
+            cameras = solve()
+            kept[name] = {"posed": [_to_json(p) for p in cameras.posed], "displaced": [d.to_dict() for d in cameras.displaced]}
             save_json(self._poses, kept)
-        return [_from_json(p) for p in kept[name]]
+        return _cameras(kept[name])
 
     def finish(self, whole: Path) -> None:
         """Rename the closed dataset to its final name; an earlier dataset stays until then."""
@@ -157,6 +159,15 @@ def _key(views: Sequence[View]) -> str:
     robots = [a for v in views if v.robot is not None for a in (v.robot.T_cell_body, v.robot.T_body_camera)]
     images = [a for v in views for a in (v.depth, v.sigma, v.count, v.amplitude) if a is not None]
     return digest_arrays(*images, *robots)
+
+
+def _cameras(values: dict[str, Any]) -> Cameras:
+    posed = [_from_json(p) for p in values["posed"]]
+    if not values["displaced"]:
+        return Cameras(posed)
+    from toftwin.displaced import Displaced
+
+    return Cameras(posed, tuple(Displaced.from_dict(d) for d in values["displaced"]))
 
 
 def _to_json(posed: Posed) -> dict[str, Any]:

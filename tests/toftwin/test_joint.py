@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lens through which `label --joint` solves poses again: the diagnosed one only where the diagnosis names it wrong."""
+"""The lens and the parts with which `label --joint` solves poses again: the diagnosed ones only where the diagnosis names them wrong."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def solved(named: Sequence[str]) -> Any:
     """A diagnosis of one view, 2 mm of whose depth are the camera's."""
     view = SimpleNamespace(camera=DIAGNOSED, depth=DEPTH, stamp_ns=5)
     bare = SimpleNamespace(view=view, frame=SimpleNamespace(depth=DEPTH - BIAS_M), residual=np.zeros((6, 8)))
-    names = [SimpleNamespace(name=name) for name in named]
-    return SimpleNamespace(solved=SimpleNamespace(evidence=[bare], bare=[bare], maps={}, named=names))
+    names = [SimpleNamespace(name=name, effects=(), ties=(), suspected=False) for name in named]
+    return SimpleNamespace(verdict=tuple(named), solved=SimpleNamespace(evidence=[bare], bare=[bare], maps={}, named=names))
 
 
 @pytest.mark.parametrize(
@@ -52,6 +52,8 @@ def test_poses_are_solved_through_the_diagnosed_lens_only_if_it_is_named(
     unknown = np.full(DEPTH.shape, np.nan, np.float32)
     view = View(5, 5, STATED, DEPTH, unknown, np.ones(DEPTH.shape, np.uint16), np.zeros(DEPTH.shape, np.uint8), None)
     inputs: Any = SimpleNamespace(scene=None)
-    (posed,) = joint_poses(inputs, [view], inputs, PipelineConfig())
+    cameras = joint_poses(inputs, [view], inputs, PipelineConfig())
+    (posed,) = cameras.posed
+    assert cameras.displaced == ()
     assert given[0].camera == posed.seen_by(STATED) == camera
     np.testing.assert_allclose(given[0].depth, DEPTH - BIAS_M, atol=1e-6)

@@ -62,7 +62,7 @@ def _row(name: str, effects: tuple[str, ...], truth: Truth) -> LabelRow:
     stated = replace(config.align, discrepancy=replace(config.align.discrepancy, lens=False))
     believed = score(truth.sealed, label_session(views, caster, replace(config.labeller, align=stated))[1])
     estimated = score(truth.sealed, label_session(views, caster, config.labeller)[1])
-    together = score(truth.sealed, labels_at(views, joint, caster, config.labeller))
+    together = score(truth.sealed, labels_at(views, joint.posed, joint.caster(caster), config.labeller))
     offset = 1e-3 * config.labeller.label.unseen_offset_mm
     within, joint_within = (s.shape_within(2, offset) for s in (estimated, together))
     return LabelRow(name, effects, believed.mae_mm, estimated.mae_mm, within, together.mae_mm, joint_within)

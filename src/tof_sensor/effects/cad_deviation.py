@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -17,10 +17,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tof_core.arrays import Float
+    from tof_scene.scene import Part
     from tof_sensor.frame import Frame
     from tof_sensor.session import Session
 
 RIGID, BOW = 6, 3
+FACE = 0.25
+"""Longest edge of a bent part's faces in half-sizes: between their corners a bow is then exact to a 64th."""
 COEFFICIENT_SD = np.repeat([0.02, 0.1, 0.02], 3)
 """Prior of each coefficient (m, rad, m of bow): a part that slides in its own plane changes no pixel, so that only this prior holds it."""
 
@@ -63,15 +66,31 @@ class CadDeviation(FieldEffect):
         """Change of z per unit of each of the nine values, on the pixels of the part."""
         at = np.flatnonzero(frame.rendering.part == self.part)
         points, per_motion = (image.reshape(-1, 3)[at] for image in cell_surface(frame))
+        arm, bow, n = self._shape(points)
+        out = np.zeros((frame.depth.size, RIGID + BOW))
+        out[at, :3], out[at, 3:RIGID] = per_motion, np.cross(arm, per_motion)  # A turn w moves a point by w x arm.
+        out[at, RIGID:] = bow * (per_motion @ n)[:, None]
+        return out.reshape(*frame.depth.shape, RIGID + BOW)
+
+    def motion(self, points: Float) -> Float:
+        """(n, 3) metres by which points (n, 3) of the part's CAD are off, cell frame."""
+        arm, bow, n = self._shape(points)
+        values = np.asarray(self.values, float)
+        return np.asarray(values[:3] + np.cross(values[3:RIGID], arm) + (bow @ values[RIGID:])[:, None] * n)
+
+    def moved(self, part: Part) -> Part:
+        """The part where it stands, as it is bent; its faces are divided, so that they can be bent."""
+        fine = part.divided(FACE * self.half_size_m) if any(self.values[RIGID:]) else part
+        return replace(fine, vertices=fine.vertices + self.motion(fine.vertices))
+
+    def _shape(self, points: Float) -> tuple[Float, Float, Float]:
+        """Of points (n, 3): lever arms (n, 3) about the centre, the three bows (n, 3) per metre, and their direction (3,)."""
         arm = points - self.centre
         n = np.asarray(self.normal, float) / np.linalg.norm(self.normal)
         u_axis = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
         u_axis /= np.linalg.norm(u_axis)
         u, v = arm @ u_axis / self.half_size_m, arm @ np.cross(n, u_axis) / self.half_size_m
-        out = np.zeros((frame.depth.size, RIGID + BOW))
-        out[at, :3], out[at, 3:RIGID] = per_motion, np.cross(arm, per_motion)  # A turn w moves a point by w x arm.
-        out[at, RIGID:] = np.stack([u * u, v * v, u * v], axis=-1) * (per_motion @ n)[:, None]
-        return out.reshape(*frame.depth.shape, RIGID + BOW)
+        return arm, np.stack([u * u, v * v, u * v], axis=-1), n
 
     def prior_sd(self, scale: Float) -> Float:
         """(9,) prior standard deviations: the smaller of `REACH_M` and `COEFFICIENT_SD`."""

@@ -34,7 +34,8 @@ EXPLAINED = {
     "missing: ": "  (missing: its pixels are no labels. Put the part back, or take it out of scene.yaml, and label again)",
     "parts disagree": (
         "  (parts disagree: a part is off its CAD by this much relative to the others, or the camera has an error there, for instance by light "
-        "from its neighbours (multipath). toftwin gap tells which; move no part before it is measured)"
+        "from its neighbours (multipath). toftwin gap tells which; move no part before it is measured. With --joint, labels show such a part "
+        "where it stands)"
     ),
 }
 """Meaning of words in verdicts, and remedies."""
