@@ -93,6 +93,17 @@ class StrayLimits:
     share: float = param(
         0.1, "largest share of the views that are left out", low=0.0, high=1.0, why="more have a common cause, which is to be found"
     )
+    misfit_mm: float = param(
+        10.0, "residual at a view's first pose that the CAD does not explain", unit="mm", low=1.0, why="three times a usual error"
+    )
+    misfit_share: float = param(
+        0.1,
+        "share of such pixels from which a first pose may have followed an object",
+        low=0.0,
+        high=1.0,
+        why="a quarter where it did, 2 % in the other views of that session",
+    )
+    misfit_times: float = param(5.0, "the same, times the median of all views", low=1.0, why="an effect of the camera shows in many views")
 
 
 @dataclass(frozen=True, slots=True)

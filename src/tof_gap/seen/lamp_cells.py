@@ -28,8 +28,9 @@ COMMON_STEP_M = 0.15
 class Cells:
     """Means over squares of pixels of a view.
 
-    points, normals (n, 3) in the cell; part (n,): index of the part that most pixels see; range_m, cosine, amplitude (n,); across (n, 2):
-    place in the image, -0.5 to 0.5 along rows and columns; sigma (n,): standard deviation of the mean error along the ray, metres;
+    points, normals (n, 3) in the cell; part (n,): index of the part that most pixels see; range_m, cosine, amplitude (n,); opposite_m,
+    opposite_amplitude (n,): range and amplitude opposite the middle of the image, the cell's own range and no light where nothing is seen
+    there; across (n, 2): place in the image, -0.5 to 0.5 along rows and columns; sigma (n,): standard deviation of the mean error along the ray, metres;
     smooth (n, k): orthonormal fields, divided by sigma, that errors of pose and lens make; error (n,): divided by sigma, without these
     fields; T (4, 4): the camera's pose.
     """
@@ -40,6 +41,8 @@ class Cells:
     range_m: Float
     cosine: Float
     amplitude: Float
+    opposite_m: Float
+    opposite_amplitude: Float
     across: Float
     sigma: Float
     smooth: Float
@@ -66,12 +69,16 @@ def cells_of(view: ViewEvidence, limits: ForeignLampLimits) -> Cells | None:
     row, column = np.nonzero(seen)
     point = np.stack([groups.mean(x) for x in view.frame.points[seen].T], axis=1) @ T[:3, :3].T + T[:3, 3]
     normal = np.stack([groups.mean(x) for x in np.nan_to_num(view.rendering.normal[seen]).T], axis=1) @ T[:3, :3].T
-    range_m, cosine, amplitude, along, white, y, x = (
+    far, light = (np.where(np.isfinite(a), a, 0.0)[::-1, ::-1] for a in (view.frame.radial, view.frame.amplitude))
+    light = np.where(far > 0, light, 0.0)
+    range_m, cosine, amplitude, opposite_m, opposite_amplitude, along, white, y, x = (
         groups.mean(q)
         for q in (
             view.frame.radial[seen],
             np.cos(view.rendering.incidence[seen]),
             view.frame.amplitude[seen],
+            np.where(light > 0, far, view.frame.radial)[seen],
+            light[seen],
             (view.residual * view.frame.length)[seen],
             ((view.mean_sigma * view.frame.length)[seen]) ** 2,
             row / h - 0.5,
@@ -86,8 +93,8 @@ def cells_of(view: ViewEvidence, limits: ForeignLampLimits) -> Cells | None:
     of = view.rendering.part[seen]
     names = np.unique(of)
     part = names[np.argmax([groups.mean((of == name).astype(float)) for name in names], axis=0)]
-    arrays = point, normal, part, range_m, facing, amplitude, np.stack([x, y], axis=1), sigma, smooth, error, T
-    return Cells(*(np.ascontiguousarray(a, np.float64) for a in arrays))
+    here = point, normal, part, range_m, facing, amplitude, opposite_m, opposite_amplitude, np.stack([x, y], axis=1)
+    return Cells(*(np.ascontiguousarray(a, np.float64) for a in (*here, sigma, smooth, error, T)))
 
 
 def beside_pose(c: Cells) -> Cells:
@@ -103,24 +110,27 @@ def beside_pose(c: Cells) -> Cells:
 
 
 def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
-    """The cells less errors of pose, and less the error that all views share: functions of range, of range times r^2 / cos(i), of range over amplitude.
+    """The cells less errors of pose, and less the error that all views share.
 
     An error of the camera itself, such as light that its own glass reflects, is the same in every view, even if its fringes look like
-    those of a lamp. Light within the camera acts on dark surfaces most, another lamp's light on surfaces of any albedo alike. Its
-    strength may change linearly over the image.
+    those of a lamp: functions of range, of range times r^2 / cos(i), and of range over amplitude. Light within the camera acts on dark
+    surfaces most, another lamp's light on surfaces of any albedo alike. Its strength may change linearly over the image. Light that the
+    lens reflects twice comes from the surface opposite the middle of the image: functions of how much farther that surface is, times the
+    ratio of amplitudes.
     """
     there = [beside_pose(c) for c in cells if c is not None]
     if not there:
         return list(cells)
-    low, high = (f([f(c.range_m) for c in there]) for f in (min, max))
-    knots = np.linspace(low, high, max(2, round((high - low) / COMMON_STEP_M) + 1))
+    knots, of_ghost = _knots([c.range_m for c in there]), _knots([c.opposite_m - c.range_m for c in there])
     usual = float(np.median(np.concatenate([c.amplitude for c in there])))
 
     def columns(c: Cells) -> Float:
         of_range = hats(c.range_m, knots)
-        within = usual / np.maximum(c.amplitude, usual / STRONGEST)
+        bright = np.maximum(c.amplitude, usual / STRONGEST)
+        within, ghost = usual / bright, np.minimum(c.opposite_amplitude / bright, STRONGEST)
         weak = c.range_m**2 / c.cosine, within, *(within * place for place in c.across.T)
-        B = np.concatenate([of_range, *(of_range * w[:, None] for w in weak)], axis=1) / c.sigma[:, None]
+        of_lens = hats(c.opposite_m - c.range_m, of_ghost) * ghost[:, None]
+        B = np.concatenate([of_range, *(of_range * w[:, None] for w in weak), of_lens], axis=1) / c.sigma[:, None]
         return beside(c.smooth, B)
 
     all_columns = [columns(c) for c in there]
@@ -128,6 +138,12 @@ def beside_common(cells: Sequence[Cells | None]) -> list[Cells | None]:
     common = np.linalg.solve(ridged(np.asarray(normal)), right)
     less = iter([replace(c, error=c.error - B @ common) for B, c in zip(all_columns, there, strict=True)])
     return [None if c is None else next(less) for c in cells]
+
+
+def _knots(values: Sequence[Float]) -> Float:
+    """Knots `COMMON_STEP_M` apart over values (n,) of all views."""
+    low, high = (f([f(v) for v in values]) for f in (min, max))
+    return np.linspace(low, high, max(2, round((high - low) / COMMON_STEP_M) + 1))
 
 
 def beside_loudest_part(cells: Sequence[Cells | None]) -> list[Cells | None]:

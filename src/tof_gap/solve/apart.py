@@ -31,12 +31,14 @@ def set_apart(begun: Start, caster: Raycaster, config: GapConfig, align: AlignCo
         RefusedError: the session fits the scene nowhere. This is checked first, as without the pixels that do not fit, any floor would fit.
     """
     check_fit(begun.evidence, config.solve.start)
-    world = world_of(begun.evidence, caster, config.world)
-    if not (world.missing or world.foreign):
-        return world, begun
-    if off_the_robot(begun.chain, config.solve.stray).any():
+    world, limits = world_of(begun.evidence, caster, config.world), config.solve.stray
+    seen = bool(world.missing or world.foreign)
+    if (seen and off_the_robot(begun.chain, limits).any()) or misfits(begun, limits).any():
         begun = _beside_objects(begun, caster, config, align)
         world = world_of(begun.evidence, caster, config.world)
+        seen = bool(world.missing or world.foreign)
+    if not seen:
+        return world, begun
     begun.hand_over()  # Frees these images before the views are rendered again.
     views = without_world(begun.views, world, config.world.rim_px)
     return world, Start(views, begun.chain, observe(views, caster, begun.chain, config, footprints=False))
@@ -49,11 +51,24 @@ def off_the_robot(chain: Chain, limits: StrayLimits) -> Mask:
     return beyond(np.array([se3.log(arm) for arm in chain.arm]) / chain.priors.arm, limits)
 
 
+def misfits(begun: Start, limits: StrayLimits) -> Mask:
+    """(V,) views that leave many pixels far off at their first pose, where the others leave few; none where poses are given.
+
+    A pose between the CAD and an object that fills much of the view fits neither.
+    """
+    if begun.chain.root is not None:
+        return np.zeros(len(begun.evidence), bool)
+    off = [np.abs(v.residual[np.isfinite(v.residual) & ~v.edge]) > limits.misfit_mm * 1e-3 for v in begun.evidence]
+    share = np.array([o.mean() if o.size else 0.0 for o in off])
+    return np.asarray(share > max(limits.misfit_share, limits.misfit_times * float(np.median(share))))
+
+
 def _beside_objects(begun: Start, caster: Raycaster, config: GapConfig, align: AlignConfig) -> Start:
     """The start at the poses of the session solution, which allows for objects and displaced parts.
 
     An object before a part that fills most of a view is taken for the part: the first pose of the view moves it onto the CAD, where
-    nothing contradicts. The session solution costs several times the first poses, and is asked only where the robot excludes them.
+    nothing contradicts. The session solution costs several times the first poses, and is asked only where the robot excludes them, or
+    where they fit neither.
     """
     try:
         chain = solve_session(begun.views, caster, align).chain

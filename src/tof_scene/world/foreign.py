@@ -98,20 +98,23 @@ def foreign_objects(views: Sequence[Seen], before: Sequence[Mask], measured: Seq
     standing: list[Ints] = []
     single: list[Ints] = []
 
-    def steps(mine: Ints, *, on_a_part: bool) -> bool:
-        shown = _views(cloud, mine, limits.object_view_px)
-        return most_end_in_a_step(((views[v], measured[v], _pixels(cloud, mine, v, before[v])) for v in shown), on_a_part=on_a_part)
+    def shown_by(mine: Ints) -> list[tuple[Seen, Float, Mask]]:
+        return [(views[v], measured[v], _pixels(cloud, mine, v, before[v])) for v in _views(cloud, mine, limits.object_view_px)]
 
     def no_bias(mine: Ints) -> bool:
-        """Whether the points are farther before the CAD than any sensor bias, or end in a step, which a bias does not."""
-        return bool(np.median(cloud.jump[mine]) > limits.bias_most_mm * 1e-3) or steps(mine, on_a_part=False)
+        """Whether the points are farther before the CAD than any sensor bias, or end in a step, which a bias does not, in most views.
+
+        A view from the side sees a flat object as a strip far before what lies behind: there it is far before the CAD, without one height.
+        """
+        most = limits.bias_most_mm * 1e-3
+        return bool(np.median(cloud.jump[mine]) > most) or most_end_in_a_step(shown_by(mine), on_a_part=False, beyond_m=most)
 
     for mine in _clusters(cloud.points, cloud.static, voxel):
         shown = _views(cloud, mine, limits.object_view_px)
         large_enough = len(shown) > 1 and cloud.step[cloud.view[mine]].sum() >= limits.object_px
         if large_enough and (
             _stands_out(clearance[mine], limits.stands_out_mm)
-            or (_stands_out(clearance[mine], limits.lies_mm) and steps(mine, on_a_part=True))
+            or (_stands_out(clearance[mine], limits.lies_mm) and most_end_in_a_step(shown_by(mine), on_a_part=True))
         ):
             standing.append(mine)
     for number, seen in enumerate(views):

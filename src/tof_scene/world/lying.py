@@ -69,7 +69,10 @@ def _shrunk(mask: Mask, pixels: int) -> Mask:
     return np.asarray(ndimage.binary_erosion(mask, EIGHT, iterations=pixels))
 
 
-def most_end_in_a_step(views: Iterable[tuple[Seen, Float, Mask]], *, on_a_part: bool) -> bool:
-    """Whether the object ends in a step in most of the views, each as in `ends_in_a_step`."""
-    found = [ends_in_a_step(*one, on_a_part=on_a_part) for one in views]
+def most_end_in_a_step(views: Iterable[tuple[Seen, Float, Mask]], *, on_a_part: bool, beyond_m: float = np.inf) -> bool:
+    """Whether the object ends in a step in most of the views, each as in `ends_in_a_step`, or is more than `beyond_m` before the CAD there."""
+    found = [
+        bool(np.nanmedian((seen.cad - measured)[object_px]) > beyond_m) or ends_in_a_step(seen, measured, object_px, on_a_part=on_a_part)
+        for seen, measured, object_px in views
+    ]
     return sum(found) > 0.5 * len(found)

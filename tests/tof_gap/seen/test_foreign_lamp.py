@@ -125,6 +125,14 @@ def own_light(*, albedo: bool = False, across: float = 0.0) -> Float:
     return np.stack([0.01 * slope * w * np.sin(wave * f.radial) for w, f in zip(weak, frames, strict=True)])
 
 
+def ghost() -> Float:
+    """(V, H, W) metres along the ray: light of the surface opposite the middle of the image, reflected twice in the lens."""
+    frames = [v.frame for v in noisy(np.zeros((VIEWS, *SHAPE)))]
+    wave = 4e6 * np.pi * MHZ / LIGHT_M_PER_S
+    opposite = np.s_[::-1, ::-1]
+    return np.stack([0.02 * f.amplitude[opposite] / f.amplitude * np.sin(wave * (f.radial[opposite] - f.radial)) for f in frames])
+
+
 def pose_errors() -> Float:
     """(V, H, W) metres along the ray that poses off by 5 mm and 0.3 degrees along each axis make, in each view their own."""
     rng = np.random.default_rng(8)
@@ -140,8 +148,9 @@ def pose_errors() -> Float:
         own_light(),
         own_light(albedo=True),
         own_light(albedo=True, across=0.5) + pose_errors(),
+        ghost(),
     ],
-    ids=["none", "patches", "own light", "own light, albedo", "own light that follows the column, and poses that follow it"],
+    ids=["none", "patches", "own light", "own light, albedo", "own light that follows the column, and poses that follow it", "ghost image"],
 )
 def test_errors_that_no_lamp_makes_show_none(errors: Float) -> None:
     assert foreign_lamp(noisy(errors), LIMITS) is None
@@ -157,9 +166,10 @@ def test_two_views_alone_may_be_another_kind_of_scene() -> None:
         (noisy(own_light()), 0.0),
         (noisy(own_light(albedo=True)), 0.0),
         (noisy(own_light(albedo=True, across=0.5)), 0.0),
+        (noisy(ghost()), 0.0),
         (lit(np.full(VIEWS, 0.01)), 1.0),
     ],
-    ids=["own light", "own light, albedo", "own light that follows the column", "another lamp"],
+    ids=["own light", "own light, albedo", "own light that follows the column", "ghost image", "another lamp"],
 )
 def test_what_all_views_have_in_common_is_the_camera_s_own(seen: list[ViewEvidence], left: float) -> None:
     before = [beside_pose(c) for c in (cells_of(v, LIMITS) for v in seen) if c is not None]

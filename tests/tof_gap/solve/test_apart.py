@@ -18,7 +18,7 @@ from tof_core import se3
 from tof_core.errors import RefusedError
 from tof_gap.config import GapConfig
 from tof_gap.solve import apart
-from tof_gap.solve.apart import off_the_robot, set_apart
+from tof_gap.solve.apart import misfits, off_the_robot, set_apart
 from tof_gap.solve.start import Start
 from tof_scene.world.surprises import OBJECT, Surprises
 
@@ -44,17 +44,37 @@ def test_poses_with_a_covariance_of_their_own_are_never_off() -> None:
 
 
 @pytest.mark.parametrize(
-    ("object_seen", "off", "refused", "asked", "left"),
+    ("share", "others", "found"),
+    [(0.25, 0.02, [0]), (0.09, 0.0, []), (0.25, 0.06, []), (0.25, 0.0, [0])],
+    ids=["many pixels off", "few pixels off", "hardly more than in the other views", "no other view has any"],
+)
+def test_a_view_is_misfit_where_many_of_its_pixels_are_far_off_and_few_of_the_others(share: float, others: float, found: list[int]) -> None:
+    begun = Start([], chain(), quiet_views(np.random.default_rng(1)))
+    for k, v in enumerate(begun.evidence):
+        flat = np.zeros(v.residual.size)
+        flat[: round((others if k else share) * flat.size)] = -0.012
+        v.residual[:] = np.random.default_rng(k).permutation(flat).reshape(v.residual.shape)
+        v.edge[:] = False
+    assert np.flatnonzero(misfits(begun, CONFIG.solve.stray)).tolist() == found
+    given = replace(begun.chain, root=np.broadcast_to(np.eye(6), (VIEWS, 6, 6)))
+    assert not misfits(Start([], given, begun.evidence), CONFIG.solve.stray).any()
+
+
+@pytest.mark.parametrize(
+    ("object_seen", "off", "misfit", "refused", "asked", "left"),
     [
-        (True, 50.0, False, 1, "session"),  # an object pulled a view: the session solution places it
-        (True, 50.0, True, 1, "first"),
-        (True, 1.0, False, 0, "first"),
-        (False, 50.0, False, 0, "first"),  # a stray view, with no object: stray views are judged later
+        (True, 50.0, False, False, 1, "session"),  # an object pulled a view: the session solution places it
+        (True, 50.0, False, True, 1, "first"),
+        (True, 1.0, False, False, 0, "first"),
+        (False, 50.0, False, False, 0, "first"),  # a stray view, with no object: stray views are judged later
+        (False, 1.0, True, False, 1, "session"),  # a view between the CAD and an object, which none sees from there
+        (True, 1.0, True, False, 1, "session"),
     ],
 )
-def test_the_session_solution_is_asked_where_objects_are_seen_from_poses_that_the_robot_excludes(
-    monkeypatch: pytest.MonkeyPatch, *, object_seen: bool, off: float, refused: bool, asked: int, left: str
+def test_the_session_solution_is_asked_where_the_robot_or_the_view_itself_contradicts_a_first_pose(
+    monkeypatch: pytest.MonkeyPatch, *, object_seen: bool, off: float, misfit: bool, refused: bool, asked: int, left: str
 ) -> None:
+    monkeypatch.setattr(apart, "misfits", lambda begun, _: np.arange(len(begun.evidence)) < misfit)
     seen = quiet_views(np.random.default_rng(1))
     asks: list[int] = []
     of_session = chain()
