@@ -19,6 +19,7 @@ SOURCES = {
     "toftwin_msgs": ROOT / "ros_ws" / "src" / "toftwin_msgs",
 }
 """What no wheel has: the one message of `/tf`, that of a bond to a lifecycle manager, and the messages and actions of the nodes."""
+WITHOUT_CPP = ROOT / "scripts" / "interfaces" / "without_cpp.cmake"
 PREFIX = Path(sys.prefix)
 
 # The ROS wheels' CMake files name folders that exist only where the wheels were built.
@@ -76,7 +77,7 @@ def build_and_install(name: str) -> None:
         configure = [
             "cmake", "-G", "Ninja", "-S", str(SOURCES[name]), "-B", build,
             f"-DCMAKE_INSTALL_PREFIX={PREFIX}", "-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF",
-            f"-DPython3_EXECUTABLE={sys.executable}", f"-DPYTHON_EXECUTABLE={sys.executable}",
+            f"-DPython3_EXECUTABLE={sys.executable}", f"-DPYTHON_EXECUTABLE={sys.executable}", f"-DCMAKE_PROJECT_INCLUDE={WITHOUT_CPP}",
         ]  # fmt: skip
         subprocess.run(configure, env=environment, check=True)
         subprocess.run(["cmake", "--build", build, "--target", "install"], env=environment, check=True)
