@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`python scripts/lock.py`: requirements/*.txt, every package with the hashes of all its files; versions are those of constraints.txt.
 
-Takes `uv` (pip install uv). One lock holds for Python 3.11 and 3.12 and for every machine that the packages have wheels for.
+Takes `uv`, which set-up installs. One lock holds for Python 3.11 and 3.12 and for every machine that the packages have wheels for.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ LOCKS: dict[str, tuple[bool, tuple[str, ...]]] = {
     "open3d": (False, ("open3d",)),
     "dev": (True, ("open3d", "view", "dev", "bench")),
     "ros": (False, ("ros", "ros-build")),
+    "uv": (False, ("set-up",)),
 }
 """By name: whether toftwin's own dependencies are in it, and which extras."""
 PYTHON = "3.11"

@@ -14,7 +14,7 @@ from collections import deque
 from typing import IO, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
 NO_NETWORK = re.compile(
@@ -82,13 +82,13 @@ class Steps:
         sys.stdout.write(f"{CLEAR if self.is_terminal else ''}{line}\n")
         sys.stdout.flush()
 
-    def run(self, command: Sequence[str], *, quiet_failure: bool = False) -> bool:
-        """Run one command of the step; its failure is a SetUpError unless `quiet_failure`."""
+    def run(self, command: Sequence[str], *, quiet_failure: bool = False, environment: Mapping[str, str] | None = None) -> bool:
+        """Run one command of the step, in child_environment() unless another is given; its failure is a SetUpError unless `quiet_failure`."""
         with (
             self.log.open("a", encoding="utf-8") as log,
             subprocess.Popen(
                 command, cwd=self.cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
-                text=True, errors="replace", env=child_environment(),
+                text=True, errors="replace", env=environment or child_environment(),
             ) as process,
         ):  # fmt: skip
             self._follow(process.stdout, log)
@@ -130,6 +130,8 @@ class Steps:
                 self.latest = f"{collected} collected, {PACKAGE.findall(words[1])[0]}"
             elif words[:2] == ["Installing", "collected"]:
                 self.latest = f"unpacking {line.count(',') + 1} packages"
+            elif words[:1] in (["Downloading"], ["Downloaded"], ["Prepared"], ["Installed"]):  # uv's words
+                self.latest = " ".join(words)
 
     def _tick(self, over: threading.Event) -> None:
         while not over.wait(1.0 if self.is_terminal else HEARTBEAT_S):
@@ -143,8 +145,9 @@ class Steps:
 
 
 def child_environment() -> dict[str, str]:
-    """The environment without what a user's pip settings would turn against a virtual environment."""
-    unwanted = {"PIP_USER", "PIP_TARGET", "PIP_PREFIX", "PIP_REQUIRE_VIRTUALENV", "PYTHONHOME", "VIRTUAL_ENV"}
+    """The environment without what a user's settings of pip and uv would turn against a virtual environment."""
+    of_pip, of_uv = {"PIP_USER", "PIP_TARGET", "PIP_PREFIX", "PIP_REQUIRE_VIRTUALENV"}, {"UV_PYTHON", "UV_SYSTEM_PYTHON"}
+    unwanted = of_pip | of_uv | {"PYTHONHOME", "VIRTUAL_ENV"}
     kept = {key: value for key, value in os.environ.items() if key not in unwanted}
     return kept | {"DEBIAN_FRONTEND": "noninteractive", "PYTHONUNBUFFERED": "1"}
 

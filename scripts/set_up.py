@@ -14,6 +14,7 @@ import sys
 import time
 from pathlib import Path
 
+import packages
 import ros
 import system
 import torch_cpu
@@ -27,7 +28,7 @@ NEEDED_GB = 5.0
 EMBREE_MACHINES = ("x86_64", "AMD64")
 """Where embreex has wheels; elsewhere open3d casts the rays, with all that its wheel asks for (60 packages more)."""
 LEVELS = ("run", "dev")
-OWN = ("build_interfaces.py", "check_tf.py", "progress.py", "ros.py", "set_up.py", "system.py", "torch_cpu.py")
+OWN = ("build_interfaces.py", "check_tf.py", "packages.py", "progress.py", "ros.py", "set_up.py", "system.py", "torch_cpu.py")
 """The scripts that set-up runs; the others of that folder change nothing that is installed."""
 
 
@@ -80,55 +81,61 @@ def make_venv(steps: Steps, ros_source: str) -> None:
     STATE.write_text(json.dumps({"identity": identity(ros_source)}), encoding="utf-8")
 
 
-def install_packages(steps: Steps, level: str, ros_source: str) -> None:
-    """Install the locks of the level, each file held to its hash, then toftwin itself, editable."""
+def check_room() -> None:
+    """Refuse before the first download what the disk cannot hold."""
     free = shutil.disk_usage(ROOT).free / 1e9
-    installed = (VENV / "bin" / "toftwin").exists()
-    if free < NEEDED_GB and not installed:
+    if free < NEEDED_GB and not (VENV / "bin" / "toftwin").exists():
         raise SetUpError(f"{ROOT} has {free:.1f} GB free and set-up needs {NEEDED_GB:.0f}: make room, or clone elsewhere")
-    files = [f"requirements/{name}.txt" for name in locks(level, ros_source)]
-    quiet = ["--disable-pip-version-check", "--no-deps"]
-    pip = [str(PYTHON), "-m", "pip", "install", *quiet]
-    steps.run([*pip, "--require-hashes", *(word for file in files for word in ("-r", file))])
-    steps.run([*pip, "--no-build-isolation", "-e", "."])
 
 
-def locks(level: str, ros_source: str) -> list[str]:
-    """Names of the locks (scripts/lock.py) that a level takes on this machine."""
-    names = [level]
-    if level == "run" and platform.machine() not in EMBREE_MACHINES:
+def install_packages(steps: Steps, *names: str) -> None:
+    """Install locks, each file held to its hash."""
+    files = [f"requirements/{name}.txt" for name in names]
+    packages.install(steps, PYTHON, "--no-deps", "--require-hashes", *(word for file in files for word in ("-r", file)))
+
+
+def install_toftwin(steps: Steps) -> None:
+    """Install this checkout, editable."""
+    packages.install(steps, PYTHON, "--no-deps", "--no-build-isolation", "-e", ".")
+
+
+def locks(ros_source: str) -> list[str]:
+    """Names of the locks (scripts/lock.py) that the commands take on this machine."""
+    names = ["run"]
+    if platform.machine() not in EMBREE_MACHINES:
         names.append("open3d")
     return [*names, "ros"] if ros_source == "pip" else names
-
-
-def pip_install(*what: str) -> list[str]:
-    """A pip command line held to constraints.txt."""
-    return [str(PYTHON), "-m", "pip", "install", "--disable-pip-version-check", "-c", "constraints.txt", *what]
 
 
 def set_up(wanted: dict[str, str], ros_source: str) -> None:
     """All steps in order; each is skipped inside when already done."""
     level = wanted["level"]
     log = ROOT / "out" / "set-up.log"
-    steps = Steps(total=7 if level == "dev" else 5, log=log, cwd=ROOT)
+    steps = Steps(total=8 if level == "dev" else 5, log=log, cwd=ROOT)
     with steps.step("system libraries"):
         system.ensure(steps, build_tools=ros_source == "pip")
     with steps.step("virtual environment"):
         make_venv(steps, ros_source)
-    with steps.step("packages (1 GB)" if level == "run" else "packages (3 GB)"):
-        install_packages(steps, level, ros_source)
+    with steps.step("packages (1 GB)"):
+        check_room()
+        packages.ensure_uv(steps, PYTHON)
+        install_packages(steps, *locks(ros_source))
+        install_toftwin(steps)
     with steps.beside(
         [str(PYTHON), "scripts/compile_kernels.py", level]
     ) as compiled:  # The steps inside wait for downloads and one compiler.
         if level == "dev":
+            with steps.step("packages of tests and benchmarks (2 GB)"):
+                install_packages(steps, "dev")
             with steps.step("PyTorch for training, CPU build"):
-                torch_cpu.ensure(steps, PYTHON, pip_install)
+                torch_cpu.ensure(steps, PYTHON)
             with steps.step("browser for the report test"):
                 system.ensure_browser(steps)
         with steps.step("tf2_msgs, toftwin_msgs and a message over DDS"):
             ros.ensure_interfaces(steps, PYTHON, ros_source)
         with steps.step("compiled kernels"):
             compiled()
+    shutil.rmtree(VENV / packages.CACHE, ignore_errors=True)
     STATE.write_text(json.dumps(wanted), encoding="utf-8")
 
 
