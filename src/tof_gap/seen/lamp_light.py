@@ -85,17 +85,20 @@ def _beside(fields: Float, waves: Float, error: Float, part: Float, normal: Floa
 
 @njit(cache=True, nogil=True)
 def _explained(normal: Float, right: Float) -> float:
-    """Chi-square b . (A + ridge)^-1 b by Cholesky's factor, which takes the place of A's lower triangle."""
+    """Chi-square b . (A + ridge)^-1 b by Cholesky's factor, which takes the place of A's lower triangle.
+
+    Of waves that smooth fields make nearly wholly, rounding is left, which may be negative: no pivot is below the ridge.
+    """
     trace = 0.0
     for i in range(len(right)):
         trace += normal[i, i]
-    ridge, chi2 = RIDGE * trace / len(right) + 1e-12, 0.0
+    ridge, chi2 = RIDGE * max(trace, 0.0) / len(right) + 1e-12, 0.0
     for i in range(len(right)):
         for j in range(i + 1):
             rest = normal[i, j] + (ridge if i == j else 0.0)
             for m in range(j):
                 rest -= normal[i, m] * normal[j, m]
-            normal[i, j] = np.sqrt(rest) if i == j else rest / normal[j, j]
+            normal[i, j] = np.sqrt(max(rest, ridge)) if i == j else rest / normal[j, j]
         for j in range(i):
             right[i] -= normal[i, j] * right[j]
         right[i] /= normal[i, i]

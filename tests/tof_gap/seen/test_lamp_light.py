@@ -3,10 +3,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 
-from tof_gap.seen.lamp_light import RIDGE, gains_at, lag_of
+from tof_gap.seen.lamp_light import RIDGE, _explained, gains_at, lag_of
+
+if TYPE_CHECKING:
+    from tof_core.arrays import Float
 
 CELLS, K = 60, 0.8
 
@@ -32,3 +37,10 @@ def test_the_gain_is_what_least_squares_of_four_waves_explain_beside_the_smooth_
         normal += RIDGE * np.trace(normal) / 4 * np.eye(4)
         assert gains[n, 0] == pytest.approx((B.T @ error) @ np.linalg.solve(normal, B.T @ error), rel=1e-9)
     assert (gains[:, 1] == 0).all(), "a lamp behind all surfaces"
+
+
+@pytest.mark.parametrize("left", [np.array([[1.0, 0.0], [1.002, 1.0]]), np.array([[1e-9, 0.0], [0.0, -3e-9]]), np.zeros((2, 2))])
+def test_waves_that_smooth_fields_make_wholly_explain_nothing_of_their_own(left: Float) -> None:
+    """What rounding leaves of their products need not be those of any waves: a pivot below 0, or 0."""
+    gain = _explained(left, np.array([1e-9, -1e-9]))
+    assert 0.0 <= gain < 1e-5
