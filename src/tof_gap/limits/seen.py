@@ -121,6 +121,9 @@ class LineLimits:
 
     pixels: int = param(20, "pixels of a line", low=2, why="its mean is known to a quarter of the noise")
     views: int = param(5, "views that see a line", low=2, why="a variance of fewer is not known to a factor of two")
+    lines: int = param(
+        12, "lines that are compared", low=3, why="the noise of a few lines beside edges is not that of all; differences of three overlap"
+    )
     sigma: float = param(
         8.0, "standard errors of the lines' excess variance", low=0.0, why="neighbouring differences overlap: as 5.7 of independent ones"
     )

@@ -58,7 +58,7 @@ def _in_common(views: Sequence[ViewEvidence], axis: int, limits: LineLimits, ste
     """Variance in m^2 that differences of lines `step` apart show, less that by white noise, and its significance."""
     change2, white = _changes(views, axis, limits, step)
     seen = np.isfinite(change2)
-    if not seen.any():
+    if seen.any(axis=0).sum() < limits.lines:
         return 0.0, 0.0
     ratio = np.minimum((change2 / white)[seen], limits.most_ratio)
     return _beyond(change2, white), float((ratio - 1).sum() / np.sqrt(2 * len(ratio)))

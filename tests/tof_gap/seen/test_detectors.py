@@ -49,6 +49,18 @@ def test_lines_that_too_few_views_see_are_not_judged() -> None:
     assert line_noise(session, 1, replace(LIMITS.lines, pixels=SHAPE[1] + 1)).sigma == 0.0
 
 
+def test_a_few_lines_say_nothing_about_the_others() -> None:
+    """A strong pattern makes edges of most lines: 20 rows are compared, 8 are not, whatever they show."""
+    session = views(rng(), np.broadcast_to(rng().normal(0, 0.003, (VIEWS, SHAPE[0], 1)), (VIEWS, *SHAPE)))
+    shown = []
+    for rows in (20, 8):
+        smooth = np.zeros(SHAPE, bool)
+        smooth[30 : 30 + rows] = True
+        shown.append(line_noise([replace(v, smooth=v.smooth & smooth) for v in session], 1, LIMITS.lines).sigma)
+    assert shown[0] > LIMITS.lines.sigma
+    assert shown[1] == 0.0
+
+
 def test_a_line_map_holds_the_mean_of_each_line() -> None:
     (view, *_) = views(rng(), np.zeros((VIEWS, *SHAPE)), photons=False)
     jump = np.zeros(SHAPE)
